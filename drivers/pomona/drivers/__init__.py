@@ -73,9 +73,11 @@ if TYPE_CHECKING:
         HandTask as HandTask,
         Hull as Hull,
         Intrinsics as Intrinsics,
+        LoadSensor as LoadSensor,
         Motion as Motion,
         MotionState as MotionState,
         PathWatchSettings as PathWatchSettings,
+        PressSensor as PressSensor,
         SampleRate as SampleRate,
         SetPoints as SetPoints,
         StreamedArm as StreamedArm,
@@ -83,6 +85,7 @@ if TYPE_CHECKING:
         Trajectory as Trajectory,
         Workspace as Workspace,
         WrenchSample as WrenchSample,
+        WrenchSensor as WrenchSensor,
     )
     from pomona.drivers.motion_supervisor import (
         Supervision as Supervision,
@@ -167,8 +170,8 @@ PUBLIC = {
     "hold_watch": "HandMemory HandRecord may_hold",
     "interfaces": (
         "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence FruitKinds Gripper "
-        "GripperLimits GripperState HandTask Hands Hull Intrinsics Motion MotionState PathWatchSettings "
-        "SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample"
+        "GripperLimits GripperState HandTask Hands Hull Intrinsics LoadSensor Motion MotionState PathWatchSettings "
+        "PressSensor SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample WrenchSensor"
     ),
     "motion_supervisor": "Supervision",
     "path_arm": "AT_REST PathArm SetPointStream StreamingArm words",

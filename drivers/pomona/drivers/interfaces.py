@@ -351,14 +351,15 @@ class Gripper(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchSample(ReadOnly):
-    """Contact wrenches of both fingers.
+    """Contact wrenches of both fingers, or the wrench on the flange that a load sensor measures.
 
     Attributes:
         stamp: time of the measurement [s].
         sequence: number of the sample, counted by the sensor; a gap means lost samples.
         wrenches: shape (2, 6): per finger force [N] and torque [N·m] that the fruit exerts on the pad, in the pad's
             frame: origin in the centre of the pad's face, z out of the face into the fruit (pressing gives a negative
-            force z), x along the tool's approach axis, y = z x x. Torque about the origin.
+            force z), x along the tool's approach axis, y = z x x. Torque about the origin. Of a load sensor: shape
+            (1, 6), that hand and fruit exert on the flange, in tool0; its zero is unknown.
         saturated: per finger, whether any channel is at the end of its range.
     """
 
@@ -376,8 +377,8 @@ class Subscription(Protocol):
 
 
 @runtime_checkable
-class ForceSensor(Protocol):
-    """Two force/tactile fingers that stream wrenches at a fixed rate."""
+class WrenchSensor(Protocol):
+    """A sensor that streams wrenches at a fixed rate: see `ForceSensor`, `PressSensor` and `LoadSensor`."""
 
     @property
     def rate(self) -> float:
@@ -395,6 +396,29 @@ class ForceSensor(Protocol):
 
         For code that compares the samples with other signals. The first reason stays. May be called from any thread.
         """
+
+
+@runtime_checkable
+class ForceSensor(WrenchSensor, Protocol):
+    """Two force/tactile fingers."""
+
+
+@runtime_checkable
+class PressSensor(WrenchSensor, Protocol):
+    """Two fingertips that measure contact and pressing force alone: as `ForceSensor`, all but each force z is 0."""
+
+
+@runtime_checkable
+class LoadSensor(WrenchSensor, Protocol):
+    """One force/torque sensor between flange and hand: contact and weight, never the grip force."""
+
+    @property
+    def mass(self) -> float:
+        """Mass that it carries, hand and fruit [kg]: it measures the inertia of this mass as well."""
+
+    @property
+    def least(self) -> float:
+        """Smallest lasting change of force that is no error of the sensor [N]."""
 
 
 # ------------------------------------------------------------------------------------------------------ hand

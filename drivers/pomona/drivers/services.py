@@ -21,6 +21,8 @@ from pomona.drivers.interfaces import (
     ForceSensor,
     Gripper,
     Hand,
+    LoadSensor,
+    PressSensor,
     Workspace,
 )
 from pomona.drivers.workspace import WorkspaceSection
@@ -89,7 +91,8 @@ class Readings:
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self._arms = {name: device for name, device in devices.items() if Arm in device.interfaces}
         self._grippers = {name: device for name, device in devices.items() if Gripper in device.interfaces}
-        self._fingers = {name: device for name, device in devices.items() if ForceSensor in device.interfaces}
+        feeling = {ForceSensor, LoadSensor, PressSensor}
+        self._fingers = {name: device for name, device in devices.items() if feeling & {*device.interfaces}}
         self._noted: dict[str, deque[Any]] = {
             name: deque(maxlen=MOST) for name in (*self._arms, *self._grippers, *self._fingers)
         }
@@ -110,7 +113,8 @@ class Readings:
         """Return the measurements since the last call, by device and quantity.
 
         Every device gives `stamp_s` on the cell's clock, arms joints and velocities, grippers their width, fingers
-        force and torque of each in its pad's frame; shape (n,) each, the name carries the unit.
+        force and torque of each in its pad's frame, load sensors those
+        on the flange; shape (n,) each, the name carries the unit.
         """
         taken = {name: [noted.popleft() for _ in range(len(noted))] for name, noted in self._noted.items()}
         return {name: self._columns(name, samples) for name, samples in taken.items() if samples}
@@ -129,9 +133,9 @@ class Readings:
         if name in self._grippers:
             return columns | {"width_m": np.array([sample.width for sample in samples])}
         wrenches = np.array([sample.wrenches for sample in samples])
-        for finger in range(wrenches.shape[1]):
-            for k, part in enumerate(WRENCH):
-                columns[f"finger_{finger + 1}_{part}"] = wrenches[:, finger, k]
+        parts = ("finger_1", "finger_2") if wrenches.shape[1] == 2 else ("hand",)
+        for row, where in enumerate(parts):
+            columns |= {f"{where}_{part}": wrenches[:, row, k] for k, part in enumerate(WRENCH)}
         return columns
 
 

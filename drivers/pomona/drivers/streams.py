@@ -61,7 +61,7 @@ class _Listener:
 
 
 class WrenchStream:
-    """Checks the samples of two fingers and passes the plausible ones to every listener.
+    """Checks the samples of two fingers, or of the parts that `sides` names, and passes the plausible ones on.
 
     Implausible samples are dropped, and are a fault of the device if no others arrive; a force that is not finite or
     impossible, and a stuck finger, are a fault at once. A listener that fails is not called again, and is a fault as
@@ -79,11 +79,13 @@ class WrenchStream:
         silence: float = SILENCE,
         on_lost: Callable[[], None] = lambda: None,
         belief: Belief | None = None,
+        sides: tuple[str, ...] = SIDES,
     ) -> None:
         self.newest: WrenchSample | None = None
         self.left_out = 0
         self.on_lost = on_lost
         self._clock, self._silence, self._belief = clock, silence, belief or Belief()
+        self._sides = sides
         self._lock = threading.Lock()
         self._listeners: tuple[_Listener, ...] = ()
         self._delivered = math.nan  # stamp of the newest sample that a listener got
@@ -184,7 +186,7 @@ class WrenchStream:
         self._last = (-math.inf, -1)
         self._delivered, self._gaps = math.nan, []
         self._same: Float64 | None = None
-        self._same_since, self._same_count = [0.0, 0.0], [0, 0]
+        self._same_since, self._same_count = [0.0] * len(self._sides), [0] * len(self._sides)
         self._left_out = 0
         self._believed_at = self._clock.now()
 
@@ -214,14 +216,13 @@ class WrenchStream:
         """Return the certain fault of the fingers' values: impossible, or the same for too long."""
         wrenches, strongest = sample.wrenches, self._belief.strongest
         if not np.abs(wrenches).max() <= strongest:  # this form is True also for NaN
-            finger = 0 if not np.abs(wrenches[0]).max() <= strongest else 1
-            said = next(float(said) for said in wrenches[finger] if not abs(said) <= strongest)
+            row, said = next((i // 6, float(one)) for i, one in enumerate(wrenches.flat) if not abs(one) <= strongest)
             what = f"{said:g} N" if math.isfinite(said) else f"{said} instead of a force"
-            return f"{SIDES[finger]} reports {what}"
-        same = (wrenches == self._same).all(axis=1) if self._same is not None else (False, False)
+            return f"{self._sides[row]} reports {what}"
+        same = (wrenches == self._same).all(axis=1) if self._same is not None else (False,) * len(wrenches)
         self._same = wrenches
         stuck = []
-        for finger in (0, 1):
+        for finger in range(len(wrenches)):
             if not same[finger]:
                 self._same_since[finger], self._same_count[finger] = sample.stamp, 0
                 continue
@@ -230,7 +231,7 @@ class WrenchStream:
                 stuck.append(finger)
         if not stuck:
             return ""
-        who, have = ("both fingers", "have") if len(stuck) == 2 else (SIDES[stuck[0]], "has")
+        who, have = ("both fingers", "have") if len(stuck) == 2 else (self._sides[stuck[0]], "has")
         what = "zero" if not wrenches[stuck].any() else "the same to the last bit"
         return f"{who} {have} reported {what} for {1e3 * self._belief.stuck:.0f} ms"
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Motion, Workspace
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, LoadSensor, Motion, PressSensor, Workspace
 from pomona.executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Acceleration, Force, Length, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.views import Line3, SceneView
@@ -23,7 +23,7 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line
-from pomona.skills.shared.touch import Touch
+from pomona.skills.shared.touch import Touch, felt
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 
@@ -46,12 +46,12 @@ PUSHED = 2e-3
 class Approach(MovingSkill):
     """Open the fingers, then go straight from the pre-grasp to the grasp, feeling the way.
 
-    Any lasting change of force at a finger stops the arm, and so does a push that moves the fingers: nothing is to be
-    touched before they close.
+    Any lasting change of force stops the arm, at a finger or, without force fingers, at the hand. So does a push that
+    moves the fingers: nothing is to be touched before they close.
     """
 
     devices = (Arm, Gripper, Workspace)
-    optional_devices = (*MovingSkill.optional_devices, ForceSensor)
+    optional_devices = (*MovingSkill.optional_devices, ForceSensor, PressSensor, LoadSensor)
     moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,
@@ -96,13 +96,14 @@ class Approach(MovingSkill):
         jerk = acceleration / JERK_TIME
         trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, slow_end=slow_end)
         opened, fingers = gripper.state().width, YieldingFingers(gripper)
-        with Touch(self.optional_device(ForceSensor)) as touch:
+        with felt(self) as touch:
+            limit = touch.limit(contact, acceleration)
 
             def feel() -> None:
-                self._feel(touch, contact, opened, robot, grasp)
+                self._feel(touch, limit, opened, robot, grasp)
 
             def stop_at_touch(motion: Motion) -> None:
-                touch.at_change(contact, motion.stop)
+                touch.at_change(limit, motion.stop)
 
             try:
                 yield from self.travel(
@@ -138,7 +139,7 @@ class Approach(MovingSkill):
 
     def _feel(self, touch: Touch, contact: float, opened: float, robot: RobotModel, grasp: Grasp) -> None:
         if stale := touch.stale_for(self.clock.now()):
-            raise self.failure("SENSOR_STALE", f"the fingers have sent no force for {1e3 * stale:.0f} ms")
+            raise self.failure("SENSOR_STALE", f"no force has come for {1e3 * stale:.0f} ms")
         width = self.device(Gripper).state().width
         if touch.change <= contact and abs(width - opened) <= PUSHED:
             return
@@ -147,7 +148,8 @@ class Approach(MovingSkill):
         if touch.change > contact:
             raise self.failure(
                 "CONTACT",
-                f"the {touch.finger} finger touched something {1e3 * left:.0f} mm before the grasp "
+                f"the {touch.finger + ' finger' if touch.finger else 'hand'} touched something "
+                f"{1e3 * left:.0f} mm before the grasp "
                 f"({touch.change:.1f} N)",
                 finger=touch.finger,
                 force_n=touch.change,

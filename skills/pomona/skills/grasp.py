@@ -6,7 +6,16 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState, MotionState, Workspace
+from pomona.drivers.interfaces import (
+    Arm,
+    ForceSensor,
+    Gripper,
+    GripperLimits,
+    GripperState,
+    MotionState,
+    PressSensor,
+    Workspace,
+)
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
 from pomona.executive.skill import CellFacts, Work
@@ -15,6 +24,7 @@ from pomona.skills.grip.closing import PadTouch
 from pomona.skills.grip.hold import take_over
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES, MotionEnded, MovingSkill, Watching, follow_motion
+from pomona.skills.shared.touch import pressing_forces, something_between
 from pomona.skills.shared.touch_view import record_touches
 
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
@@ -29,20 +39,26 @@ UNMEASURED = (
     "port `force` bound the force on the fruit"
 )
 
+PRESSED_ALONE = (
+    "the fingertips measure pressing force alone: no load along the pads, so no minimum grip force and no slip "
+    "detection; the port `force` bounds the force on the fruit"
+)
+
 
 class PressedEnough(Exception):
-    """The motor presses with the force that was asked for."""
+    """The motor or the fingertips press with the force that was asked for."""
 
 
 class Grasp(MovingSkill):
     """Close a plain gripper on the fruit until it is stopped or its motor presses with `force`, and verify the grip.
 
     A fruit is gripped if the fingers were stopped before their aim, or the motor presses, and both still hold after
-    `settle`. The force on the fruit is not controlled, and slip is not measured.
+    `settle`. The force on the fruit is not controlled, and slip is not measured. Fingertips that measure their pressing
+    force take the motor's place.
     """
 
     devices = (Gripper,)
-    optional_devices = (*MovingSkill.optional_devices, Arm, Workspace)  # recorded with the touches
+    optional_devices = (*MovingSkill.optional_devices, PressSensor, Arm, Workspace)  # recorded with the touches
     moves = (Gripper,)
     failures = (*MOTION_FAILURES, "NO_CONTACT", "TOO_WIDE", "LOST")
 
@@ -54,7 +70,9 @@ class Grasp(MovingSkill):
             words = f"{2.0 * limits.force_min:g} N at least, and 'force' allows {force:g} N on the fruit"
             yield Problem("force", f"the gripper presses with {words}", "allow it, or take another gripper")
         if cell is not None and cell.place(ForceSensor) is None:
-            yield Problem("", UNMEASURED, "SlipAvoidGrasp needs `fingers:` in the cell file", True, cell.place(Gripper))
+            tips = cell.place(PressSensor)
+            words, where = (UNMEASURED, cell.place(Gripper)) if tips is None else (PRESSED_ALONE, tips)
+            yield Problem("", words, "SlipAvoidGrasp needs `fingers:` in the cell file", True, where)
 
     def run(
         self,
@@ -83,8 +101,10 @@ class Grasp(MovingSkill):
             raise self._fail("TOO_WIDE", f"the fruit measures {1e3 * float(fruit.dimensions.max()):.0f} mm", met)
         yield from self.wait(settle)
         now = gripper.state()
-        if not (evidence := between(now, limits)):
-            raise self._fail("NO_CONTACT", "the fingers met nothing, and the motor does not press", now)
+        tips = self.optional_device(PressSensor)
+        evidence = between(now, limits) if tips is None else self._felt(tips)
+        if not evidence:
+            raise self._fail("NO_CONTACT", "the fingers met nothing, and nothing presses", now)
         if lost := gone(met, now, limits, CREEP):
             raise self._fail("LOST", f"{lost} after the grip", now)
         record_touches(self, fruit, (None, None), PadTouch(met.stamp, met.width, met.motor_force or 0.0))
@@ -93,11 +113,12 @@ class Grasp(MovingSkill):
 
     def _close(self, aim: float, speed: float, force: float) -> Watching:
         """Close until the fingers are at their aim, are stopped by something, or press with a force [N]."""
-        gripper = self.device(Gripper)
+        gripper, tips = self.device(Gripper), self.optional_device(PressSensor)
 
         def watch() -> str:
             state = gripper.state()
-            if state.motor_force is not None and state.motor_force >= force:
+            pressed = state.motor_force if tips is None else sum(pressing_forces(tips))
+            if pressed is not None and pressed >= force:
                 raise PressedEnough
             return f"{1e3 * state.width:.0f} mm"
 
@@ -112,6 +133,12 @@ class Grasp(MovingSkill):
                 raise self.failure("STOPPED", str(ended)) from ended
             if not between(gripper.state(), gripper.limits):
                 raise self.failure("MOTION_FAILED", str(ended)) from ended
+
+    def _felt(self, tips: PressSensor) -> str:
+        """Return the evidence of an object between the fingertips; empty without any."""
+        left, right = pressing_forces(tips)
+        held = something_between(self.device(Gripper), tips)
+        return f"the fingertips press with {left:.1f} and {right:.1f} N" if held else ""
 
     def _fail(self, code: str, why: str, state: GripperState) -> Exception:
         force = {} if state.motor_force is None else {"motor_force_n": round(state.motor_force, 3)}

@@ -15,6 +15,8 @@ from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import (
     JERK_TIME,
+    LEAST,
+    RESTING,
     GripOverloaded,
     Hanging,
     OverloadMonitor,
@@ -25,6 +27,7 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, show_grip, watch_fruit
 from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
+from pomona.skills.shared.touch import weighing
 from pomona.skills.shared.warm_motion import prepare_moving
 
 STILL, STILL_FOR = 1e-4, 0.15
@@ -37,7 +40,7 @@ class Lift(MovingSkill):
     """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
 
     With a `hold` its controller monitors the fruit; without one, the force and the opening of the fingers do, and
-    without a force sensor the opening and the gripper's motor.
+    without a force sensor the opening and the gripper's motor; a fine load sensor must show the weight at the top.
     `settle_within` and `hold_time` watch the fruit at the top, since a fruit that creeps falls later.
     If the grip cannot hold the fruit, the fruit is put back before it falls. The code is TOO_HEAVY if the weight alone
     needs more than the allowed force, FORCE_LIMIT if the moment does, otherwise SLIPPED.
@@ -104,6 +107,7 @@ class Lift(MovingSkill):
         active = None if hold is None or hold.ended else hold
         hanging = None if active is None else Hanging(active)
         overload, lost = None if active is None else OverloadMonitor(active), watch_fruit(self, hold)
+        scale, hangs = weighing(self), False
 
         def risen() -> float:
             return float(tool_pose(self)[2, 3] - T_base_start[2, 3])
@@ -116,12 +120,18 @@ class Lift(MovingSkill):
                 overload.require_bearable()
             if hanging is not None:
                 gone = hanging.look()
+            if hangs and scale is not None and scale.present < scale.limit(LEAST, 0.0):
+                gone = gone or f"no weight hangs on the hand: {scale.present:.2f} N"
             if gone := gone or lost():
                 raise grip_failure(self, "LOST", f"the fruit was lost {1e3 * risen():.0f} mm up: {gone}", hold)
 
         try:
             yield from self.travel(trajectory, watch, carrying=grasp)
             watch()
+            if scale is not None:
+                yield from self.wait(RESTING)
+                hangs = True
+                watch()
             up_since = self.context.elapsed()
             while self.context.elapsed() - up_since < hold_time - 1e-9:
                 yield "held up"
@@ -132,6 +142,9 @@ class Lift(MovingSkill):
             stands = yield from put_back(self, T_base_start, acceleration, hold, overloaded.load)
             code, words = overloaded.outcome(0.0 if stands else risen())
             raise grip_failure(self, code, words, hold, overloaded.problem) from overloaded
+        finally:
+            if scale is not None:
+                scale.close()
         if hanging is not None and (missing := hanging.missing()):
             raise grip_failure(self, "LOST", f"the fruit was not lifted: {missing}", hold)
         if hold is not None:

@@ -24,6 +24,7 @@ from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
 from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
+from pomona.skills.shared.touch import feels_support
 
 LOWERING = (1.0, 10.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
 TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia resembles a contact
@@ -44,8 +45,8 @@ class Release(PoseSkill):
     Without a support within `depth`, or with an obstacle too near, the fruit stays held and the skill fails; with
     `raise_again` it is raised first.
 
-    Without a force sensor no contact is measured: the fruit is lowered to the known object below it and falls the last
-    `BESIDE`. Without a `grasp` its lower end is unknown, and it stays held.
+    Without force fingers and a fine load sensor no contact is measured: the fruit is lowered to the known object below
+    it and falls the last `BESIDE`. Without a `grasp` its lower end is unknown, and it stays held.
     """
 
     devices = (Arm, Gripper, Workspace)
@@ -107,7 +108,7 @@ class Release(PoseSkill):
         gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
-        ends_on = self.optional_device(ForceSensor) is None
+        ends_on = not feels_support(self)
         met = None if grasp is None else self._met(way, grasp, map, clearance)
         if ends_on:
             if met is None:
@@ -127,7 +128,8 @@ class Release(PoseSkill):
         width = self._opening(map, clearance)
         take_over(gripper)
         yield from self._open(width)
-        if ends_on and (left := between(gripper.state(), gripper.limits)):
+        unfelt = self.optional_device(ForceSensor) is None
+        if unfelt and (left := between(gripper.state(), gripper.limits)):
             raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
         way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
         yield from follow_way(self, way_up, RISING)

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, Gripper, Workspace
 from pomona.executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
@@ -22,7 +22,7 @@ from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, lower_until_co
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_between, is_held
 from pomona.skills.shared.straight_travel import free_line, tool_pose
-from pomona.skills.shared.touch import Touch, load
+from pomona.skills.shared.touch import felt, load
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 
@@ -100,10 +100,11 @@ class Retreat(MovingSkill):
         T_base_goal = tool_pose(self)
         T_base_goal[2, 3] -= height
         line = self._line(T_base_goal)
-        with Touch(self.optional_device(ForceSensor), load) as touch:
+        with felt(self, load) as touch:
+            limit = touch.limit(contact, acceleration)
 
             def watch() -> None:
-                if touch.change > contact:
+                if touch.change > limit:
                     take_over(self.device(Gripper))  # force control would answer the push by pressing harder
                     raise TouchedDown
 

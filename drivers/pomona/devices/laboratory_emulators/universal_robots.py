@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from pomona.devices.laboratory_emulators.ports import ControllerPort
 from pomona.devices.laboratory_emulators.urscript import compile_script
 from pomona.devices.universal_robots.connect import PORTS
 from pomona.devices.universal_robots.rtde import FORMATS, RtdeKind, decode, encode
-from pomona.drivers import Arm, Cell, FaultSwitch, Malformed
+from pomona.drivers import Arm, Cell, FaultSwitch, LoadSensor, Malformed
 from pomona.executive import Float64
 
 CYCLE = 0.002
@@ -72,6 +72,7 @@ class UrEmulator(FaultSwitch):
         mode, safety, runtime, slider: as RTDE reports them.
         bus: input fields that a field bus owns.
         program: name of the running program, or None.
+        tcp_force, tcp_pose: at the tool, (6,) [N, N·m], and of the tool, with a rotation vector, (6,) [m, rad].
     """
 
     known_faults = (
@@ -88,6 +89,8 @@ class UrEmulator(FaultSwitch):
         self.out_int, self.out_float = [0] * 48, [0.0] * 48
         self.bus: set[str] = set()
         self.program: str | None = None
+        self.tcp_pose = [0.0] * 6
+        self.tcp_force: Callable[[], Sequence[float]] = lambda: [0.0] * 6
         self.now, self._stopped_at = 0.0, -math.inf
         self._next: float | None = None
         self._mode_due: list[tuple[float, int]] = []
@@ -342,6 +345,8 @@ class UrEmulator(FaultSwitch):
             "speed_scaling": self.slider,
             "target_speed_fraction": self.slider,
             "joint_mode": [253] * 6,
+            "actual_TCP_force": self.tcp_force(),
+            "actual_TCP_pose": self.tcp_pose,
         }
         if name in ("actual_q", "actual_qd"):
             return self.measured()[name == "actual_qd"]
@@ -502,6 +507,9 @@ def _addresses(address: str) -> tuple[str, ...]:
 
 def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
     controller = UrEmulator(SimJoints(world_of(cell)), cell.device(Arm).limits.velocity)
+    if LoadSensor in cell.interfaces():
+        sensor = cell.device(LoadSensor)
+        controller.tcp_force = lambda: [0.0] * 6 if (s := sensor.latest()) is None else s.wrenches[0].tolist()
     wires = (
         EmulatedWire(f"{name}_wire", address, getattr(controller, name), clients=4)
         for name, address in zip(PORTS, addresses, strict=True)

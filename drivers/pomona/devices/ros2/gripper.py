@@ -4,6 +4,8 @@ The controller is a forward_command_controller for a position. Moves and streame
 that advance at the commanded speed, at most `ahead` of the measured opening: this bounds the fingers' force, and they
 come to rest when no more set-points arrive. Implausible states, silence, and fingers that do not follow their
 set-points are latched until acknowledged.
+
+Over rosbridge an action of `control_msgs/GripperCommand` can take the controller's place: a goal for each set-point.
 """
 
 from __future__ import annotations
@@ -29,14 +31,15 @@ from pomona.drivers import (
 )
 from pomona.executive import FORCE, LENGTH, SPEED, TIME, Clock, Measure, Number, Problem, Section, Span, Text, value
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
-from pomona.tools.ros2.rosbridge import open_peer
+from pomona.tools.ros2.rosbridge import SCHEMES, RosbridgePeer, open_peer
 from pomona.tools.ros2.types import coder
 
-COMMAND = "std_msgs/msg/Float64MultiArray"
+COMMAND, ACTION = "std_msgs/msg/Float64MultiArray", "control_msgs/action/GripperCommand"
 PATIENCE = 0.004  # receive timeout [s]
 SET_POINT_PERIOD = 0.01  # period of the set-points while anything moves [s]
 ARRIVED = 1e-3  # position tolerance: fingers this close to their target have arrived [m]
 BLOCKED = 0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
+GOAL_PERIOD = 0.05  # shortest time between goals of an action [s]: each ends the one before
 SPEED_WINDOW = 0.04  # window of a speed by differences [s], without velocities: positions are quantised
 FIRST_STATE = 3.0  # deadline for the first joint state [s]
 ACCELERATION = 1.0  # assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
@@ -56,6 +59,7 @@ class Ros2GripperOptions:
     watchdog: float = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
     silence: float = 0.1  # without a joint state for this long the gripper is lost [s]
     supervision: GripperSupervision = field(default_factory=GripperSupervision)
+    action: str = ""  # name of an action GripperCommand that takes the set-points instead of `commands`
 
 
 class Ros2Gripper(ParallelGripper):
@@ -136,7 +140,8 @@ class Ros2Gripper(ParallelGripper):
             return
         self._set_point = self._advanced(self._set_point, elapsed, state.width)
         # period at which a set-point that does not change is repeated [s], in case one was lost on the way
-        if now - self._sent_at >= (SET_POINT_PERIOD if self._set_point != self._sent else 0.1):
+        often, again = (GOAL_PERIOD, 0.5) if self.options.action else (SET_POINT_PERIOD, 0.1)
+        if now - self._sent_at >= (often if self._set_point != self._sent else again):
             self._publish(self._set_point)
         self._judge_move(state, self._set_point, ARRIVED, self.options.supervision.lag + BLOCKED)
 
@@ -157,6 +162,10 @@ class Ros2Gripper(ParallelGripper):
     def _publish(self, width: float) -> None:
         self._sent, self._sent_at = width, self._clock.now()
         position = (width - self.options.finger_offset) / self.options.scale
+        if self.options.action and isinstance(self._wire, RosbridgePeer):
+            goal = {"command": {"position": position, "max_effort": self.limits.force_max}}
+            self._wire.send_goal(self.options.action, ACTION, goal, round(self._host_time() * 1e9))
+            return
         coded = self._coder.coded({"data": [position]})
         self._wire.publish(self.options.commands, COMMAND, coded, round(self._host_time() * 1e9))
 
@@ -190,6 +199,7 @@ class Ros2GripperFile:
     force_max: float = value(Measure(FORCE, "0.1 N", "500 N"), "20 N", "force of one finger, as set in its controller")
     states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
     commands: str = value(Text(), "/gripper_controller/commands", "topic of std_msgs/Float64MultiArray: a position")
+    action: str = value(Text(), "", "action of control_msgs/GripperCommand in the place of 'commands', over rosbridge")
     ahead: float = value(
         Measure(LENGTH, "1 mm", "50 mm"), "10 mm", "how far the set-point may lead the measured opening"
     )
@@ -205,11 +215,14 @@ class Ros2GripperFile:
 
     @property
     def wires(self) -> tuple[str, ...]:
-        return (f"{self.address} {self.commands}",)
+        return (f"{self.address} {self.action or self.commands}",)
 
     def problems(self) -> Iterator[Problem]:
         if abs(self.scale) < 1e-6:
             yield Problem("scale", "it cannot be zero")
+        if self.action and not self.address.startswith(SCHEMES):
+            words = "an action is reached over rosbridge alone: address ws://HOST:9090"
+            yield Problem("action", words, "over rmw_zenoh, give the topic of a position controller as 'commands'")
         if self.opening[0] >= self.opening[1]:
             yield Problem("opening", "it must be a range", "opening: [0 mm, 80 mm]")
 
@@ -228,6 +241,7 @@ def connect(settings: Settings[Ros2GripperFile], context: ConnectContext) -> Ros
         said.watchdog,
         said.silence,
         said.supervision,
+        said.action,
     )
     limits = GripperLimits(*said.opening, said.speed_max, said.force_max)
     wire = open_peer(said.address, "pomona_gripper", said.distribution)

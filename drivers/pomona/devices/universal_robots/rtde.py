@@ -101,7 +101,7 @@ class RtdeSession:
             raise DeviceFault(device, "its RTDE has no version 2: update PolyScope to 3.12 or 5.6 at least")
         self.version = struct.unpack(">4I", self._whole(self._ask(RtdeKind.CONTROLLER, b""), 16))
         _, self._outputs = self._agree(RtdeKind.OUTPUTS, struct.pack(">d", rate), outputs)
-        self._number, self._inputs = self._agree(RtdeKind.INPUTS, b"", inputs)
+        self._number, self._inputs = self._agree(RtdeKind.INPUTS, b"", inputs) if inputs else (0, RtdeRecipe((), ()))
         if self._ask(RtdeKind.START, b"") != b"\x01":
             raise DeviceFault(device, "its RTDE refuses to start")
         end = clock.now() + ANSWER

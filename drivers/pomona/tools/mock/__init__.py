@@ -9,6 +9,13 @@ simulated cell. `pytest_plugins = ["pomona.tools.mock.fixtures"]` in a conftest.
 """
 
 from pomona.tools.mock.arm import MockArm
-from pomona.tools.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
+from pomona.tools.mock.hand import (
+    MockCamera,
+    MockClock,
+    MockForceSensor,
+    MockGripper,
+    MockLoadSensor,
+    spring_fruit,
+)
 
-__all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "spring_fruit"]
+__all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "MockLoadSensor", "spring_fruit"]

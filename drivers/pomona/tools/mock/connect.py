@@ -13,7 +13,7 @@ from pomona.executive.values.kinds import Measure, Text, choose
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import LENGTH
 from pomona.tools.mock.arm import SIA5F_LIMITS, MockArm
-from pomona.tools.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, spring_fruit
+from pomona.tools.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, MockLoadSensor, spring_fruit
 
 
 class MockWorld(Device):
@@ -89,6 +89,12 @@ def connect_fingers(settings: Settings[MockFingersOptions], context: ConnectCont
     gripper, width = context.find(MockGripper), settings.values.fruit
     feel = spring_fruit(gripper, width) if gripper is not None and width > 0.0 else None
     return MockForceSensor(_clock(context), feel)
+
+
+@driver(MockLoadSensor, InMockWorld)
+def connect_load(settings: Settings[InMockWorld], context: ConnectContext) -> MockLoadSensor:
+    """`driver: mock-load`"""
+    return MockLoadSensor(_clock(context))
 
 
 @driver(MockCamera, NoOptions)

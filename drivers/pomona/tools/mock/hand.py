@@ -17,6 +17,7 @@ from pomona.drivers.interfaces import (
     Frame,
     GripperLimits,
     GripperState,
+    LoadSensor,
     MotionState,
     Subscription,
     WrenchSample,
@@ -224,6 +225,17 @@ class MockForceSensor(Device):
         if now > self._silent:
             felt = np.array(self.feel(now), np.float64) + (RIPPLE if self._sequence % 2 else -RIPPLE)
             self._stream.deliver(WrenchSample(now, self._sequence, felt, self.saturated))
+
+
+class MockLoadSensor(MockForceSensor):
+    """A load sensor at the wrist: `feel` gives shape (1, 6)."""
+
+    interfaces = (LoadSensor,)
+    mass, least = 1.2, 0.5
+
+    def __init__(self, clock: MockClock) -> None:
+        super().__init__(clock, lambda _now: np.zeros((1, 6)))
+        self.name, self._stream = "load", WrenchStream(clock, sides=("the load sensor",))
 
 
 class MockCamera(Device):

@@ -70,6 +70,24 @@ class RosbridgePeer:
         message = _shown(typestore().deserialize_cdr(bytes(coded), kind), self._ros_1)
         self._send({"op": "publish", "topic": topic, "msg": message})
 
+    def send_goal(self, action: str, kind: str, goal: Mapping[str, Any], stamp: int) -> None:
+        """Send a goal of an action, which ends an earlier one; it is dropped while there is no connection.
+
+        Args:
+            kind: of the action, "control_msgs/action/GripperCommand"; goal: its fields. stamp: nanoseconds since 1970.
+        """
+        if not self._ros_1:
+            request = {"op": "send_action_goal", "action": action, "action_type": kind, "args": goal, "feedback": False}
+            self._send({**request, "id": f"{action}_{stamp}"})
+            return
+        topic, of = f"{action}/goal", kind.replace("/action/", "/") + "ActionGoal"
+        if topic not in self._kinds:
+            self._kinds[topic] = of
+            self._send({"op": "advertise", "topic": topic, "type": of})
+        times = dict(zip(("secs", "nsecs"), divmod(stamp, 10**9), strict=True))
+        head = {"header": {"stamp": times}, "goal_id": {"stamp": times, "id": f"pomona_{stamp}"}}
+        self._send({"op": "publish", "topic": topic, "msg": {**head, "goal": goal}})
+
     def close(self) -> None:
         """Leave. Harmless when it was left already."""
         self._over.set()

@@ -71,7 +71,7 @@ class PlacedCase(Kind[Placed[CaseSection]]):
         return self.of.schema()
 
 
-class Cases(ListOf[Placed[CaseSection]]):
+class ScenarioCases(ListOf[Placed[CaseSection]]):
     """The cases; without one, a scenario would pass and test nothing."""
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[Placed[CaseSection], ...]:
@@ -95,7 +95,7 @@ class ScenarioSection:
     description: str = value(Text(), "", "description for readers")
     mocks: Results = value(MockedSkills(), {}, "how skills end in every case; the others succeed at once")
     set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree in every case")
-    cases: tuple[Placed[CaseSection], ...] = value(Cases(PlacedCase()), help="write 'cases:' and '- name: …'")
+    cases: tuple[Placed[CaseSection], ...] = value(ScenarioCases(PlacedCase()), help="write 'cases:' and '- name: …'")
 
 
 SCENARIO = Section(ScenarioSection)

@@ -18,7 +18,7 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MovingSkill, Watching
 from pomona.skills.shared.held_fruit import is_held, is_pressed, show_grip
-from pomona.skills.shared.touch import Touch, load, pressing_forces
+from pomona.skills.shared.touch import felt, load, pressing_forces
 
 JERK_TIME = 0.1  # time in which the arm reaches its acceleration [s]
 NEAR = 0.015  # height above the support below which a fruit may touch down [m]: it may have slid down in the fingers
@@ -150,8 +150,8 @@ def lower_until_contact(
     height = (steps - split) / steps * line.length
     # speed of the tool near the support [m/s]
     gently = time_curve(line.q[split:], height, limits, 0.03, GENTLE, GENTLE / JERK_TIME)
-    with Touch(skill.optional_device(ForceSensor), load) as touch:
-        contact = max(CONTACT, CARRIED * touch.at_first())
+    with felt(skill, load) as touch:
+        contact = touch.limit(max(CONTACT, CARRIED * touch.at_first()), GENTLE)
 
         def feel() -> None:
             if touch.change > contact:  # first: the support's push may unload a finger

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from pomona.drivers.interfaces import ForceSensor, Gripper
+from pomona.drivers.interfaces import Gripper
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold
@@ -14,7 +14,7 @@ from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import is_pressed, show_grip, watch_fruit
 from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
-from pomona.skills.shared.touch import Touch, load
+from pomona.skills.shared.touch import Touch, felt, load
 
 RAISED = 0.002
 """Height of raising the fruit from its support [m]: a fruit that hangs again loads the pads as before, while a drift
@@ -63,7 +63,7 @@ def lower_to_support(
         Jolted, SkillFailure: as `contact_doubt`.
     """
     limit, gripper, lost = contact, skill.device(Gripper), watch_fruit(skill)
-    with Touch(skill.optional_device(ForceSensor), load) as touch:
+    with felt(skill, load) as touch:
 
         def watch() -> None:
             if hold is not None:
@@ -79,12 +79,13 @@ def lower_to_support(
 
         try:
             for leg in legs:
-                limit = contact + touch.at_first() * (leg.manner.acceleration - GENTLE) / GRAVITY
+                accelerated = leg.manner.acceleration
+                limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
                 touch.forget_change()
                 rest_on_contact(skill, limit)
                 yield from follow_way(skill, leg.way, leg.manner, watch, grasp)
         except TouchedDown:
-            return (yield from contact_doubt(skill, touch, contact, code))
+            return (yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code))
     return "" if ends_on else "the fruit met nothing"
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pomona.drivers.interfaces import ForceSensor, Gripper, Hand
+from pomona.drivers.interfaces import ForceSensor, Gripper, Hand, LoadSensor, PressSensor, WrenchSensor
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
@@ -20,7 +20,7 @@ from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_be
 
 GRAVITY = 9.81  # [m/s²]
 
-HAND_DEVICES = (ForceSensor, Hand)  # that show a held fruit, where the cell has them: a skill's `optional_devices`
+HAND_DEVICES = (ForceSensor, PressSensor, LoadSensor, Hand)  # that show a held fruit: a skill's `optional_devices`
 
 
 def is_held(skill: MovingSkill, hold: Hold | None = None) -> bool:
@@ -37,16 +37,22 @@ def is_between(skill: MovingSkill) -> bool:
 
     Without a force sensor the state of the hand decides, with every doubt; without that, width and motor now.
     """
-    gripper, sensor, hand = skill.device(Gripper), skill.optional_device(ForceSensor), skill.optional_device(Hand)
+    gripper, sensor, hand = skill.device(Gripper), pressed_fingers(skill), skill.optional_device(Hand)
     if sensor is not None:
         return something_between(gripper, sensor)
     return bool(between(gripper.state(), gripper.limits) if hand is None else hand.in_hand())
 
 
+def pressed_fingers(skill: MovingSkill) -> WrenchSensor | None:
+    """Return the sensor of both fingers' pressing forces; None in a cell without one."""
+    tips = skill.optional_device(ForceSensor)
+    return skill.optional_device(PressSensor) if tips is None else tips
+
+
 def is_pressed(skill: MovingSkill) -> bool:
-    """Return True while a finger of a cell with force sensor is pressed."""
-    sensor = skill.optional_device(ForceSensor)
-    return sensor is not None and max(pressing_forces(sensor)) > HELD_FORCE
+    """Return True while a finger is pressed; without force fingers, as `is_between`."""
+    sensor = pressed_fingers(skill)
+    return is_between(skill) if sensor is None else max(pressing_forces(sensor)) > HELD_FORCE
 
 
 def watch_fruit(skill: MovingSkill, hold: Hold | None = None) -> Callable[[], str]:
@@ -55,7 +61,7 @@ def watch_fruit(skill: MovingSkill, hold: Hold | None = None) -> Callable[[], st
     Without a force sensor it compares width and motor with those of now.
     """
     gripper = skill.device(Gripper)
-    if _grip(skill, hold) is None and skill.optional_device(ForceSensor) is None:
+    if _grip(skill, hold) is None and pressed_fingers(skill) is None:
         before = gripper.state()
         return lambda: gone(before, gripper.state(), gripper.limits)
     return lambda: "" if is_held(skill, hold) else "it presses on neither finger"

@@ -7,13 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pomona.drivers.interfaces import ForceSensor, Gripper, WrenchSample
+from pomona.drivers.interfaces import ForceSensor, Gripper, LoadSensor, PressSensor, WrenchSample, WrenchSensor
+from pomona.executive.skill import Skill
 from pomona.executive.values.arrays import Float64
 
 STALE_AFTER = 0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
 SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
 
 HELD_FORCE = 0.25  # pressing force of each finger that shows something between them [N]; noise: 0.2 N
+FINE = 1.0  # smallest change that a load sensor must show to feel a support [N]: a fruit is pressed no harder
 
 
 def each_finger(forces: Float64) -> Float64:
@@ -31,19 +33,28 @@ def load(forces: Float64) -> Float64:
 
 
 class Touch:
-    """Listens to both fingers and remembers how much their force has changed since the beginning.
+    """Listens to both fingers, or a load sensor, and remembers how much the force has changed since the beginning.
 
     The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count. Use it
     as a context manager; the subscription ends with it. Without a sensor nothing changes.
 
     Attributes:
         change: largest lasting change so far [N].
-        finger: the finger with the change: left or right; empty before any, and when both are evaluated together.
+        finger: the finger with the change: left or right; empty before any, and when there is one force.
     """
 
-    def __init__(self, sensor: ForceSensor | None, of: Callable[[Float64], Float64] = each_finger) -> None:
-        """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared."""
-        self._sensor, self._of = sensor, of
+    def __init__(
+        self,
+        sensor: WrenchSensor | None,
+        of: Callable[[Float64], Float64] = each_finger,
+        mass: float = 0.0,
+        least: float = 0.0,
+    ) -> None:
+        """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared.
+
+        `mass` [kg] and `least` [N] are those of a `LoadSensor`.
+        """
+        self._sensor, self._of, self._mass, self._least = sensor, of, mass, least
         first = None if sensor is None else sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
@@ -58,6 +69,10 @@ class Touch:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Listen no more."""
         if self._subscription is not None:
             self._subscription.close()
 
@@ -67,6 +82,10 @@ class Touch:
         A skill looks once in a tick; an arm that must stop has moved on by then.
         """
         self._limit, self._act = limit, act
+
+    def limit(self, contact: float, acceleration: float) -> float:
+        """Return the change [N] that shows a contact of this force [N] while the tool is accelerated [m/s²]."""
+        return max(contact, self._least) + self._mass * acceleration
 
     def forget_change(self) -> None:
         """Start the largest change again; the reference stays."""
@@ -78,8 +97,8 @@ class Touch:
         return float(np.min(self._recent, axis=0).max()) if len(self._recent) == SPIKE else 0.0
 
     def at_first(self) -> float:
-        """Return the force at the beginning [N]; 0 before the first sample."""
-        return 0.0 if self._reference is None else float(np.linalg.norm(self._reference, axis=1).max())
+        """Return the force at the beginning [N]; 0 before the first sample. The zero of a load sensor is unknown: 0."""
+        return 0.0 if self._reference is None or self._mass else float(np.linalg.norm(self._reference, axis=1).max())
 
     def average(self) -> Float64:
         """Return the mean of the recent forces, shape (n, k) [N]."""
@@ -119,11 +138,35 @@ class Touch:
                     act()
 
 
+def felt(skill: Skill, of: Callable[[Float64], Float64] | None = None) -> Touch:
+    """Listen to the fingers or, in a cell without force fingers, to the load sensor: optional devices of the skill.
+
+    `of` is of the fingers, see `Touch`; by default each counts, also of fingertips that feel nothing but pressing.
+    """
+    fingers, sensor = skill.optional_device(ForceSensor), skill.optional_device(LoadSensor)
+    if fingers is None and of is None and (tips := skill.optional_device(PressSensor)) is not None:
+        return Touch(tips)
+    if fingers is None and sensor is not None:
+        return Touch(sensor, each_finger, sensor.mass, sensor.least)
+    return Touch(fingers, of or each_finger)
+
+
+def weighing(skill: Skill) -> Touch | None:
+    """Listen to a load sensor that feels a fruit's weight, in a cell without force fingers; None without one."""
+    return felt(skill, each_finger) if skill.optional_device(ForceSensor) is None and feels_support(skill) else None
+
+
+def feels_support(skill: Skill) -> bool:
+    """Return True if a sensor of the cell feels a support below a held fruit before the fruit is pressed."""
+    sensor = skill.optional_device(LoadSensor)
+    return skill.optional_device(ForceSensor) is not None or (sensor is not None and sensor.least <= FINE)
+
+
 def _nothing() -> None:
     """For a touch that nothing answers."""
 
 
-def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
+def pressing_forces(sensor: WrenchSensor) -> tuple[float, float]:
     """Pressing force of the left and the right finger now [N]; 0 before the first sample."""
     sample = sensor.latest()
     if sample is None:
@@ -131,7 +174,7 @@ def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
     return float(-sample.wrenches[0, 2]), float(-sample.wrenches[1, 2])
 
 
-def something_between(gripper: Gripper, sensor: ForceSensor) -> bool:
+def something_between(gripper: Gripper, sensor: WrenchSensor) -> bool:
     """Return True if force and opening both show an object between the fingers."""
     # opening above the closed gripper's at which something is between the fingers [m]
     open_enough = gripper.state().width > gripper.limits.width_min + 2e-3

@@ -18,7 +18,7 @@ pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
-from pomona.drivers import Arm, DeviceLost, Trajectory, load_cell
+from pomona.drivers import Arm, CellFileError, DeviceLost, Gripper, MotionState, Trajectory, load_cell
 from pomona.executive.errors import UsageError
 from pomona.tools.ros2.rosbridge import RosbridgePeer
 from pomona.tools.ros2.types import coder, typestore
@@ -205,3 +205,92 @@ def test_an_arm_is_lost_when_its_server_dies(behind: RosbridgeCell) -> None:
         time.sleep(0.005)
     with pytest.raises(DeviceLost, match="no joints on /joint_states"):
         behind.cell.check()
+
+
+class FingersCell:
+    """A gripper behind an action server: its fingers go to the newest goal at once, until the server dies."""
+
+    def __init__(self, server: Server, folder: Path, settings: str, ros_1: bool = False) -> None:
+        self.server, self.over, self.ros_1 = server, threading.Event(), ros_1
+        (folder / "cell.yaml").write_text(
+            f"name: x\nkind: real\ndevices:\n  gripper: {{driver: ros2-gripper, address: '{server.address}',\n"
+            f"    joint: finger, scale: 2, opening: 0 mm..80 mm, action: /hand/gripper_cmd, {settings}}}\n"
+        )
+        self.thread = threading.Thread(target=self.control)
+        self.thread.start()
+        self.cell = load_cell(folder / "cell.yaml")
+        self.gripper: Any = self.cell.device(Gripper)
+
+    def goals(self) -> list[dict[str, Any]]:
+        with self.server.changed:
+            if self.ros_1:
+                return [one["msg"]["goal"] for one in self.server.came if one["op"] == "publish"]
+            return [one["args"] for one in self.server.came if one["op"] == "send_action_goal"]
+
+    def control(self) -> None:
+        names = ("secs", "nsecs") if self.ros_1 else ("sec", "nanosec")
+        while not self.over.wait(0.005):
+            now, goals = time.time(), self.goals()
+            stamp = dict(zip(names, (int(now), int(now % 1.0 * 1e9)), strict=True))
+            position = goals[-1]["command"]["position"] if goals else 0.03
+            message = {"header": {"stamp": stamp}, "name": ["finger"], "position": [position + 1e-7 * (now % 1.0)]}
+            self.server.send("/joint_states", message)
+
+    def close(self) -> None:
+        self.cell.close()
+        self.over.set()
+        self.thread.join()
+
+
+PATIENT = "silence: 1 s, supervision: {lag: 2 s}"
+
+
+@pytest.mark.parametrize("ros_1", [False, True])
+def test_a_gripper_is_moved_by_goals_of_its_action(server: Server, tmp_path: Path, ros_1: bool) -> None:
+    behind = FingersCell(server, tmp_path, PATIENT, ros_1)
+    try:
+        move, deadline = behind.gripper.move(0.05, 0.05), time.monotonic() + 30.0
+        while not move.settled and time.monotonic() < deadline:
+            time.sleep(0.005)
+        assert (move.state, move.problem) == (MotionState.DONE, "")
+        goals = behind.goals()
+        assert goals[-1]["command"] == {"position": pytest.approx(0.025), "max_effort": 20.0}
+        widths = [2.0 * goal["command"]["position"] for goal in goals]
+        assert widths == sorted(widths, reverse=True)  # it closes, and no goal is farther than the measured opening
+        if ros_1:
+            (offered,) = [one for one in server.came if one["op"] == "advertise"]
+            assert (offered["topic"], offered["type"]) == (
+                "/hand/gripper_cmd/goal",
+                "control_msgs/GripperCommandActionGoal",
+            )
+        else:
+            assert server.wait("send_action_goal")["action_type"] == "control_msgs/action/GripperCommand"
+    finally:
+        behind.close()
+
+
+def test_an_action_without_rosbridge_is_refused_with_its_place(tmp_path: Path) -> None:
+    (tmp_path / "cell.yaml").write_text(
+        "name: x\nkind: real\ndevices:\n  gripper:\n    driver: ros2-gripper\n    joint: finger\n"
+        "    opening: 0 mm..80 mm\n    action: /hand/gripper_cmd\n"
+    )
+    with pytest.raises(CellFileError, match=r"(?s):8:13: .*over rosbridge alone"):
+        load_cell(tmp_path / "cell.yaml")
+
+
+@pytest.mark.realtime
+def test_a_server_that_dies_is_noticed_within_200_ms(server: Server, tmp_path: Path) -> None:
+    behind = FingersCell(server, tmp_path, "supervision: {lag: 2 s}")
+    try:
+        time.sleep(0.5)
+        assert behind.gripper.link() == "ok"
+        died = time.monotonic()
+        for client in server.clients:
+            client.socket.close()
+        while behind.gripper.link() == "ok" and time.monotonic() < died + 5.0:
+            time.sleep(0.001)
+        noticed = time.monotonic() - died
+        print(f"noticed after {1e3 * noticed:.0f} ms")
+        assert noticed < 0.2
+    finally:
+        behind.close()
