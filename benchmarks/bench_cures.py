@@ -134,8 +134,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(TrialPool(2, run_trial, ("lifted",))) as pool:
         for seeded, seed in asked:
             if options.only in seeded.kind and (seeded.kind, seed) not in done:
-                results.append(measure(seeded, seed, Path(folder), options, pool))
-                _keep(options.out, results[-1])
+                result = measure(seeded, seed, Path(folder), options, pool)
+                if result is not None:
+                    results.append(result)
+                    _keep(options.out, result)
     _print([one for one in results if one.code != SUCCEEDED])
     return 0
 
@@ -152,8 +154,10 @@ def _keep(path: Path | None, result: CureResult) -> None:
             file.write(json.dumps(asdict(result), ensure_ascii=False) + "\n")
 
 
-def measure(seeded: SeededFailure, seed: int, folder: Path, options: argparse.Namespace, pool: TrialPool) -> CureResult:
-    """Make a failure, search its cure, try that with further seeds; no search if the run does not fail."""
+def measure(
+    seeded: SeededFailure, seed: int, folder: Path, options: argparse.Namespace, pool: TrialPool
+) -> CureResult | None:
+    """Make a failure, search its cure, try that with further seeds; no search if that does not fail; None: lost."""
     text = find_tree("pick_apple").read_text("utf-8")
     for old, new in (*QUICK, *seeded.edits):
         assert text.count(old) == 1, old
@@ -164,6 +168,8 @@ def measure(seeded: SeededFailure, seed: int, folder: Path, options: argparse.Na
     pool.start(None, RunOrder(tree, find_cell("sim"), seed, dict(seeded.settings), record=records), 600.0)
     for _, trial in pool.ended():
         _say(f"{seeded.kind}, seed {seed}: {trial}")
+        if trial.outcome == "lost":  # nothing is known: the next call repeats it
+            return None
     record = find_record("last", records)
     try:
         case = read_case(record)
