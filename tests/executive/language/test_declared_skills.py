@@ -13,9 +13,9 @@ import pytest
 
 from pomona.executive.language import check, declared_skills as declared, read
 from pomona.executive.language.check import with_declarations
-from pomona.executive.language.schema import schema
 from pomona.executive.language.value_types import NotLoadedError
 from pomona.executive.registry import Registry
+from pomona.tools.schema.tree_schema import schema
 
 SOURCE = '''
 from dataclasses import dataclass

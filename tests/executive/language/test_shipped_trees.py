@@ -10,12 +10,12 @@ import yaml
 
 from pomona.executive.language import check, format_findings, read_file
 from pomona.executive.language.read import read
-from pomona.executive.language.schema import schema
 from pomona.executive.registry import Registry
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
 from pomona.tools.scenarios.run_scenario import run_scenario
 from pomona.tools.scenarios.scenario import read_scenario
+from pomona.tools.schema.tree_schema import schema
 
 FOLDER = Path(__file__).resolve().parents[3] / "trees"
 TREES = sorted(FOLDER.glob("*.yaml"))

@@ -13,13 +13,13 @@ import yaml
 
 from pomona.executive.language import build, check, read
 from pomona.executive.language.drawing import show_svg, show_text
-from pomona.executive.language.schema import schema
 from pomona.executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue, takes
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.skill_testing import BenchContext
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
+from pomona.tools.schema.tree_schema import schema
 
 PACKAGE = "pomona_more_words"
 

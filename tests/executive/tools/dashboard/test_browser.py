@@ -272,6 +272,20 @@ def test_figures_have_their_units(show: Show, open_page: Open) -> None:
     assert shown == ["width 79.7 mm", "wanted force 20.7 N", "angle 28.6°", "ratio 0.25"]
 
 
+def test_lines_that_a_skill_logs_stand_at_its_node_and_among_the_events(show: Show, open_page: Open) -> None:
+    show.record("pomona: 1\ntree: t\nroot: {sequence: [{Rest: {}}, {Murmur: {}}]}\n", "logged")
+    page = open_page("run=logged")
+    row(page, "Murmur").click()
+    lines = page.locator("#node ol.history").last.locator("li")
+    expect(lines).to_have_count(2)
+    expect(lines.nth(0)).to_have_text(re.compile(r"^0\.\d s *WARNING the scale drifts *$"))
+    expect(lines.nth(1)).to_contain_text("INFO <b>the scale</b> reads 151.5 g")
+    row(page, "Rest").click()
+    expect(page.locator("#node")).not_to_contain_text("the scale")
+    page.get_by_role("tab", name="Events").click()
+    expect(page.locator("#log")).to_contain_text("✎ Murmur WARNING: the scale drifts")
+
+
 def test_why_names_the_next_step_of_the_tree(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(JAM)

@@ -7,8 +7,8 @@ from typing import Any
 
 from pomona.executive.files import file_kind, kind_names
 from pomona.executive.language.check import with_declarations
-from pomona.executive.language.schema import schema
 from pomona.executive.terminal.output import write_json
+from pomona.tools.schema.tree_schema import schema
 
 TREE = "tree"
 

@@ -1,0 +1,1 @@
+"""JSON Schemas of tree files and other kinds of files, for editors."""

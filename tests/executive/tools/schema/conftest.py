@@ -1,0 +1,5 @@
+"""Fixtures of the tests of the tree language."""
+
+from tests.executive.language.conftest import pick_apple, skills
+
+__all__ = ["pick_apple", "skills"]
