@@ -21,7 +21,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.reasons import failure_codes
-from pomona.executive.recording.drawn_tree import drawing
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
@@ -41,6 +40,7 @@ from pomona.tools.dashboard.record_messages import (
     record_messages,
     thumbnail,
 )
+from pomona.tools.dashboard.redrawing import redrawing
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
 from pomona.tools.library.index import RunIndex, records_in
@@ -263,7 +263,8 @@ class Dashboard:
 
     def _drawing(self, request: Request) -> Response:
         folder = self._folder(request)
-        drawn = None if folder is None else drawing(folder)
+        until = _interval({"begin": "0", "end": request.query_params.get("until", "")})
+        drawn = None if folder is None else redrawing(folder, until[1] if until is not None else 0.0)
         if drawn is None:
             return JSONResponse({"error": "no tree that can be drawn"}, 404)
         return Response(drawn, media_type="image/svg+xml")

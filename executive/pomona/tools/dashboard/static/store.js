@@ -16,7 +16,7 @@ const MOST_TRACE = 900; // points of an executed path
 
 export function emptyState() {
   return {
-    t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "", pausedBy: "", pause: 0,
+    t: 0, tick: 0, seq: 0, run: null, changed: 0, nodes: [], byPath: new Map(), state: "idle", because: "", pausedBy: "", pause: 0,
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], logs: [], links: new Map(), failures: [], acts: [], ended: null,
     safeStop: null, halted: false, unrest: "", hand: null, progress: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
@@ -47,6 +47,7 @@ const HANDLERS = {
   },
   TreeChanged(s, m) {
     s.run = { ...s.run };
+    s.changed = m.t;
     setNodes(s, m.nodes); // names of nodes that are gone stay known
   },
   StateChanged(s, m) {
