@@ -388,7 +388,7 @@ def test_control_is_handed_over_where_everybody_sees_it(show: Show, open_page: O
     expect(second.locator("#holder")).to_have_text("ada holds control.")
     expect(second.locator("#viewers")).to_have_text("2 watch.")
     take_control(second, "ben")
-    expect(first.locator("#holder")).to_have_text("ben holds control.")
+    expect(first.locator("#holder")).to_have_text("ben holds control. It was taken over from you.")
     expect(first.get_by_role("button", name="Pause")).to_be_disabled()
 
 
