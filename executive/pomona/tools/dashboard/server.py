@@ -40,10 +40,10 @@ from pomona.tools.dashboard.record_messages import (
     record_messages,
     thumbnail,
 )
-from pomona.tools.dashboard.redrawing import redrawing
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
 from pomona.tools.library.index import RunIndex, records_in
+from pomona.tools.reload.redrawing import redrawing
 from pomona.tools.tree_editor.asides import Asides
 
 STATIC = Path(__file__).parent / "static"
