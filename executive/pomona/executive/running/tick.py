@@ -226,7 +226,8 @@ class SkillLogs(logging.Handler):
         self._counts, self._until = Counter[str](), 0.0
 
     def createLock(self) -> None:
-        self.lock = None  # a thread that hangs while it logs must not hold up the tick
+        """Make no lock: a thread that hangs while it logs must not hold up the tick."""
+        self.lock = None
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
@@ -242,6 +243,7 @@ class SkillLogs(logging.Handler):
             root.handlers = [handler for handler in root.handlers if handler not in handlers]
 
     def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line of a skill; never raises."""
         node = POLLED.get()
         self._counts[node] += bool(node)
         if node and self._counts[node] <= MOST_LOGGED:
