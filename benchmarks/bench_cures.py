@@ -1,6 +1,7 @@
 """Seeded failures of ten kinds, each given to `pomona why`: how often the right cause comes first, and what it costs.
 
 python -m benchmarks.bench_cures --each 1 --budget "60 s"
+python -m benchmarks.bench_cures --out cures.jsonl      # started again, it goes on after the failures in the file
 
 The tree of a pick is changed so that it fails; the change is the right cause. A cure of another place that succeeds
 with all seeds counts as found, not as right. A false cure is one that fails with one of five further seeds. The workers
@@ -11,12 +12,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import os
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import median
 
@@ -33,6 +35,7 @@ from pomona.tools.cures.trials import TrialPool, run_trial
 
 FIRST = 101  # seed of the first run of each kind
 FURTHER = 1000  # the further seeds begin so far behind: none of them was used in the search
+SUCCEEDED = "SUCCEEDED"  # the code of a run that did not fail: it is kept, not counted
 QUICK = (
     ("default: 3,      min: 1, help: looks", "default: 1,      min: 1, help: looks"),
     ("default: 8,  ", "default: 2,  "),
@@ -123,22 +126,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=5, help="other seeds that a cure must pass (default: 5)")
     parser.add_argument("--further", type=int, default=5, help="further seeds that show a false cure (default: 5)")
     parser.add_argument("--only", default="", help="kinds whose name holds this text")
+    parser.add_argument("--out", type=Path, help="file of the results, a line of JSON each; those in it are kept")
     options = parser.parse_args(arguments)
-    results = []
+    results = _kept(options.out)
+    done = {(one.kind, one.seed) for one in results}
+    asked = [(seeded, FIRST + 17 * number) for number in range(options.each) for seeded in KINDS]
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(TrialPool(2, run_trial, ("lifted",))) as pool:
-        for seeded in KINDS:
-            for number in range(options.each) if options.only in seeded.kind else ():
-                result = measure(seeded, FIRST + 17 * number, Path(folder), options, pool)
+        for seeded, seed in asked:
+            if options.only in seeded.kind and (seeded.kind, seed) not in done:
+                result = measure(seeded, seed, Path(folder), options, pool)
                 if result is not None:
                     results.append(result)
-    _print(results)
+                    _keep(options.out, result)
+    _print([one for one in results if one.code != SUCCEEDED])
     return 0
+
+
+def _kept(path: Path | None) -> list[CureResult]:
+    """Return the results in a file of `--out`; none if there is no file."""
+    lines = path.read_text("utf-8").splitlines() if path is not None and path.is_file() else ()
+    return [CureResult(**json.loads(line)) for line in lines]
+
+
+def _keep(path: Path | None, result: CureResult) -> None:
+    if path is not None:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(result), ensure_ascii=False) + "\n")
 
 
 def measure(
     seeded: SeededFailure, seed: int, folder: Path, options: argparse.Namespace, pool: TrialPool
 ) -> CureResult | None:
-    """Make a failure, search its cure, try that with further seeds; None if the run does not fail."""
+    """Make a failure, search its cure, try that with further seeds; no search if that does not fail; None: lost."""
     text = find_tree("pick_apple").read_text("utf-8")
     for old, new in (*QUICK, *seeded.edits):
         assert text.count(old) == 1, old
@@ -149,12 +168,14 @@ def measure(
     pool.start(None, RunOrder(tree, find_cell("sim"), seed, dict(seeded.settings), record=records), 600.0)
     for _, trial in pool.ended():
         _say(f"{seeded.kind}, seed {seed}: {trial}")
+        if trial.outcome == "lost":  # nothing is known: the next call repeats it
+            return None
     record = find_record("last", records)
     try:
         case = read_case(record)
     except UsageError as error:  # it did not fail: no failure was seeded
         _say(f"{seeded.kind}, seed {seed}: {error}")
-        return None
+        return CureResult(seeded.kind, seed, SUCCEEDED, "none", False, 0, 0.0, 0.0)
     processor, wall = _processor(), time.monotonic()
     assert case.conditions == ("lifted",)
     answer = CureSearch(case.order, case.candidates, usable, options.seeds, 1, options.budget, _progress).run(pool)

@@ -87,6 +87,15 @@ class Look(Skill):
         return Seen("an apple")
 
 
+class Murmur(Skill):
+    """Log two lines."""
+
+    def run(self) -> Work:
+        self.logger.info("<b>the scale</b> reads 151.5 g")
+        yield None
+        self.logger.warning("the scale drifts")
+
+
 class Jam(Skill):
     """Fail, with facts."""
 
@@ -105,7 +114,7 @@ class Rest(Skill):
         return {}
 
 
-REGISTRY = Registry({"Hold": Hold, "Look": Look, "Jam": Jam, "Rest": Rest})
+REGISTRY = Registry({"Hold": Hold, "Look": Look, "Jam": Jam, "Murmur": Murmur, "Rest": Rest})
 
 
 def press_stop(page: Any) -> None:

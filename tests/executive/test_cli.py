@@ -278,6 +278,33 @@ def test_a_signal_that_a_compiled_module_turned_into_an_error_gives_no_traceback
     assert "Traceback" not in capsys.readouterr().err
 
 
+INTERRUPTED_IMPORT = """
+import sys
+
+class Interrupts:
+    def find_spec(self, name, path=None, target=None):
+        if name == "pomona.executive.commands.command_line":
+            raise {how}
+
+sys.meta_path.insert(0, Interrupts())
+import pomona.executive.cli
+"""
+
+
+@pytest.mark.parametrize("how", ["KeyboardInterrupt", "ImportError('failed') from KeyboardInterrupt()"])
+def test_ctrl_c_while_the_program_is_loaded_is_one_line_and_status_130(how: str) -> None:
+    program = INTERRUPTED_IMPORT.replace("{how}", how)
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (130, "interrupted from the keyboard\n")
+
+
+def test_a_module_that_cannot_be_loaded_is_not_reported_as_an_interruption() -> None:
+    program = INTERRUPTED_IMPORT.replace("{how}", "ImportError('broken')")
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1
+    assert "ImportError: broken" in ended.stderr
+
+
 LEAVES_BEHIND = """
 import multiprocessing, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor

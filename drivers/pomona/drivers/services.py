@@ -178,9 +178,12 @@ class RobotServices(Services):
             return
         for name, joints in workspace.poses.items():
             q = np.array(joints)
-            if q.shape != limits.lower.shape or np.any((q < limits.lower) | (q > limits.upper)):
-                words = f"the pose '{name}' needs {limits.lower.size} joints within the arm's limits"
-                findings.error(poses.entries[name][1], "pose", words)
+            words = "" if q.shape == limits.lower.shape else f"has {q.size} joints, the arm has {limits.lower.size}"
+            for k in () if words else np.flatnonzero((q < limits.lower) | (q > limits.upper))[:1]:
+                low, high = np.degrees((limits.lower[k], limits.upper[k]))
+                words = f"has joint {k + 1} at {np.degrees(q[k]):.1f}°, its limits are {low:.1f}° and {high:.1f}°"
+            if words:
+                findings.error(poses.entries[name][1], "pose", f"the pose '{name}' {words}")
 
     @classmethod
     def connected(cls, settings: Mapping[str, Settings[Any]], context: device.ConnectContext) -> RobotServices:

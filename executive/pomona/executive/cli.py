@@ -15,13 +15,19 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from pomona.executive.commands.command_line import children, make_parser
-from pomona.executive.errors import UsageError
-from pomona.executive.running.launcher import in_child
-from pomona.executive.running.signals import WORDS, raise_again, raising, report_end, signalled, status_of
-from pomona.executive.terminal.output import unwaiting_output
-from pomona.executive.values.installation import remedy
-from pomona.executive.values.processes import within
+try:  # they take a while to load; signals are handled afterwards
+    from pomona.executive.commands.command_line import children, make_parser
+    from pomona.executive.errors import UsageError
+    from pomona.executive.running.launcher import in_child
+    from pomona.executive.running.signals import WORDS, raise_again, raising, report_end, signalled, status_of
+    from pomona.executive.terminal.output import filtered_output, unwaiting_output
+    from pomona.executive.values.installation import remedy
+    from pomona.executive.values.processes import within
+except (KeyboardInterrupt, ImportError) as error:  # a compiled module turns the first into the second
+    if not isinstance(error.__cause__ or error, KeyboardInterrupt):
+        raise
+    sys.stderr.write("interrupted from the keyboard\n")
+    os._exit(130)
 
 PATIENCE = 2.0  # seconds that threads and processes may go on when the work is done
 REPORTED = ("run", "rerun")  # commands whose status 0 means that a task succeeded: a process of their own reports it
@@ -94,16 +100,8 @@ def _command(words: Sequence[str]) -> str:
     return next((words[index] for index in range(0, len(words), 2) if words[index] != "--skill"), "")
 
 
+@filtered_output()
 def _run(words: Sequence[str]) -> int:
-    from pomona.executive.terminal.output import (
-        filtered_output,  # loading it takes a while: signals are handled before
-    )
-
-    with filtered_output():
-        return _run_filtered(words)
-
-
-def _run_filtered(words: Sequence[str]) -> int:
     try:
         parser = make_parser([_command(words)])
         options, unknown = parser.parse_known_args(words)

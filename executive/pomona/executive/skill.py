@@ -21,9 +21,11 @@ Its ports are declared once: the parameters of `run` are the inputs, the fields 
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from inspect import isgeneratorfunction
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
@@ -42,6 +44,9 @@ from pomona.executive.values.sentences import shortened
 
 if TYPE_CHECKING:
     import numpy as np
+
+POLLED: ContextVar[str] = ContextVar("POLLED", default="")
+"""Path of the skill whose body runs now, also in the threads that compute for it; empty outside."""
 
 T = TypeVar("T")
 Work = Generator["str | None", None, T]
@@ -174,6 +179,7 @@ class Skill(py_trees.behaviour.Behaviour):
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name or type(self).__name__)
+        self.logger: Any = logging.getLogger(type(self).__module__)  # as behaviours of py_trees use theirs
         self.reason: Failure | None = None
         self.path = self.name
         self.starts = 0
@@ -351,7 +357,7 @@ class Skill(py_trees.behaviour.Behaviour):
         self.starts += 1
 
     def update(self) -> Status:
-        began = time.perf_counter()
+        began, polled = time.perf_counter(), POLLED.set(self.path)
         status = None
         try:
             status = self._poll()
@@ -367,6 +373,7 @@ class Skill(py_trees.behaviour.Behaviour):
             raise
         finally:
             leave_if_forked()
+            POLLED.reset(polled)
             self.blocked = time.perf_counter() - began
             if status is not Status.RUNNING:
                 self.context.release(self)

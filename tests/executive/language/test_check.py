@@ -331,7 +331,17 @@ class TestStructure:
         (camera,) = skills["Detect"].devices
         body = sequence("MoveTo: {pose: home}")
         assert findings_of(body, interfaces=(arm, camera)) == []
-        assert "needs a Arm" in only(findings_of(body, interfaces=(camera,)), "no-device").message
+        found = only(findings_of(body, interfaces=(camera,)), "no-device")
+        assert found.message == "the cell has no Arm, which MoveTo needs"
+
+    def test_a_device_that_the_cell_lacks_is_reported_once_with_the_nodes_that_need_it(self, findings_of, skills):
+        (camera,) = skills["Detect"].devices
+        body = sequence(*["MoveTo: {pose: home}"] * 17)
+        found = only(findings_of(body, interfaces=(camera,)), "no-device")
+        message, _, lines = found.message.partition(", the first in lines ")
+        assert message == "the cell has no Arm, which MoveTo needs (17 nodes need it"
+        first = [int(word) for word in lines.removesuffix(")").split(", ")]
+        assert first == [found.line, found.line + 1, found.line + 2]
 
     def test_retry_around_a_node_that_cannot_fail(self, findings_of):
         only(findings_of("root:\n  Beep: {}\n  retry: 3"), "cannot-fail", "warning")

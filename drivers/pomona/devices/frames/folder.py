@@ -78,7 +78,8 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
             raise UnusableFrames(folder / name, f"is a second colour image of {depth}, beside {frames[-1].colour.name}")
         frames.append(RecordedFrame(label, folder / name, folder / depth))
     if not frames:
-        raise UnusableFrames(folder, f"holds no frame: no file ends with {', '.join(COLOUR_SUFFIXES)}")
+        words = f"holds no frame: no file ends with {', '.join(COLOUR_SUFFIXES)}"
+        raise UnusableFrames(folder, f"{words}; `pomona detect` finds fruit in photographs without depth")
     return tuple(frames)
 
 

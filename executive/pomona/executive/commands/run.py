@@ -91,7 +91,8 @@ def _add_beginnings(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, views: RunViews) -> int:
     """Run the tree."""
-    logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    (shown := logging.StreamHandler()).setLevel(logging.WARNING)  # the record has more
+    logging.basicConfig(format="%(name)s: %(message)s", handlers=[shown])
     console = Screen(stderr=options.json, quiet=options.quiet)
     attended = views.attend(options)
     here = not attended and not (options.quiet or options.json) and console.is_terminal and sys.stdin.isatty()

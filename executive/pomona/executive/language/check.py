@@ -23,7 +23,7 @@ from pomona.executive.ports import Port
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Findings, did_you_mean, few_hints, format_findings
 from pomona.executive.values.installation import installed_trees
-from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 MAX_BUILT_NODES = 10_000
 MAX_BUILT_DEPTH = 150
@@ -110,6 +110,7 @@ class _Checker:
             self.outcomes.of_definition(definition)
         for definition in definitions:
             self.definition(definition)
+        self.lacking_devices()
         self.analysis.finite = not self.recursive and self.size(order)
         if not self.findings.errors:  # a mistyped name would be reported twice
             self.never_read(definitions)
@@ -130,7 +131,6 @@ class _Checker:
             self.outcomes,
             self.analysis.interfaces,
             self.analysis.resolved,
-            self.devices,
         )
         if definition.root is None:
             return
@@ -195,6 +195,20 @@ class _Checker:
 
     # ------------------------------------------------------------------------------------------- whole document
 
+    def lacking_devices(self) -> None:
+        """Report each device that the cell lacks once in a file, at the first node that needs it."""
+        needing: dict[tuple[str, str], list[YamlScalar]] = {}
+        for found in self.analysis.resolved.values() if self.devices is not None else ():
+            for interface in found.skill.devices if found.skill is not None else ():
+                if not any(interface in has.__mro__ for has in self.devices or ()):
+                    needing.setdefault((found.node.key.source.path, interface.__name__), []).append(found.node.key)
+        for (_, device), keys in needing.items():
+            keys.sort(key=lambda key: (key.line, key.column))
+            lines = ", ".join(dict.fromkeys(str(key.line) for key in keys[:3]))
+            places = f" ({len(keys)} nodes need it, the first in lines {lines})" if len(keys) > 1 else ""
+            message = f"the cell has no {device}, which {keys[0].text} needs{places}"
+            self.findings.error(keys[0], "no-device", message)
+
     def never_read(self, definitions: Sequence[Definition]) -> None:
         """Warn of parameters, inputs and subtrees that nothing uses."""
         for definition in definitions:
@@ -248,15 +262,11 @@ class _Checker:
 
     def measure(self, node: TreeNode, sizes: Mapping[int, tuple[int, int]]) -> tuple[int, int]:
         """How many nodes there are from a node on, and how deep; `sizes` are those of the subtrees that it calls."""
-        count = own = len(node.layers)
-        deepest = 0
+        own = len(node.layers)
         below = [self.measure(child, sizes) for child in node.below()] if node.children or node.parts else []
         if id(node) in self.called:
             below.append(sizes[id(self.called[id(node)])])
-        for nodes, depth in below:
-            count += nodes
-            deepest = max(deepest, depth)
-        return count, own + deepest
+        return own + sum(nodes for nodes, _ in below), own + max((depth for _, depth in below), default=0)
 
     def size(self, order: Sequence[Definition]) -> bool:
         """Refuse a tree that is too large with its subtrees written out; whether it is not."""
@@ -268,7 +278,8 @@ class _Checker:
             return True
         count, depth = sizes[id(main)]
         if count > MAX_BUILT_NODES:
-            message = f"the tree has {_shown(count)} nodes with its subtrees written out; {MAX_BUILT_NODES} can run"
+            shown = count if count < 1_000_000_000 else "more than a billion"
+            message = f"the tree has {shown} nodes with its subtrees written out; {MAX_BUILT_NODES} can run"
             self.findings.error(main.root.key, "too-large", message)
         elif depth > MAX_BUILT_DEPTH:
             message = f"the tree is {depth} nodes deep with its subtrees written out; {MAX_BUILT_DEPTH} can run"
@@ -280,10 +291,6 @@ def _key_of(definition: Definition) -> YamlNode:
     """Where a subtree is written, as near to its name as it is known."""
     at = definition.at
     return next((key for key, _ in at.entries.values()), at) if isinstance(at, YamlMapping) else at
-
-
-def _shown(count: int) -> str:
-    return str(count) if count < 1_000_000_000 else "more than a billion"
 
 
 def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Document:

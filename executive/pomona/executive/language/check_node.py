@@ -43,7 +43,6 @@ class NodeChecker:
     outcomes: Outcomes
     interfaces: Mapping[int, PortDeclared]
     resolved: dict[tuple[int, str], Resolved]
-    interfaces_of_cell: tuple[type, ...] | None
     named: dict[str, YamlScalar] = field(default_factory=dict)
     moved: dict[str, tuple[type, ...]] = field(init=False)  # the devices that each skill moves
 
@@ -94,7 +93,7 @@ class NodeChecker:
         yield from self.scope.definition.file.subtrees
 
     def skill(self, node: TreeNode) -> type[Skill] | None:
-        """Return the skill of that name; reports when there is none, or the cell lacks a device."""
+        """Return the skill of that name; reports when there is none."""
         name = node.key.text
         skill = self.skills.get(name)
         if skill is None:
@@ -103,12 +102,6 @@ class NodeChecker:
             else:
                 hint = self.hint_for(node) or "'pomona skills' lists the installed skills"
                 self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
-            return None
-        if self.interfaces_of_cell is not None:
-            for interface in skill.devices:
-                if not any(interface in has.__mro__ for has in self.interfaces_of_cell):
-                    message = f"{name} needs a {interface.__name__}, which the cell does not have"
-                    self.findings.error(node.key, "no-device", message)
         return skill
 
     def hint_for(self, node: TreeNode) -> str:

@@ -16,6 +16,7 @@ from pomona.executive.recording.scan import scan
 OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {
     "RunStarted": ("run", "wall_time", "versions", "tree_path", "cell_path", "tree_files", "preparation"),
     "Computed": ("wall",),
+    "Logged": ("text",),
     "RunEnded": ("wall",),
     "ErrorRaised": ("traceback",),
 }

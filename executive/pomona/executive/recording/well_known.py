@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import logging
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -36,6 +37,7 @@ from pomona.executive.running.events import (
     ErrorRaised,
     Event,
     LinkChanged,
+    Logged,
     NodeChanged,
     OperatorActed,
     PortWritten,
@@ -313,6 +315,8 @@ def _say(event: Event) -> tuple[int, str, str] | None:
             )
         case PortWritten() if event.sentence:
             return INFO, event.writer, f"{event.key.rsplit('/', 1)[-1]}: {event.sentence}"
+        case Logged():
+            return logging.getLevelNamesMapping().get(event.level, logging.INFO) // 10, event.node, event.text
         case LinkChanged():
             return (INFO if event.state == "ok" else ERROR), event.device, event.state
         case OperatorActed():

@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import copy_context
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -209,7 +210,7 @@ class Computations:
             worker.connection.send((function, arguments))
             computation = _Isolated(worker, name, self._give_back)
         else:
-            computation = _Threaded(self._threads.submit(function, *arguments))
+            computation = _Threaded(self._threads.submit(copy_context().run, function, *arguments))
         self._pending.append((node, name, time.perf_counter(), computation))
         return computation
 

@@ -13,7 +13,7 @@ from pomona.executive.errors import NotOwnerError, SkillError
 from pomona.executive.lease import Leases, viewed
 from pomona.executive.running.compute import Computations
 from pomona.executive.running.traces import keep_place, place_here
-from pomona.executive.skill import Computation, Interrupted, Skill, Work
+from pomona.executive.skill import POLLED, Computation, Interrupted, Skill, Work
 from pomona.executive.values.processes import leave_if_forked
 
 T = TypeVar("T")
@@ -178,6 +178,7 @@ class RunContext:
 
     def _let_go(self, skill: Skill, step: Callable[[], object]) -> bool:
         """Return True if the body has ended with this step; an error must not keep the others from their step."""
+        polled = POLLED.set(skill.path)
         try:
             step()
         except (Interrupted, StopIteration):
@@ -188,5 +189,6 @@ class RunContext:
             return False
         finally:
             leave_if_forked()
+            POLLED.reset(polled)
         self.release(skill)
         return True

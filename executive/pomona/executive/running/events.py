@@ -119,6 +119,15 @@ class Published(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class Logged(Event):
+    """A node logged a line with Python's `logging`, in its own tick or in a thread that computes for it."""
+
+    node: str
+    level: str  # name of the level, such as INFO
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Computed(Event):
     """A computation beside the tick ended. `wall` is the time that it really took [s]."""
 

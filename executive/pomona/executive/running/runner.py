@@ -56,7 +56,7 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.requests import LATE, SETS_IN_MOTION, AnswerRefusedError, Request, Requests
 from pomona.executive.running.starting import RunResult, RunState
-from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints, TreeObserver
+from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints, SkillLogs, TreeObserver
 from pomona.executive.running.traces import place_of, traceback_of
 from pomona.executive.skill import SkillContext
 from pomona.executive.speed import cannot_slow, speed_of, words_of
@@ -143,6 +143,7 @@ class Runner(Requests):
         self._attended = attended
         self._attend(self.tree.breakpoints)
         self._observer = TreeObserver(self.tree, self._emit, self._stamp)
+        self._logs = SkillLogs()
         self._state = RunState.IDLE
         self._ticks = 0
         self._started: float | None = None
@@ -201,6 +202,10 @@ class Runner(Requests):
 
     def run(self) -> RunResult:
         """Run the tree to its end. Every error in the run becomes an outcome; none is raised."""
+        with self._logs.listening():
+            return self._run()
+
+    def _run(self) -> RunResult:
         started = self._started = time.perf_counter()
         try:
             self.board.adopt()
@@ -219,6 +224,7 @@ class Runner(Requests):
             with self._telling("", "closing"):
                 self.close()
         self._tell_refusals()
+        self._tell_logs(last=True)
         result = self._result(time.perf_counter() - started)
         self._emit(
             RunEnded(
@@ -547,6 +553,7 @@ class Runner(Requests):
         data: dict[str, object] = {}
         with self._telling(node, "the safe stop"):
             self._safe_stop(message)
+        self._tell_logs()
         if not isinstance(error, SafeStopRequestedError):
             data = {"exception": type(error).__name__, "place": place_of(error)}
             self._tell(node, "the tick", error)
@@ -594,7 +601,12 @@ class Runner(Requests):
             self._tell(node, during, error)
         self._tell_what_failed()
 
+    def _tell_logs(self, last: bool = False) -> None:
+        for line in self._logs.take(*self._stamp(), last):
+            self._emit(line)
+
     def _tell_refusals(self) -> None:
+        self._tell_logs()
         while (refused := self.context.take_refusal()) is not None:
             self._tell(refused.skill, "a refused command", refused)
 

@@ -8,6 +8,9 @@ without a breakpoint pay nothing.
 
 from __future__ import annotations
 
+import contextlib
+import logging
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -21,9 +24,9 @@ from pomona.executive.language.built import Side
 from pomona.executive.nodes import Attempt
 from pomona.executive.nodes.ask import Question
 from pomona.executive.reasons import Reason, reason_of
-from pomona.executive.running.events import AttemptEnded, Event, NodeChanged
-from pomona.executive.skill import Skill
-from pomona.executive.values.sentences import shortened
+from pomona.executive.running.events import AttemptEnded, Event, Logged, NodeChanged
+from pomona.executive.skill import POLLED, Skill
+from pomona.executive.values.sentences import sentence_of, shortened
 
 BREAK_ACTIONS: dict[str, tuple[Side, bool]] = {
     "break": ("before", True),
@@ -209,3 +212,54 @@ class TreeObserver:
 
 def _is_running_leaf(behaviour: Behaviour) -> bool:
     return behaviour.status is Status.RUNNING and not behaviour.children
+
+
+MOST_LOGGED = 20  # lines of a node in a second of the run; the others are counted, so that no record is flooded
+
+
+class SkillLogs(logging.Handler):
+    """Collects the lines that skills log with Python's `logging`, INFO and above."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._lines = deque[tuple[str, str, str]]()
+        self._counts, self._until = Counter[str](), 0.0
+
+    def createLock(self) -> None:
+        """Make no lock: a thread that hangs while it logs must not hold up the tick."""
+        self.lock = None
+
+    @contextlib.contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take INFO lines in here. Warnings go on to the error stream, as without this handler."""
+        root = logging.getLogger()
+        level, handlers = root.level, [self] if root.handlers else [self, logging.lastResort]
+        root.handlers += [handler for handler in handlers if handler is not None]
+        root.setLevel(min(level, logging.INFO))
+        try:
+            yield
+        finally:
+            root.setLevel(level)
+            root.handlers = [handler for handler in root.handlers if handler not in handlers]
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line of a skill; never raises."""
+        node = POLLED.get()
+        self._counts[node] += bool(node)
+        if node and self._counts[node] <= MOST_LOGGED:
+            try:
+                text = record.getMessage()
+                text += f": {sentence_of(record.exc_info[1])}" if record.exc_info and record.exc_info[1] else ""
+            except Exception as error:  # of the caller's arguments: a log must not end a run
+                text = f"{record.msg!r:.60} cannot be shown: {sentence_of(error)}"
+            self._lines.append((node, record.levelname, shortened(text)))
+
+    def take(self, t: float, tick: int, last: bool = False) -> Iterator[Logged]:
+        """Yield the lines since the last call; once a second, and at last, also how many were left out."""
+        while self._lines:
+            yield Logged(t, tick, *self._lines.popleft())
+        if t >= self._until or last:
+            counts, self._counts, self._until = self._counts, Counter(), t + 1.0
+            for node, count in list(counts.items()):
+                if count > MOST_LOGGED:
+                    yield Logged(t, tick, node, "WARNING", f"{count - MOST_LOGGED} more lines were left out")

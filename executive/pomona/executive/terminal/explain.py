@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
@@ -18,6 +18,7 @@ from pomona.executive.running.events import (
     Event,
     HandChanged,
     LinkChanged,
+    Logged,
     NodeChanged,
     OperatorActed,
     RunEnded,
@@ -39,6 +40,7 @@ def did_not_work(overrun: TickOverran) -> bool:
     return overrun.worked is not None and overrun.worked < 0.5 * overrun.duration
 
 
+MOST_LINES = 20  # of the lines that nodes logged, the last ones are listed
 MOST_ATTEMPTS = 4  # maximum number of attempts to list; of more, the first and the last are listed
 
 
@@ -76,6 +78,7 @@ class _Story:
         self.overruns: list[TickOverran] = []
         self.running: dict[str, float] = {}
         self.interrupted: list[str] = []
+        self.logged, self.lines = deque[Logged](maxlen=MOST_LINES), 0
         self.hand, self.hand_told, self.hand_t = "", "", 0.0
         self.t = 0.0
 
@@ -98,6 +101,9 @@ class _Story:
         elif isinstance(event, ErrorRaised):
             self.errors.append(event)
             self._note(event.t, _raised(event, self._name(event.node) if event.node else ""))
+        elif isinstance(event, Logged):
+            self.logged.append(event)
+            self.lines += 1
         elif isinstance(event, HandChanged):
             self.hand, self.hand_t = event.what, event.t
         elif isinstance(event, TickOverran):
@@ -145,7 +151,9 @@ class _Story:
         if ended is not None and ended.reason is not None:
             yield self._figures(ended.reason)
             yield self._on_the_way()
-        moments = sorted([*self.moments, *self._attempts(), *self._late()], key=lambda moment: moment[0])
+        moments = sorted(
+            [*self.moments, *self._attempts(), *self._late(), *self._logged()], key=lambda moment: moment[0]
+        )
         yield " ".join(text for _, text in moments)
         yield " ".join(
             f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', note))}"
@@ -251,6 +259,12 @@ class _Story:
             longest = max(late, key=lambda overrun: overrun.duration)
             others = f" Ticks that waited {seconds(BLOCKED)} or longer: {len(late)}." if len(late) > 1 else ""
             yield longest.t, self._blocked(longest) + others
+
+    def _logged(self) -> Iterator[tuple[float, str]]:
+        if self.lines > len(self.logged):
+            yield self.logged[0].t, f"Of {self.lines} logged lines the last {len(self.logged)} are listed."
+        for line in self.logged:
+            yield line.t, f"At {line.t:.1f} s {self._name(line.node)} logged {line.level}: {_sentence(line.text)}"
 
     def _blocked(self, overrun: TickOverran) -> str:
         who = self._name(overrun.node) if overrun.node else "something"

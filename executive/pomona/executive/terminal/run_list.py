@@ -153,7 +153,8 @@ def _comparison(runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -
     add("cell", [f"{run.cell} {run.cell_hash[:8]}" for run in runs])
     add("seed", [run.seed for run in runs])
     for key in sorted({key for run in runs for key in run.settings}):
-        add(key, [run.settings.get(key) for run in runs])
+        usual = [f"{run.parameters[key]} by default" if key in run.parameters else None for run in runs]
+        add(key, [run.settings.get(key, default) for run, default in zip(runs, usual, strict=True)])
     parameters = {key for run in runs for key in run.parameters} - {key for run in runs for key in run.settings}
     for key in sorted(parameters):
         values = [run.parameters.get(key) for run in runs]

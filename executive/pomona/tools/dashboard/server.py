@@ -43,7 +43,7 @@ from pomona.tools.dashboard.record_messages import (
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
 from pomona.tools.library.index import RunIndex, records_in
-from pomona.tools.tree_drawing.drawn_tree import drawing
+from pomona.tools.reload.redrawing import redrawing
 from pomona.tools.tree_editor.asides import Asides
 
 STATIC = Path(__file__).parent / "static"
@@ -263,7 +263,8 @@ class Dashboard:
 
     def _drawing(self, request: Request) -> Response:
         folder = self._folder(request)
-        drawn = None if folder is None else drawing(folder)
+        until = _interval({"begin": "0", "end": request.query_params.get("until", "")})
+        drawn = None if folder is None else redrawing(folder, until[1] if until is not None else 0.0)
         if drawn is None:
             return JSONResponse({"error": "no tree that can be drawn"}, 404)
         return Response(drawn, media_type="image/svg+xml")

@@ -13,8 +13,9 @@ from pomona.tools.groot.untranslated import UntranslatedType
 from pomona.tools.groot.yaml_text import flow
 
 _WIRE = re.compile(r"\{(\w+)\}")
-_IS_DECLARED = re.compile(r"(?!BehaviorTree$)[^\W\d_]\w*")
-"""Elements that a dry run passes through; a tree without a single root has no meaning even there."""
+_IS_DECLARED = re.compile(r"(?!BehaviorTree$)[A-Za-z]\w*", re.ASCII)
+"""Elements that a dry run passes through: names that a skill can have. A tree without a single root has no meaning
+even there."""
 
 
 def with_stubs(

@@ -20,6 +20,7 @@ from pomona.executive.cell.cell_file import outline_cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.files import default_name, read_text
 from pomona.executive.registry import Registry
+from pomona.executive.values.documents import Outline
 from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
@@ -105,6 +106,7 @@ class TreeEditor:
             "link": str(self.file.given) if self.file.link else "",
             "may_act": self.access.may_act,
             "cell": self.cell.stem,
+            "options": [{"name": o.name, "default": o.default, "help": o.help} for o in _outline(self.cell).options],
             "scenarios": [str(path.relative_to(self.file.path.parent)) for path in self._scenarios()],
             "drafts": [{"page": d.page, "text": d.text, "stamp": d.stamp, "time": d.time} for d in gone],
             "disk": _disk(self.file.read()),
@@ -197,12 +199,15 @@ class TreeEditor:
             first = errors[0]
             raise UsageError(f"not started: line {first['line']}: {first['message']}; correct the errors first")
         refuse_real(self.cell)
+        settings = settings_of(body.get("settings", {}))
+        if kind == "run":
+            self.workbench.refuse(text, settings, self.cell)
         scenarios = [str(path) for path in self._scenarios()] if kind == "scenarios" else []
         if kind == "scenarios" and not scenarios:
             raise UsageError(f"no scenario file below {self.file.path.parent} tests {self.file.path.name}")
         order = {
             "kind": kind, "dry": kind == "dry", "tree": str(self.file.path), "text": text, "cell": str(self.cell),
-            "seed": _number(body, "seed") if "seed" in body else 0, "settings": settings_of(body.get("settings", {})),
+            "seed": _number(body, "seed") if "seed" in body else 0, "settings": settings,
             "real_time": body.get("real_time") is True, "record": str(self.records), "port": free_port(),
             "scenarios": scenarios,
         }  # fmt: skip
@@ -215,14 +220,18 @@ class TreeEditor:
 
 def refuse_real(cell: Path) -> None:
     """Raise if a cell is not a simulated one. Raises UsageError: the editor moves no real device."""
+    if (kind := _outline(cell).kind) not in SIMULATED:
+        raise UsageError(
+            f"the cell '{cell.stem}' is {kind}: the editor runs trees on simulated cells only; use pomona run"
+        )
+
+
+def _outline(cell: Path) -> Outline:
     findings = Findings()
     outline = outline_cell(cell, findings)
     if outline is None:
         raise UsageError(format_findings(findings.sorted()) or f"{cell}: not a cell file")
-    if outline.kind not in SIMULATED:
-        raise UsageError(
-            f"the cell '{cell.stem}' is {outline.kind}: the editor runs trees on simulated cells only; use pomona run"
-        )
+    return outline
 
 
 def default_cell() -> Path:

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.errors import PomonaError
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.judging import judge
+from pomona.executive.language.check import read_document
 from pomona.executive.language.interface import parse_settings
 from pomona.executive.language.model import Declared, Definition
 from pomona.executive.language.value_types import ValueType, can_flow, describe, fields_of
@@ -16,7 +18,7 @@ from pomona.executive.nodes.context import COUNTERS
 from pomona.executive.nodes.takes import Value
 from pomona.executive.ports import Port, Quantity
 from pomona.executive.registry import Registry
-from pomona.executive.values.findings import Finding, mended
+from pomona.executive.values.findings import Finding, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlScalar, written
 from pomona.tools.editor.edits import EditError, apply, edit_of, nodes
 from pomona.tools.editor.service import TreeService, is_tree
@@ -69,6 +71,14 @@ class Workbench:
                 raise EditError("this finding has no correction that can be applied")
             after = mended(text, [found])[0]
             return {"text": after, **self._state(after)}
+
+    def refuse(self, text: str, settings: Mapping[str, str], cell: Path) -> None:
+        """Raise UsageError: a value of a run, or the text with these values, cannot be used on the cell."""
+        with self._lock:
+            document = read_document(self._path, {str(self._path): text})
+            for found in judge(document, self._skills, settings, cell).findings.sorted():
+                if found.severity == "error":
+                    raise UsageError(f"{place_of(found)}: {said(found)}")
 
     def offers(self, text: str, definition: str, kind: str) -> dict[str, list[dict[str, str]]]:
         """Return the values that fit each port and field of a node: names in scope and their fields, by type.

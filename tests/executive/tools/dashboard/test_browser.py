@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from pomona.executive.running.events import (
     RunStarted,
     SafeStopped,
     StateChanged,
+    TreeChanged,
 )
 from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
 from pomona.tools.dashboard import record_messages
@@ -272,6 +274,44 @@ def test_figures_have_their_units(show: Show, open_page: Open) -> None:
     assert shown == ["width 79.7 mm", "wanted force 20.7 N", "angle 28.6°", "ratio 0.25"]
 
 
+def test_the_drawing_after_a_reload_is_that_of_the_changed_tree(show: Show, open_page: Open) -> None:
+    before = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Rest: {}\n    - Rest: {}\n"
+    after = before + "    - Murmur: {}\n"
+    show.record(before, "before")
+    show.record(after, "after")
+    first, later = (list(read_events(show.records / name)) for name in ("before", "after"))
+    assert isinstance(later[0], RunStarted)
+    difference = "--- tree.yaml\n+++ tree.yaml\n@@ -6,0 +7 @@\n+    - Murmur: {}"
+    (show.records / "reloaded").mkdir()
+    recorder = Recorder(show.records / "reloaded")
+    begun = replace(first[0], run="reloaded")
+    for event in (begun, *first[1:-1], TreeChanged(first[-1].t, 9, later[0].nodes, difference), first[-1]):
+        recorder.on_event(event)
+    recorder.close()
+    page = open_page("run=reloaded")
+    page.get_by_role("button", name="Drawing").click()
+    boxes = page.locator("#drawing svg > g")
+    page.locator("#timeline").press("End")
+    expect(boxes).to_have_count(4)
+    expect(boxes.last).to_contain_text("Murmur")
+    page.locator("#timeline").press("Home")
+    expect(boxes).to_have_count(3)
+
+
+def test_lines_that_a_skill_logs_stand_at_its_node_and_among_the_events(show: Show, open_page: Open) -> None:
+    show.record("pomona: 1\ntree: t\nroot: {sequence: [{Rest: {}}, {Murmur: {}}]}\n", "logged")
+    page = open_page("run=logged")
+    row(page, "Murmur").click()
+    lines = page.locator("#node ol.history").last.locator("li")
+    expect(lines).to_have_count(2)
+    expect(lines.nth(0)).to_have_text(re.compile(r"^0\.\d s *WARNING the scale drifts *$"))
+    expect(lines.nth(1)).to_contain_text("INFO <b>the scale</b> reads 151.5 g")
+    row(page, "Rest").click()
+    expect(page.locator("#node")).not_to_contain_text("the scale")
+    page.get_by_role("tab", name="Events").click()
+    expect(page.locator("#log")).to_contain_text("✎ Murmur WARNING: the scale drifts")
+
+
 def test_why_names_the_next_step_of_the_tree(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(JAM)
@@ -348,7 +388,7 @@ def test_control_is_handed_over_where_everybody_sees_it(show: Show, open_page: O
     expect(second.locator("#holder")).to_have_text("ada holds control.")
     expect(second.locator("#viewers")).to_have_text("2 watch.")
     take_control(second, "ben")
-    expect(first.locator("#holder")).to_have_text("ben holds control.")
+    expect(first.locator("#holder")).to_have_text("ben holds control. It was taken over from you.")
     expect(first.get_by_role("button", name="Pause")).to_be_disabled()
 
 

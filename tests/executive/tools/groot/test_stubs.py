@@ -42,3 +42,14 @@ def test_without_models_a_port_that_nothing_has_written_is_an_output() -> None:
         "Drive": {"in": ["to", "now"]},
         "Recognise": {"out": ["colour", "point", "state"]},
     }
+
+
+def test_a_name_that_no_skill_can_have_is_reported_and_not_declared() -> None:
+    text, findings = import_groot(
+        '<root BTCPP_format="4"><BehaviorTree ID="T"><Sequence><Action ID="Größe"/><Action ID="Grab"/></Sequence>'
+        "</BehaviorTree></root>",
+        "t.xml",
+        stubs=True,
+    )
+    assert list(yaml.safe_load(text)["skills"]) == ["Grab"]
+    assert "call it Grosse" in findings[0].message

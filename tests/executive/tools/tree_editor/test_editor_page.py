@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -287,6 +287,26 @@ def test_a_dry_run_shows_the_states_on_the_drawing(editor: TreeEditor, open_page
     page.keyboard.press("Control+Enter")
     expect(page.locator('[data-bar="trial"]')).to_contain_text("Dry run: success")
     expect(page.locator(".item.success")).to_have_count(4)
+
+
+def test_seed_pace_and_values_of_a_run_are_asked_for_and_judged(
+    editor: TreeEditor, open_page: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    orders: list[Mapping[str, Any]] = []
+    monkeypatch.setattr(editor.trial, "start", lambda order: orders.append(order) or 1)
+    page = open_page(editor)
+    page.get_by_role("button", name="Run simulated").click()
+    dialog = page.get_by_role("dialog", name="Run on the simulated cell")
+    dialog.get_by_label("seed").fill("7")
+    dialog.get_by_label("pace").select_option("real time")
+    dialog.get_by_label("mass").fill("3 mm")
+    dialog.get_by_role("button", name="Start").click()
+    expect(dialog.get_by_role("alert")).to_contain_text("mass")
+    assert orders == []
+    dialog.get_by_label("mass").fill("200 g")
+    dialog.get_by_role("button", name="Start").click()
+    expect(dialog).to_be_hidden()
+    assert [(o["seed"], o["real_time"], o["settings"]) for o in orders] == [(7, True, {"mass": "200 g"})]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -262,6 +262,27 @@ def test_an_unknown_trial_and_wrong_settings_are_refused(ask: Ask) -> None:
     assert ask("start", kind="scenarios", text=SMALL)[0] == 409  # none tests this tree
 
 
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        ({"tries": "9"}, "tries is at most 5, 9 is above"),
+        ({"place": "99"}, "place"),
+        ({"mass": "3 mm"}, "mass"),
+        ({"plaec": "1"}, "did you mean 'place'?"),
+    ],
+)
+def test_a_value_that_the_tree_or_the_cell_cannot_use_is_refused_before_the_run(
+    ask: Ask, editor: TreeEditor, settings: dict[str, str], problem: str
+) -> None:
+    text = SMALL.replace("root:", "parameters: {tries: {type: int, default: 1, max: 5}}\nroot:").replace(
+        "1 s\n", "1 s\n      retry: '{tries}'\n", 1
+    )
+    status, answer = ask("start", kind="run", text=text, settings=settings)
+    assert status == 409
+    assert problem in answer["error"]
+    assert editor.trial.since(0, 0)["trial"] == 0
+
+
 def test_a_real_cell_is_refused(ask: Ask, editor: TreeEditor) -> None:
     editor.cell = editor.cell.with_name("lab.yaml")
     status, answer = ask("start", kind="run", text=SMALL)

@@ -43,6 +43,7 @@ function drawSpeed(s, may) {
   $("arm-speed-words").dataset.slow = now < 100;
 }
 
+let wasMine = false, taken = ""; // whether this page held control, and how it lost it
 export function drawControl(s) {
   drawQuestions(s);
   shownPause = s.pause;
@@ -58,7 +59,9 @@ export function drawControl(s) {
   drawSpeed(s, mine && (running || paused));
   $("control").hidden = !live || isClosed();
   const { held_by: holder, viewers, holder_here: here } = page.control;
-  put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not connected" : ""}.` : "No operator holds control.");
+  if (mine) taken = ""; else if (wasMine && holder) taken = " It was taken over from you.";
+  wasMine = mine;
+  put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not connected" : ""}.${taken}` : "No operator holds control.");
   $("holder").dataset.mine = mine;
   document.body.classList.toggle("mine", mine);
   put($("viewers"), viewers > 1 ? `${viewers} watch.` : "");

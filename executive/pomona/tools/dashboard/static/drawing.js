@@ -3,6 +3,7 @@ import { $, h } from "./dom.js";
 import { page, read } from "./page.js";
 import { standing } from "./store.js";
 
+const WRITTEN = 1000, TRIES = 5; // ms until a record that is being written is read again, and how often
 const SCALE = 0.72; // of a box on the page to one in a file
 const CLASSES = ["good", "bad", "busy", "cut", "past"];
 
@@ -15,7 +16,8 @@ export class DrawingView {
   // `nodes`: the tree's rows in their order, which is that of the drawing.
   update(state, nodes, selected, scale) {
     if (document.body.dataset.large !== "drawing" || !state.run) return;
-    if (this.run !== state.run.run) { this.load(state.run.run, nodes); return; }
+    const run = `${encodeURIComponent(state.run.run)}/drawing?until=${state.changed}`;
+    if (this.run !== run) { this.load(run, nodes); return; }
     if (this.picture && this.scale !== scale) {
       this.scale = scale;
       for (const side of ["width", "height"]) this.picture.setAttribute(side, this.size[side] * SCALE * scale);
@@ -45,11 +47,14 @@ export class DrawingView {
     Object.assign(this, { run, boxes: [], key: "", seen: -1, picture: null });
     let problem = "The tree of this run is not recorded: there is no drawing.";
     try {
-      const answer = await read(`/api/runs/${encodeURIComponent(run)}/drawing`);
+      const answer = await read(`/api/runs/${run}`);
       if (this.run !== run) return;
       if (answer.ok) {
         const picture = document.importNode(new DOMParser().parseFromString(await answer.text(), "image/svg+xml").documentElement, true);
         const boxes = [...picture.querySelectorAll(":scope > g")];
+        this.tries = this.of === run ? this.tries + 1 : 1;
+        this.of = run;
+        if (boxes.length !== nodes.length && this.tries < TRIES) setTimeout(() => { if (this.run === run) this.run = null; page.dirty = true; }, WRITTEN); // the change is not in the record yet
         if (boxes.length === nodes.length) this.boxes = boxes.map((box, i) => ({ box, path: nodes[i] }));
         for (const { box, path } of this.boxes) box.addEventListener("click", () => this.onPick(path));
         Object.assign(this, { picture, scale: null, size: { width: picture.getAttribute("width"), height: picture.getAttribute("height") } });

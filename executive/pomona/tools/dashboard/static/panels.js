@@ -134,12 +134,13 @@ export function drawNode(s, onBreak) {
   const chosen = Boolean(page.selected), path = page.selected ?? s.spans.at(-1)?.path; // until one is chosen, the skill that started last
   const node = path && s.node.get(path);
   const [before, after] = [s.breaks.before.has(path), s.breaks.after.has(path)];
-  const key = `${path}|${chosen}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${Boolean(s.ended)}|${holdsControl()}`;
+  const key = `${path}|${chosen}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${s.logs.length}|${s.logs.at(-1)?.t}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${Boolean(s.ended)}|${holdsControl()}`;
   if (key === nodeKey || $("node").contains(document.activeElement) && document.activeElement.matches("input")) return; // not while the operator types in it
   nodeKey = key;
   const about = path && s.byPath.get(path);
   if (!about) { $("node").replaceChildren(h("p", { class: "empty" }, "Choose a node in the tree.")); return; }
   const { icon, words, rank } = standing(node), last = lastResult(node), results = node?.history.filter((e) => e.status !== "INVALID") ?? [];
+  const lines = s.logs.filter((e) => e.path === path);
   const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).map((text, i) => `${String(from + i).padStart(3)}  ${text}`).join("\n").trimEnd() : "";
   const wires = (title, ports) => (Object.keys(ports ?? {}).length ? [h("h3", {}, title), h("dl", { class: "wires" }, Object.entries(ports).flatMap(([port, wired]) => wiring(s, port, wired)))] : []);
@@ -151,6 +152,7 @@ export function drawNode(s, onBreak) {
     page.recorded || !chosen ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
     ...wires("Settings", about.settings), ...wires("Reads", about.inputs), ...changed(s, about, chosen), ...wires("Writes", about.outputs),
     ...(results.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, results.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
+    ...(lines.length ? [h("h3", {}, "Log"), h("ol", { class: "history" }, lines.slice(-20).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.bad ? "bad" : "" }, `${e.level} ${e.text}`))))] : []),
     ...(source ? [h("h3", {}, "In the tree's file"), h("pre", { tabindex: "0" }, source)] : [])].filter(Boolean));
 }
 
@@ -175,12 +177,12 @@ function compact(value) {
 let logKey = "";
 export function drawLog(s) {
   if ($("log").hidden) return;
-  const key = `${s.run?.run}|${s.marks.length}|${s.marks.at(-1)?.t}|${s.spans.length}|${s.spans.at(-1)?.end}`;
+  const key = `${s.run?.run}|${s.marks.length}|${s.marks.at(-1)?.t}|${s.spans.length}|${s.spans.at(-1)?.end}|${s.logs.length}|${s.logs.at(-1)?.t}`;
   if (key === logKey) return;
   logKey = key;
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const turns = s.spans.slice(-200).flatMap((span) => [{ t: span.start, icon: "▶", text: name(span.path) }, ...(span.end === null || span.status === "FAILURE" || span.halted ? [] : [{ t: span.end, icon: STATUS[span.status].icon, text: `${name(span.path)} ${STATUS[span.status].word}, ${seconds(span.end - span.start)}` }])]);
-  const events = [...s.marks.slice(-200).map((m) => ({ t: m.t, icon: ICON[m.kind], text: m.text, bad: m.kind === "bad" || m.kind === "failure" })), ...turns].sort((a, b) => b.t - a.t).slice(0, 300);
+  const events = [...s.marks.slice(-200).map((m) => ({ t: m.t, icon: ICON[m.kind], text: m.text, bad: m.kind === "bad" || m.kind === "failure" })), ...turns, ...s.logs.slice(-200).map((e) => ({ ...e, icon: "✎", text: `${name(e.path)} ${e.level}: ${e.text}` }))].sort((a, b) => b.t - a.t).slice(0, 300);
   if (!events.length) { $("log").replaceChildren(h("p", { class: "empty" }, "Nothing has happened yet.")); return; }
   $("log").replaceChildren(h("ol", { class: "events" }, events.map((e) => h("li", {}, moment(e.t), h("span", { class: e.bad ? "bad" : "" }, `${e.icon} ${e.text}`)))));
 }

@@ -10,15 +10,15 @@ export const STATUS = {
 
 const STOPS = new Set(["stop", "safe_stop", "interrupt"]); // an interrupted node stays red until it starts again
 const MOST_SAMPLES = 40000; // of a series; older ones are thinned, so that an hour of samples stays small
-const MOST_KEPT = 4000; // spans, marks, failures, acts
+const MOST_KEPT = 4000; // spans, marks, lines of logs, failures, acts
 const GROUP = 4; // samples of which thinning leaves two, the least and the greatest
 const MOST_TRACE = 900; // points of an executed path
 
 export function emptyState() {
   return {
-    t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "", pausedBy: "", pause: 0,
+    t: 0, tick: 0, seq: 0, run: null, changed: 0, nodes: [], byPath: new Map(), state: "idle", because: "", pausedBy: "", pause: 0,
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
-    series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
+    series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], logs: [], links: new Map(), failures: [], acts: [], ended: null,
     safeStop: null, halted: false, unrest: "", hand: null, progress: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
   };
 }
@@ -29,7 +29,7 @@ export function apply(s, m) {
   if (typeof m.tick === "number") s.tick = m.tick;
   const handler = HANDLERS[m.event];
   if (handler) handler(s, m);
-  if ((m.seq & 255) === 0) for (const list of [s.spans, s.marks, s.failures, s.acts]) if (list.length > MOST_KEPT) list.splice(0, MOST_KEPT / 4);
+  if ((m.seq & 255) === 0) for (const list of [s.spans, s.marks, s.logs, s.failures, s.acts]) if (list.length > MOST_KEPT) list.splice(0, MOST_KEPT / 4);
   return s;
 }
 
@@ -47,6 +47,7 @@ const HANDLERS = {
   },
   TreeChanged(s, m) {
     s.run = { ...s.run };
+    s.changed = m.t;
     setNodes(s, m.nodes); // names of nodes that are gone stay known
   },
   StateChanged(s, m) {
@@ -101,6 +102,7 @@ const HANDLERS = {
     const node = s.node.get(m.node);
     if (node) node.computed = (node.computed ?? 0) + m.wall;
   },
+  Logged(s, m) { s.logs.push({ t: m.t, path: m.node, text: m.text, level: m.level, bad: ["WARNING", "ERROR", "CRITICAL"].includes(m.level) }); },
   PortWritten(s, m) {
     s.ports.set(m.key, { value: m.value, writer: m.writer, t: m.t, sentence: m.sentence });
   },

@@ -7,6 +7,7 @@ import { openMenu } from "./menu.js";
 import { about, children, holdsNodes, labelOf, node, page, siblings, take } from "./model.js";
 import { NodePane } from "./node.js";
 import { choose } from "./palette.js";
+import { askRun } from "./run.js";
 import { get, mayAct, me, post } from "./talk.js";
 import { TextPane } from "./text.js";
 import { follow, NAMES, sentence } from "./trial.js";
@@ -449,12 +450,13 @@ async function watch() {
 
 // ------------------------------------------------------------------------------------------------ trials
 
-async function start(kind) {
+// Returns the problem.
+async function start(kind, asked = {}) {
   await busy;
   bar("trial", "busy", NAMES[kind], "starting …");
-  const answer = await post("start", { text: page.text, kind });
-  if (answer.error) { bar("trial", "bad", "Not started", answer.error); return; }
-  page.asked = page.text;
+  const answer = await post("start", { text: page.text, kind, ...asked });
+  if (answer.error) bar("trial", "bad", "Not started", answer.error); else page.asked = page.text;
+  return answer.error;
 }
 
 function heard({ trial, count, messages }) {
@@ -496,7 +498,8 @@ function say(words) {
 
 for (const [id, run] of Object.entries({ save, undo: () => step(true), redo: () => step(false), insert: () => ACTIONS.insert.run(), problems: () => jump(1), "show-keys": () => showKeys(ACTIONS) })) $(id).addEventListener("click", run);
 $("menu-button").addEventListener("click", (event) => { const at = event.currentTarget.getBoundingClientRect(); menu(at.left, at.bottom + 2); });
-for (const button of document.querySelectorAll("[data-start]")) { button.dataset.about = button.title; button.addEventListener("click", () => start(button.dataset.start)); }
+for (const button of document.querySelectorAll("[data-start]")) { button.dataset.about = button.title; button.addEventListener("click", () => (button.dataset.start === "run" ? askRun((asked) => start("run", asked)) : start(button.dataset.start))); }
+$("run-cancel").addEventListener("click", () => $("run-ask").close());
 $("find").addEventListener("input", search);
 $("find").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === "Escape") { if (event.key === "Escape") { $("find").value = ""; search(); } drawing.root.focus(); event.preventDefault(); } });
 const narrow = matchMedia("(max-width: 720px)");
@@ -508,7 +511,7 @@ async function open() {
   const problem = opened.error ?? catalogue.error;
   if (problem) { bar("open", "bad", "The file cannot be opened", problem, [], false); return; }
   const { disk } = opened;
-  Object.assign(page, { catalogue, name: opened.name, path: opened.path, cell: opened.cell, scenarios: opened.scenarios, mayAct: mayAct && opened.may_act, small: narrow.matches, text: disk.text, disk: disk.text, stamp: disk.stamp, problem: disk.problem });
+  Object.assign(page, { catalogue, name: opened.name, path: opened.path, cell: opened.cell, options: opened.options, scenarios: opened.scenarios, mayAct: mayAct && opened.may_act, small: narrow.matches, text: disk.text, disk: disk.text, stamp: disk.stamp, problem: disk.problem });
   $("name").textContent = opened.name;
   $("path").textContent = opened.link ? `a link to ${opened.path}` : opened.path;
   $("path").title = opened.path;
