@@ -59,6 +59,52 @@ class Misplaced:
         return newest[1]
 
 
+class Felt:
+    """What each pad truly touches while the fingers close: forces and faces, and the fruit's skin between them."""
+
+    def __init__(self, world: Any) -> None:
+        self.steps: list[Float64] = []
+        self._world, self._address = world, world.model.jnt_qposadr[world.model.joint("fruit_0").id]
+        self._pads = [world.sensor(f"wrench_{pad}") for pad in PADS]
+        self._joints = [world.model.joint(name).qposadr[0] for name in ("finger_left", "finger_right")]
+
+    def step(self) -> None:
+        """Note one step in which a pad touches."""
+        forces = [float(np.linalg.norm(view[:3])) for view in self._pads]
+        if max(forces) > 0.0 and len(self.steps) < 4000:
+            state = self._world.state
+            width = 0.035 + float(state.qpos[self._joints].sum())
+            tcp = state.site("tcp")
+            pose = state.qpos[self._address : self._address + 7]
+            self.steps.append(np.array([self._world.clock.now(), width, *forces, *tcp.xpos, *tcp.xmat, *pose]))
+
+    def at(self, stamp: float) -> dict[str, Any]:
+        """Return what was true at a touch: forces of both pads, and the skin of the fruit along the fingers."""
+        row = min(self.steps, key=lambda row: abs(row[0] - stamp))
+        first = next((r for r in self.steps if r[0] > row[0] - 0.5), row)
+        R = row[7:16].reshape(3, 3)
+        from scipy.spatial.transform import Rotation
+
+        turned = Rotation.from_quat(np.roll(row[19:23], -1)).as_matrix()
+        points = _filled(self._world.scene.shapes[0]) @ turned.T + row[16:19]
+        own = (points - row[4:7]) @ R
+        between = own[(np.abs(own[:, 0]) < 0.01) & (np.abs(own[:, 2]) < 0.01)]
+        return {
+            "step": row[:4].tolist(),
+            "first_step": first[:4].tolist(),
+            "skin": [float(own[:, 1].max()), float(-own[:, 1].min())],
+            "skin_between_pads": [float(between[:, 1].max()), float(-between[:, 1].min())],
+        }
+
+
+def _filled(shape: Any) -> Float64:
+    """Return points on the faces of a fruit, 1 mm apart and less, shape (n, 3) [m]."""
+    rng = np.random.default_rng(0)
+    corners = shape.vertices[shape.faces[rng.integers(len(shape.faces), size=60_000)]]
+    weights = rng.dirichlet(np.ones(3), size=len(corners))
+    return np.vstack([shape.vertices, np.einsum("nk,nkd->nd", weights, corners)])
+
+
 class Forces:
     """Largest forces on the pads, and between the robot and anything else, in any step of the world [N]."""
 
@@ -91,6 +137,7 @@ def pick(
     """Run one pick and return its touches, its largest forces and its truth."""
     touches: list[Any] = []
     seen: list[Forces] = []
+    felt: list[Felt] = []
 
     def ready(runner: Runner) -> None:
         devices: Any = runner._cell.devices
@@ -99,6 +146,8 @@ def pick(
         world = getattr(world, "_world", world)
         seen.append(Forces(world))
         world.after_step.append(seen[0].step)
+        felt.append(Felt(world))
+        world.after_step.append(felt[0].step)
 
     def on_event(event: Event) -> None:
         if isinstance(event, NodeChanged) and event.status == "RUNNING" and seen:
@@ -117,6 +166,9 @@ def pick(
         "outcome": result.outcome,
         "reason": "" if result.reason is None else result.reason.code,
         "touches": touches,
+        "felt": [
+            {side: felt[0].at(value[side]["stamp"]) for side in ("left", "right") if value[side]} for value in touches
+        ],
         "pad_n": forces.pad,
         "pads_n": forces.pads,
         "other_n": forces.other,
