@@ -142,6 +142,8 @@ class PickTouches:
     # distances of the measured skin from the tool's centre along its y axis, left and right [m]
     skin: Annotated[Float64, Array(2, of=LENGTH)]
     table: Annotated[Float64, Array(2, 4)] | None  # `SeenTable.planes` of that look
+    # of a finger that landed on the fruit on the approach: way from the measured skin to it, in the base frame
+    landed: Annotated[Float64, Array(3, of=LENGTH)] | None = None
 
 
 class TouchRecorder:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
-from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals
+from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals, table_left
 from pomona.tools.caliper.findings import corrected, find_error, hidden, known
 from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import Picks, find_runs
@@ -90,9 +90,8 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
     before, after = _left(apart, np.zeros(8)), _left(apart, learnt.error)
     found = estimate(read.picks)
     finding = find_error(found)
-    compared = (
-        f"{len(apart)} picks kept apart: first touch off by {1e3 * before:.2f} mm before, {1e3 * after:.2f} after"
-    )
+    gain = f"off by {1e3 * before:.2f} mm before, {1e3 * after:.2f} after"
+    compared = f"{len(apart)} picks kept apart: {_compared(apart)} {gain}"
     if not after < before:
         raise NoProposal(f"{finding.sentence} {compared}: the cell's calibration is left as it is")
     lines = [
@@ -108,10 +107,17 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
 
 
 def _left(picks: Sequence[Pick], error: Any) -> float:
-    """Return the median remainder of the first touches, or widths, after an error [m]."""
-    left = np.array([residuals(pick, error) for pick in picks])
-    column = left[:, 0] if np.isfinite(left[:, 0]).any() else left[:, 1]
+    """Return the median remainder of the first touches, else of widths, else of the table, after an error [m]."""
+    left = np.array([(*residuals(pick, error), table_left(pick, error)) for pick in picks])
+    column = next((c for c in left.T if np.isfinite(c).any()), np.zeros(1))
     return float(np.median(np.abs(column[np.isfinite(column)])))
+
+
+def _compared(picks: Sequence[Pick]) -> str:
+    """Return the name of the values that `_left` compares."""
+    if any(pick.side for pick in picks):
+        return "first touch"
+    return "table" if all(pick.is_look for pick in picks) else "width"
 
 
 def _values(found: CameraErrors) -> list[str]:

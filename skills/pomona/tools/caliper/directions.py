@@ -46,7 +46,7 @@ def further_picks(direction: Float64, picks: Sequence[Pick]) -> str:
         direction: unit vector in the camera's frame, shape (3,).
         picks: those that were made.
     """
-    axes = np.array([pick.axis for pick in picks if pick.side])
+    axes = np.array([pick.axis for pick in picks if pick.side and not pick.landed])
     if not len(axes):
         return "picks with fingers that feel the touch of each pad"
     up = np.mean([pick.up for pick in picks], axis=0)

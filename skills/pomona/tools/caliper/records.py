@@ -15,7 +15,7 @@ from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE, events_file, find_record, in_order
 from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object
 from pomona.executive.recording.scan import scan
-from pomona.tools.caliper.pick import Pick, UnusableTouches, pick_from
+from pomona.tools.caliper.pick import KINDS, Pick, UnusableTouches, pick_from
 
 SAME_POSE = 1e-6  # difference of two poses of a camera in its mount from which they are two calibrations
 
@@ -173,9 +173,11 @@ def _state(record: Path) -> list[int]:
 
 def _touches(record: Path) -> Iterable[tuple[str, Any]]:
     for topic, content, *_ in scan(events_file(record), topics=lambda topic: topic == EVENTS):
-        if topic == EVENTS and b"PickTouches" in content:
+        if topic == EVENTS and any(kind.encode() in content for kind in KINDS.values()):
             match parse_object(content):
-                case {"event": "Published", "topic": "touches", "t": t, "value": {"type": "PickTouches"} as value}:
+                case {"event": "Published", "topic": str() as at, "t": t, "value": {"type": kind} as value} if (
+                    KINDS.get(at) == kind
+                ):
                     yield f"{record.name} at {float(t or 0.0):.2f} s", value
 
 

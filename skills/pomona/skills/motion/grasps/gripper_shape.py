@@ -53,6 +53,15 @@ class GripperShape:
                 before = max(before, float(upper[2] - points_tcp[beside, 2].min()))
         return before
 
+    def way_to(self, points_tcp: Float64, width: float, finger: str) -> Float64:
+        """Return the shortest way from points, shape (n, 3) [m], to the left or right finger, (3,); 0 inside of it."""
+        corners = self.points + (width - self.closed) * self.slides
+        own = (corners[:, 1] > 0.0) == (finger == "left")
+        around = self.radii[own, None]
+        lower, upper = (corners[own] - around).min(axis=0), (corners[own] + around).max(axis=0)
+        ways: Float64 = np.clip(points_tcp, lower, upper) - points_tcp
+        return ways[np.linalg.norm(ways, axis=1).argmin()]
+
 
 @lru_cache(maxsize=16)
 def gripper_shape(robot: RobotModel) -> GripperShape:
