@@ -76,6 +76,7 @@ class DoubtedLook:
 
 def mismatch(skill: Skill, frame: Frame, problem: FrameProblem) -> SkillFailure:
     """Return the failure of a skill whose frame has a problem."""
-    if problem.planes is not None:
-        skill.publish("doubted_look", DoubtedLook(problem.planes, frame.T_mount_camera, frame.q is not None))
-    return skill.failure(problem.code, f"{frame.label or 'camera'}: {problem.message}", camera=frame.label, **problem.data)
+    camera, planes = frame.label, problem.planes
+    if planes is not None:
+        skill.publish("doubted_look", DoubtedLook(planes, frame.T_mount_camera, frame.q is not None))
+    return skill.failure(problem.code, f"{camera or 'camera'}: {problem.message}", camera=camera, **problem.data)
