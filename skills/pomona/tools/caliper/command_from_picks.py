@@ -29,7 +29,7 @@ class NoProposal(UsageError):
 
 def add(kinds: Any) -> None:
     """Register `from-picks` among the kinds of `pomona calibrate`."""
-    about = "propose the camera's pose, the depth's scale and the fingers' zero from recorded picks"
+    about = "propose the camera's pose and the depth's scale from recorded picks"
     picks = kinds.add_parser("from-picks", help=about)
     picks.add_argument("runs", nargs="+", metavar="RUN", help="names or paths of records, or folders of records")
     picks.add_argument("--out", type=Path, required=True, help="the file to write; a camera's `hand_eye` may name it")
@@ -127,7 +127,7 @@ def _values(found: CameraErrors) -> list[str]:
     return [
         f"camera   x, y, z in its own frame {metres} mm; about them {angles}°",
         f"depth    too short by {1e2 * e[6]:+.2f} ± {1e2 * s[6]:.2f} %",
-        f"fingers  read too wide by {1e3 * e[7]:+.2f} ± {1e3 * s[7]:.2f} mm",
+        f"fingers  read wider than the camera by {1e3 * e[7]:+.2f} ± {1e3 * s[7]:.2f} mm",
         f"scatter  {found.scatter:.2f} of the assumed one",
     ]
 
@@ -139,7 +139,7 @@ def _content(read: Picks, found: CameraErrors, apart: int, before: float, after:
         "T_mount_camera_with_depth_corrected": corrected(found, T_mount_camera, with_depth=True).tolist(),
         "T_mount_camera_before": T_mount_camera.tolist(),
         "depth_scale": round(-float(found.error[6]), 6),  # as a depth model has it: positive where depth is too long
-        "width_zero_mm": round(1e3 * float(found.error[7]), 4),
+        "wider_than_camera_mm": round(1e3 * float(found.error[7]), 4),
         "error": found.error.tolist(),
         "covariance": found.covariance.tolist(),
         "known": list(known(found)),

@@ -80,7 +80,7 @@ def known(found: CameraErrors) -> Iterator[str]:
     if found.std[6] <= KNOWN_SCALE:
         yield f"scale of the depth ± {1e2 * found.std[6]:.2f} %"
     if found.std[7] <= KNOWN_ZERO:
-        yield f"zero of the gripper's width ± {1e3 * found.std[7]:.2f} mm"
+        yield f"difference of felt and measured widths ± {1e3 * found.std[7]:.2f} mm"
 
 
 def hidden(found: CameraErrors) -> Iterator[str]:
@@ -102,7 +102,7 @@ def hidden(found: CameraErrors) -> Iterator[str]:
     if found.std[6] > KNOWN_SCALE:
         yield f"not known: scale of the depth (± {1e2 * found.std[6]:.1f} %); {sizes}"
     if found.std[7] > KNOWN_ZERO:
-        yield f"not known: zero of the gripper's width (± {1e3 * found.std[7]:.1f} mm); {sizes}"
+        yield f"not known: difference of felt and measured widths (± {1e3 * found.std[7]:.1f} mm); {sizes}"
 
 
 def next_picks(found: CameraErrors) -> str:
