@@ -70,7 +70,7 @@ def pose_of(error: Float64) -> Float64:
     return T
 
 
-class Felt:
+class TrueTouches:
     """What each pad truly touches while the fingers close: forces and faces, and the fruit's skin between them."""
 
     def __init__(self, world: Any) -> None:
@@ -149,7 +149,7 @@ def pick(
     touches: list[Any] = []
     looks: list[Any] = []
     seen: list[Forces] = []
-    felt: list[Felt] = []
+    felt: list[TrueTouches] = []
 
     def ready(runner: Runner) -> None:
         devices: Any = runner._cell.devices
@@ -158,7 +158,7 @@ def pick(
         world = getattr(world, "_world", world)
         seen.append(Forces(world))
         world.after_step.append(seen[0].step)
-        felt.append(Felt(world))
+        felt.append(TrueTouches(world))
         world.after_step.append(felt[0].step)
 
     def on_event(event: Event) -> None:
@@ -266,7 +266,7 @@ def main() -> None:
                 row = pick(options.cell, int(rng.integers(1_000_000)), {**fruit, **once}, cell.error, speed)
                 row |= {"cell": number, "speed": speed, "error": cell.error.tolist(), **fruit}
                 if options.apply:
-                    row["applied"] = cell.take(row)
+                    row |= {"applied": cell.take(row), "left": cell.error.tolist()}
                 out.write(json.dumps(row) + "\n")
                 out.flush()
     rows = [json.loads(line) for line in options.out.read_text(encoding="utf-8").splitlines()]
@@ -284,6 +284,9 @@ def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
                     picks.append(pick_from(touches, f"pick {k}"))
                     widths.append(float(row["truth"]["dimensions_m"][0]))
         force = max(max(row["pad_n"], row["other_n"]) for row in own)
+        if "left" in own[-1]:
+            yield _corrected(number, own, force)
+            continue
         words = f"cell {number}: {len(own)} tries, {len(picks)} usable picks, largest force {force:.1f} N"
         if picks:
             found = estimate(picks)
@@ -296,6 +299,19 @@ def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
                 f" {1e3 * np.median(np.abs(alone)):.2f} mm by the camera, {1e3 * np.median(np.abs(fused)):.2f} fused"
             )
         yield words
+
+
+BEFORE = np.array([0.0, 0.0, 0.55])  # a place on the table in the camera's frame [m]
+
+
+def _corrected(number: int, own: list[dict[str, Any]], force: float) -> str:
+    """Return a line about a cell that was corrected between its runs."""
+    begun, left = (_off(BEFORE, np.array(error)) for error in (own[0]["error"], own[-1]["left"]))
+    ends = ", ".join(row["reason"] or row["outcome"] for row in own)
+    steps = sum(row["applied"].startswith("applied") for row in own)
+    return (
+        f"cell {number}: {begun} at first, {left} after {len(own)} runs and {steps} corrections, {force:.1f} N ({ends})"
+    )
 
 
 def _off(centre: Float64, error: Float64) -> str:
