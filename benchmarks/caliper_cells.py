@@ -71,7 +71,7 @@ def pose_of(error: Float64) -> Float64:
 
 
 class TrueTouches:
-    """What each pad truly touches while the fingers close: forces and faces, and the fruit's skin between them."""
+    """True forces of the pads, and the fruit's true skin between them, in each step with a touch."""
 
     def __init__(self, world: Any) -> None:
         self.steps: list[Float64] = []
@@ -90,22 +90,15 @@ class TrueTouches:
             self.steps.append(np.array([self._world.clock.now(), width, *forces, *tcp.xpos, *tcp.xmat, *pose]))
 
     def at(self, stamp: float) -> dict[str, Any]:
-        """Return what was true at a touch: forces of both pads, and the skin of the fruit along the fingers."""
-        row = min(self.steps, key=lambda row: abs(row[0] - stamp))
-        first = next((r for r in self.steps if r[0] > row[0] - 0.5), row)
-        R = row[7:16].reshape(3, 3)
+        """Return forces of both pads and the fruit's skin along the fingers, as they truly were at a touch."""
         from scipy.spatial.transform import Rotation
 
+        row = min(self.steps, key=lambda row: abs(row[0] - stamp))
+        R = row[7:16].reshape(3, 3)
         turned = Rotation.from_quat(np.roll(row[19:23], -1)).as_matrix()
         points = _filled(self._world.scene.shapes[0]) @ turned.T + row[16:19]
         own = (points - row[4:7]) @ R
-        between = own[(np.abs(own[:, 0]) < 0.01) & (np.abs(own[:, 2]) < 0.01)]
-        return {
-            "step": row[:4].tolist(),
-            "first_step": first[:4].tolist(),
-            "skin": [float(own[:, 1].max()), float(-own[:, 1].min())],
-            "skin_between_pads": [float(between[:, 1].max()), float(-between[:, 1].min())],
-        }
+        return {"step": row[:4].tolist(), "skin": [float(own[:, 1].max()), float(-own[:, 1].min())]}
 
 
 def _filled(shape: Any) -> Float64:
@@ -279,10 +272,10 @@ def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
         own = [row for row in rows if row["cell"] == number and "refused" not in row]
         error, picks, widths = np.array(own[0]["error"]), [], []
         for k, row in enumerate(own):
-            for touches in row["touches"]:
+            for touches, felt in zip(row["touches"], row["felt"], strict=True):
                 with contextlib.suppress(UnusableTouches):
                     picks.append(pick_from(touches, f"pick {k}"))
-                    widths.append(float(row["truth"]["dimensions_m"][0]))
+                    widths.append(sum(felt[min(felt, key=lambda side: touches[side]["width"])]["skin"]))
         force = max(max(row["pad_n"], row["other_n"]) for row in own)
         if "left" in own[-1]:
             yield _corrected(number, own, force)
