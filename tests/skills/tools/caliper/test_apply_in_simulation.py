@@ -27,7 +27,8 @@ class Cell:
         trees, text = find_cell("sim").parents[1], find_cell("sim").read_text("utf-8")
         text = text.replace("{include: shared/", f"{{include: {trees}/cells/shared/").replace("../", f"{trees}/")
         text = text.replace("driver: sim-camera\n", "driver: sim-camera\n    hand_eye: hand_eye.json\n")
-        self.path.write_text(f"{text}  caliper: {{driver: caliper, self_calibration: apply, first_speed: 1}}\n", "utf-8")
+        section = "caliper: {driver: caliper, self_calibration: apply, first_speed: 1}"
+        self.path.write_text(f"{text}  {section}\n", "utf-8")
         self.write(np.eye(4))
 
     def write(self, T: np.ndarray) -> None:

@@ -31,6 +31,12 @@ def test_one_finger_alone_shows_the_place_but_not_the_width():
     assert np.isnan(pick.wider)
 
 
+def test_fingers_that_closed_beside_the_widest_section_show_the_place_but_not_the_width():
+    pick = pick_from(recorded(3e-3, wider=-4e-3), "run")
+    assert pick.first == pytest.approx(3e-3)
+    assert np.isnan(pick.wider)
+
+
 def test_a_plain_gripper_shows_the_width_but_not_the_place():
     pick = pick_from(recorded() | {"left": None, "right": None, "closed": {"width": 0.081}}, "run")
     assert (pick.side, pick.plain) == (0, True)
