@@ -90,7 +90,9 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
     side, first, wider = _felt(left, right, closed, skin)
     if way is not None:
         first = float(np.linalg.norm(way))
-        side, axis = 1, way / max(first, NO_WAY)
+        if first < NO_WAY:
+            raise UnusableTouches("a finger met the fruit where it was measured: the way to it has no direction")
+        side, axis = 1, way / first
     _refuse_other_things(first, wider, across)
     if side and wider < -BESIDE:
         first, wider = first - 0.5 * wider, np.nan  # of the widest section, as if it lay where the pads closed
@@ -156,8 +158,8 @@ def _pose(value: Any) -> Float64:
 
 def _way(value: Any) -> Float64:
     way = np.array(value, float)
-    if way.shape != (3,) or not NO_WAY < float(np.linalg.norm(way)) < LONGEST:
-        raise ValueError("a finger landed inside of the measured fruit")
+    if way.shape != (3,) or not float(np.linalg.norm(way)) < LONGEST:
+        raise ValueError("a landing has no way")
     return way
 
 

@@ -80,7 +80,7 @@ def moved(z: float) -> list[list[float]]:
         (recorded() | {"left": {"width": 1e30}}, "malformed"),
         (recorded() | {"left": [1.0]}, "malformed"),
         ({}, "malformed"),
-        (recorded() | {"landed": [0.0, 0.0, 0.0]}, "inside of the measured fruit"),
+        (recorded() | {"landed": [0.0, 0.0, 0.0]}, "where it was measured"),
         (recorded() | {"landed": [0.0, 0.0, 0.08]}, "80 mm from the measured skin"),
         (recorded() | {"landed": "low"}, "malformed"),
         ({"type": "DoubtedLook"}, "malformed"),
