@@ -46,14 +46,21 @@ class Picks:
 
     @classmethod
     def of_run(cls, run: str, cell: str, cell_hash: str, touches: Iterable[tuple[str, Any]]) -> Picks:
-        """Return the picks of one run; `touches` are names and recorded `PickTouches`, as plain JSON."""
-        found = cls()
+        """Return the picks of one run; `touches` are names and recorded `PickTouches`, as plain JSON.
+
+        A touch moves a fruit that lies free. Only the first one after its look shows where the camera saw it.
+        """
+        found, seen = cls(), list[Any]()
         found.cell, found.cell_hash, found.runs = cell, cell_hash, [run]
         for name, value in touches:
             try:
-                found.picks.append(pick_from(value, name))
+                pick = pick_from(value, name)
+                if not pick.is_look and value["T_base_fruit"] in seen:
+                    raise UnusableTouches("an earlier touch has moved the fruit since its look")
+                found.picks.append(pick)
             except UnusableTouches as unusable:
                 found.refused.append(f"{name}: {unusable}")
+            seen.append(value.get("T_base_fruit"))
         return found
 
     def add(self, record: Path) -> None:

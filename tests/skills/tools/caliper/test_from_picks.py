@@ -11,6 +11,7 @@ import pytest
 from pomona.devices.realsense.mounted_camera import read_hand_eye
 from pomona.executive.cli import main
 from pomona.tools.caliper.explain import explain
+from pomona.tools.caliper.records import Picks
 from tests.skills.tools.caliper.recorded_runs import CELL, picks_of, runs_of, write_run
 from tests.skills.tools.caliper.synthetic import doubted, recorded
 
@@ -47,6 +48,13 @@ def test_doubted_looks_alone_propose_height_and_tilts(tmp_path, capsys):
     assert "2 picks kept apart: table off by" in told
     T = read_hand_eye(out)
     assert np.degrees(np.arcsin(T[2, 1])) == pytest.approx(2.5, abs=0.1)
+
+
+def test_a_second_touch_of_the_same_look_is_refused_since_the_first_has_moved_the_fruit():
+    first, again, other = recorded(3e-3), recorded(6e-3), recorded(2e-3, x=0.05)
+    read = Picks.of_run("run", "sim", "", [("a", first), ("b", again), ("c", other)])
+    assert [pick.name for pick in read.picks] == ["a", "c"]
+    assert read.refused == ["b: an earlier touch has moved the fruit since its look"]
 
 
 def test_a_camera_in_its_place_is_left_there_or_corrected_by_less_than_the_noise(tmp_path, capsys):
