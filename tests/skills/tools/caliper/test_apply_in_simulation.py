@@ -11,6 +11,7 @@ import pytest
 from pomona.devices.emulators.connect import camera_site
 from pomona.executive.cli import main
 from pomona.executive.files import find_cell
+from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.tools.caliper.records import Picks
 
 OFF = 8e-3  # across the picture [m]
@@ -38,11 +39,11 @@ class Cell:
 
     def pick(self, number: int) -> tuple[int, float]:
         """Pick one fruit; return the exit status and the distance of the first touch from the measured skin [m]."""
-        settings = (f"fruit=apple_{(1, 4, 5)[number % 3]}", f"place={1 + number % 5}", "feel=false")
+        settings = (f"fruit=apple_{(1, 4, 5)[number % 3]}", f"place={1 + number % 5}")
         where = ["--cell", str(self.path), "--record", str(self.runs), "--seed", str(number), "--json"]
         status = main(["run", "pick_apple", *where, *(word for one in settings for word in ("--set", one))])
         read = Picks()
-        read.add(max(self.runs.glob("*/events.jsonl*")).parent)
+        read.add(max(path.parent for path in self.runs.glob(f"*/{EVENTS_FILE}")))
         firsts = [abs(pick.first) for pick in read.picks if pick.side and not pick.landed]
         return status, firsts[-1] if firsts else np.nan
 
