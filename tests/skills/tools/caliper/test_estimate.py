@@ -55,7 +55,7 @@ def test_landings_of_a_camera_20_mm_aside_show_where_it_sits():
     found = estimate(looked([made_landing(rng, error, name=f"{i}") for i in range(16)], error))
     shift, covariance = found.shift
     true = error[:3]
-    assert np.linalg.norm(shift - true) < 4e-3
+    assert np.linalg.norm(shift - true) < 6e-3
     assert (np.abs(shift - true) < 3.0 * np.sqrt(np.diag(covariance))).all()
 
 
