@@ -36,7 +36,7 @@ TOUCH, WIDTH, SIZE, PLAIN = 0.6e-3, 0.2e-3, 0.4e-3, 1.0e-3
 presses [m]: a probe with 80 simulated picks left 0.5 to 0.7 mm per first touch and 0.48 % per width."""
 
 LANDED = 5e-3
-"""The same of a finger that lands on a fruit on the approach [m]: of fruit 24 mm aside, four landings showed ways that
+"""The same of a finger that lands on a fruit on the approach [m]: of fruit 24 mm aside, six landings showed ways that
 were 4 to 6 mm short, since the skin is curved and the fruit gives way. The next picks correct the rest."""
 
 TABLE_HEIGHT, TABLE_TILT = 1e-3, float(np.radians(0.15))
