@@ -21,7 +21,7 @@ from pomona.tools.caliper.estimate import PRIOR, TABLE_HEIGHT, TABLE_TILT, estim
 from pomona.tools.caliper.findings import find_error
 from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.sizes import fused_width
-from tests.skills.tools.caliper.synthetic import looked, made_fruit, made_pick
+from tests.skills.tools.caliper.synthetic import drawn_error, looked, made_fruit, made_pick
 
 PUSHED = 1.0 / 30.0  # share of pushed fruit
 Z_90 = 1.645  # half of a 90 % interval, in standard deviations
@@ -88,8 +88,8 @@ def _left(seed: int, number: int, with_table: bool) -> tuple[Float64, NDArray[np
 def _widths(seed: int, number: int, count: int) -> Float64:
     """Return errors of each fruit's width by the camera and fused, and the deviation, shape (count, 3) [m]."""
     rng = np.random.default_rng([seed, number, count])
-    error = PRIOR * rng.normal(size=8)
-    made = [made_fruit(rng, error, name=f"pick {k}") for k in range(count)]
+    error, bias = drawn_error(rng)
+    made = [made_fruit(rng, error, name=f"pick {k}", bias=bias) for k in range(count)]
     found = estimate([pick for pick, _ in made])
     fused = [fused_width(pick, found) for pick, _ in made]
     rows = zip(made, fused, strict=True)

@@ -57,6 +57,19 @@ def test_a_touch_stops_the_arm_and_names_the_place():
     assert outcome.reason.data["before_grasp_m"] - 0.06 < left < outcome.reason.data["before_grasp_m"]
 
 
+def test_a_finger_that_lands_on_the_fruit_records_how_far_it_lies_from_its_measured_skin():
+    scene = at_pre_grasp()
+    touch_after(scene, 0.7, 2.0)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
+    (touches,) = [value for topic, value in outcome.published if topic == "touches"]
+    assert touches.left is None
+    assert touches.right.force == pytest.approx(2.0)
+    points = apply(inverse(touches.T_base_tcp), fruit_points(GRASP.fruit))
+    way = gripper_shape(ROBOT_MODEL).way_to(points, GRASP.width, "right")
+    np.testing.assert_allclose(touches.landed, touches.T_base_tcp[:3, :3] @ way, atol=1e-9)
+    assert 0.0 < np.linalg.norm(way) < outcome.reason.data["before_grasp_m"]
+
+
 def test_a_touch_stops_the_arm_before_the_next_tick(monkeypatch):
     scene = at_pre_grasp()
     touch_after(scene, 0.7, 2.0)

@@ -119,6 +119,10 @@ def test_pose_mismatch(detection):
     assert outcome.reason.data["tilt_rad"] == pytest.approx(np.radians(2.0), abs=3e-3)
     assert "calibrate hand-eye" in outcome.reason.message
     assert "measured" not in outcome.outputs
+    look = dict(outcome.published)["doubted_look"]
+    seen, stated = look.table[:, :3]
+    assert np.arccos(seen @ stated) == pytest.approx(np.radians(2.0), abs=3e-3)
+    assert look.on_arm is (detection.frame.q is not None)
 
 
 def test_depth_mismatch(detection):

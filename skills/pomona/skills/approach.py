@@ -22,23 +22,21 @@ from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.planning import usable_field
-from pomona.skills.shared.straight_travel import free_line
+from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import Touch, felt
+from pomona.skills.shared.touch_view import record_landing
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 
 START_DISTANCE, START_ANGLE = 0.01, 0.1  # how far the TCP may stand from the pre-grasp [m, rad]
 
 WIDTH_TOLERANCE = 1e-3
-
 UNSEEN = 0.015
 """Displacement of a fruit that no check before the approach shows [m]: a table hides an error of the camera's pose
 along its plane, and up to 1.5° of tilt."""
 
 SLOW = 0.08  # speed where such a fruit may be touched [m/s]
-
 JERK_TIME = 0.1
-
 PUSHED = 2e-3
 """Motion of the resting fingers that shows contact outside the pads [m]; a gripper's supervisor allows 3 mm."""
 
@@ -100,15 +98,14 @@ class Approach(MovingSkill):
             limit = touch.limit(contact, acceleration)
 
             def feel() -> None:
-                self._feel(touch, limit, opened, robot, grasp)
+                self._feel(touch, limit, opened, grasp)
 
             def stop_at_touch(motion: Motion) -> None:
                 touch.at_change(limit, motion.stop)
 
+            known = KnownAround(map, (grasp.fruit,))
             try:
-                yield from self.travel(
-                    trajectory, feel, KnownAround(map, (grasp.fruit,)), None, stop_at_touch, fingers.rest
-                )
+                yield from self.travel(trajectory, feel, known, None, stop_at_touch, fingers.rest)
             except SkillFailure as failed:
                 if failed.failure.code == "STOPPED":
                     feel()  # the touch has stopped it
@@ -129,37 +126,23 @@ class Approach(MovingSkill):
         distance = float(np.linalg.norm(T_base_tcp[:3, 3] - T_base_pre_grasp[:3, 3]))
         angle = angle_between(T_base_tcp[:3, :3], T_base_pre_grasp[:3, :3])
         if distance > START_DISTANCE or angle > START_ANGLE:
-            raise self.failure(
-                "NOT_AT_PRE_GRASP",
-                f"the gripper stands {1e3 * distance:.0f} mm and {np.degrees(angle):.0f}° from the pre-grasp: "
-                "follow a path to it first",
-                distance_m=distance,
-                angle_rad=angle,
-            )
+            where = f"the gripper stands {1e3 * distance:.0f} mm and {np.degrees(angle):.0f}° from the pre-grasp"
+            message = f"{where}: follow a path to it first"
+            raise self.failure("NOT_AT_PRE_GRASP", message, distance_m=distance, angle_rad=angle)
 
-    def _feel(self, touch: Touch, contact: float, opened: float, robot: RobotModel, grasp: Grasp) -> None:
+    def _feel(self, touch: Touch, contact: float, opened: float, grasp: Grasp) -> None:
         if stale := touch.stale_for(self.clock.now()):
             raise self.failure("SENSOR_STALE", f"no force has come for {1e3 * stale:.0f} ms")
         width = self.device(Gripper).state().width
         if touch.change <= contact and abs(width - opened) <= PUSHED:
             return
-        T_base_tcp = robot.tcp(self.device(Arm).state().q)
-        left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - T_base_tcp[:3, 3]))
-        if touch.change > contact:
-            raise self.failure(
-                "CONTACT",
-                f"the {touch.finger + ' finger' if touch.finger else 'hand'} touched something "
-                f"{1e3 * left:.0f} mm before the grasp "
-                f"({touch.change:.1f} N)",
-                finger=touch.finger,
-                force_n=touch.change,
-                before_grasp_m=left,
-                candidate=grasp.index,
-            )
-        raise self.failure(
-            "CONTACT",
-            f"something pushed the fingers from {1e3 * opened:.0f} to {1e3 * width:.0f} mm, "
-            f"{1e3 * left:.0f} mm before the grasp",
-            before_grasp_m=left,
-            candidate=grasp.index,
-        )
+        left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - tool_pose(self)[:3, 3]))
+        words, found = f"{1e3 * left:.0f} mm before the grasp", {"before_grasp_m": left, "candidate": grasp.index}
+        if touch.change <= contact:
+            ways = f"from {1e3 * opened:.0f} to {1e3 * width:.0f} mm"
+            raise self.failure("CONTACT", f"something pushed the fingers {ways}, {words}", **found)
+        if touch.finger:
+            record_landing(self, grasp.fruit, touch.finger, touch.change)
+        part = f"{touch.finger} finger" if touch.finger else "hand"
+        message = f"the {part} touched something {words} ({touch.change:.1f} N)"
+        raise self.failure("CONTACT", message, finger=touch.finger, force_n=touch.change, **found)

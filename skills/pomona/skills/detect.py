@@ -58,10 +58,7 @@ class Detect(LookingSkill):
         index: Annotated[int, Port(min=0, max=99, help="rank by score from 0, for target: index")] = 0,
         reselect: Annotated[
             Literal["freely", "last", "never"],
-            Port(
-                help="whether fruit may be chosen again: freely, as a last choice, or never",
-                was="again",
-            ),
+            Port(help="whether fruit may be chosen again: freely, as a last choice, or never", was="again"),
         ] = "last",
         max_selections: Annotated[
             int, Port(min=1, help="maximum number of choices of one fruit, for reselect: never", was="times")
@@ -140,13 +137,7 @@ class Detect(LookingSkill):
         return Detected(detection)
 
     def _tell_progress(
-        self,
-        what: str,
-        instances: list[Instance],
-        chosen: Instance,
-        frame: Frame,
-        T_base_camera: Float64,
-        score: float,
+        self, what: str, instances: list[Instance], chosen: Instance, frame: Frame, T_base_camera: Float64, score: float
     ) -> None:
         """Publish which fruit this is among those found now and those chosen before that are gone."""
         place = _place(chosen, frame, T_base_camera)
@@ -180,10 +171,7 @@ class Detect(LookingSkill):
         sure = [k for k, instance in enumerate(instances) if instance.score >= score]
         if not sure:
             best = max(instance.score for instance in instances)
-            raise none(
-                "LOW_CONFIDENCE",
-                f"the highest of {len(instances)} scores is {best:.2f}, below {score:.2f}",
-            )
+            raise none("LOW_CONFIDENCE", f"the highest of {len(instances)} scores is {best:.2f}, below {score:.2f}")
         posed = [k for k in sure if instances[k].T_camera_object is not None]
         if not posed:
             raise none("POSE_UNSOLVED", f"{instances[sure[0]].problem}")

@@ -15,7 +15,7 @@ from pomona.skills.grip.grip import GripMode
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.sensor import GripSample
-from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.settings import GripSettings, PadStiffness
 from pomona.skills.grip.tracking import ForceTracker
 
 INTERVAL = 0.02
@@ -104,6 +104,7 @@ def test_a_fruit_that_hops_from_one_finger_to_the_other_is_closed_on() -> None:
 
 
 SPEED = -0.03  # of the closing [m/s]
+PADS = PadStiffness(linear=2000.0)
 
 
 def feel(recorder: TouchRecorder, left: list[float], right: list[float]) -> None:
@@ -117,16 +118,25 @@ def feel(recorder: TouchRecorder, left: list[float], right: list[float]) -> None
 
 
 def test_each_pad_keeps_the_width_at_which_it_first_felt_the_fruit():
-    recorder = TouchRecorder()
+    recorder = TouchRecorder(PADS)
     feel(recorder, [0.0] * 33 + [0.5, 0.8, 1.1, 1.4] * 10, [0.1] * 47 + [0.6] * 26)
     assert recorder.complete
     left, right = recorder.touches
-    assert left == PadTouch(pytest.approx(0.066), pytest.approx(0.1 + SPEED * 0.066), 0.5)
-    assert right == PadTouch(pytest.approx(0.094), pytest.approx(0.1 + SPEED * 0.094), 0.6)
+    at_left, at_right = 0.1 + SPEED * 0.066 + 0.6 / 2000.0, 0.1 + SPEED * 0.094 + 1.7 / 2000.0
+    assert left == PadTouch(pytest.approx(0.066), pytest.approx(at_left), 0.5)
+    assert right == PadTouch(pytest.approx(0.094), pytest.approx(at_right), 0.6)
+
+
+def test_the_width_has_how_far_the_first_pad_was_pressed_in_by_the_fruit_that_it_pushed():
+    recorder = TouchRecorder(PADS)
+    feel(recorder, [1.6] * 60, [0.0] * 30 + [0.4001] * 30)
+    right = recorder.touches[1]
+    assert right is not None
+    assert right.width == pytest.approx(0.1 + SPEED * 0.06 + 1e-3, abs=1e-6)
 
 
 def test_a_spike_is_no_touch_and_does_not_hide_the_touch_that_follows():
-    recorder = TouchRecorder()
+    recorder = TouchRecorder(PADS)
     feel(recorder, [0.0, 5.0, 0.0] * 5 + [1.0] * 9, [0.0] * 24)
     assert recorder.touches[0] is not None
     assert recorder.touches[0].stamp == pytest.approx(0.03)
@@ -135,19 +145,19 @@ def test_a_spike_is_no_touch_and_does_not_hide_the_touch_that_follows():
 
 
 def test_a_touch_that_has_not_lasted_yet_is_not_given():
-    recorder = TouchRecorder()
+    recorder = TouchRecorder(PADS)
     feel(recorder, [1.0] * (LASTING - 1), [0.0] * (LASTING - 1))
     assert recorder.touches == [None, None]
 
 
 def test_samples_that_are_no_numbers_are_no_touch():
-    recorder = TouchRecorder()
+    recorder = TouchRecorder(PADS)
     feel(recorder, [float("nan")] * 9, [0.0] * 9)
     assert recorder.touches == [None, None]
 
 
 def test_a_width_is_not_carried_on_over_a_silent_gripper():
-    recorder = TouchRecorder()
+    recorder = TouchRecorder(PADS)
     for i in range(LASTING):
         wrenches = np.full((2, 6), 1.0)
         recorder.take(9.0 + 0.002 * i, wrenches, GripperState(0.0, 0.1, SPEED, True))

@@ -83,11 +83,13 @@ class SimCamera(FaultyDevice):
         rate: float,
         T_base_camera: Float64 | None = None,
         latency: tuple[float, float] = (0.0, 0.0),
+        T_mount_stated: Float64 | None = None,
     ) -> None:
         """
         Args:
             T_base_camera: where the camera is fixed in the cell, shape (4, 4); without it, it rides on the gripper.
             latency: least and largest time from an exposure to the delivery of its frame, drawn for each [s].
+            T_mount_stated: pose in its mount that the frames state, shape (4, 4); without it, the true one.
         """
         super().__init__("camera")
         self._world, self._intrinsics, self._stereo, self._rate = world, intrinsics, stereo, rate
@@ -98,6 +100,7 @@ class SimCamera(FaultyDevice):
             _set_projection(model, model.cam("camera").id, intrinsics)
         self._joints = model.jnt_qposadr[world.arm_joints]
         self.T_mount_camera = _pose_in_flange(model) if T_base_camera is None else T_base_camera
+        self._stated = self.T_mount_camera if T_mount_stated is None else T_mount_stated
         self._renderer: Any = None
         self._depth_renderer: Any = None
         self._frame: Frame | None = None
@@ -228,7 +231,7 @@ class SimCamera(FaultyDevice):
             depth=depth,
             intrinsics=intrinsics,
             q=None if self._fixed else self._world.state.qpos[self._joints].copy(),
-            T_mount_camera=self.T_mount_camera,
+            T_mount_camera=self._stated,
             label=self.name,
             depth_model=stereo.depth_model(),
         )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +17,9 @@ from pomona.drivers.services import ConnectContext
 from pomona.drivers.streams import Belief
 from pomona.executive.cell.registration import Settings, Surroundings, driver
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.kinds import Counts, Measure, Row, Span
+from pomona.executive.values.kinds import Counts, Measure, PathTo, Row, Span
+from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.rotations import is_rigid
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
 from pomona.tools.simulation.arm import SimArm
@@ -129,11 +133,28 @@ class CameraOptions(InWorld):
         Section(FixedSection), None, "where it is fixed in the cell; without it, it rides on the gripper"
     )
 
+    hand_eye: Path | None = value(
+        PathTo("file"), None, "file with the pose that its frames state, right or wrong; without it, the true pose"
+    )
+
     def problems(self) -> Iterator[Problem]:
+        try:
+            self.stated()
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            yield Problem("hand_eye", f"it holds no pose 'T_mount_camera': {error}")
         width, height = self.size or (self.intrinsics.width, self.intrinsics.height)
         if width > OFFSCREEN[0] or height > OFFSCREEN[1]:
             words = f"it is {width} x {height}; the simulator draws at most {OFFSCREEN[0]} x {OFFSCREEN[1]} pixels"
             yield Problem("size" if self.size else "intrinsics", words)
+
+    def stated(self) -> Float64 | None:
+        """Return the pose in `hand_eye`, shape (4, 4); None without one. Raises ValueError or OSError: it has none."""
+        if self.hand_eye is None:
+            return None
+        T = np.array(json.loads(read_plain_text(self.hand_eye))["T_mount_camera"], np.float64)
+        if T.shape != (4, 4) or not is_rigid(T):
+            raise ValueError("it is no rigid 4 x 4 transform")
+        return T
 
 
 @driver(SimWorld, WorldOptions)
@@ -186,7 +207,7 @@ def connect_camera(settings: Settings[CameraOptions], context: ConnectContext) -
     intrinsics = said.intrinsics.intrinsics(said.size)
     stereo = Stereo(intrinsics.fx, said.baseline, said.disparity_noise, said.nearest)
     pose = None if said.fixed is None else said.fixed.pose()
-    return SimCamera(_world(context), intrinsics, stereo, said.rate, pose, said.latency)
+    return SimCamera(_world(context), intrinsics, stereo, said.rate, pose, said.latency, said.stated())
 
 
 def _world(context: ConnectContext) -> PhysicsWorld:

@@ -19,8 +19,8 @@ from pomona.skills.grip.grip import GripMode, GripProblem
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.reference import ForceReference
 from pomona.skills.grip.sensor import Timer
-from pomona.skills.grip.settings import GripSettings
-from pomona.skills.grip.tracking import ForceTracker
+from pomona.skills.grip.settings import GripSettings, PadStiffness
+from pomona.skills.grip.tracking import ForceTracker, pressed
 
 
 class Closing:
@@ -121,7 +121,7 @@ class PadTouch:
     """The first touch of a pad."""
 
     stamp: Annotated[float, TIME]  # of the sample, on the cell's clock [s]
-    width: Annotated[float, LENGTH]  # opening between the pads' faces [m]
+    width: Annotated[float, LENGTH]  # opening between the pads' faces, which have given way [m]
     force: Annotated[float, FORCE]  # force on this pad, the bias removed [N]; of a plain gripper, its motor's
 
 
@@ -142,6 +142,8 @@ class PickTouches:
     # distances of the measured skin from the tool's centre along its y axis, left and right [m]
     skin: Annotated[Float64, Array(2, of=LENGTH)]
     table: Annotated[Float64, Array(2, 4)] | None  # `SeenTable.planes` of that look
+    # of a finger that landed on the fruit on the approach: way from the measured skin to it, in the base frame
+    landed: Annotated[Float64, Array(3, of=LENGTH)] | None = None
 
 
 class TouchRecorder:
@@ -151,8 +153,9 @@ class TouchRecorder:
         touches: of the left and the right pad; None until it has touched.
     """
 
-    def __init__(self) -> None:
-        self.touches: list[PadTouch | None] = [None, None]
+    def __init__(self, pads: PadStiffness) -> None:
+        """Take the pads' stiffness: a fruit that one pad pushes along presses that pad in before the other touches."""
+        self._pads, self.touches = pads, list[PadTouch | None]([None, None])
         self._begun: list[PadTouch | None] = [None, None]
         self._count = [0, 0]
 
@@ -176,7 +179,8 @@ class TouchRecorder:
                 continue
             self._count[side] += 1
             if self._count[side] == 1:
-                width = state.width + state.speed * min(max(stamp - state.stamp, 0.0), OLDEST)
+                moved = state.speed * min(max(stamp - state.stamp, 0.0), OLDEST)
+                width = state.width + moved + pressed(self._pads, max(0.0, -float(wrenches[:, 2].sum())))
                 self._begun[side] = PadTouch(stamp, float(width), float(forces[side]))
             if self._count[side] == LASTING and self.touches[side] is None:
                 self.touches[side] = self._begun[side]

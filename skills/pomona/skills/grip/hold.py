@@ -64,7 +64,7 @@ class Hold:
         self._device_problem: GripProblem | None = None
         self._sensor_fault_reported = self._stands = False
         self._floor: FloorWatch | None = None
-        self._touches = TouchRecorder()
+        self._touches = TouchRecorder(controller.settings.loop.stiffness)
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._record_period = self._record_every * controller.settings.period
         self._samples = np.zeros((KEPT, 7))

@@ -324,13 +324,11 @@ class FrameProblem:
     code: str  # POSE_MISMATCH or DEPTH_MISMATCH
     message: str  # measured and allowed values, and the remedy
     data: Mapping[str, float] = field(default_factory=dict)  # the same as numbers
+    planes: Float64 | None = None  # `SeenTable.planes` of a POSE_MISMATCH
 
 
 def frame_problem(
-    frame: Frame,
-    T_base_camera: Float64,
-    workspace: Workspace,
-    earlier: Sequence[tuple[float, Float64]] = (),
+    frame: Frame, T_base_camera: Float64, workspace: Workspace, earlier: Sequence[tuple[float, Float64]] = ()
 ) -> FrameProblem | None:
     """Return the implausible part of a frame, or None, for the camera's stated pose, shape (4, 4).
 
@@ -362,6 +360,7 @@ def pose_problem(view: SeenTable) -> FrameProblem | None:
         f"{scale if view.tilt < 0.5 * TILT else ''}. "
         "Measure the table, or run `pomona calibrate hand-eye` or `pomona calibrate depth`",
         _data(view),
+        view.planes,
     )
 
 
@@ -398,13 +397,7 @@ def _other_depth(
 
 
 def _data(view: SeenTable | None) -> dict[str, float]:
-    return (
-        {}
-        if view is None
-        else {
-            "height_m": round(view.height, 4),
-            "tilt_rad": round(view.tilt, 4),
-            "allowed_m": round(view.allowed, 4),
-            "allowed_rad": round(float(TILT), 4),
-        }
-    )
+    if view is None:
+        return {}
+    data = {"height_m": view.height, "tilt_rad": view.tilt, "allowed_m": view.allowed, "allowed_rad": float(TILT)}
+    return {name: round(value, 4) for name, value in data.items()}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
+from typing import Annotated
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,6 +12,7 @@ import numpy as np
 from pomona.drivers.interfaces import Frame, Workspace
 from pomona.executive.skill import Skill, SkillFailure, Work
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.units import Array
 from pomona.skills.geometry import angle_between
 from pomona.skills.perception.frame_check import FrameProblem, frame_problem, frame_view, pose_problem
 
@@ -62,7 +65,18 @@ def require_sound_pose(skill: Skill, frame: Frame, T_base_camera: Float64, works
     note_pose(skill, frame, T_base_camera)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class DoubtedLook:
+    """A look that shows the table elsewhere than the cell file has it: it shows how far the camera's pose is off."""
+
+    table: Annotated[Float64, Array(2, 4)]  # `SeenTable.planes`
+    T_mount_camera: Annotated[Float64, Array(4, 4)]  # the camera in its mount
+    on_arm: bool  # True: the mount is the arm's flange, else the base frame
+
+
 def mismatch(skill: Skill, frame: Frame, problem: FrameProblem) -> SkillFailure:
     """Return the failure of a skill whose frame has a problem."""
-    name = frame.label or "camera"
-    return skill.failure(problem.code, f"{name}: {problem.message}", camera=frame.label, **problem.data)
+    camera, planes = frame.label, problem.planes
+    if planes is not None:
+        skill.publish("doubted_look", DoubtedLook(planes, frame.T_mount_camera, frame.q is not None))
+    return skill.failure(problem.code, f"{camera or 'camera'}: {problem.message}", camera=camera, **problem.data)

@@ -111,9 +111,6 @@ def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
                 "slip speed [m/s]": samples.slip_speed,
                 "width [m]": samples.width,
             },
-            thresholds={
-                "force limit [N]": hold.settings.loop.max_force,
-                "no bruise below [N]": NO_BRUISE_BELOW,
-            },
+            thresholds={"force limit [N]": hold.settings.loop.max_force, "no bruise below [N]": NO_BRUISE_BELOW},
         ),
     )

@@ -34,12 +34,7 @@ def tool_pose(skill: MovingSkill) -> Float64:
 
 
 def free_line(
-    skill: MovingSkill,
-    T_base_goal: Float64,
-    space: ArmSpace,
-    codes: tuple[str, str],
-    words: str,
-    **data: object,
+    skill: MovingSkill, T_base_goal: Float64, space: ArmSpace, codes: tuple[str, str], words: str, **data: object
 ) -> StraightLine:
     """Return the complete and free straight line of the tool to a pose.
 

@@ -75,5 +75,6 @@ def caliper_of(cell: CellFile) -> Settings[CaliperOptions] | None:
 
 def hand_eye_of(cell: CellFile) -> Path | None:
     """Return the file with the pose of the cell's camera; None where it has none, or more than one."""
-    cameras: list[Any] = [said.values for said in cell.section.devices.values() if hasattr(said.values, "hand_eye")]
-    return cameras[0].hand_eye if len(cameras) == 1 else None
+    options: list[Any] = [said.values for said in cell.section.devices.values()]
+    files: list[Path] = [file for file in (getattr(each, "hand_eye", None) for each in options) if file is not None]
+    return files[0] if len(files) == 1 else None

@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
-from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals
+from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals, table_left
 from pomona.tools.caliper.findings import corrected, find_error, hidden, known
 from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import Picks, find_runs
@@ -29,7 +29,7 @@ class NoProposal(UsageError):
 
 def add(kinds: Any) -> None:
     """Register `from-picks` among the kinds of `pomona calibrate`."""
-    about = "propose the camera's pose, the depth's scale and the fingers' zero from recorded picks"
+    about = "propose the camera's pose and the depth's scale from recorded picks"
     picks = kinds.add_parser("from-picks", help=about)
     picks.add_argument("runs", nargs="+", metavar="RUN", help="names or paths of records, or folders of records")
     picks.add_argument("--out", type=Path, required=True, help="the file to write; a camera's `hand_eye` may name it")
@@ -90,9 +90,8 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
     before, after = _left(apart, np.zeros(8)), _left(apart, learnt.error)
     found = estimate(read.picks)
     finding = find_error(found)
-    compared = (
-        f"{len(apart)} picks kept apart: first touch off by {1e3 * before:.2f} mm before, {1e3 * after:.2f} after"
-    )
+    gain = f"off by {1e3 * before:.2f} mm before, {1e3 * after:.2f} after"
+    compared = f"{len(apart)} picks kept apart: {_compared(apart)} {gain}"
     if not after < before:
         raise NoProposal(f"{finding.sentence} {compared}: the cell's calibration is left as it is")
     lines = [
@@ -108,10 +107,17 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
 
 
 def _left(picks: Sequence[Pick], error: Any) -> float:
-    """Return the median remainder of the first touches, or widths, after an error [m]."""
-    left = np.array([residuals(pick, error) for pick in picks])
-    column = left[:, 0] if np.isfinite(left[:, 0]).any() else left[:, 1]
+    """Return the median remainder of the first touches, else of widths, else of the table, after an error [m]."""
+    left = np.array([(*residuals(pick, error), table_left(pick, error)) for pick in picks])
+    column = next((c for c in left.T if np.isfinite(c).any()), np.zeros(1))
     return float(np.median(np.abs(column[np.isfinite(column)])))
+
+
+def _compared(picks: Sequence[Pick]) -> str:
+    """Return the name of the values that `_left` compares."""
+    if any(pick.side for pick in picks):
+        return "first touch"
+    return "table" if all(pick.is_look for pick in picks) else "width"
 
 
 def _values(found: CameraErrors) -> list[str]:
@@ -121,7 +127,7 @@ def _values(found: CameraErrors) -> list[str]:
     return [
         f"camera   x, y, z in its own frame {metres} mm; about them {angles}°",
         f"depth    too short by {1e2 * e[6]:+.2f} ± {1e2 * s[6]:.2f} %",
-        f"fingers  read too wide by {1e3 * e[7]:+.2f} ± {1e3 * s[7]:.2f} mm",
+        f"fingers  read wider than the camera by {1e3 * e[7]:+.2f} ± {1e3 * s[7]:.2f} mm",
         f"scatter  {found.scatter:.2f} of the assumed one",
     ]
 
@@ -133,7 +139,7 @@ def _content(read: Picks, found: CameraErrors, apart: int, before: float, after:
         "T_mount_camera_with_depth_corrected": corrected(found, T_mount_camera, with_depth=True).tolist(),
         "T_mount_camera_before": T_mount_camera.tolist(),
         "depth_scale": round(-float(found.error[6]), 6),  # as a depth model has it: positive where depth is too long
-        "width_zero_mm": round(1e3 * float(found.error[7]), 4),
+        "wider_than_camera_mm": round(1e3 * float(found.error[7]), 4),
         "error": found.error.tolist(),
         "covariance": found.covariance.tolist(),
         "known": list(known(found)),

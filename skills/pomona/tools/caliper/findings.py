@@ -44,7 +44,7 @@ class CameraFinding:
 
 def find_error(found: CameraErrors) -> CameraFinding:
     """Compare the errors with chance, and describe them along the directions that picks have shown."""
-    number = _number(len(found.used))
+    number = _number(found)
     places = place_directions(found)
     shifts = [d for d in places if d.value > max(LIMIT_PLACE, SURE * d.std)]
     turns = [d for d in angle_directions(found) if d.value > max(LIMIT_ANGLE, SURE * d.std)]
@@ -64,7 +64,7 @@ def find_error(found: CameraErrors) -> CameraFinding:
 def is_proven(found: CameraErrors) -> bool:
     """Return True when fruit lie, along each line on which fingers have closed, where the camera puts them."""
     shift, covariance = found.shift
-    axes = np.array([pick.axis for pick in found.used if pick.side]).reshape(-1, 3)
+    axes = np.array([pick.axis for pick in found.used if pick.side and not pick.landed]).reshape(-1, 3)
     off = np.abs(axes @ shift) + 2.0 * np.sqrt(np.einsum("ni,ij,nj->n", axes, covariance, axes))
     return len(axes) >= LEAST_SHOWN and bool(off.max() <= PROVEN)
 
@@ -80,7 +80,7 @@ def known(found: CameraErrors) -> Iterator[str]:
     if found.std[6] <= KNOWN_SCALE:
         yield f"scale of the depth ± {1e2 * found.std[6]:.2f} %"
     if found.std[7] <= KNOWN_ZERO:
-        yield f"zero of the gripper's width ± {1e3 * found.std[7]:.2f} mm"
+        yield f"difference of felt and measured widths ± {1e3 * found.std[7]:.2f} mm"
 
 
 def hidden(found: CameraErrors) -> Iterator[str]:
@@ -102,7 +102,7 @@ def hidden(found: CameraErrors) -> Iterator[str]:
     if found.std[6] > KNOWN_SCALE:
         yield f"not known: scale of the depth (± {1e2 * found.std[6]:.1f} %); {sizes}"
     if found.std[7] > KNOWN_ZERO:
-        yield f"not known: zero of the gripper's width (± {1e3 * found.std[7]:.1f} mm); {sizes}"
+        yield f"not known: difference of felt and measured widths (± {1e3 * found.std[7]:.1f} mm); {sizes}"
 
 
 def next_picks(found: CameraErrors) -> str:
@@ -126,8 +126,10 @@ def _off(shifts: Sequence[Direction], turns: Sequence[Direction], number: str) -
     return f"The camera {', and '.join(words)} ({number})"
 
 
-def _number(picks: int) -> str:
-    return f"{picks} pick{'' if picks == 1 else 's'}"
+def _number(found: CameraErrors) -> str:
+    looks = sum(pick.is_look for pick in found.used)
+    counts = {"pick": len(found.used) - looks, "look": looks}
+    return " and ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items() if count)
 
 
 def _towards(axis: Float64) -> str:

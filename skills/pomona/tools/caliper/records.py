@@ -15,7 +15,7 @@ from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import EVENTS, EVENTS_FILE, events_file, find_record, in_order
 from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object
 from pomona.executive.recording.scan import scan
-from pomona.tools.caliper.pick import Pick, UnusableTouches, pick_from
+from pomona.tools.caliper.pick import KINDS, Pick, UnusableTouches, pick_from
 
 SAME_POSE = 1e-6  # difference of two poses of a camera in its mount from which they are two calibrations
 
@@ -46,14 +46,21 @@ class Picks:
 
     @classmethod
     def of_run(cls, run: str, cell: str, cell_hash: str, touches: Iterable[tuple[str, Any]]) -> Picks:
-        """Return the picks of one run; `touches` are names and recorded `PickTouches`, as plain JSON."""
-        found = cls()
+        """Return the picks of one run; `touches` are names and recorded `PickTouches`, as plain JSON.
+
+        A touch moves a fruit that lies free. Only the first one after its look shows where the camera saw it.
+        """
+        found, seen = cls(), list[Any]()
         found.cell, found.cell_hash, found.runs = cell, cell_hash, [run]
         for name, value in touches:
             try:
-                found.picks.append(pick_from(value, name))
+                pick = pick_from(value, name)
+                if not pick.is_look and value["T_base_fruit"] in seen:
+                    raise UnusableTouches("an earlier touch has moved the fruit since its look")
+                found.picks.append(pick)
             except UnusableTouches as unusable:
                 found.refused.append(f"{name}: {unusable}")
+            seen.append(value.get("T_base_fruit"))
         return found
 
     def add(self, record: Path) -> None:
@@ -173,9 +180,11 @@ def _state(record: Path) -> list[int]:
 
 def _touches(record: Path) -> Iterable[tuple[str, Any]]:
     for topic, content, *_ in scan(events_file(record), topics=lambda topic: topic == EVENTS):
-        if topic == EVENTS and b"PickTouches" in content:
+        if topic == EVENTS and any(kind.encode() in content for kind in KINDS.values()):
             match parse_object(content):
-                case {"event": "Published", "topic": "touches", "t": t, "value": {"type": "PickTouches"} as value}:
+                case {"event": "Published", "topic": str() as at, "t": t, "value": {"type": kind} as value} if (
+                    KINDS.get(at) == kind
+                ):
                     yield f"{record.name} at {float(t or 0.0):.2f} s", value
 
 

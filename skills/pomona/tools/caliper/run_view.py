@@ -45,7 +45,7 @@ class TouchesView(RunView):
         self._at = event.t, event.tick
         if isinstance(event, RunStarted):
             self._words.begin(event)
-        elif isinstance(event, Published) and event.topic == "touches":
+        elif isinstance(event, Published) and event.topic in ("touches", "doubted_look"):
             self._words.take(event.t, event.value)
         elif not isinstance(event, RunEnded):
             self._show()

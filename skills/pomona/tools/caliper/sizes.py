@@ -1,8 +1,8 @@
 """The width of a picked fruit: the camera's measurement and the pads' first touches, fused.
 
-The pads read z too wide, and the camera measures the fruit g κ a too narrow; both errors come from the picks of the
-cell (`estimate`). A pad that feels its first force has been pressed in by some tenths of a millimetre, and the fruit
-as well. That is the same in every pick, so that z has it: no width is corrected for it twice.
+The camera measures the fruit g κ a too narrow, and the fingers read z wider than the camera; both come from the picks
+of the cell (`estimate`). Picks do not show which part of z is an error of the fingers' zero and which is the camera's
+bias. Their priors share z: the pads are trusted more, so that a width that they felt is corrected by a seventh of it.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.tools.caliper.estimate import SHOWN, SIZE, WIDTH, CameraErrors
+from pomona.tools.caliper.estimate import BIAS, SHOWN, SIZE, WIDTH, ZERO, CameraErrors
 from pomona.tools.caliper.pick import Pick
+
+SHARE = ZERO**2 / (ZERO**2 + BIAS**2)  # part of z that is the fingers'
 
 
 def fused_width(pick: Pick, found: CameraErrors) -> tuple[float, float]:
@@ -24,9 +26,11 @@ def fused_width(pick: Pick, found: CameraErrors) -> tuple[float, float]:
         found: errors of its cell, from this pick and others.
     """
     shown = SHOWN * pick.across
-    measured = np.array([pick.across + shown * found.error[6], pick.across + pick.wider - found.error[7]])
-    J = np.diag([shown, -1.0])
-    covariance: Float64 = np.diag([SIZE**2, (WIDTH * found.scatter) ** 2]) + J @ found.covariance[6:, 6:] @ J.T
+    kappa, z = found.error[6:]
+    measured = np.array([pick.across + shown * kappa + (1.0 - SHARE) * z, pick.across + pick.wider - SHARE * z])
+    J = np.array([[shown, 1.0 - SHARE], [0.0, -SHARE]])
+    own = np.diag([SIZE**2, (WIDTH * found.scatter) ** 2]) + SHARE * BIAS**2  # of both alike: how z is shared
+    covariance: Float64 = own + J @ found.covariance[6:, 6:] @ J.T
     if pick.plain or not np.isfinite(pick.wider):
         return float(measured[0]), float(np.sqrt(covariance[0, 0]))
     weights = np.linalg.solve(covariance, np.ones(2))

@@ -22,6 +22,14 @@ def test_the_palm_is_where_the_gripper_body_ends():
     assert SHAPE.palm_depth == pytest.approx(0.168 - 0.085)
 
 
+def test_the_shortest_way_from_a_fruit_to_a_finger_leads_to_its_nearest_side():
+    """The left finger's tip lies 12 mm beyond the TCP, the right pad's face at half the opening."""
+    left = SHAPE.way_to(np.array([[0.0, 0.045, 0.03], [0.0, 0.0, 0.03]]), 0.08, "left")
+    np.testing.assert_allclose(left, [0.0, 0.0, -0.018], atol=1e-6)
+    right = SHAPE.way_to(np.array([[0.0, -0.03, 0.0], [0.0, 0.03, 0.0]]), 0.08, "right")
+    np.testing.assert_allclose(right, [0.0, -0.01, 0.0], atol=1e-6)
+
+
 @pytest.mark.parametrize("width", [0.035, 0.07, 0.103])
 def test_fingers_slide_as_in_the_simulator(width):
     model = mujoco.MjModel.from_xml_path(str(ROBOT_MODEL.path))

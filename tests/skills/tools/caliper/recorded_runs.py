@@ -15,13 +15,15 @@ from tests.skills.tools.caliper.synthetic import recorded
 CELL = "name: sim\n"
 
 
-def write_run(folder: Path, *touches: dict[str, Any], cell: str = CELL, name: str = "sim") -> Path:
+def write_run(
+    folder: Path, *touches: dict[str, Any], cell: str = CELL, name: str = "sim", topic: str = "touches"
+) -> Path:
     """Record a run with the touches of its picks."""
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
     recorder.on_event(started(cell_text=cell, nodes=(), cell=name))
     for i, value in enumerate(touches):
-        recorder.on_event(Published(float(i), i, "pick/SlipAvoidGrasp", "touches", value))
+        recorder.on_event(Published(float(i), i, "pick/SlipAvoidGrasp", topic, value))
     recorder.on_event(RunEnded(9.0, 450, "success", None, 450, 9.0, 9.0, None))
     recorder.close()
     return folder

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pomona.tools.caliper.estimate import PLAIN, SHOWN, SIZE, TOUCH, WIDTH
+from pomona.tools.caliper.estimate import BIAS, LANDED, PLAIN, PRIOR, SHOWN, SIZE, TOUCH, WIDTH, ZERO
 from pomona.tools.caliper.pick import Pick
 
 
@@ -27,6 +27,7 @@ def made_fruit(
     plain: bool = False,
     name: str = "",
     azimuth: float | None = None,
+    bias: float = 0.0,
 ) -> tuple[Pick, float]:
     """A pick on a table 0.4 to 0.6 m before a camera that looks down on it, under an error (t, ω, κ, z).
 
@@ -36,6 +37,7 @@ def made_fruit(
         noise: of touches and sizes, over the assumed ones.
         tilt: largest angle between the fingers' axis and the picture's plane [rad].
         azimuth: of the fingers' axis in the picture [rad]; drawn where None.
+        bias: of the camera in all sizes, which `error` has in its last number [m].
     """
     place = np.array([*rng.uniform(-0.15, 0.15, 2), rng.uniform(0.4, 0.6)])
     turn = rng.uniform(0.0, 2.0 * np.pi) if azimuth is None else azimuth
@@ -51,7 +53,14 @@ def made_fruit(
     if plain:
         side, first = 0, np.nan
     pick = Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True, np.array([0.0, 0.0, -1.0]))
-    return pick, across + size
+    return pick, across + size - bias
+
+
+def drawn_error(rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Draw an error (t, ω, κ, z) by its prior, and the camera's bias in z [m]."""
+    error, zero, bias = PRIOR * rng.normal(size=8), ZERO * rng.normal(), BIAS * rng.normal()
+    error[7] = zero - bias
+    return error, bias
 
 
 def made_picks(rng: np.random.Generator, error: np.ndarray, count: int, **how: Any) -> list[Pick]:
@@ -73,6 +82,24 @@ def looked(
     normal = (turn + error[6] * np.eye(3)).T @ down  # a seen point q lies at turn q + t + κ q
     seen = np.append(normal, 0.55 + down @ error[:3]) / np.linalg.norm(normal)
     return [replace(pick, table=np.array([seen, stated])) for pick in picks]
+
+
+def doubted(error: np.ndarray, name: str = "look") -> dict:
+    """`DoubtedLook` as a record has it, of a camera with an error that looks down on a level table from 0.55 m."""
+    (look,) = looked([made_pick(np.random.default_rng(0), error, name=name)], error)
+    assert look.table is not None
+    table, T = look.table.tolist(), np.eye(4).tolist()
+    return {"type": "DoubtedLook", "table": table, "T_mount_camera": T, "on_arm": True}
+
+
+def made_landing(rng: np.random.Generator, error: np.ndarray, *, noise: float = 1.0, name: str = "landing") -> Pick:
+    """A finger that lands on a fruit from above, somewhere between its top and its side."""
+    down, turn = rng.uniform(0.3, 1.2), rng.uniform(0.0, 2.0 * np.pi)
+    axis = np.array([np.cos(turn) * np.sin(down), np.sin(turn) * np.sin(down), -np.cos(down)])
+    pick, _ = made_fruit(rng, error, name=name)
+    moved = error[:3] + np.cross(error[3:6], pick.place) + error[6] * pick.place
+    first = float(axis @ moved) + 0.5 * SHOWN * error[6] * pick.across + noise * LANDED * rng.normal()
+    return replace(pick, axis=axis, side=1, first=first, wider=np.nan, landed=True)
 
 
 def recorded(shift: float = 0.0, *, wider: float = 0.0, x: float = 0.0, yaw: float = 0.0, y: float = -0.5) -> dict:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.tools.caliper.estimate import PRIOR, SHOWN, estimate, residuals
-from tests.skills.tools.caliper.synthetic import looked, made_pick, made_picks
+from pomona.tools.caliper.estimate import PRIOR, SHOWN, estimate, residuals, table_left
+from pomona.tools.caliper.pick import pick_from
+from tests.skills.tools.caliper.synthetic import doubted, looked, made_landing, made_pick, made_picks
 
 WITHIN_90 = 1.645  # of a normal distribution, standard deviations
 
@@ -46,6 +47,26 @@ def test_a_fruit_that_was_pushed_away_is_left_out():
     assert found.left_out == ("pushed",)
     assert len(found.used) == 15
     assert found.shift[0][0] == pytest.approx(6e-3, abs=1e-3)
+
+
+def test_landings_of_a_camera_20_mm_aside_show_where_it_sits():
+    rng = np.random.default_rng(4)
+    error = np.array([20e-3, -8e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    found = estimate(looked([made_landing(rng, error, name=f"{i}") for i in range(16)], error))
+    shift, covariance = found.shift
+    true = error[:3]
+    assert np.linalg.norm(shift - true) < 6e-3
+    assert (np.abs(shift - true) < 3.0 * np.sqrt(np.diag(covariance))).all()
+
+
+def test_doubted_looks_alone_show_height_and_tilts():
+    error = np.array([0.0, 0.0, 15e-3, *np.radians([3.0, -2.0, 0.0]), 0.0, 0.0])
+    looks = [pick_from(doubted(error), f"look {i}") for i in range(3)]
+    found = estimate(looks)
+    assert np.degrees(found.error[3:5]) == pytest.approx([3.0, -2.0], abs=0.1)
+    assert np.degrees(found.std[5]) > 1.9  # a turn about the view does not show
+    assert table_left(looks[0], np.zeros(8)) > 15e-3
+    assert table_left(looks[0], found.error) < 1e-3
 
 
 def test_a_plain_gripper_shows_sizes_but_no_place():

@@ -11,8 +11,9 @@ import pytest
 from pomona.devices.realsense.mounted_camera import read_hand_eye
 from pomona.executive.cli import main
 from pomona.tools.caliper.explain import explain
+from pomona.tools.caliper.records import Picks
 from tests.skills.tools.caliper.recorded_runs import CELL, picks_of, runs_of, write_run
-from tests.skills.tools.caliper.synthetic import recorded
+from tests.skills.tools.caliper.synthetic import doubted, recorded
 
 
 def call(*words: object) -> int:
@@ -33,6 +34,27 @@ def test_the_proposal_puts_the_camera_where_the_fingers_felt_the_fruit(tmp_path,
     T = read_hand_eye(out)
     at = T[:3, :3] @ np.array([0.0, 0.0, 0.5]) + T[:3, 3]
     assert at[0] == pytest.approx(6e-3, abs=1e-3)
+
+
+def test_doubted_looks_alone_propose_height_and_tilts(tmp_path, capsys):
+    error = np.array([0.0, 0.0, 12e-3, *np.radians([2.5, 0.0, 0.0]), 0.0, 0.0])
+    for i in range(6):
+        write_run(tmp_path / "runs" / f"2026-01-01_10-00-{i:02d}_pick", doubted(error), topic="doubted_look")
+    out = tmp_path / "calibration.yaml"
+    assert call(tmp_path / "runs", "--out", out) == 0
+    told = capsys.readouterr().out
+    assert "is turned by 2.5 ± 0." in told
+    assert "(6 looks)" in told
+    assert "2 picks kept apart: table off by" in told
+    T = read_hand_eye(out)
+    assert np.degrees(np.arcsin(T[2, 1])) == pytest.approx(2.5, abs=0.1)
+
+
+def test_a_second_touch_of_the_same_look_is_refused_since_the_first_has_moved_the_fruit():
+    first, again, other = recorded(3e-3), recorded(6e-3), recorded(2e-3, x=0.05)
+    read = Picks.of_run("run", "sim", "", [("a", first), ("b", again), ("c", other)])
+    assert [pick.name for pick in read.picks] == ["a", "c"]
+    assert read.refused == ["b: an earlier touch has moved the fruit since its look"]
 
 
 def test_a_camera_in_its_place_is_left_there_or_corrected_by_less_than_the_noise(tmp_path, capsys):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pomona.tools.caliper.pick import UnusableTouches, pick_from
-from tests.skills.tools.caliper.synthetic import recorded
+from tests.skills.tools.caliper.synthetic import doubted, recorded
 
 
 def test_the_first_touch_shows_how_far_the_fruit_lies_to_that_side():
@@ -31,10 +31,30 @@ def test_one_finger_alone_shows_the_place_but_not_the_width():
     assert np.isnan(pick.wider)
 
 
+def test_fingers_that_closed_beside_the_widest_section_show_the_place_but_not_the_width():
+    pick = pick_from(recorded(3e-3, wider=-4e-3), "run")
+    assert pick.first == pytest.approx(3e-3)
+    assert np.isnan(pick.wider)
+
+
 def test_a_plain_gripper_shows_the_width_but_not_the_place():
     pick = pick_from(recorded() | {"left": None, "right": None, "closed": {"width": 0.081}}, "run")
     assert (pick.side, pick.plain) == (0, True)
     assert pick.wider == pytest.approx(1e-3)
+
+
+def test_a_finger_that_landed_shows_the_way_from_the_skin_to_it():
+    pick = pick_from(recorded() | {"right": None, "landed": [0.0, 3e-3, 4e-3]}, "run")
+    assert pick.landed
+    assert pick.first == pytest.approx(5e-3)
+    np.testing.assert_allclose(pick.axis, [0.0, -0.6, -0.8], atol=1e-12)  # the camera looks down
+    assert np.isnan(pick.wider)
+
+
+def test_a_doubted_look_is_a_table_without_a_fruit():
+    pick = pick_from(doubted(np.zeros(8)), "run")
+    assert pick.is_look
+    np.testing.assert_allclose(pick.place, [0.0, 0.0, 0.55], atol=1e-9)
 
 
 def moved(z: float) -> list[list[float]]:
@@ -60,6 +80,12 @@ def moved(z: float) -> list[list[float]]:
         (recorded() | {"left": {"width": 1e30}}, "malformed"),
         (recorded() | {"left": [1.0]}, "malformed"),
         ({}, "malformed"),
+        (recorded() | {"landed": [0.0, 0.0, 0.0]}, "where it was measured"),
+        (recorded() | {"landed": [0.0, 0.0, 0.08]}, "80 mm from the measured skin"),
+        (recorded() | {"landed": "low"}, "malformed"),
+        ({"type": "DoubtedLook"}, "malformed"),
+        (doubted(np.zeros(8)) | {"table": None}, "no table"),
+        (doubted(np.zeros(8)) | {"table": [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.5]]}, "no table"),
     ],
 )
 def test_touches_of_another_thing_are_refused_with_the_reason(value: dict[str, Any], why: str):

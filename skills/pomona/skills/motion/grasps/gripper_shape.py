@@ -53,6 +53,14 @@ class GripperShape:
                 before = max(before, float(upper[2] - points_tcp[beside, 2].min()))
         return before
 
+    def way_to(self, points_tcp: Float64, width: float, finger: str) -> Float64:
+        """Return the shortest way from points, shape (n, 3) [m], to the left or right finger, (3,); 0 inside of it."""
+        corners = self.points + (width - self.closed) * self.slides
+        own, around = (corners[:, 1] > 0.0) == (finger == "left"), self.radii[:, None]
+        lower, upper = (corners - around)[own].min(axis=0), (corners + around)[own].max(axis=0)
+        ways = np.clip(points_tcp, lower, upper) - points_tcp
+        return np.asarray(ways[np.linalg.norm(ways, axis=1).argmin()], np.float64)
+
 
 @lru_cache(maxsize=16)
 def gripper_shape(robot: RobotModel) -> GripperShape:
