@@ -74,7 +74,7 @@ class StreamingSensor(Device):
         self._sequence, self._heard_at, self._retry_at = 0, 0.0, 0.0
 
     def connect(self) -> None:
-        """Open the wire and wait for the first sample. Raises DeviceError: there is none."""
+        """Open the wire and wait for the first sample. Raises DeviceLost: there is none."""
         try:
             self._begin()
         except OSError as error:
@@ -98,7 +98,10 @@ class StreamingSensor(Device):
             raise
 
     def step(self) -> None:
-        """Serve the wire for a moment; the sensor's own thread calls this without end."""
+        """Serve the wire for a moment; the sensor's own thread calls this without end.
+
+        A DeviceLost is kept as the sensor's problem.
+        """
         try:
             if self._session is not None:
                 silent = self._clock.now() - self._heard_at
@@ -157,7 +160,7 @@ class StreamingSensor(Device):
         self._owner.check()
 
     def acknowledge(self) -> None:
-        """Accept that the stream had been lost. Raises DeviceError: it is lost or faulty."""
+        """Accept that the stream had been lost. Raises DeviceLost: it is lost."""
         if self._session is None:
             raise DeviceLost(self.name, f"is still lost: {words(self._problem)}")
         self._owner.ask(self._release)

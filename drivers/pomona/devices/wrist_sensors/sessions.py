@@ -30,7 +30,7 @@ class Ft300Session:
         link.send(start_stream())
 
     def receive(self, patience: float) -> list[Float64]:
-        """As `WristSession.receive`. Raises Nonsense: bytes come, and none are frames."""
+        """As `WristSession.receive`, wrenches of shape (1, 6). Raises Nonsense: bytes come, and none are frames."""
         self._buffer += self._link.receive(patience)
         found, dropped = take_frames(self._buffer)
         self._dropped = 0 if found else self._dropped + dropped
@@ -53,7 +53,7 @@ class UrForceSession:
         self._rtde = RtdeSession(device, link, clock, FIELDS, (), rate)
 
     def receive(self, patience: float) -> list[Float64]:
-        """As `WristSession.receive`."""
+        """As `WristSession.receive`, wrenches of shape (1, 6)."""
         if not self._rtde.receive(patience):
             return []
         force, pose = (self._rtde.vector(name) for name in FIELDS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +44,14 @@ class Picks:
         self.refused: list[str] = []
         self.runs: list[str] = []
         self.cell = self.cell_hash = ""
+        self._names: dict[str, str] = {}  # names of the picks that were merged, by their values
 
     @classmethod
     def of_run(cls, run: str, cell: str, cell_hash: str, touches: Iterable[tuple[str, Any]]) -> Picks:
         """Return the picks of one run; `touches` are names and recorded `PickTouches`, as plain JSON.
 
         A touch moves a fruit that lies free. Only the first one after its look shows where the camera saw it.
+        UnusableTouches go to `refused`.
         """
         found, seen = cls(), list[Any]()
         found.cell, found.cell_hash, found.runs = cell, cell_hash, [run]
@@ -102,8 +105,13 @@ class Picks:
                 raise OtherCalibration(f"{pick.name}: {words}; name runs of one calibration")
         self.cell, self.cell_hash = other.cell, other.cell_hash
         self.runs += other.runs
-        self.picks += other.picks
         self.refused += other.refused
+        for pick in other.picks:
+            name = self._names.setdefault(_measured(pick), pick.name)
+            if name == pick.name:
+                self.picks.append(pick)
+            else:
+                self.refused.append(f"{pick.name}: measured to the last digit as {name}: a copy of its record")
 
 
 def read_groups(records: Iterable[Path]) -> list[Picks]:
@@ -186,6 +194,12 @@ def _touches(record: Path) -> Iterable[tuple[str, Any]]:
                     KINDS.get(at) == kind
                 ):
                     yield f"{record.name} at {float(t or 0.0):.2f} s", value
+
+
+def _measured(pick: Pick) -> str:
+    """Return all values of a pick as text: no two measurements are alike to the last digit, copies of one are."""
+    values = {item.name: getattr(pick, item.name) for item in fields(pick) if item.name != "name"}
+    return repr({key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()})
 
 
 def _same_camera(one: Pick, other: Pick) -> bool:

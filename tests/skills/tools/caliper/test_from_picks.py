@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from importlib.metadata import EntryPoint
 
 import numpy as np
@@ -39,7 +40,7 @@ def test_the_proposal_puts_the_camera_where_the_fingers_felt_the_fruit(tmp_path,
 def test_doubted_looks_alone_propose_height_and_tilts(tmp_path, capsys):
     error = np.array([0.0, 0.0, 12e-3, *np.radians([2.5, 0.0, 0.0]), 0.0, 0.0])
     for i in range(6):
-        write_run(tmp_path / "runs" / f"2026-01-01_10-00-{i:02d}_pick", doubted(error), topic="doubted_look")
+        write_run(tmp_path / "runs" / f"2026-01-01_10-00-{i:02d}_pick", doubted(error + 1e-7 * i), topic="doubted_look")
     out = tmp_path / "calibration.yaml"
     assert call(tmp_path / "runs", "--out", out) == 0
     told = capsys.readouterr().out
@@ -48,6 +49,16 @@ def test_doubted_looks_alone_propose_height_and_tilts(tmp_path, capsys):
     assert "2 picks kept apart: table off by" in told
     T = read_hand_eye(out)
     assert np.degrees(np.arcsin(T[2, 1])) == pytest.approx(2.5, abs=0.1)
+
+
+def test_copies_of_a_record_count_once(tmp_path, capsys):
+    runs_of(tmp_path / "runs", 6e-3, count=5)
+    for k in range(3):
+        shutil.copytree(tmp_path / "runs" / "2026-01-01_10-00-00_pick", tmp_path / "runs" / f"copy_{k}")
+    assert call(tmp_path / "runs", "--out", tmp_path / "calibration.yaml") == 2
+    told = capsys.readouterr().err
+    assert "5 usable picks in 8 runs, 6 are needed" in told
+    assert told.count("a copy of its record") == 3
 
 
 def test_a_second_touch_of_the_same_look_is_refused_since_the_first_has_moved_the_fruit():
