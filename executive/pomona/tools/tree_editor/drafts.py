@@ -8,11 +8,12 @@ import json
 import os
 import re
 import tempfile
+import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 MOST_DRAFTS = 20  # of one file; the oldest are removed
-_PAGE = re.compile(r"[A-Za-z0-9_-]{1,40}")
+PAGE = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +61,21 @@ class Drafts:
         """Remove a page's draft; harmless without one."""
         with contextlib.suppress(OSError):
             self._place(page).unlink(missing_ok=True)
+            self._seen(page).unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self._folder.rmdir()
+
+    def note_open(self, page: str) -> None:
+        """Note that a page with a draft is open now: the editors of other processes see it, too."""
+        with contextlib.suppress(OSError):
+            if self._place(page).is_file():
+                self._seen(page).touch()
+
+    def is_open(self, page: str, within: float) -> bool:
+        """Whether a page with a draft was open within this time [s]."""
+        with contextlib.suppress(OSError):
+            return time.time() - self._seen(page).stat().st_mtime < within
+        return False
 
     def all(self) -> list[Draft]:
         """Return the drafts, the newest first; damaged ones are left out."""
@@ -74,6 +88,9 @@ class Drafts:
 
     def _place(self, page: str) -> Path:
         """Raises ValueError: a page has no such name."""
-        if not _PAGE.fullmatch(page):
+        if not PAGE.fullmatch(page):
             raise ValueError(f"'{page[:40]}' is no name of a page")
         return self._folder / f"{page}.json"
+
+    def _seen(self, page: str) -> Path:
+        return self._place(page).with_suffix(".open")

@@ -29,7 +29,7 @@ from pomona.tools.dashboard.options import free_port
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import HttpService, authorised_body
 from pomona.tools.scenarios.scenario import is_scenario
-from pomona.tools.tree_editor.drafts import Draft, Drafts
+from pomona.tools.tree_editor.drafts import PAGE, Draft, Drafts
 from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, EditedFile
 from pomona.tools.tree_editor.trial import EditorTrial
 from pomona.tools.tree_editor.workbench import Workbench, settings_of
@@ -99,7 +99,7 @@ class TreeEditor:
         return JSONResponse(await asyncio.to_thread(self._opened, page))
 
     def _opened(self, page: str) -> Facts:
-        gone = [draft for draft in self.drafts.all() if draft.page == page or not self._is_open(draft.page)]
+        gone = self._left(page)
         return {
             "name": self.file.path.name,
             "path": str(self.file.path),
@@ -112,12 +112,19 @@ class TreeEditor:
             "disk": _disk(self.file.read()),
         }
 
+    def _left(self, page: str) -> list[Draft]:
+        """Return a page's own draft and those of closed pages, also of other processes."""
+        if PAGE.fullmatch(page):
+            self.drafts.note_open(page)
+        return [draft for draft in self.drafts.all() if draft.page == page or not self._holds(draft.page)]
+
     async def _watch(self, request: Request) -> Response:
         asked = request.query_params
         page = asked.get("page", "")
         self._pages[page[:40]] = time.monotonic()
         disk = await asyncio.to_thread(self.file.read)
-        facts: Facts = {"stamp": disk.stamp, "problem": disk.problem, "others": self._others(page)}
+        left = [draft.page for draft in await asyncio.to_thread(self._left, page)]
+        facts: Facts = {"stamp": disk.stamp, "problem": disk.problem, "others": self._others(page), "drafts": left}
         if disk.stamp != asked.get("stamp", ""):
             facts["disk"] = _disk(disk)
         trial = self.trial.since(_whole(asked.get("trial")), _whole(asked.get("count")))
@@ -127,6 +134,9 @@ class TreeEditor:
 
     async def _catalogue(self, _request: Request) -> Response:
         return JSONResponse(await asyncio.to_thread(self.workbench.catalogue))
+
+    def _holds(self, page: str) -> bool:
+        return self._is_open(page) or self.drafts.is_open(page, PAGE_GONE)
 
     def _is_open(self, page: str) -> bool:
         return time.monotonic() - self._pages.get(page, -PAGE_GONE) < PAGE_GONE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -233,6 +234,18 @@ def test_the_draft_of_a_closed_page_is_found_and_that_of_an_open_one_is_not(ask:
     assert [(draft["page"], draft["text"]) for draft in opened(client)["drafts"]] == [("closed", BROKEN)]
     ask("drop", page="closed")
     assert opened(client)["drafts"] == []
+
+
+def test_the_draft_of_a_page_that_another_process_shows_is_not_offered(
+    ask: Ask, client: TestClient, make_editor: Callable[[Path], TreeEditor], tree: Path
+) -> None:
+    ask("draft", page="mine", text=BROKEN, stamp="s")
+    client.get("/api/watch", params={"page": "mine"})
+    other = make_editor(tree)
+    assert other._opened("theirs")["drafts"] == []
+    (seen,) = tree.parent.rglob("*.open")
+    os.utime(seen, (0.0, 0.0))
+    assert [draft["page"] for draft in other._opened("theirs")["drafts"]] == ["mine"]
 
 
 # ------------------------------------------------------------------------------------------------- trials

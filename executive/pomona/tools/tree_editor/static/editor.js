@@ -443,6 +443,7 @@ async function watch() {
     if (answer.disk) onDisk(answer.disk); else if (answer.problem !== page.problem) page.problem = answer.problem;
     if (answer.others) bar("others", "warn", "Another page edits this file", "Each sees the other's changes when they are saved, as a conflict if both have some."); else clear("others");
     if (answer.trial) heard(answer);
+    if (answer.drafts.some((name) => !offered.has(name))) offerAll((await get("file", { page: me })).drafts?.filter((draft) => !offered.has(draft.page)) ?? []);
     head();
   }
   setTimeout(watch, page.trial && !page.trial.over ? WATCH_RUN : WATCH);
@@ -522,12 +523,18 @@ async function open() {
   if (!page.mayAct) bar("watch", "warn", "This page only shows", "open the link that was printed to edit");
   text.set(page.text);
   text.area.readOnly = !page.mayAct;
-  for (const draft of opened.drafts) offer(draft);
+  offerAll(opened.drafts);
   await judge();
   if (page.state.nodes.length) select(page.state.nodes[0].id);
   drawing.root.focus();
   document.body.dataset.ready = "yes";
   watch();
+}
+
+// Each is offered once; a page that was closed just now is known later than this one opens.
+const offered = new Set([me]);
+function offerAll(drafts) {
+  for (const draft of drafts) { offered.add(draft.page); offer(draft); }
 }
 
 // An unsaved text of a page that was closed: this page's own comes back, another one is offered.
