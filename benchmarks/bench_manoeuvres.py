@@ -62,7 +62,9 @@ class ManoeuvreTrial:
             ROOT / "trees" / "cells" / "sim_crate.yaml", seed=seed, overrides={"others": others}
         )
         self.world = next(each for each in self.cell.devices.values() if isinstance(each, SimWorld))
-        self.devices = {kind: self.cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Workspace)}
+        self.devices: dict[type, Any] = {
+            kind: self.cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Workspace)
+        }
         self.robot = RobotModel.load(self.devices[Arm].description)
         self._rng = np.random.default_rng([seed, 11])
         self._put(kind)
@@ -80,9 +82,10 @@ class ManoeuvreTrial:
             kind, [(self._rng.uniform(-0.04, 0.04), wall if kind == "between" else 0.0)]
         )
         pulls = [np.sign([spots[0][0], side]) if kind == "corner" else np.array([0.0, side * (kind == "between")])]
-        for k, way in zip(range(1, len(fruits)), ([1.0, 0.0], [-1.0, 0.0], [0.6, -0.8 * side]), strict=False):
+        beside = ([1.0, 0.0], [-1.0, 0.0], [0.6, -0.8 * side])
+        for k, way in zip(range(1, len(fruits)), map(np.array, beside), strict=False):
             spots.append(tuple(np.add(spots[0], np.multiply(way, radii[0] + radii[k] + 1e-3))))
-            pulls.append(-np.array(way))
+            pulls.append(-way)
         bodies = [world.model.body(f"fruit_{i}").id for i in range(len(fruits))]
         for body, spot, fruit in zip(bodies, spots, fruits, strict=True):
             address = world.model.jnt_qposadr[world.model.body_jntadr[body]]

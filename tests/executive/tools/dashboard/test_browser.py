@@ -280,6 +280,7 @@ def test_the_drawing_after_a_reload_is_that_of_the_changed_tree(show: Show, open
     show.record(before, "before")
     show.record(after, "after")
     first, later = (list(read_events(show.records / name)) for name in ("before", "after"))
+    assert isinstance(first[0], RunStarted)
     assert isinstance(later[0], RunStarted)
     difference = "--- tree.yaml\n+++ tree.yaml\n@@ -6,0 +7 @@\n+    - Murmur: {}"
     (show.records / "reloaded").mkdir()
