@@ -117,9 +117,9 @@ def digest(record: Path) -> Digest:
         verdict = require_valid(path)
         about |= _read(path, verdict)
         if about["state"] == "cut off":
-            whole = verdict.state == "whole"
-            advice = f"{why_cut(record, about['bytes'])}; `pomona runs repair` completes the file"
-            about["message"] = "repaired, the end of the run is lost" if whole else advice
+            about["message"] = why_cut(record, about["bytes"])
+            if verdict.state == "whole":
+                about.setdefault("lost", "its end")
     except DamagedRecordError as error:
         about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
     except Exception as error:  # one malformed record must not prevent the list of all

@@ -214,6 +214,14 @@ def _is_running_leaf(behaviour: Behaviour) -> bool:
     return behaviour.status is Status.RUNNING and not behaviour.children
 
 
+def _set_level(root: logging.Logger, level: int) -> None:
+    """As `setLevel`, without the lock of `logging`: a thread that keeps it must not hold up the end of a run."""
+    root.level = level
+    for each in (root, *list(root.manager.loggerDict.values())):
+        if isinstance(each, logging.Logger):
+            each._cache.clear()  # type: ignore[attr-defined]
+
+
 MOST_LOGGED = 20  # lines of a node in a second of the run; the others are counted, so that no record is flooded
 
 
@@ -235,11 +243,11 @@ class SkillLogs(logging.Handler):
         root = logging.getLogger()
         level, handlers = root.level, [self] if root.handlers else [self, logging.lastResort]
         root.handlers += [handler for handler in handlers if handler is not None]
-        root.setLevel(min(level, logging.INFO))
+        _set_level(root, min(level, logging.INFO))
         try:
             yield
         finally:
-            root.setLevel(level)
+            _set_level(root, level)
             root.handlers = [handler for handler in root.handlers if handler not in handlers]
 
     def emit(self, record: logging.LogRecord) -> None:

@@ -142,7 +142,7 @@ def test_a_pose_with_too_few_joints_is_refused_before_the_world_is_made(tmp_path
     cell = tmp_path / "trees" / "cells" / "sim.yaml"
     workspace = cell.parent / "shared" / "workspace.yaml"
     workspace.write_text(workspace.read_text().replace("observe: -1.36 -0.316 ", "observe: -0.316 "))
-    with pytest.raises(CellFileError, match="the pose 'observe' needs 7 joints"):
+    with pytest.raises(CellFileError, match="the pose 'observe' has 6 joints, the arm has 7"):
         load_cell(cell, seed=0)
 
 
