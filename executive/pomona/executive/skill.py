@@ -136,6 +136,13 @@ class SkillContext(Protocol):
         """Drive an interrupted body until it has ended; the skill owns its devices until then. Never raises."""
 
 
+class SkillLogger(logging.LoggerAdapter[logging.Logger]):
+    """The logger of a skill, from INFO on."""
+
+    def debug(self, *_: object, **__: object) -> None:
+        """Drop a line: py_trees writes one at each stop, which must not wait for the lock of `logging`."""
+
+
 class Skill(py_trees.behaviour.Behaviour):
     """A leaf of the tree. Subclasses declare their devices and failure codes, and write `run`.
 
@@ -179,7 +186,7 @@ class Skill(py_trees.behaviour.Behaviour):
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name or type(self).__name__)
-        self.logger: Any = logging.getLogger(type(self).__module__)  # as behaviours of py_trees use theirs
+        self.logger: Any = SkillLogger(logging.getLogger(type(self).__module__), {})
         self.reason: Failure | None = None
         self.path = self.name
         self.starts = 0
