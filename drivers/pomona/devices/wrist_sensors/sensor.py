@@ -115,7 +115,7 @@ class StreamingSensor(Device):
             self._lose(error)
 
     def _take(self, patience: float) -> bool:
-        """Deliver what has come; whether anything has."""
+        """Deliver all samples that have come; return whether there were any."""
         assert self._session is not None
         wrenches = self._session.receive(patience)
         for behind, wrench in zip(range(len(wrenches) - 1, -1, -1), wrenches, strict=True):

@@ -28,7 +28,7 @@ FEELING_FAILURES = (*MOTION_FAILURES, "NOT_AT_PRE_GRASP", "NO_STRAIGHT_LINE", "C
 
 
 class OuterFaces:
-    """What pushes the resting fingers, by the gripper's motor and width: outer faces have no sensor of their own."""
+    """Pushes on the resting fingers, by the gripper's motor and width: outer faces have no sensor of their own."""
 
     def __init__(self, gripper: Gripper) -> None:
         self._gripper, state = gripper, gripper.state()

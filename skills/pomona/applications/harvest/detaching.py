@@ -240,7 +240,7 @@ class DetachController:
     Attributes:
         phase: of the motion; problem: why it ends without a fruit, or None.
         roll: measured angle so far [rad]; stem_force: estimate of the stem's force now [N]; stem_peak: its maximum [N].
-        given_back: largest work that the fruit has given the hand beyond its own weight's fall and what was put in [J].
+        given_back: largest work that the fruit has given the hand beyond its own weight's fall and the work put in [J].
         broke_at: time of the detected break since the start [s], or None; roll_at_break [rad].
     """
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SIDE, QUALITY = 448, 50
 """Longer side [px] and quality of WebP: tiles of an orchard's apples have 46 px fruit then, and 32 kB each."""
 
-MOST_BYTES = 20_000_000  # of one part: what a mail or a loan's transfer takes
+MOST_BYTES = 20_000_000  # of one part, small enough for a mail
 
 
 def add(kinds: Any) -> None:
