@@ -28,7 +28,7 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Explain the run; returns 0, or 2 for a record without a run's beginning."""
+    """Explain the run."""
     record = find_record(options.run, options.record)
     console = Screen()
     run = trusted(record)
@@ -42,7 +42,7 @@ def main(options: argparse.Namespace) -> int:
         console.print(f"The record was damaged and repaired; lost: {run.lost}.", style="yellow")
     if not run.checked:
         console.print(UNCHECKED, style="yellow")
-    return 0 if run.tree else 2
+    return 0
 
 
 def _further(record: Path) -> Iterator[str]:

@@ -100,7 +100,7 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
             (),
             "a_color.png: cannot be read as a picture",
         ),
-        (lambda folder: None, ("--kind", "pear"), "no fruit named 'pear'"),
+        (lambda folder: None, ("--kind", "plum"), "no fruit named 'plum'"),
         (lambda folder: None, ("--score", "3"), "--score 3: score is at most 1"),
         (lambda folder: None, ("--every", "0"), "--every 0: it is 0, but must be"),
         (lambda folder: None, ("--method", "guess"), "method must be one of shape, uniform"),
