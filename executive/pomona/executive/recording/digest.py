@@ -118,8 +118,6 @@ def digest(record: Path) -> Digest:
         about |= _read(path, verdict)
         if about["state"] == "cut off":
             about["message"] = why_cut(record, about["bytes"])
-            if verdict.state == "whole":
-                about.setdefault("lost", "its end")
     except DamagedRecordError as error:
         about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
     except Exception as error:  # one malformed record must not prevent the list of all

@@ -97,7 +97,7 @@ def ending(run: Digest) -> str:
     if run.state == "running":
         return f"running for {seconds(time.time() - run.wall_time)}"
     if run.state == "cut off":
-        return f"{lost}{how(run)}: {run.message}" + ("" if lost else "; `pomona runs repair` completes the file")
+        return f"{lost}{how(run)}: {run.message}"
     if run.state == "damaged":
         return run.message or "damaged"
     why = f"{run.code}: {run.message}" if run.code else run.message or ""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest, trusted
-from pomona.executive.recording.folder import find_record, is_being_written
+from pomona.executive.recording.folder import events_file, find_record, is_being_written
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
@@ -108,7 +108,11 @@ def _list(options: argparse.Namespace) -> int:
         for run in shown:
             write_json(run.as_json())
         return 0
-    print_list(wide_console(), shown, len(runs), sum(run.bytes for run in runs))
+    console = wide_console()
+    print_list(console, shown, len(runs), sum(run.bytes for run in runs))
+    cut = [run for run in shown if run.state == "cut off" and _needs_repair(events_file(options.record / run.run))]
+    if cut:
+        console.print(f"`pomona runs repair` completes the files of {len(cut)}", style="dim")
     return 0
 
 

@@ -137,8 +137,13 @@ def test_explain_reports_where_and_why_a_record_was_cut_off(
     said = say(capsys, "explain", "last")
     assert "The record ends after" in said
     assert "the file was cut afterwards" in said
+    advice = "`pomona runs repair` completes the files of 1"
+    assert advice in say(capsys, "runs", "list")
     assert "✓" in say(capsys, "runs", "repair")
     assert "no record needs a repair" in say(capsys, "runs", "repair")
+    said = say(capsys, "runs", "list")
+    assert "cut off" in said
+    assert advice not in said
 
 
 def test_rerun_repeats_a_run_from_its_record_alone(capsys: pytest.CaptureFixture[str]) -> None:
