@@ -37,7 +37,7 @@ TRIED = (
     ("explain", "last"),
     ("replay", "last"),
     ("runs", "export", "last", "tables", "--to", "frames"),
-    ("detect", "tables", "--weights", "apple.weights"),
+    ("detect", "tables/frames", "--weights", "apple.weights"),
     ("campaign", "two.campaign.yaml", "--workers", "1"),
 )
 CAMPAIGN = """pomona: 1
