@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from PIL import Image
@@ -93,6 +94,48 @@ def page_animation(out: Path) -> None:
     photograph(out.parent, out)
 
 
+VIEW = {"azimuth": 142.0, "elevation": -12.0, "distance": 1.06}
+"""Place from which the arm with the lifted apple is seen, around the apple [°, °, m]."""
+
+
+def lifted_apple(out: Path) -> None:
+    """The arm at the end of the run, with the apple in its fingers, seen from a place beside the table."""
+    from pomona.tools.simulation.gl import in_gl_thread
+    from pomona.tools.simulation.world import SimWorld
+
+    truth, seen = SimWorld.truth, []
+
+    def photographed(world: SimWorld) -> Any:
+        if not seen:
+            seen.append(in_gl_thread(lambda: _photograph(world)))
+        return truth(world)
+
+    with tempfile.TemporaryDirectory() as records, mock.patch.object(SimWorld, "truth", photographed):
+        execute(order(Path(records)))
+    Image.fromarray(seen[0]).resize((1280, 640), Image.Resampling.LANCZOS).save(out, quality=88)
+
+
+def _photograph(world: Any) -> Any:
+    """Return a view of the whole world on light grey, twice as large as the picture: smoother edges."""
+    from pomona.tools.simulation.gl import open_renderer
+
+    shown = world.model.vis
+    shown.global_.offwidth, shown.global_.offheight = 2560, 1280
+    shown.headlight.ambient[:], shown.headlight.diffuse[:] = 0.3, 0.35
+    camera = world.mujoco.MjvCamera()
+    for name, value in VIEW.items():
+        setattr(camera, name, value)
+    camera.lookat[:] = np.add(world.state.body("fruit_0").xpos, (0.0, 0.0, 0.16))
+    renderer = open_renderer(world.model, 1280, 2560)
+    renderer.update_scene(world.state, camera)
+    picture = renderer.render().copy()
+    renderer.enable_segmentation_rendering()
+    planes = np.flatnonzero(world.model.geom_type == world.mujoco.mjtGeom.mjGEOM_PLANE)
+    picture[np.isin(renderer.render()[..., 0], [-1, *planes])] = 244  # neither sky nor floor
+    renderer.close()
+    return picture
+
+
 def grip_picture(out: Path) -> None:
     """One lift, from bias to rest."""
     from benchmarks.grasp_picture import draw
@@ -159,6 +202,7 @@ PICTURES: dict[str, Picture] = {
         tuple(PAGE + file for file in ("index.html", "style.css", "scene.js", "timeline.js", "pictures.js")),
         figures_of_pick,
     ),
+    "lifted.jpg": Picture(lifted_apple, ("drivers/pomona/tools/simulation/layout.py",)),
     "grip.png": Picture(grip_picture, ("benchmarks/grasp_picture.py",), figures_of_grip),
     "rendered.jpg": Picture(rendered_frames, ("skills/pomona/tools/training/*.py",)),
     "detect.jpg": Picture(

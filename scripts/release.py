@@ -3,20 +3,23 @@
     python scripts/release.py            # everything but the tag
     python scripts/release.py --tag      # the tag, too: v and the version of pyproject.toml; nothing is pushed
     python scripts/release.py --shared   # the environments share the packages installed here (a minute, not ten)
+    python scripts/release.py --python python3.12 --python python3.13   # with these, not with each that is found
 
-Each environment tests the version, the check of a shipped tree, and the simulated pick.
+Each environment holds the newest allowed packages. It tests the version, the check of a shipped tree, the simulated
+pick, its replay, its tables, a detection in the pictures of these tables, and a campaign of two runs.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
-import venv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,7 +28,24 @@ PLACEHOLDER = "example.org"
 """Address in the project's files until the public one is decided."""
 ADDRESSED = ("pyproject.toml", "CITATION.cff", "mkdocs.yml", "SECURITY.md", ".github/ISSUE_TEMPLATE/config.yml")
 """Files with public addresses."""
-TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed", "3"), ("explain", "last"))
+PYTHONS = ("python3.11", "python3.12", "python3.13")
+"""Versions that the package supports (pyproject.toml, `requires-python` and classifiers)."""
+TRIED = (
+    ("--version",),
+    ("check", "pick_apple"),
+    ("run", "pick_apple", "--seed", "3"),
+    ("explain", "last"),
+    ("replay", "last"),
+    ("runs", "export", "last", "tables", "--to", "frames"),
+    ("detect", "tables/frames", "--weights", "apple.weights"),
+    ("campaign", "two.campaign.yaml", "--workers", "1"),
+)
+CAMPAIGN = """pomona: 1
+campaign: two
+tree: pick_apple
+cell: sim
+seeds: 2
+"""
 TRIED_ALONE = (("--version",), ("check", "count_down"), ("run", "count_down"), ("explain", "last"), ("replay", "last"))
 """Commands of an installed Pomona, and of `pomona-executive`, that must end with 0."""
 
@@ -64,11 +84,28 @@ def build(folder: Path) -> list[Path]:
     return sorted(folder.iterdir())
 
 
-def try_out(package: Path, folder: Path, shared: bool) -> bool:
+def pythons(wanted: Sequence[str]) -> list[str]:
+    """Return the interpreters that run here: those that are wanted, else each supported version that is found."""
+    found = []
+    for name in wanted or PYTHONS:
+        path = shutil.which(name)
+        runs = path and not subprocess.run([path, "-c", "import venv"], check=False, capture_output=True).returncode
+        if runs:
+            found.append(name)
+        elif wanted:
+            raise SystemExit(f"{name}: no such Python runs here; name one that does, as {sys.executable}")
+        else:
+            sys.stdout.write(f"{name} is not found: nothing is tried with it\n")
+    return found or [sys.executable]
+
+
+def try_out(package: Path, python: str, folder: Path, shared: bool) -> bool:
     """Install a package in an environment of its own and use it there."""
-    environment = folder / f"env_{package.name}"
+    folder.mkdir()
+    (folder / "two.campaign.yaml").write_text(CAMPAIGN, "utf-8")
+    environment = folder / "env"
     tried_here = TRIED_ALONE if package.name.startswith("pomona_executive") else TRIED
-    venv.create(environment, symlinks=True, with_pip=True)
+    subprocess.run([python, "-m", "venv", str(environment)], check=True)
     words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     if shared:
         (site,) = environment.glob("lib/*/site-packages")
@@ -77,7 +114,7 @@ def try_out(package: Path, folder: Path, shared: bool) -> bool:
         words += ["--no-deps", "--no-build-isolation"]
     commands = [("python", *words, str(package)), *(("pomona", *tried) for tried in tried_here)]
     for command, *rest in commands:
-        sys.stdout.write(f"  {package.name}: {command} {' '.join(rest)}\n")
+        sys.stdout.write(f"  {package.name}, {Path(python).name}: {command} {' '.join(rest)}\n")
         sys.stdout.flush()
         done = subprocess.run(
             [str(environment / "bin" / command), *rest], cwd=folder, check=False, capture_output=True, text=True
@@ -93,6 +130,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tag", action="store_true", help="tag this commit when everything went well")
     parser.add_argument("--shared", action="store_true", help="share the installed packages")
+    parser.add_argument("--python", action="append", default=[], help="try with this Python; may be repeated")
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="where wheel and sdist go; must not exist")
     options = parser.parse_args()
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
@@ -103,10 +141,12 @@ def main() -> int:
         sys.stdout.write(f"{problem}\n")
     if found:
         return 2
+    tried = [sys.executable] if options.shared else pythons(options.python)
     packages = build(options.out)
     with tempfile.TemporaryDirectory() as folder:
-        if not all(try_out(package, Path(folder), options.shared) for package in packages):
-            return 1
+        for number, (python, package) in enumerate(itertools.product(tried, packages)):
+            if not try_out(package, python, Path(folder) / str(number), options.shared):
+                return 1
     if options.tag:
         git(ROOT, "tag", "--annotate", f"v{version}", "--message", f"Pomona {version}")
         sys.stdout.write(f"tagged v{version}; push it: git push origin v{version}\n")

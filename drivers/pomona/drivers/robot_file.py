@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+import logging
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,19 @@ from pomona.drivers.interfaces import ArmLimits
 from pomona.executive.values.installation import import_under, installed_trees
 from pomona.executive.values.trial import trial
 
+_log = logging.getLogger(__name__)
 SHIPPED = (installed_trees() / "robots").resolve()  # as trustworthy as the code
+
+
+@cache
+def load_mujoco() -> Any:
+    """Import MuJoCo for kinematics and physics, without graphics. Its warnings become lines of the log.
+
+    By itself MuJoCo prints them, and writes the file MUJOCO_LOG.TXT into the working folder.
+    """
+    mujoco = import_under("mujoco", MUJOCO_GL="disable")
+    mujoco.set_mju_user_warning(_log.warning)
+    return mujoco
 
 
 def read_spec(path: Path) -> Any:
@@ -32,7 +45,7 @@ def read_spec(path: Path) -> Any:
 
 
 def _read_spec(path: Path) -> Any:
-    mujoco = import_under("mujoco", MUJOCO_GL="disable")  # takes a moment, and only this needs it; no graphics here
+    mujoco = load_mujoco()  # takes a moment, and only this needs it
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compile()
@@ -45,7 +58,7 @@ def _read_spec(path: Path) -> Any:
 
 def try_robot(path: str) -> None:
     """Compile a file and prepare its simulation; runs in a process of its own. Raises UnusableRobotFile."""
-    mujoco = import_under("mujoco", MUJOCO_GL="disable")
+    mujoco = load_mujoco()
     try:
         mujoco.MjData(_read_spec(Path(path)).compile())
     except RuntimeError as error:  # "an unknown exception": a size for which there is no memory

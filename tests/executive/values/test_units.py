@@ -67,6 +67,13 @@ def test_a_text_without_a_quantity_is_refused(text):
             quantity.parse(text)
 
 
+def test_a_time_of_centuries_is_refused():
+    assert TIME.parse("8760 h") == 8760 * 3600
+    for text in ("1e30 s", "-1e10 s", "3e6 h"):
+        with pytest.raises(ValueError, match="is too large for a time"):
+            TIME.parse(text)
+
+
 @given(st.text(max_size=60))
 def test_any_text_is_a_length_or_refused_in_words(text):
     try:

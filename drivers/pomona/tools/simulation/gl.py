@@ -13,9 +13,9 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
-from types import ModuleType
 from typing import Any, TypeVar
 
+from pomona.drivers import load_mujoco as load_mujoco
 from pomona.drivers.errors import DeviceFault
 from pomona.executive.values.installation import import_under
 
@@ -23,12 +23,6 @@ T = TypeVar("T")
 
 _lock = threading.Lock()
 _thread: ThreadPoolExecutor | None = None
-
-
-def load_mujoco() -> ModuleType:
-    """Import MuJoCo for physics; OpenGL is left alone until something is rendered, whatever MUJOCO_GL is."""
-    module: ModuleType = import_under("mujoco", MUJOCO_GL="disable")
-    return module
 
 
 def open_renderer(model: Any, height: int, width: int) -> Any:

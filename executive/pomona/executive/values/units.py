@@ -43,6 +43,7 @@ class Quantity:
 
     name: str
     units: Mapping[str, float]
+    most: float = math.inf  # size from which on a value is a slip of the pen, in SI
 
     @property
     def si_unit(self) -> str:
@@ -73,7 +74,7 @@ class Quantity:
         if unit not in self.units:
             raise ValueError(f"'{unit}' is no unit of {self.name}: {', '.join(self.units)}")
         value = float(written[0]) * self.units[unit]
-        if not math.isfinite(value):
+        if not abs(value) < self.most:
             raise ValueError(f"'{text.strip()}' is too large for {with_article(self.name)}")
         return value
 
@@ -96,7 +97,7 @@ _DEGREE = math.pi / 180.0
 
 LENGTH = Quantity("length", {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6})
 ANGLE = Quantity("angle", {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE})
-TIME = Quantity("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0})
+TIME = Quantity("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}, most=1e10)  # 317 years
 MASS = Quantity("mass", {"kg": 1.0, "g": 1e-3})
 FORCE = Quantity("force", {"N": 1.0, "mN": 1e-3})
 TORQUE = Quantity("torque", {"N·m": 1.0, "Nm": 1.0, "N·mm": 1e-3, "Nmm": 1e-3})

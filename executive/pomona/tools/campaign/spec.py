@@ -24,7 +24,7 @@ from pomona.executive.values.findings import Findings, did_you_mean, few_hints, 
 from pomona.executive.values.kinds import Schema
 from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.sections import Placed
-from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlScalar
+from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlNode, YamlScalar
 from pomona.tools.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
 
 MAX_RUNS = 100_000
@@ -102,32 +102,96 @@ def judge_campaign(path: Path, findings: Findings) -> Campaign | None:
     written = read_value_file(path, findings, "a campaign file")
     if written is None:
         return None
+    names = _Names(path, findings)
     try:
         placed = CAMPAIGN.read_placed(written.root, written.reader)
-        return _Planner(path, findings, placed).campaign()
     except Refused:
+        names.check(written.root)  # beside a value that cannot be used, wrong names are reported in the same pass
         return None
+    return _Planner(names, findings, placed).campaign()
+
+
+@dataclass(slots=True)
+class _Names:
+    """Trees and cells that a campaign names, and the settings that they have."""
+
+    path: Path
+    findings: Findings
+    documents: dict[Path, Document] = field(default_factory=dict)
+    options: dict[Path, frozenset[str]] = field(default_factory=dict)
+
+    def check(self, root: YamlNode) -> None:
+        """Report a tree and a cell that do not exist, and settings that they do not have."""
+        if not isinstance(root, YamlMapping):
+            return
+        given = {name: node for name in ("tree", "cell") if isinstance(node := root.get(name), YamlScalar)}
+        if "tree" not in given:
+            return
+        tree = self.file(given["tree"], find_tree, root)
+        cell = self.file(given.get("cell"), find_cell, root, default_name("cell"))
+        if tree is not None and cell is not None:
+            for name in ("set", "vary"):
+                self.check_keys(tree, cell, keys_of(root, name))
+
+    def file(
+        self, written: YamlScalar | None, find: Callable[[str], Path], node: YamlNode, default: str = ""
+    ) -> Path | None:
+        """Return a tree or cell: beside the campaign file, by path, or by name; None with a finding without one."""
+        name = default if written is None else written.text
+        beside = self.path.parent / name
+        if is_file(beside):
+            return beside
+        try:
+            return find(name)
+        except UsageError as error:
+            self.findings.error(written or node, "file", str(error))
+            return None
+
+    def check_keys(self, tree: Path, cell: Path, keys: Mapping[str, YamlScalar]) -> None:
+        """Every key must be a parameter of the tree or an option of the cell."""
+        known = self.known(tree, cell)
+        for name, key in keys.items():
+            if name not in known:
+                hint = did_you_mean(name, known) or f"known: {', '.join(sorted(known))}"
+                message = f"neither the tree '{tree.stem}' nor the cell '{cell.stem}' has a setting '{name}'"
+                self.findings.error(key, "unknown-setting", message, hint)
+
+    def known(self, tree: Path, cell: Path) -> frozenset[str]:
+        return frozenset(self.document(tree).main.parameters) | self.options_of(cell)
+
+    def document(self, tree: Path) -> Document:
+        if tree not in self.documents:
+            self.documents[tree] = read_document(tree)
+        return self.documents[tree]
+
+    def options_of(self, cell: Path) -> frozenset[str]:
+        if cell not in self.options:
+            outline = outline_cell(cell, self.findings)
+            self.options[cell] = frozenset(option.name for option in outline.options) if outline else frozenset()
+        return self.options[cell]
 
 
 @dataclass(slots=True)
 class _Planner:
-    path: Path
+    names: _Names
     findings: Findings
     placed: Placed[CampaignSection]
-    documents: dict[Path, Document] = field(default_factory=dict)
-    options: dict[Path, frozenset[str]] = field(default_factory=dict)
     cells: dict[Path, CellFile] = field(default_factory=dict)
 
     def campaign(self) -> Campaign | None:
         said, node = self.placed.values, self.placed.node
-        tree, cell = self.file(said.tree, find_tree), self.file(said.cell, find_cell, default_name("cell"))
+        tree = self.names.file(said.tree, find_tree, node)
+        cell = self.names.file(said.cell, find_cell, node, default_name("cell"))
+        if tree is None or cell is None:
+            return None
         whole = _Arm("all", tree, cell, said.set, said.seeds, {})
         vary = {key: tuple(value.text for value in values) for key, values in said.vary.items()}
         arms = self.arms(whole) or [whole]
         for arm in (whole, *arms):
-            self.check_keys(arm, keys_of(node, "set"))
+            self.names.check_keys(arm.tree, arm.cell, keys_of(node, "set"))
         alone = all(arm.tree == tree and arm.cell == cell for arm in arms)
-        self.check_keys(whole if alone else arms[0], keys_of(node, "vary") if alone else {})
+        if alone:
+            self.names.check_keys(tree, cell, keys_of(node, "vary"))
         if not self.has_size(arms, vary):
             return None
         good = [self.judge(arm) for arm in arms]  # all of them, for all findings
@@ -161,40 +225,19 @@ class _Planner:
         written = self.placed.node.get("arms")
         arms = []
         for name, said in self.placed.values.arms.items():
-            tree = whole.tree if said.tree is None else self.file(said.tree, find_tree)
-            cell = whole.cell if said.cell is None else self.file(said.cell, find_cell)
+            tree = whole.tree if said.tree is None else self.names.file(said.tree, find_tree, self.placed.node)
+            cell = whole.cell if said.cell is None else self.names.file(said.cell, find_cell, self.placed.node)
+            if tree is None or cell is None:
+                continue
             seeds = whole.seeds if said.seeds is None else said.seeds
             only = {key: tuple(value.text for value in values) for key, values in said.only.items()}
             arm = _Arm(name, tree, cell, {**whole.settings, **said.set}, seeds, only)
             node = written.get(name) if isinstance(written, YamlMapping) else None
             if isinstance(node, YamlMapping):
-                self.check_keys(arm, keys_of(node, "set"))
+                self.names.check_keys(tree, cell, keys_of(node, "set"))
                 self.check_only(said.only, keys_of(node, "only"))
             arms.append(arm)
         return arms
-
-    def file(self, written: YamlScalar | None, find: Callable[[str], Path], default: str = "") -> Path:
-        """Return a tree or cell: beside the campaign file, by path, or by name from those installed."""
-        name = default if written is None else written.text
-        beside = self.path.parent / name
-        if is_file(beside):
-            return beside
-        try:
-            return find(name)
-        except UsageError as error:
-            raise self.placed.reader.refuse(written or self.placed.node, str(error), code="file") from error
-
-    def check_keys(self, arm: _Arm, keys: Mapping[str, YamlScalar]) -> None:
-        """Every key must be a parameter of the tree or an option of the cell."""
-        known = self.known(arm)
-        for name, key in keys.items():
-            if name not in known:
-                hint = did_you_mean(name, known) or f"known: {', '.join(sorted(known))}"
-                message = f"neither the tree '{arm.tree.stem}' nor the cell '{arm.cell.stem}' has a setting '{name}'"
-                self.findings.error(key, "unknown-setting", message, hint)
-
-    def known(self, arm: _Arm) -> frozenset[str]:
-        return frozenset(self.document(arm.tree).main.parameters) | self.options_of(arm.cell)
 
     def check_only(self, only: Mapping[str, tuple[YamlScalar, ...]], keys: Mapping[str, YamlScalar]) -> None:
         vary = {key: [value.text for value in values] for key, values in self.placed.values.vary.items()}
@@ -215,13 +258,13 @@ class _Planner:
         vary = {
             key: [value for value in values if key not in arm.only or value.text in arm.only[key]] or [*values]
             for key, values in self.placed.values.vary.items()
-            if key in self.known(arm)
+            if key in self.names.known(arm.tree, arm.cell)
         }
         good = True
-        settings = {key: value for key, value in arm.settings.items() if key in self.known(arm)}
+        settings = {key: value for key, value in arm.settings.items() if key in self.names.known(arm.tree, arm.cell)}
         first = {**settings, **{key: values[0] for key, values in vary.items()}}
         for settings in [first, *({**first, key: v} for key, values in vary.items() for v in values[1:])]:
-            judged = judge(self.document(arm.tree), _skills(), settings, arm.cell)
+            judged = judge(self.names.document(arm.tree), _skills(), settings, arm.cell)
             self.findings.extend(found for found in judged.findings.sorted() if found.severity == "error")
             if judged.cell is None or judged.findings.errors:
                 good = False
@@ -232,17 +275,6 @@ class _Planner:
             self.findings.error(self.placed.node, "real-cell", words, "campaigns are for simulated and emulated cells")
             good = False
         return good
-
-    def document(self, tree: Path) -> Document:
-        if tree not in self.documents:
-            self.documents[tree] = read_document(tree)
-        return self.documents[tree]
-
-    def options_of(self, cell: Path) -> frozenset[str]:
-        if cell not in self.options:
-            outline = outline_cell(cell, self.findings)
-            self.options[cell] = frozenset(option.name for option in outline.options) if outline else frozenset()
-        return self.options[cell]
 
 
 @cache

@@ -16,6 +16,7 @@ from pomona.skills.perception import FruitModel, mass_model, mass_of
 CLASS_MM = 5  # width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)
 
 LEAST_TELLING = 3  # least number of fruit to state that all are too large or too small
+FEW = 0.1  # share of measured fruit below which the depth is doubted: of the orchard's two frames it is 0.6
 
 UNLIKE_MODEL = 0.5, 1.25
 """Fruit of a kind of which only the model is known are at least and at most so large, beside it, in the middle: the
@@ -128,9 +129,11 @@ class FruitReport:
         """Fruit look larger or smaller than this kind is, or none has a size."""
         shown = [s.shown[0] / s.fruit.dimensions[[0, 2]].mean() for fruit in self.book.fruit
                  for s in fruit.sightings[:1] if not np.isnan(s.shown[0])]  # fmt: skip
-        if not self.measured and len(self.book.fruit) >= LEAST_TELLING:
+        found = len(self.book.fruit)
+        if found >= LEAST_TELLING and self.measured < FEW * found:
             return (
-                f"none of {len(self.book.fruit)} fruit could be measured: is the depth in millimetres, registered to "
+                f"{'only' if self.measured else 'none'} {self.measured or ''}".strip()
+                + f" of {found} fruit could be measured: is the depth in millimetres, registered to "
                 "colour and of the same moment, and are the fruit as near as the camera measures?"
             )
         if len(shown) < LEAST_TELLING:

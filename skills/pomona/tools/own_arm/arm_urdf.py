@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from pomona.drivers.robot_file import load_mujoco
 from pomona.executive.errors import UsageError
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.installation import import_under
+from pomona.executive.values.units import is_number
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.description import Description, Geom, read_description
 from pomona.skills.motion.robot.errors import BadRobotFile
@@ -20,6 +21,7 @@ from pomona.tools.own_arm.flange import choose_flange
 
 FEWEST = 6  # joints of an arm that can hold its hand in any pose
 LIGHTEST = 0.001  # a link below this has no mass [kg]
+HEAVIEST = 2000.0  # no link is heavier [kg]: the largest arms weigh about 10 t in six links
 PARALLEL = 0.9  # cosine of the largest angle between the last joint and an axis of the flange: 26°
 
 
@@ -64,18 +66,23 @@ def read_arm(path: Path, flange: str | None = None) -> UrdfArm:
         root = read_urdf(path)
         if root is None:
             raise UsageError(f"{path}: is no URDF: {_why_not(path)}{_xacro(path)}")
+        _judge_masses(path, root)
         end = _flange(path, root, flange)
         description = read_description(path, end)
     except BadRobotFile as error:
         raise UsageError(f"{error}{_xacro(path)}") from error
-    for mass in root.iterfind("link/inertial/mass"):
-        if (mass.get("value") or "").strip().startswith("-"):
-            raise UsageError(f"{path}: a link has the mass {mass.get('value')} kg: correct or remove it")
     dof = len(description.joint_names)
     if dof < FEWEST:
         words = f"{dof} joints lead from the base to '{end}', and an arm needs {FEWEST} to hold its hand in any pose"
         raise UsageError(f"{path}: {words}; --flange LINK names another end")
     return _Reader(path, root, end, description).arm()
+
+
+def _judge_masses(path: Path, root: ElementTree.Element) -> None:
+    for mass in root.iterfind("link/inertial/mass"):
+        text = (mass.get("value") or "").strip()
+        if is_number(text) and not 0.0 <= float(text) <= HEAVIEST:
+            raise UsageError(f"{path}: a link has the mass {text} kg: correct or remove it")
 
 
 def _flange(path: Path, root: ElementTree.Element, said: str | None) -> str:
@@ -102,7 +109,7 @@ def _xacro(path: Path) -> str:
 class _Reader:
     def __init__(self, path: Path, root: ElementTree.Element, end: str, description: Description) -> None:
         self.path, self.root, self.end, self.description = path, root, end, description
-        mujoco = import_under("mujoco", MUJOCO_GL="disable")
+        mujoco = load_mujoco()
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         spec.compiler.fusestatic = False
         self.model: Any = spec.compile()

@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from pomona.drivers.robot_file import load_mujoco
 from pomona.drivers.workspace import ObstacleSection, WorkspaceSection
 from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.errors import UsageError
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.installation import import_under
 from pomona.skills.motion.robot import RobotModel
 from pomona.tools.own_arm.arm_urdf import UrdfArm
 from pomona.tools.own_arm.poses import HOME, OBSERVE, Reached, lowest, never_apart, reach
@@ -77,7 +77,7 @@ def _model(text: str, path: Path) -> RobotModel:
 
 def _inertia(arm: UrdfArm, hand: str, scratch: Path) -> Float64:
     """Return the largest inertia that each joint moves, hand included, (dof,) [kg m²]."""
-    mujoco = import_under("mujoco", MUJOCO_GL="disable")
+    mujoco = load_mujoco()
     path = scratch / "plain_drives.xml"
     path.write_text(robot_xml(arm, hand, 0.0, Drives.of(arm, np.ones(arm.dof)), ()), encoding="utf-8")
     try:

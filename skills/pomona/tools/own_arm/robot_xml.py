@@ -8,8 +8,9 @@ from textwrap import indent
 
 import numpy as np
 
+from pomona.drivers.robot_file import load_mujoco
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.installation import import_under, installed_trees
+from pomona.executive.values.installation import installed_trees
 from pomona.skills.motion.collision.cover import fibonacci_sphere
 from pomona.skills.motion.robot.description import Geom
 from pomona.tools.kit.cell_folder import inlined
@@ -168,7 +169,7 @@ def _mesh(geom: Geom, name: str) -> str:
 
 def _pose(T: Float64) -> str:
     quat = np.empty(4)
-    import_under("mujoco", MUJOCO_GL="disable").mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
+    load_mujoco().mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
     return f'pos="{_row(T[:3, 3])}" quat="{_row(quat, 9)}"'
 
 

@@ -332,6 +332,17 @@ def test_an_unknown_setting_hides_no_other_mistake(tmp_path: Path) -> None:
     assert found == [(10, "unknown-value"), (12, "value"), unknown, unknown, (12, "value")]
 
 
+def test_an_unusable_value_hides_neither_a_wrong_tree_and_cell_nor_a_wrong_setting(tmp_path: Path) -> None:
+    unusable = FILE.replace("seeds: 2", "seeds: -1")
+    files = unusable.replace("tree: pick_apple\n", "tree: pick_aple\n").replace("cell: sim", "cell: simm")
+    with pytest.raises(UsageError) as error:
+        campaign(tmp_path, files)
+    assert all(words in str(error.value) for words in ("'pick_aple'", "'simm'", "'seeds' is a count"))
+    with pytest.raises(UsageError, match="'seeds' is a count") as error:
+        campaign(tmp_path, unusable.replace("others: 0", "othrs: 0"))
+    assert "has a setting 'othrs'" in str(error.value)
+
+
 def test_a_campaign_uses_the_score_of_the_cell_unless_its_file_names_another(tmp_path: Path) -> None:
     assert campaign(tmp_path).conditions == ("lifted",)
     assert campaign(tmp_path).score.figures[0] == "position_error_mm"

@@ -263,6 +263,17 @@ def test_where_no_fruit_at_all_was_measured_the_depth_is_doubted(
     assert "These figures are not reliable" not in page
 
 
+def test_where_less_than_a_tenth_was_measured_the_depth_is_doubted() -> None:
+    """The orchard's frames with their depth times five had 1 measured of 56."""
+    inputs = looked("one", {1: 3})
+    measured = inputs["finds"].sightings[0]
+    apart = [replace(measured, p_base=measured.p_base + 0.5 * k, dimensions=None, why="NO_DEPTH") for k in range(1, 11)]
+    for count_of, doubted in ((10, True), (9, False)):
+        seen = (measured, *apart[:count_of])
+        end = count(inputs | {"finds": FrameSightings(inputs["looked"].frame, seen)})
+        assert ("only 1 of 11 fruit could be measured" in end.feedback) is doubted
+
+
 def test_sizes_of_a_kind_constrain_less_than_its_model() -> None:
     sizes = KindSizes(0.073, 0.07, 0.957, 0.06)
     inputs = looked("one", {1: 3, 2: 1, 5: 5})

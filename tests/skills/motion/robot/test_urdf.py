@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from pomona.drivers import load_mujoco
 from pomona.skills.motion.robot import BadRobotFile, RobotModel
 
 LIMIT = '<limit lower="-2" upper="2" velocity="2" effort="9"/>'
@@ -147,3 +148,23 @@ def test_jaws_that_close_to_nothing_have_an_opening(tmp_path: Path) -> None:
     assert sorted(
         float(np.linalg.norm(body.slide)) for body in robot.bodies if body.group == "fingers"
     ) == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize("number", ["nan", "-inf", "Infinity"])
+def test_a_number_that_is_not_finite_is_named(tmp_path: Path, number: str) -> None:
+    inertial = f'<inertial><mass value="{number}"/></inertial>'
+    with pytest.raises(BadRobotFile, match=f'<mass value="{number}"> is not finite: correct or remove it'):
+        load(tmp_path / "arm.urdf", arm(BOX + inertial))
+
+
+def test_a_file_that_mujoco_refuses_is_refused_in_one_line_and_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tensor = '<inertia ixx="-1" iyy="-1" izz="-1" ixy="0" ixz="0" iyz="0"/>'
+    with pytest.raises(BadRobotFile, match="MuJoCo cannot compile it") as error:
+        load(tmp_path / "arm.urdf", arm(BOX + f'<inertial><mass value="1"/>{tensor}</inertial>'))
+    assert "\n" not in str(error.value)
+    load_mujoco().MjSpec.from_string('<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>')  # it warns
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
+    assert "WARNING" not in "".join(capfd.readouterr())

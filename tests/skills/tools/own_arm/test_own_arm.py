@@ -140,6 +140,7 @@ def test_a_second_time_nothing_is_overwritten(cell, capsys):
             re.sub('mass value="[^"]*"', 'mass value="-2"', urdf(), count=1),
             "a link has the mass -2 kg: correct",
         ),
+        (re.sub('mass value="[^"]*"', 'mass value="1e20"', urdf(), count=1), "a link has the mass 1e20 kg: correct"),
         (urdf(kind="fixed"), "--flange LINK names its end"),
         (urdf().replace('name="pan" type="revolute"', 'name="pan" type="fixed"'), "5 joints lead"),
         (urdf().replace('velocity="3" effort="150"/>', 'velocity="3" effort="150"/><mimic joint="pan"/>', 2), "joints"),

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.drivers.robot_file import load_mujoco
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.installation import import_under
 from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.errors import BadRobotFile
 from pomona.skills.motion.robot.urdf import leaders, read_urdf, seen_only
 
-mujoco = import_under("mujoco", MUJOCO_GL="disable")  # nothing is drawn here
+mujoco = load_mujoco()
 
 ENDLESS = 32.0 * np.pi  # position limit of a joint that has none: 16 turns from its zero [rad]
 
@@ -93,7 +93,9 @@ def read_description(path: Path, tool: str = "tool0") -> Description:
         spec.compiler.fusestatic = False  # a URDF's fixed frames (tool0, tcp) must survive
         compiled = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise BadRobotFile(path, f"MuJoCo cannot compile it: {error}") from error
+        raise BadRobotFile(
+            path, f"MuJoCo cannot compile it: {' '.join(str(error).split()).removeprefix('Error: ')}"
+        ) from error
     return _Reader(path, compiled, tool, urdf).description()
 
 

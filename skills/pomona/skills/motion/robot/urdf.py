@@ -7,6 +7,7 @@ Names of mesh files are found as ROS finds them: `package://NAME/…` above the 
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 from pomona.skills.motion.robot.errors import BadRobotFile
 
+NUMBERED = ("origin", "axis", "mass", "inertia", "box", "cylinder", "sphere", "dynamics")  # elements with numbers alone
 READ = (".stl", ".obj", ".msh")  # endings of mesh files that MuJoCo reads
 SMALLEST = {
     "boundmass": "1e-6",
@@ -36,6 +38,10 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
     for name in names:
         if names.count(name) > 1:
             raise BadRobotFile(path, f"has two joints with the name '{name}'")
+    for part in root.iter():
+        for key, text in part.attrib.items() if part.tag in NUMBERED else ():
+            if {"nan", "inf"} & set(re.findall("[a-z]+", text.lower().replace("infinity", "inf"))):
+                raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
     compiler = root.find("mujoco/compiler")
     own_folder = compiler is not None and "meshdir" in compiler.attrib
     for mesh in [] if own_folder else [mesh for part in root.iter("collision") for mesh in part.iter("mesh")]:
