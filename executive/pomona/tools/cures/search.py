@@ -33,7 +33,7 @@ class CureAnswer:
     Attributes:
         seeds: the other seeds.
         original: the run again without a change; None if the budget ended before it.
-        others: the same with the other seeds, as far as the budget reached.
+        others: the same with the other seeds, until one fails: then chance alone is no cure.
         tried: every change that was tried, in the order in which the trials ended.
         untried: the number of candidates that were not tried.
         refused: the number that the check refused: nothing was run for them.
@@ -124,8 +124,9 @@ class CureSearch:
     def _next(self, left: Iterator[CureCandidate]) -> _Task | None:
         while self._urgent:
             task = self._urgent.popleft()
-            # with a failed seed the change is no cure, and the other seeds would only count
-            if task.tried is None or task.tried.successes() == 1 + len(task.tried.others):
+            # after one failure the others of its kind would only count: a change is no cure, and chance is none
+            of_task = self.answer.others if task.tried is None else task.tried.others
+            if all(trial.succeeded for trial in of_task.values()):
                 return task
         if len(self.answer.cures()) >= self.most:
             return None

@@ -253,8 +253,14 @@ def test_no_larger_change_of_a_place_is_tried_while_a_smaller_one_succeeds() -> 
 
 
 def test_the_original_is_repeated_with_the_seeds_of_the_cure() -> None:
-    answer, _ = search(lambda n, seed: n == "1" or seed == 9)
-    assert {seed: trial.succeeded for seed, trial in answer.others.items()} == {8: False, 9: True}
+    answer, _ = search(lambda n, seed: n == "1" or seed == 8)
+    assert {seed: trial.succeeded for seed, trial in answer.others.items()} == {8: True, 9: False}
+
+
+def test_the_original_is_not_repeated_after_a_failure_with_another_seed() -> None:
+    answer, trials = search(lambda n, seed: n == "1", seeds=5)
+    assert answer.cures()[0].successes() == 6
+    assert [seed for n, seed in trials.started if n == ""] == [7, 8, 9]  # two were running when the first one failed
 
 
 def test_a_failure_that_does_not_repeat_ends_the_search() -> None:
