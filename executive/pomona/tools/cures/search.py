@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pomona.executive.execute import RunOrder
 from pomona.tools.cures.candidates import CureCandidate
 from pomona.tools.cures.change import SingleChange
-from pomona.tools.cures.trials import Trial, TrialRunner
+from pomona.tools.cures.trials import OVER_BUDGET, Trial, TrialRunner
 
 
 @dataclass(slots=True)
@@ -110,7 +110,10 @@ class CureSearch:
                 trials.start(task, self._ordered(task), rest)
             ended = list(trials.ended())
             for task, trial in ended:
-                self._take(task, trial)
+                if trial.code == OVER_BUDGET:
+                    remaining += task.what == "change"
+                else:
+                    self._take(task, trial)
             if not ended or self._over:
                 break
         self.answer.untried = remaining - self.answer.refused

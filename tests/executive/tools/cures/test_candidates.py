@@ -24,7 +24,7 @@ from pomona.tools.cures.knobs import Knobs
 from pomona.tools.cures.orders import moved, ordered
 from pomona.tools.cures.other_values import other_values
 from pomona.tools.cures.search import CureSearch
-from pomona.tools.cures.trials import Trial, disagrees
+from pomona.tools.cures.trials import OVER_BUDGET, Trial, disagrees
 
 # ------------------------------------------------------------------------------------------------ values
 
@@ -275,6 +275,24 @@ def test_no_candidate_is_tried_after_the_budget() -> None:
     assert answer.cures() == []
     assert len(trials.started) <= 5
     assert answer.untried >= 35
+
+
+def test_a_repetition_that_the_budget_cuts_off_is_no_result() -> None:
+    class Cut(Scripted):
+        def ended(self) -> Iterator[tuple[Any, Trial]]:
+            for key, _ in self.waiting:
+                yield key, Trial("lost", OVER_BUDGET)
+            self.waiting = []
+
+    order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
+    change = SingleChange("parameter", "n", "t.yaml", 4, "0", "1", 1.0, {"n": "1"})
+    shown: list[Any] = []
+    times = iter((0.0, 0.5, 2.0, 2.0))
+    answer = CureSearch(
+        order, [CureCandidate(change, 1.0, "")], lambda _order: True, 2, 1, 1.0, lambda *each: shown.append(each),
+        clock=lambda: next(times),
+    ).run(Cut(lambda n, seed: False))  # fmt: skip
+    assert (answer.original, answer.tried, answer.untried, shown) == (None, [], 1, [])
 
 
 def test_a_change_that_the_check_refuses_is_not_run() -> None:

@@ -44,7 +44,7 @@ def test_a_run_is_repeated_in_another_process() -> None:
 @pytest.mark.slow
 def test_a_process_that_dies_or_hangs_ends_its_repetition_alone() -> None:
     assert [(trial.outcome, trial.code) for trial in ends(die)] == [("lost", "WORKER_DIED")]
-    assert [(trial.outcome, trial.code) for trial in ends(hang, limit=0.01)] == [("lost", "TIMEOUT")]
+    assert [(trial.outcome, trial.code) for trial in ends(hang, limit=0.01)] == [("lost", "OVER_BUDGET")]
 
 
 def test_a_run_that_cannot_start_is_unusable_and_nothing_else_ends() -> None:
