@@ -140,12 +140,18 @@ class TrialPool:
             busy.worker.kill()
             yield busy.key, Trial("lost", OVER_BUDGET, "the repetition did not end within the budget")
 
+    def give_up(self) -> None:
+        """End the repetitions in progress, without a result: their runs are simulated, so nothing is left in motion."""
+        for busy in self._busy.values():
+            busy.worker.kill()
+        self._busy.clear()
+
     def close(self) -> None:
-        """End all processes: their runs are simulated, so nothing is left in motion."""
-        for worker in (*self._idle, *(busy.worker for busy in self._busy.values())):
+        """End all processes."""
+        self.give_up()
+        for worker in self._idle:
             worker.kill()
         self._idle.clear()
-        self._busy.clear()
 
     def _rest(self, worker: Worker) -> None:
         number = worker.process.pid or 0
