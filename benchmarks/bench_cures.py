@@ -179,6 +179,7 @@ def measure(
     processor, wall = _processor(), time.monotonic()
     assert case.conditions == ("lifted",)
     answer = CureSearch(case.order, case.candidates, usable, options.seeds, 1, options.budget, _progress).run(pool)
+    pool.give_up()  # what the budget left running would be taken for a result of the next search
     processor, wall = _processor() - processor, time.monotonic() - wall
     write_json(as_json(record, answer, case))
     cure = next(iter(answer.cures()), None)

@@ -19,7 +19,7 @@ from typing import Any
 
 from pomona.executive.language.model import Document, TreeNode
 from pomona.executive.language.read import read
-from pomona.executive.values.findings import TreeFileError
+from pomona.executive.values.findings import Finding, TreeFileError
 from pomona.executive.values.yaml_nodes import written
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
 from pomona.tools.groot.export_xml import export_groot
@@ -286,6 +286,8 @@ def _into(rng: random.Random, into: dict[str, Any], table: list[dict[str, Any]],
 
 Shape = dict[str, Any]
 _REPAIRED = ("unknown-key", "two-types", "unknown-type-of-node", "no-type")
+_KEY = re.compile(r"\s*[\w\"']+\s*:\s*(#.*)?$")
+_ABOVE = re.compile(r"\s*(#|-\s*(#|$)|[^#]*[\w\"']\s*:\s*(#|$|\[|\{))")
 
 
 def judge(before: str, message: dict[str, Any], after: str) -> str:
@@ -311,8 +313,13 @@ def _rows_of(text: str, address: str) -> set[int]:
     if node is None:
         return set()
     first, last = node["line"] - 1, node["end_line"] - 1
-    while first > 0 and re.match(r"\s*(#|-\s*(#|$)|[^#]*[\w\"']\s*:\s*(#|$|\[|\{))", lines[first - 1]):
-        first -= 1
+    while first > 0:
+        above = first - 1
+        while above > 0 and not lines[above].strip():
+            above -= 1  # blank lines between a key and its node
+        if not (_ABOVE if above == first - 1 else _KEY).match(lines[above]):
+            break
+        first = above
     while last + 1 < len(lines) and lines[last + 1].lstrip().startswith("#"):
         last += 1
     return set(range(first, last + 1))
@@ -431,10 +438,15 @@ def _read(text: str) -> Document:
     return read(text.removeprefix("\ufeff"), "tree.yaml")
 
 
+def _guessed(finding: Finding) -> bool:
+    """Return whether the reader guesses: it leaves out a `retry_if` whose `retry` was taken away, for example."""
+    return finding.code in _REPAIRED or "means nothing without" in finding.message
+
+
 def _meaning(before: str, edit: TreeEdit, after: str) -> str:
     """The new text reads as the tree before with the edit made."""
     old, new = _read(before), _read(after)
-    if any(node["error"] for node in nodes(before)) or any(f.code in _REPAIRED for f in (*old.findings, *new.findings)):
+    if any(node["error"] for node in nodes(before)) or any(map(_guessed, (*old.findings, *new.findings))):
         return ""  # the reader guesses a meaning
     if edit.do == "set_parameter":
         declared = new.main.parameters.get(edit.name)

@@ -236,7 +236,7 @@ def as_json(record: Path, answer: CureAnswer, case: FailedRun) -> dict[str, Any]
             "code": case.evidence.failed()[0].code if case.evidence.failed() else "",
             "time_s": ended.time,
             "force_n": force_of(plain(ended.truth)),
-            "repeats": None if original is None else not original.succeeded,
+            "repeats": None if original is None or original.outcome == "lost" else not original.succeeded,
             "successes_of_other_seeds": sum(trial.succeeded for trial in answer.others.values()),
             "other_seeds": len(answer.others),
         },

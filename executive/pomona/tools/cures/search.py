@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pomona.executive.execute import RunOrder
 from pomona.tools.cures.candidates import CureCandidate
 from pomona.tools.cures.change import SingleChange
-from pomona.tools.cures.trials import Trial, TrialRunner
+from pomona.tools.cures.trials import OVER_BUDGET, Trial, TrialRunner
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class CureAnswer:
     Attributes:
         seeds: the other seeds.
         original: the run again without a change; None if the budget ended before it.
-        others: the same with the other seeds, as far as the budget reached.
+        others: the same with the other seeds, until one fails: then chance alone is no cure.
         tried: every change that was tried, in the order in which the trials ended.
         untried: the number of candidates that were not tried.
         refused: the number that the check refused: nothing was run for them.
@@ -110,7 +110,10 @@ class CureSearch:
                 trials.start(task, self._ordered(task), rest)
             ended = list(trials.ended())
             for task, trial in ended:
-                self._take(task, trial)
+                if trial.code == OVER_BUDGET:
+                    remaining += task.what == "change"
+                else:
+                    self._take(task, trial)
             if not ended or self._over:
                 break
         self.answer.untried = remaining - self.answer.refused
@@ -124,8 +127,9 @@ class CureSearch:
     def _next(self, left: Iterator[CureCandidate]) -> _Task | None:
         while self._urgent:
             task = self._urgent.popleft()
-            # with a failed seed the change is no cure, and the other seeds would only count
-            if task.tried is None or task.tried.successes() == 1 + len(task.tried.others):
+            # after one failure the others of its kind would only count: a change is no cure, and chance is none
+            of_task = self.answer.others if task.tried is None else task.tried.others
+            if all(trial.succeeded for trial in of_task.values()):
                 return task
         if len(self.answer.cures()) >= self.most:
             return None

@@ -14,6 +14,7 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.compute import Worker, keep_workers_warm
 from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER
 
+OVER_BUDGET = "OVER_BUDGET"  # the code of a repetition that was given up: nothing is known of its end
 FORCES = ("finger_peak_n", "peak_force_n")  # figures of a world's score that hold the largest force [N]
 
 
@@ -137,14 +138,20 @@ class TrialPool:
         for busy in [busy for busy in self._busy.values() if busy.ends <= time.monotonic()]:
             del self._busy[busy.worker.connection]
             busy.worker.kill()
-            yield busy.key, Trial("lost", "TIMEOUT", "the repetition did not end within the budget")
+            yield busy.key, Trial("lost", OVER_BUDGET, "the repetition did not end within the budget")
+
+    def give_up(self) -> None:
+        """End the repetitions in progress, without a result: their runs are simulated, so nothing is left in motion."""
+        for busy in self._busy.values():
+            busy.worker.kill()
+        self._busy.clear()
 
     def close(self) -> None:
-        """End all processes: their runs are simulated, so nothing is left in motion."""
-        for worker in (*self._idle, *(busy.worker for busy in self._busy.values())):
+        """End all processes."""
+        self.give_up()
+        for worker in self._idle:
             worker.kill()
         self._idle.clear()
-        self._busy.clear()
 
     def _rest(self, worker: Worker) -> None:
         number = worker.process.pid or 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,7 @@ class TreeServer(LanguageServer):
         self.cell = cell
         self.open: dict[str, TreeService] = {}
         self.loading: threading.Thread | None = None
+        self.elsewhere: set[str] = set()  # files that are not open, with findings that were published
 
     def service(self, uri: str) -> TreeService:
         """Return the service of a file."""
@@ -75,10 +76,24 @@ class TreeServer(LanguageServer):
             for other, service in list(self.open.items()):
                 if service is not changed and service.calls(changed.path):
                     self.publish(other, service.update(service.text))
+        self.publish_elsewhere()
 
-    def publish(self, uri: str, found: list[Finding]) -> None:
+    def publish_elsewhere(self) -> None:
+        """Publish the findings of files that are not open and that open trees call."""
+        found: dict[str, dict[Finding, None]] = {uri: {} for uri in self.elsewhere}
+        opened = set(self.texts())
+        for finding in (each for service in self.open.values() for each in service.elsewhere):
+            if finding.path not in opened:
+                uri = from_fs_path(str(Path(finding.path).resolve())) or finding.path
+                found.setdefault(uri, {})[finding] = None
+        for uri, findings in found.items():
+            if uri not in self.open:
+                self.publish(uri, findings)
+        self.elsewhere = {uri for uri, findings in found.items() if findings}
+
+    def publish(self, uri: str, found: Iterable[Finding]) -> None:
         """Publish the findings of a file."""
-        diagnostics = [_diagnostic(finding, self.open[uri].text) for finding in found]
+        diagnostics = [_diagnostic(finding) for finding in found]
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, diagnostics))
 
 
@@ -129,7 +144,8 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
     def _(params: lsp.DidCloseTextDocumentParams) -> None:
         server.open.pop(params.text_document.uri, None)
-        server.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(params.text_document.uri, []))
+        server.publish(params.text_document.uri, ())
+        server.publish_elsewhere()
 
     @server.feature(lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=["{", ".", " ", "-", ":"]))
     def _(params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
@@ -219,10 +235,8 @@ def _uri(where: Located, asked: str, service: TreeService) -> str:
     return asked if path == str(service.path) else from_fs_path(str(Path(path).resolve())) or asked
 
 
-def _diagnostic(finding: Finding, text: str) -> lsp.Diagnostic:
-    lines = text.split("\n")
-    row = max(finding.line - 1, 0)
-    line = lines[row] if row < len(lines) else ""
+def _diagnostic(finding: Finding) -> lsp.Diagnostic:
+    row, line = max(finding.line - 1, 0), finding.excerpt
     start = lsp.Position(row, _units(line, finding.column - 1))
     end = lsp.Position(row, _units(line, finding.column - 1 + finding.length))
     severity = lsp.DiagnosticSeverity.Error if finding.severity == "error" else lsp.DiagnosticSeverity.Warning
@@ -237,7 +251,7 @@ def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
         start, end = (_units(lines[line - 1], at) for at in (column - 1, column - 1 + length))
         edits.append(lsp.TextEdit(lsp.Range(lsp.Position(line - 1, start), lsp.Position(line - 1, end)), new))
     return lsp.CodeAction(
-        said(finding), lsp.CodeActionKind.QuickFix, [_diagnostic(finding, text)], edit=lsp.WorkspaceEdit({uri: edits})
+        said(finding), lsp.CodeActionKind.QuickFix, [_diagnostic(finding)], edit=lsp.WorkspaceEdit({uri: edits})
     )
 
 

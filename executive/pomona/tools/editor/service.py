@@ -86,16 +86,18 @@ class TreeService:
     skills: Registry  # installed skills, or their declarations
     cell: Path | None = None  # the cell file whose names are offered; None without one
     others: Callable[[], Mapping[str, str]] = dict  # texts of other open files, by path; they may not be saved yet
+    surely: bool = False  # the file is a tree, whatever its text is
     text: str = ""
     analysis: Analysis | None = None
     document: Document | None = None
     cell_file: CellFile | None = None
     findings: list[Finding] = field(default_factory=list)
+    elsewhere: list[Finding] = field(default_factory=list)  # of the files that it calls, and of the cell
 
     def update(self, text: str) -> list[Finding]:
         """Take a new text; returns everything that is wrong with it."""
-        self.text, self.findings = text, []
-        if not is_tree(text):
+        self.text, self.findings, self.elsewhere = text, [], []
+        if not self.surely and not is_tree(text):
             self.analysis = None
             return []
         document = read(text, str(self.path), tree_folders=[installed_trees()], texts=self.others())
@@ -109,7 +111,8 @@ class TreeService:
             analysis = judged.analysis
         if document.main.main is not None and document.main.main.root is not None:
             self.analysis = analysis
-        self.findings = [finding for finding in findings if finding.path == str(self.path)]
+        for finding in findings:
+            (self.findings if finding.path == str(self.path) else self.elsewhere).append(finding)
         return self.findings
 
     def mending(self, first: int, last: int) -> list[Finding]:

@@ -206,8 +206,9 @@ class TreeEditor:
             raise UsageError(f"'{kind}' is none of {', '.join(REHEARSALS)}")
         errors = [found for found in self.workbench.state(text)["findings"] if found["severity"] == "error"]
         if errors:
-            first = errors[0]
-            raise UsageError(f"not started: line {first['line']}: {first['message']}; correct the errors first")
+            line, message = errors[0]["line"], errors[0]["message"]
+            where = f"line {line}: " if line else ""  # a finding of another file names its place itself
+            raise UsageError(f"not started: {where}{message}; correct the errors first")
         refuse_real(self.cell)
         settings = settings_of(body.get("settings", {}))
         if kind == "run":

@@ -7,6 +7,7 @@ import errno
 import fcntl
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -90,7 +91,7 @@ class EditedFile:
             megabytes = about.st_size / 1e6
             return DiskText(problem=f"has {megabytes:.1f} MB; a tree file has 512 KiB at most", readable=False)
         try:
-            data = self.path.read_bytes()
+            data = self._bytes()
             written = data.decode("utf-8")
         except UnicodeDecodeError as error:
             return DiskText(problem=f"not a text file ({not_utf8(error)})", readable=False)
@@ -105,8 +106,24 @@ class EditedFile:
             problem = "its lines end in different ways: save it with one line ending first"
         return DiskText(text, stamp, problem or self._folder_problem())
 
+    def _bytes(self) -> bytes:
+        """Return the content, a little more than the most at most. Raises OSError: no file, or none any more."""
+        number = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe that took its place does not block
+        try:
+            if not stat.S_ISREG(os.fstat(number).st_mode):
+                raise OSError(errno.EINVAL, "not a file but a folder, a pipe or a device")
+            with os.fdopen(number, "rb", closefd=False) as stream:
+                return stream.read(MOST_BYTES + 1)
+        finally:
+            os.close(number)
+
     def _folder_problem(self) -> str:
-        return "" if os.access(self.path.parent, os.W_OK) else f"the folder {self.path.parent} is read-only"
+        folder = self.path.parent
+        if not folder.is_dir():
+            return f"the folder {folder} is gone"
+        if self.path.is_symlink():  # the path was resolved at the start
+            return f"{self.path} has become a link: open it again"
+        return "" if os.access(folder, os.W_OK) else f"the folder {folder} is read-only"
 
     def save(self, text: str, stamp: str) -> DiskText:
         """Replace the file at once by a text; return the new content.
@@ -127,7 +144,7 @@ class EditedFile:
             if disk.problem:
                 raise SaveRefusedError(f"not saved: {disk.problem}")
             try:
-                self._replace(_encoded(text, self.path.read_bytes().decode("utf-8") if stamp else ""))
+                self._replace(_encoded(text, self._bytes().decode("utf-8") if stamp else ""))
             except OSError as error:
                 raise SaveRefusedError(f"not saved: {error.strerror or error}") from error
             return self.read()

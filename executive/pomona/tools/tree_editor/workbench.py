@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, mended, place_of, said
 from pomona.executive.values.yaml_nodes import YamlScalar, written
 from pomona.tools.editor.edits import EditError, apply, edit_of, nodes
-from pomona.tools.editor.service import TreeService, is_tree
+from pomona.tools.editor.service import TreeService
 from pomona.tools.tree_editor.catalogue import catalogue, port_of
 
 MOST_WIRES = 60  # values that are offered for one port
@@ -40,7 +41,7 @@ class Workbench:
             skills: those that are installed.
             cell: the cell whose names are offered and checked, or None.
         """
-        self._service = TreeService(path, skills)
+        self._service = TreeService(path, skills, surely=True)
         self._service.use_cell(cell)
         self._skills, self._path, self._lock = skills, path, threading.Lock()
 
@@ -111,10 +112,12 @@ class Workbench:
         problem = next((node["error"] for node in drawn if not node["id"]), "")
         main = self._service.analysis
         return {
-            "tree": is_tree(text),
             "nodes": [node for node in drawn if node["id"]],
             "problem": problem,
-            "findings": [_finding(number, finding) for number, finding in enumerate(findings)],
+            "findings": [
+                *(_finding(number, finding) for number, finding in enumerate(findings)),
+                *(_finding(-1, _as_words(finding)) for finding in self._service.elsewhere),
+            ],
             "definitions": [] if main is None else [self._definition(d) for d in self._service.outline()],
             "parameters": [] if main is None else self._declared(main.document.main.parameters),
         }
@@ -194,6 +197,11 @@ def settings_of(said: object) -> dict[str, str]:
     if not isinstance(said, dict) or not all(isinstance(value, str) for value in said.values()):
         raise PomonaError("settings are texts by name")
     return parse_settings([f"{name}={value}" for name, value in said.items()])
+
+
+def _as_words(finding: Finding) -> Finding:
+    """Return a finding of another file as one without a place in this file, which its message names."""
+    return replace(finding, line=0, message=f"{place_of(finding)}: {finding.message}", edits=())
 
 
 def _finding(number: int, finding: Finding) -> Facts:

@@ -24,7 +24,7 @@ from pomona.tools.cures.knobs import Knobs
 from pomona.tools.cures.orders import moved, ordered
 from pomona.tools.cures.other_values import other_values
 from pomona.tools.cures.search import CureSearch
-from pomona.tools.cures.trials import Trial, disagrees
+from pomona.tools.cures.trials import OVER_BUDGET, Trial, disagrees
 
 # ------------------------------------------------------------------------------------------------ values
 
@@ -253,8 +253,14 @@ def test_no_larger_change_of_a_place_is_tried_while_a_smaller_one_succeeds() -> 
 
 
 def test_the_original_is_repeated_with_the_seeds_of_the_cure() -> None:
-    answer, _ = search(lambda n, seed: n == "1" or seed == 9)
-    assert {seed: trial.succeeded for seed, trial in answer.others.items()} == {8: False, 9: True}
+    answer, _ = search(lambda n, seed: n == "1" or seed == 8)
+    assert {seed: trial.succeeded for seed, trial in answer.others.items()} == {8: True, 9: False}
+
+
+def test_the_original_is_not_repeated_after_a_failure_with_another_seed() -> None:
+    answer, trials = search(lambda n, seed: n == "1", seeds=5)
+    assert answer.cures()[0].successes() == 6
+    assert [seed for n, seed in trials.started if n == ""] == [7, 8, 9]  # two were running when the first one failed
 
 
 def test_a_failure_that_does_not_repeat_ends_the_search() -> None:
@@ -269,6 +275,24 @@ def test_no_candidate_is_tried_after_the_budget() -> None:
     assert answer.cures() == []
     assert len(trials.started) <= 5
     assert answer.untried >= 35
+
+
+def test_a_repetition_that_the_budget_cuts_off_is_no_result() -> None:
+    class Cut(Scripted):
+        def ended(self) -> Iterator[tuple[Any, Trial]]:
+            for key, _ in self.waiting:
+                yield key, Trial("lost", OVER_BUDGET)
+            self.waiting = []
+
+    order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
+    change = SingleChange("parameter", "n", "t.yaml", 4, "0", "1", 1.0, {"n": "1"})
+    shown: list[Any] = []
+    times = iter((0.0, 0.5, 2.0, 2.0))
+    answer = CureSearch(
+        order, [CureCandidate(change, 1.0, "")], lambda _order: True, 2, 1, 1.0, lambda *each: shown.append(each),
+        clock=lambda: next(times),
+    ).run(Cut(lambda n, seed: False))  # fmt: skip
+    assert (answer.original, answer.tried, answer.untried, shown) == (None, [], 1, [])
 
 
 def test_a_change_that_the_check_refuses_is_not_run() -> None:

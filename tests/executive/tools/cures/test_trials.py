@@ -44,7 +44,17 @@ def test_a_run_is_repeated_in_another_process() -> None:
 @pytest.mark.slow
 def test_a_process_that_dies_or_hangs_ends_its_repetition_alone() -> None:
     assert [(trial.outcome, trial.code) for trial in ends(die)] == [("lost", "WORKER_DIED")]
-    assert [(trial.outcome, trial.code) for trial in ends(hang, limit=0.01)] == [("lost", "TIMEOUT")]
+    assert [(trial.outcome, trial.code) for trial in ends(hang, limit=0.01)] == [("lost", "OVER_BUDGET")]
+
+
+@pytest.mark.slow
+def test_a_repetition_that_is_given_up_is_no_result_of_the_next_search() -> None:
+    order = RunOrder(Path("t.yaml"), Path("none.yaml"), dry=True, texts={"t.yaml": TREE})
+    with contextlib.closing(TrialPool(1, hang)) as pool:
+        pool.start("first search", order, 0.01)
+        pool.give_up()
+        assert pool.free
+        assert list(pool.ended()) == []
 
 
 def test_a_run_that_cannot_start_is_unusable_and_nothing_else_ends() -> None:

@@ -368,6 +368,29 @@ class TestExtract:
         assert made > 30
 
 
+class TestWhatIsLeft:
+    """Edits that take a part away on which another part depends: the findings report what is left."""
+
+    def test_a_modifier_goes_alone_and_the_words_that_depend_on_it_are_found(self):
+        text = HEAD + '  wait: 1 s\n  retry: 3\n  # when to go on\n  retry_if: "failure.code == NO_PATH"\n'
+        message = {"do": "set_modifier", "node": "root", "modifier": "retry", "value": None}
+        after = edited(text, **message)
+        assert changed(text, after) == ("  retry: 3\n", "")
+        assert judge(text, message, after) == ""
+        assert "'retry_if' means nothing without 'retry'" in [found.message for found in read(after, "t.yaml").findings]
+
+    @pytest.mark.parametrize("between", ["", "\n", "      \n", "      # of the sequence\n"])
+    def test_a_subtree_whose_only_node_moves_away_loses_the_key_of_that_node(self, between):
+        rest = f"subtrees:\n  look:\n    in: {{a: int}}\n    root:\n{between}      sequence:\n        - wait: 2 s\n"
+        text = HEAD + "  sequence:\n    - wait: 1 s\n" + rest
+        message = {"do": "move", "node": "look:root", "into": "root", "index": 1}
+        after = edited(text, **message)
+        assert judge(text, message, after) == ""
+        assert after.count("root:") == 1
+        assert after.endswith("subtrees:\n  look:\n    in: {a: int}\n")
+        assert "    - sequence:\n        - wait: 2 s\n" in after
+
+
 class TestRandomEdits:
     @pytest.mark.parametrize("seed", range(40))
     def test_only_touched_lines_differ_no_comment_is_lost_and_the_meaning_is_that_of_the_edit(self, seed):

@@ -231,6 +231,16 @@ def test_a_file_with_an_error_is_saved_and_not_run(editor: TreeEditor, open_page
     expect(page.locator('[data-bar="trial"]')).to_contain_text("correct the errors first")
 
 
+def test_a_fault_of_a_called_file_is_listed_with_its_place(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+    tree.with_name("look.yaml").write_text("pomona: 1\ntree: look\nroot:\n  Beeep: {}\n")
+    page = open_page(editor)
+    area(page).fill(SMALL.replace("- wait: 1 s", "- look: {}") + "subtrees:\n  look: {file: look.yaml}\n")
+    expect(page.locator("#findings li")).to_contain_text("look.yaml:4:3: no skill named 'Beeep'")
+    page.get_by_role("button", name="file", exact=True).click()
+    page.get_by_role("button", name="Dry run").click()
+    expect(page.locator('[data-bar="trial"]')).to_contain_text("look.yaml:4:3")
+
+
 def test_a_change_on_disk_is_taken_over_or_shown_as_a_conflict(editor: TreeEditor, open_page: Open, tree: Path) -> None:
     page = open_page(editor)
     theirs = SMALL.replace("1 s", "7 s")

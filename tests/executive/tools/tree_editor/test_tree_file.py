@@ -49,6 +49,39 @@ def test_a_save_keeps_the_mode_and_leaves_nothing_beside(path: Path) -> None:
     assert (saved.text, [one.name for one in path.parent.iterdir()]) == ("pomona: 1\n", ["a.yaml"])
 
 
+@pytest.mark.parametrize("other", ["a pipe", "a folder", "an endless device"])
+def test_what_takes_the_place_of_the_file_is_reported_and_never_waited_for(path: Path, other: str) -> None:
+    file = EditedFile(path)
+    stamp = file.read().stamp
+    path.unlink()
+    {"a pipe": os.mkfifo, "a folder": os.mkdir, "an endless device": lambda at: os.symlink("/dev/zero", at)}[other](
+        path
+    )
+    disk = file.read()
+    assert (disk.readable, "not a file" in disk.problem) == (False, True)
+    with pytest.raises(SaveRefusedError):
+        file.save(WRITTEN, stamp)
+    assert not path.is_file()
+
+
+def test_a_link_that_takes_the_place_of_the_file_is_not_replaced(path: Path) -> None:
+    file = EditedFile(path)
+    stamp = file.read().stamp
+    path.rename(path.with_name("b.yaml"))
+    path.symlink_to("b.yaml")
+    with pytest.raises(SaveRefusedError, match="has become a link"):
+        file.save("pomona: 1\n", stamp)
+    assert path.is_symlink()
+    assert path.read_text() == WRITTEN
+
+
+def test_a_folder_that_is_gone_is_named(path: Path) -> None:
+    file = EditedFile(path)
+    path.rename(path.parent.with_name("elsewhere.yaml"))
+    path.parent.rmdir()
+    assert "is gone" in file.read().problem
+
+
 def test_another_programs_change_is_not_overwritten(path: Path) -> None:
     file = EditedFile(path)
     before = file.read()

@@ -2,7 +2,7 @@
 
 export const page = {
   text: "", stamp: "", problem: "", disk: "", mayAct: false, small: false,
-  state: { nodes: [], findings: [], definitions: [], parameters: [], tree: false, problem: "" },
+  state: { nodes: [], findings: [], definitions: [], parameters: [], problem: "" },
   old: false, // the drawing is of an earlier text, since the present one cannot be read
   catalogue: { skills: {}, words: {}, subtree: { symbol: "▣", colour: "#6c4ab6" }, types: [] },
   selected: "", nodes: new Map(), below: new Map(), trial: null,
