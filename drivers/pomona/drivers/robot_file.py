@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +10,10 @@ import numpy as np
 
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits
-from pomona.executive.values.installation import import_under, installed_trees
+from pomona.executive.values.installation import installed_trees, load_mujoco
 from pomona.executive.values.trial import trial
 
-_log = logging.getLogger(__name__)
 SHIPPED = (installed_trees() / "robots").resolve()  # as trustworthy as the code
-
-
-@cache
-def load_mujoco() -> Any:
-    """Import MuJoCo for kinematics and physics, without graphics. Its warnings become lines of the log.
-
-    By itself MuJoCo prints them, and writes the file MUJOCO_LOG.TXT into the working folder.
-    """
-    mujoco = import_under("mujoco", MUJOCO_GL="disable")
-    mujoco.set_mju_user_warning(_log.warning)
-    return mujoco
 
 
 def read_spec(path: Path) -> Any:

@@ -15,9 +15,8 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from typing import Any, TypeVar
 
-from pomona.drivers import load_mujoco as load_mujoco
 from pomona.drivers.errors import DeviceFault
-from pomona.executive.values.installation import import_under
+from pomona.executive.values.installation import import_under, load_mujoco as load_mujoco
 
 T = TypeVar("T")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import logging
 import os
 import shlex
 import shutil
@@ -128,6 +129,17 @@ def import_under(module: str, **environment: str) -> Any:
                 del os.environ[name]
             else:
                 os.environ[name] = text
+
+
+@cache
+def load_mujoco() -> Any:
+    """Import MuJoCo for kinematics and physics, without graphics. Its warnings become lines of the log.
+
+    By itself MuJoCo prints them, and writes the file MUJOCO_LOG.TXT into the working folder.
+    """
+    mujoco = import_under("mujoco", MUJOCO_GL="disable")
+    mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)
+    return mujoco
 
 
 _EXTRA_OF = {

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from pomona.drivers.robot_file import load_mujoco
 from pomona.executive.errors import UsageError
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.installation import load_mujoco
 from pomona.executive.values.units import is_number
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.description import Description, Geom, read_description

@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from pomona.drivers.robot_file import load_mujoco
 from pomona.drivers.workspace import ObstacleSection, WorkspaceSection
 from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.errors import UsageError
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.installation import load_mujoco
 from pomona.skills.motion.robot import RobotModel
 from pomona.tools.own_arm.arm_urdf import UrdfArm
 from pomona.tools.own_arm.poses import HOME, OBSERVE, Reached, lowest, never_apart, reach

@@ -8,9 +8,8 @@ from textwrap import indent
 
 import numpy as np
 
-from pomona.drivers.robot_file import load_mujoco
 from pomona.executive.values.arrays import Float64
-from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.installation import installed_trees, load_mujoco
 from pomona.skills.motion.collision.cover import fibonacci_sphere
 from pomona.skills.motion.robot.description import Geom
 from pomona.tools.kit.cell_folder import inlined

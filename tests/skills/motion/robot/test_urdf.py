@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pomona.drivers import load_mujoco
+from pomona.executive.values.installation import load_mujoco
 from pomona.skills.motion.robot import BadRobotFile, RobotModel
 
 LIMIT = '<limit lower="-2" upper="2" velocity="2" effort="9"/>'

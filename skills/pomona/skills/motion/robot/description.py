@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.drivers.robot_file import load_mujoco
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.installation import load_mujoco
 from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.errors import BadRobotFile
