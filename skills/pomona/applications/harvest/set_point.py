@@ -16,9 +16,9 @@ JUMP = 0.3
 CRAWL = 0.05
 """Share of a command below which an arm at full speed does not follow it: near a singular posture the joints' speeds
 leave the hand next to none, and it would be on its way for ever."""
-HELD, HELD_FOR, STANDS = 0.01, 0.3, 2e-3
-"""Distance of the arm from a set-point that stands, and time of that, which show that wood holds the arm [rad, s]; a
-set-point stands within the last [rad]. An arm's supervisor ends the run at 0.02 rad after 0.7 s."""
+HELD, HELD_FOR, STANDS = 0.01, 0.4, 2e-3
+"""Distance from its set-point and time at which an arm that stands is held [rad, s]; it stands within the last [rad].
+Set-points pass through the arm within 0.2 to 0.3 s. A supervisor ends the run at 0.02 rad after 0.7 s."""
 TRIES, MOVED = 2, 0.02
 """How often a set-point comes to an arm that is held at one place, within the second [rad]: a stuck arm looks like one
 that wood holds, and must be found."""
@@ -78,12 +78,12 @@ class HandAim:
         return 1.0
 
     def come_to(self, q: Float64, dt: float) -> bool:
-        """Bring a set-point that stands to an arm that is held beside it, at `q`, shape (dof,) [rad].
+        """Bring the set-point to an arm that is held beside it, at `q`, shape (dof,) [rad].
 
         Returns True if that was the last of the tries at this place.
         """
-        if np.abs(self.q - self._stands).max() > STANDS:
-            self._stands, self._off = self.q, 0.0
+        if np.abs(q - self._stands).max() > STANDS:
+            self._stands, self._off = q.copy(), 0.0
         if np.abs(q - self._held_at).max() > MOVED:
             self.held, self._held_at = 0, q.copy()
         self._off = self._off + dt if np.abs(self.q - q).max() > HELD else 0.0
