@@ -80,17 +80,19 @@ class HandAim:
     def come_to(self, q: Float64, dt: float) -> bool:
         """Bring the set-point to an arm that is held beside it, at `q`, shape (dof,) [rad].
 
-        Returns True if that was the last of the tries at this place.
+        Returns True if the tries at this place are used up: at the last one, and each time that the arm is held again.
         """
         if np.abs(q - self._stands).max() > STANDS:
             self._stands, self._off = q.copy(), 0.0
         if np.abs(q - self._held_at).max() > MOVED:
             self.held, self._held_at = 0, q.copy()
         self._off = self._off + dt if np.abs(self.q - q).max() > HELD else 0.0
-        if self._off <= HELD_FOR or self.held >= TRIES:
+        if self._off <= HELD_FOR:
             return False
-        self.held, self._off = self.held + 1, 0.0
-        self.q, self.T = q.copy(), self._robot.tcp(q)
+        self._off = 0.0
+        if self.held < TRIES:
+            self.held += 1
+            self.q, self.T = q.copy(), self._robot.tcp(q)
         return self.held == TRIES
 
 

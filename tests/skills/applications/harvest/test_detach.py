@@ -229,7 +229,7 @@ def held_for(rig: Rig, duration: float) -> Callable[[], None]:
     return hold
 
 
-@pytest.mark.parametrize(("duration", "expected"), [(0.5, "NOTHING_BROKE"), (2.0, "JAMMED")])
+@pytest.mark.parametrize(("duration", "expected"), [(0.5, "NOTHING_BROKE"), (1.5, "JAMMED"), (6.0, "STEM_UNCLEAR")])
 def test_a_fruit_is_left_while_something_holds_the_arm(duration: float, expected: str) -> None:
     rig = Rig(STRONG, bending=0.01)
     assert code(drive_until(rig, "rolling", held_for(rig, duration))) == expected

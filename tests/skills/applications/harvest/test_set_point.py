@@ -68,7 +68,7 @@ def test_a_set_point_comes_to_a_stuck_arm_a_few_times_only() -> None:
     for _ in range(TRIES + 3):
         aim.q = Q + 0.03
         reports += [aim.come_to(Q, DT) for _ in range(25)]
-    assert sum(reports) == 1
+    assert sum(reports) == 4  # at the last try, and as often as the arm is held afterwards
     assert aim.held == TRIES
     assert np.abs(aim.q - Q).max() == pytest.approx(0.03)
 
