@@ -26,7 +26,10 @@ MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
 
 
 class SimGripper(DirectGripper, FaultyDevice):
-    """Two fingers that move alike.
+    """Two fingers that move alike, on a spindle that holds what pushes them.
+
+    The motor gives way elastically up to its force. The thread carries a larger push: the fingers stay within this
+    distance of the set-point. The set-point does not run ahead of blocked fingers.
 
     Faults: `jam` (the fingers stand still), `lost` (no answer; they stop), `busy` (a move never begins nor ends),
     `runaway` (the fingers open at any command, until a safe stop has lasted a moment), `frozen` (the state does not
@@ -53,6 +56,8 @@ class SimGripper(DirectGripper, FaultyDevice):
         )
         self._actuator = model.actuator("gripper").id
         model.actuator_forcerange[self._actuator] = [-2.0 * force_max, 2.0 * force_max]
+        self._gives = 2.0 * force_max / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
+        self._joints, self._stroke = [int(finger.id) for finger in self._fingers], stroke
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
         self._rate = 0.0
@@ -122,7 +127,18 @@ class SimGripper(DirectGripper, FaultyDevice):
         elif self.fault == "runaway" and self._runs_away():
             wanted = RUNAWAY
         self._rate = wanted
-        self._world.state.ctrl[self._actuator] = 0.5 * wanted
+        self._hold(wanted)
+
+    def _hold(self, wanted: float) -> None:
+        """Drive the set-point, unless it pulls with the motor's whole force already; limit the fingers to its give."""
+        state = self._world.state
+        set_point = float(state.act[0])
+        ahead = set_point - float(state.qpos[self._address[0]])
+        state.ctrl[self._actuator] = 0.0 if abs(ahead) >= self._gives and ahead * wanted > 0.0 else 0.5 * wanted
+        self._world.model.jnt_range[self._joints] = (
+            max(set_point - self._gives, 0.0),
+            min(set_point + self._gives, self._stroke),
+        )
 
     def _runs_away(self) -> bool:
         return self._latched is None or self._clock.now() - self._latched_at < FAST_STOP

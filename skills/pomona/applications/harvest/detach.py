@@ -196,6 +196,8 @@ class Detach(MovingSkill):
                 fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
             controller.slowed(aim.follow(command, dt, WITHIN * arm.limits.velocity, motion.speed))
+            if aim.come_to(arm.state().q, dt):
+                controller.give_up("JAMMED", "something holds the arm beside its set-point")
             if aim.unturned > BEYOND:
                 controller.end_roll()
             if aim.beyond > BEYOND:

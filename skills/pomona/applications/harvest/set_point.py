@@ -16,6 +16,12 @@ JUMP = 0.3
 CRAWL = 0.05
 """Share of a command below which an arm at full speed does not follow it: near a singular posture the joints' speeds
 leave the hand next to none, and it would be on its way for ever."""
+HELD, HELD_FOR, STANDS = 0.01, 0.4, 2e-3
+"""Distance from its set-point and time at which an arm that stands is held [rad, s]; it stands within the last [rad].
+Set-points pass through the arm within 0.2 to 0.3 s. A supervisor ends the run at 0.02 rad after 0.7 s."""
+TRIES, MOVED = 2, 0.02
+"""How often a set-point comes to an arm that is held at one place, within the second [rad]: a stuck arm looks like one
+that wood holds, and must be found."""
 LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 
@@ -26,6 +32,7 @@ class HandAim:
     Attributes:
         q: joints, shape (dof,) [rad]; T: pose of the hand there, shape (4, 4).
         beyond, unturned: time without any step, and without a turn, that the arm can follow [s].
+        held: how often the arm was held at the place where it is.
     """
 
     def __init__(self, robot: RobotModel, q: Float64, clear: Callable[[Float64], float] = lambda _q: 0.0) -> None:
@@ -37,7 +44,9 @@ class HandAim:
         """
         self.q, self.T = q, robot.tcp(q)
         self.beyond = self.unturned = 0.0
+        self.held = 0
         self._robot, self._clear, self._cleared = robot, clear, clear(q)
+        self._stands, self._held_at, self._off = q, q, 0.0
 
     def follow(self, command: DetachCommand, dt: float, most: Float64, speed: float = 1.0) -> float:
         """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
@@ -67,6 +76,24 @@ class HandAim:
                 self.unturned = 0.0 if turns else self.unturned
                 return share
         return 1.0
+
+    def come_to(self, q: Float64, dt: float) -> bool:
+        """Bring the set-point to an arm that is held beside it, at `q`, shape (dof,) [rad].
+
+        Returns True if the tries at this place are used up: at the last one, and each time that the arm is held again.
+        """
+        if np.abs(q - self._stands).max() > STANDS:
+            self._stands, self._off = q.copy(), 0.0
+        if np.abs(q - self._held_at).max() > MOVED:
+            self.held, self._held_at = 0, q.copy()
+        self._off = self._off + dt if np.abs(self.q - q).max() > HELD else 0.0
+        if self._off <= HELD_FOR:
+            return False
+        self._off = 0.0
+        if self.held < TRIES:
+            self.held += 1
+            self.q, self.T = q.copy(), self._robot.tcp(q)
+        return self.held == TRIES
 
 
 def inner_robot(arm: Arm) -> RobotModel:

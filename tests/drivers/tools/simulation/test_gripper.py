@@ -232,3 +232,38 @@ def test_after_a_loss_nothing_moves_until_it_is_acknowledged(cell, gripper):
     gripper.set_speed(-0.05)
     cell.clock.advance(0.1)
     assert gripper.state().width < before
+
+
+def push(cell, force):
+    for finger in ("finger_left", "finger_right"):
+        cell.devices["world"].state.joint(finger).qfrc_applied[0] = force
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_spindle_holds_a_push_that_is_stronger_than_the_motor(cell, gripper, side):
+    run_out(cell, gripper.move(0.07, 0.2))
+    push(cell, 150.0 * side)
+    cell.clock.advance(0.5)
+    most = 4.0 * gripper.limits.force_max / 20000.0  # both fingers, at the stiffness of the drive
+    assert abs(gripper.state().width - 0.07) < most + 1e-3
+    push(cell, 0.0)
+    cell.clock.advance(0.5)
+    assert gripper.state().width == pytest.approx(0.07, abs=2e-4)
+    assert cell.devices["world"].model.jnt_range[cell.devices["world"].model.joint("finger_left").id][0] > 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_blocked_fingers_do_not_snap_when_they_come_free(cell, gripper, side):
+    run_out(cell, gripper.move(0.07, 0.2))
+    push(cell, -150.0 * side)
+    for _ in range(50):
+        gripper.set_speed(0.1 * side)
+        cell.clock.advance(0.02)
+    push(cell, 0.0)
+    fastest = 0.0
+    for _ in range(100):
+        gripper.set_speed(0.0)
+        cell.clock.advance(0.002)
+        fastest = max(fastest, abs(gripper.state().speed))
+    assert fastest < 0.8  # a report of five times 0.2 m/s counts as impossible
+    assert abs(gripper.state().width - 0.07) < 8e-3  # the commands of that second are not made up for

@@ -214,6 +214,27 @@ def test_fingers_that_move_by_themselves_are_left_to_the_supervisor(side: float)
         drive_until(rig, "rolling", wood_pushes(rig, side, -side * 10.0))
 
 
+def held_for(rig: Rig, duration: float) -> Callable[[], None]:
+    """Hold the arm where it is, from now on, and then let it go where its motion has gone."""
+
+    def hold() -> None:
+        q, until = rig.arm.q.copy(), rig.clock.now() + duration
+
+        def step() -> None:
+            if rig.clock.now() < until:
+                rig.arm.q = q.copy()
+
+        rig.clock.each_step.insert(1, step)
+
+    return hold
+
+
+@pytest.mark.parametrize(("duration", "expected"), [(0.5, "NOTHING_BROKE"), (1.5, "JAMMED"), (6.0, "STEM_UNCLEAR")])
+def test_a_fruit_is_left_while_something_holds_the_arm(duration: float, expected: str) -> None:
+    rig = Rig(STRONG, bending=0.01)
+    assert code(drive_until(rig, "rolling", held_for(rig, duration))) == expected
+
+
 def test_a_detached_fruit_is_not_given_up_to_a_push() -> None:
     rig = Rig()
     with pytest.raises(DeviceFault, match="closes without a command"):

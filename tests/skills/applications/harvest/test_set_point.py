@@ -7,7 +7,7 @@ import pytest
 
 from pomona.applications.harvest import set_point
 from pomona.applications.harvest.detaching import DetachCommand
-from pomona.applications.harvest.set_point import CRAWL, HandAim
+from pomona.applications.harvest.set_point import CRAWL, TRIES, HandAim
 from pomona.skills.motion.robot import RobotModel
 from pomona.tools.mock.arm import ROBOT
 
@@ -48,3 +48,56 @@ def test_the_hand_goes_no_nearer_to_a_fixed_obstacle_than_its_margin(distance: f
     back = HandAim(robot, Q, lambda q: wall - float(robot.tcp(q)[1, 3]))
     back.follow(DetachCommand(-OUTWARDS.velocity, 0.0, 0.0, np.zeros(3)), DT, np.full(7, 3.0))
     assert back.beyond == 0.0
+
+
+@pytest.mark.parametrize(("off", "comes"), [(0.02, True), (0.005, False)])
+def test_a_set_point_comes_to_an_arm_that_wood_holds(off: float, comes: bool) -> None:
+    """An arm that pressed on a branch 1.2 degrees beside its set-point counted as faulty, which ended the run."""
+    aim, held = HandAim(RobotModel.load(ROBOT), Q), Q + np.array([0.0, 0.0, 0.0, off, 0.0, 0.0, 0.0])
+    for _ in range(19):
+        aim.come_to(held, DT)
+        assert np.abs(aim.q - Q).max() == 0.0
+    for _ in range(4):
+        aim.come_to(held, DT)
+    assert np.array_equal(aim.q, held) is comes
+
+
+def test_a_set_point_comes_to_a_stuck_arm_a_few_times_only() -> None:
+    """A stuck arm was found after 46 s, since its set-point came to it again and again."""
+    aim, reports = HandAim(RobotModel.load(ROBOT), Q), []
+    for _ in range(TRIES + 3):
+        aim.q = Q + 0.03
+        reports += [aim.come_to(Q, DT) for _ in range(25)]
+    assert sum(reports) == 4  # at the last try, and as often as the arm is held afterwards
+    assert aim.held == TRIES
+    assert np.abs(aim.q - Q).max() == pytest.approx(0.03)
+
+
+def test_an_arm_that_has_moved_since_it_was_held_is_not_stuck() -> None:
+    aim = HandAim(RobotModel.load(ROBOT), Q)
+    for place in range(5):
+        aim.q = Q + 0.1 * place + 0.03
+        for _ in range(25):
+            assert not aim.come_to(Q + 0.1 * place, DT)
+        assert np.abs(aim.q - Q - 0.1 * place).max() == pytest.approx(0.0)
+
+
+def test_an_arm_that_follows_late_is_not_held() -> None:
+    """Set-points of 40 mm/s pass through the arm 0.3 s later."""
+    robot = RobotModel.load(ROBOT)
+    aim, passed = HandAim(robot, Q), [Q] * 15
+    for _ in range(60):
+        aim.follow(OUTWARDS, DT, np.full(7, 3.0))
+        passed.append(aim.q)
+        assert not aim.come_to(passed[-16], DT)
+    assert aim.held == 0
+    assert aim.T[1, 3] - robot.tcp(Q)[1, 3] > 0.045
+
+
+def test_a_set_point_that_creeps_away_from_a_stuck_arm_comes_to_it() -> None:
+    aim = HandAim(RobotModel.load(ROBOT), Q)
+    for _ in range(150):
+        aim.follow(OUTWARDS, DT, np.full(7, 3.0))
+        if aim.come_to(Q, DT):
+            break
+    assert aim.held == TRIES
