@@ -185,21 +185,21 @@ class FeelingSkill(MovingSkill):
         Returns:
             Whether both feel it.
         """
-        gripper, before = self.device(Gripper), 0.0
+        gripper, before, blocked = self.device(Gripper), 0.0, False
         for _ in range(steps):
             self.require_fresh(hand)
             pressed = (hand.pads.average() - offset)[:, 2]
             if (pressed < -FELT).all():
                 return True
             side, where = float(np.sign(pressed[1] - pressed[0])), place(pressed)
-            if where is not None and side != -before:  # else the last shift went past the fruit: nearer now
-                before = side
+            if where is not None and (blocked or side != -before):  # else the last shift went past the fruit
+                before, blocked = side, False
                 shifting = hand._replace(outer=OuterFaces(gripper))
                 yield from self.feel_way(self.line_to(where), SHIFTING, shifting, limit, limit)
-            elif (yield from self._close(gripper.state().width - CLOSING)):
-                before = 0.0
-            else:
+            elif blocked:
                 break
+            else:
+                before, blocked = 0.0, not (yield from self._close(gripper.state().width - CLOSING))
             yield from self.wait(SETTLE)
             hand.forget_change()
         return False

@@ -65,6 +65,14 @@ def test_a_fruit_farther_aside_than_the_hand_may_go_is_still_touched_by_one_fing
     assert 0.004 < outcome.reason.data["shifted_m"] <= 0.0061
 
 
+def test_fingers_that_the_fruit_blocks_before_both_pads_feel_it_let_the_hand_go_on():
+    scene = at_the_grasp()
+    LeaningFruit(scene, 0.0021)
+    scene.gripper.blocked_at = FRUIT + 0.0015
+    outcome = centre(scene)
+    assert outcome.reason is None or outcome.reason.data["shifted_m"] > 1e-3
+
+
 def test_nothing_between_the_fingers_is_a_reason():
     scene = at_the_grasp()
     outcome = centre(scene)
