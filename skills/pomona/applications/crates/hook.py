@@ -13,7 +13,7 @@ from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
 DOWN = Manner(0.02, GENTLE, 5.0)
 """Way down beside the wall, above the fruit's crown: a sensor at the wrist shows a contact after 30 ms."""
-TOUCHING = Manner(0.010, GENTLE, 10.0)
+TOUCHING = Manner(0.005, GENTLE, 10.0)
 """Way down beside the fruit: a contact is 5 to 10 N/mm, and the sensors report after 10 to 30 ms."""
 ABOVE = 0.010
 """Height of the fingers' tips over the crown at which they slow down [m]."""
