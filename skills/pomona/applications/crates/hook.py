@@ -44,7 +44,7 @@ class Hook(FeelingSkill):
         self,
         hook: Annotated[Grasp, Port(help="one of SampleHook's, at which the arm stands")],
         touch: Annotated[Force, Port(min="0.3 N", max="2 N", help="that ends the way down")] = FORCE("0.5 N"),
-        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="that ends the pull")] = FORCE("2 N"),
+        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="that ends the pull")] = FORCE("3 N"),
         distance: Annotated[Length, Port(min="10 mm", max="100 mm", help="of the pull")] = LENGTH("45 mm"),
         speed: Annotated[Speed, Port(min="5 mm/s", max="30 mm/s", help="of the pull")] = SPEED("0.015 m/s"),
     ) -> Work[Drawn]:
@@ -52,7 +52,8 @@ class Hook(FeelingSkill):
         try:
             with self.feeling() as hand:
                 yield from self._down(hook, hand, touch)
-                moved = yield from self._across(hook, hand, force, distance, speed)
+                yield from self._give_way(hand, 0.5 * force, 0.0)  # what is left holds by friction
+                moved = yield from self._across(hook, hand, (touch, force), distance, speed)
         except SkillFailure as failed:
             if failed.failure.code in ("PULL_BLOCKED", "NOTHING_MOVED", "NO_STRAIGHT_LINE", "CONTACT"):
                 yield from self.rise_to(before)
@@ -70,15 +71,21 @@ class Hook(FeelingSkill):
             words = f"the hand met {hand.change:.1f} N above the fruit: the crate, or a fruit that was not measured"
             raise self.failure("CONTACT", words, force_n=hand.change)
         yield from self._felt(vertical_way(self, fast + end - start, "NO_STRAIGHT_LINE"), TOUCHING, hand, limit)
-        yield from self._give_way(hand, limit, 0.0)
 
-    def _across(self, hook: Grasp, hand: ManoeuvreHand, limit: float, distance: float, speed: float) -> Work[float]:
-        """Draw the fruit as it rolls, and return how far the finger came [m]; between steps the finger gives way."""
+    def _across(
+        self, hook: Grasp, hand: ManoeuvreHand, limits: tuple[float, float], distance: float, speed: float
+    ) -> Work[float]:
+        """Draw the fruit as it rolls, and return how far the finger came [m].
+
+        Between steps the finger gives way, or sinks until it touches again: `limits` are of a touch and the pull [N].
+        """
+        touch, limit = limits
         pull = HookPull(hook, tool_pose(self)[:3, 3], limit)
         for x, place in pull.places(distance):
             hand.forget_change()
             at_limit = yield from self._felt(self.line_to(place), Manner(speed, GENTLE, 10.0), hand, limit)
             pull.off = yield from self._give_way(hand, 0.5 * limit, pull.off)
+            pull.off = yield from self._sink(hand, touch, pull.off)
             if pull.ends(x, at_limit, hand.change, hand.present):
                 if pull.came >= ENOUGH:
                     return pull.came
@@ -98,8 +105,18 @@ class Hook(FeelingSkill):
         return stopped
 
     def _give_way(self, hand: ManoeuvreHand, most: float, off: float) -> Work[float]:
-        """Rise until the fruit presses less than `most` [N], and never sink after it. Return the height [m]."""
+        """Rise until the fruit presses less than `most` [N]. Return the height over the way of a rolling ball [m]."""
         while hand.present > most and off + RELIEF <= FARTHEST_OFF:
             yield from follow_way(self, self.line_to(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING)
             off += RELIEF
         return off
+
+    def _sink(self, hand: ManoeuvreHand, touch: float, off: float) -> Work[float]:
+        """Sink until the finger touches the fruit again [N], where the wrist feels its tip. Return the height [m]."""
+        deep = off + FARTHEST_OFF
+        if hand.wrist is None or hand.present > 0.0 or deep < RELIEF:
+            return off
+        begin = tool_pose(self)[:3, 3]
+        hand.forget_change()
+        yield from self._felt(self.line_to(begin - [0.0, 0.0, deep]), TOUCHING, hand, touch)
+        return off + float(tool_pose(self)[2, 3] - begin[2])
