@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import numpy as np
+
 from pomona.applications.crates.crate_place import SeenCrate, crate_named, find_crate, rim_points, share_in_view
 from pomona.drivers import Workspace
 from pomona.executive import ANGLE, LENGTH, Angle, Length, Port, Skill, Work
@@ -33,12 +35,13 @@ class FindCrate(Skill):
         crate, frame = crate_named(name, self.device(Workspace).obstacles), detections.frame
         if crate is None or frame.depth is None:
             return
+        depth = frame.depth.astype(np.float64)
         if share_in_view(frame.intrinsics, detections.T_base_camera, crate) < IN_VIEW:
             yield "the crate is not in view"
             return
 
         def look() -> SeenCrate | None:
-            return find_crate(rim_points(frame.depth, frame.intrinsics, detections.T_base_camera, crate), crate)
+            return find_crate(rim_points(depth, frame.intrinsics, detections.T_base_camera, crate), crate)
 
         found = yield from self.compute(look)
         if found is None:
