@@ -11,14 +11,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pomona.applications.inventory.tally import Tally
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.running.events import Event, NodeChanged, PortWritten, RunStarted
 from pomona.executive.values.installation import commit_here
 from pomona.tools.campaign.statistics import wilson
 
@@ -26,39 +29,75 @@ ROOT = Path(__file__).parents[1]
 KINDS = {"heap5": ("sim_heap", 5), "heap8": ("sim_heap", 8), "crate6": ("sim_crate", 6), "crate8": ("sim_crate", 8)}
 """Cell and number of fruit of each kind of scene."""
 TUNED_FROM = 101
-LIMIT = 7200.0  # wall-clock time after which a scene is given up [s]
+MANOEUVRES = ("Hook", "Insert")
+COUNTED = (
+    *MANOEUVRES,
+    "SampleHook",
+    "SampleInsert",
+    "SampleGrasp",
+    "Plan",
+    "Approach",
+    "SlipAvoidGrasp",
+    "Lift",
+    "Release",
+)
+"""Skills whose failures are counted by code."""
 
 
-def clear(kind: str, seed: int, settings: Sequence[str] = ()) -> dict[str, Any]:
+class _Counter:
+    """Counts the starts of manoeuvres in a run, and their failures by code."""
+
+    def __init__(self) -> None:
+        self.starts: Counter[str] = Counter()
+        self.failures: Counter[str] = Counter()
+        self.left: list[str] = []
+        self._types: dict[str, str] = {}
+
+    def __call__(self, event: Event) -> None:
+        """Take an event."""
+        if isinstance(event, RunStarted):
+            self._types = {str(node["path"]): str(node["type"]) for node in event.nodes}
+        if isinstance(event, PortWritten) and isinstance(event.value, Tally):
+            self.left = [fruit.why for fruit in event.value.left]
+        if not isinstance(event, NodeChanged) or event.status not in ("SUCCESS", "FAILURE"):
+            return
+        name = self._types.get(event.path, "")
+        if name in MANOEUVRES:
+            self.starts[name] += 1
+        if event.reason is not None and name in COUNTED:
+            self.failures[f"{name} {event.reason.code}"] += 1
+
+
+def clear(kind: str, seed: int, settings: Mapping[str, str]) -> dict[str, Any]:
     """Run one scene and return its row."""
-    commit, (cell, number) = commit_here(), KINDS[kind]
-    command = [
-        *(sys.executable, "-m", "pomona.executive.cli", "run", str(ROOT / "trees" / "empty_crate.yaml")),
-        *("--cell", str(ROOT / "trees" / "cells" / f"{cell}.yaml"), "--seed", str(seed), "--no-record", "--json"),
-        *("--cleared", "--set", f"others={number - 1}", *(word for one in settings for word in ("--set", one))),
-    ]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=False)
-    lines = ended.stdout.strip().splitlines()
-    if not lines:
-        raise SystemExit(f"{kind}, seed {seed}: the run printed no result: {ended.stderr[-2000:]}")
-    found = json.loads(lines[-1])
-    tally, truth = (found.get("values") or {}).get("tally") or {"left": []}, found["truth"]
+    (cell, number), counter = KINDS[kind], _Counter()
+    order = RunOrder(
+        ROOT / "trees" / "empty_crate.yaml", ROOT / "trees" / "cells" / f"{cell}.yaml", seed,
+        {"others": str(number - 1), **settings}, cleared=True,
+    )  # fmt: skip
+    result = execute(order, [counter]).result
+    truth = result.truth
+    assert truth is not None
     return {
         "kind": kind,
         "seed": seed,
-        "commit": commit,
-        "outcome": found["outcome"],
-        "reason": (found.get("reason") or {}).get("message", ""),
+        "commit": commit_here(),
+        "settings": dict(settings),
+        "outcome": result.outcome,
+        "reason": "" if result.reason is None else f"{result.reason.code}: {result.reason.message}",
         "fruit": number,
         "cleared": truth["put_away"],
-        "time_s": found["time_s"],
+        "time_s": result.time,
         "drops": truth["drops"],
         "lost": truth["lost"],
         "bruised": truth["bruised"],
         "largest_press": truth["largest_press"],
         "touched": truth["collided_with"],
+        "pushed_n": truth["pushed_n"],
         "finger_peak_n": truth["finger_peak_n"],
-        "left": [each["why"] for each in tally["left"]],
+        "manoeuvres": dict(counter.starts),
+        "failures": dict(counter.failures),
+        "left": counter.left,
     }
 
 
@@ -97,7 +136,7 @@ def main() -> None:
         for kind in said.kinds.split(","):
             if (kind, seed) in known:
                 continue
-            rows.append(clear(kind, seed, said.set))
+            rows.append(clear(kind, seed, dict(each.split("=", 1) for each in said.set)))
             with said.out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(rows[-1]) + "\n")
             sys.stdout.write(json.dumps(rows[-1]) + "\n")

@@ -25,7 +25,7 @@ from pomona.applications.crates.hook import Hook
 from pomona.applications.crates.insert import Insert
 from pomona.applications.crates.sample_hook import SampleHook
 from pomona.applications.crates.sample_insert import SampleInsert
-from pomona.drivers.interfaces import Arm, ForceSensor, Frame, Gripper, Intrinsics, Workspace
+from pomona.drivers.interfaces import Arm, ForceSensor, Frame, Gripper, Intrinsics, LoadSensor, Workspace
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.errors import DeviceError
@@ -63,7 +63,7 @@ class ManoeuvreTrial:
         )
         self.world = next(each for each in self.cell.devices.values() if isinstance(each, SimWorld))
         self.devices: dict[type, Any] = {
-            kind: self.cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Workspace)
+            kind: self.cell.device(kind) for kind in (Arm, Gripper, ForceSensor, LoadSensor, Workspace)
         }
         self.robot = RobotModel.load(self.devices[Arm].description)
         self._rng = np.random.default_rng([seed, 11])

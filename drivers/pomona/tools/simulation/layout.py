@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -228,6 +228,11 @@ class WorldOptions:
         "places",
         f"where the fruit is: at its places, pulled together among them, or in the crate '{SOURCE}' of the workspace",
     )
+    source_off: tuple[float, ...] = value(
+        Row(Measure(LENGTH, "-100 mm", "100 mm"), 2),
+        "0 0 mm",
+        f"how far the crate '{SOURCE}' stands from its place in the workspace",
+    )
     intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
 
     def problems(self) -> Iterator[Problem]:
@@ -260,6 +265,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
     Args:
         fixed: obstacles of the cell's workspace; the world has them too.
     """
+    fixed = tuple(_shifted(box, said.source_off) if box.name == SOURCE else box for box in fixed)
     # One generator per subject, so that a changed option keeps the draws of the others.
     drawn = {matter: np.random.default_rng([seed, 1, i]) for i, matter in enumerate(("places", "scatter", "friction"))}
     rng = drawn["places"]
@@ -310,6 +316,12 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         intruder=said.intruder,
         gathering=gathering,
     )
+
+
+def _shifted(box: Box, off: tuple[float, ...]) -> Box:
+    T_base_box = box.T_base_box.copy()
+    T_base_box[:2, 3] += off
+    return replace(box, T_base_box=T_base_box)
 
 
 def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tuple[Distractor, ...]:

@@ -136,6 +136,7 @@ class Scorer:
     _sensors: list[_Sensors] = field(init=False)
     _hits: dict[str, int] = field(init=False, default_factory=dict)
     _touching: dict[str, bool] = field(init=False, default_factory=dict)
+    _pushes: dict[str, float] = field(init=False, default_factory=dict)  # largest force on each fixed object [N]
     _forbidden: dict[str, Float64] = field(init=False)
     _wrenches: list[Float64] = field(init=False)
     _source: list[str] = field(init=False)  # crate in which each fruit was at the start
@@ -166,6 +167,8 @@ class Scorer:
             if touching and not self._touching.get(name, False):
                 self._hits[name] = self._hits.get(name, 0) + 1
             self._touching[name] = touching
+            if touching:
+                self._pushes[name] = max(self._pushes.get(name, 0.0), float(np.linalg.norm(sensor[1:4])))
         for i, (record, sensors) in enumerate(zip(self._fruits, self._sensors, strict=True)):
             touching = bool(sensors.robot[0] > 0.0)
             begins = touching and not record.touching
@@ -300,6 +303,7 @@ class Scorer:
             "largest_press": max(each.press for each in self._fruits),
             "collisions": sum(hits.values()),
             "collided_with": sorted(hits),
+            "pushed_n": {name: round(force, 2) for name, force in sorted(self._pushes.items())},
             "dimensions_m": [float(d) for d in fruit.dimensions],
             "mass_kg": fruit.mass,
             "friction": self.scene.friction,

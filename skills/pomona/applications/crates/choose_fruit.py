@@ -18,6 +18,10 @@ FREEST = "freest"
 NEIGHBOUR = (
     0.14  # distance of two fruit's middles below which one may be in the other's way [m]: two apples and a finger
 )
+MOVED = 8e-3
+"""Distance between two measurements that shows that a fruit was moved [m]: they err by 4 mm at most."""
+MOVES = 3
+"""Number of times that a fruit counts as another one because it was moved."""
 
 
 class FruitChosen(Outputs):
@@ -34,13 +38,14 @@ class _Tried:
     p_base: Float64
     neighbours: int  # fruit near it at the last choice
     tries: int = 1
+    moves: int = 0  # how often it was found elsewhere
 
 
 class ChooseFruit(Skill):
     """Choose the fruit of a scene that is to be taken next.
 
     `freest` is the fruit with the most room for the fingers beside it: it makes room for the others. A fruit is chosen
-    at most `tries` times, and again after a fruit near it has gone.
+    at most `tries` times, and again after a fruit near it has gone, or it was drawn from a wall.
     """
 
     devices = (Arm, Workspace)
@@ -89,16 +94,20 @@ class ChooseFruit(Skill):
         return rooms
 
     def _times(self, scene: FruitScene, fruit: SeenFruit) -> int:
-        """Return how often a fruit was chosen since a neighbour has gone."""
+        """Return how often a fruit was chosen since a neighbour has gone, or it was moved."""
         known = self._known(fruit)
-        return 0 if known is None or self._neighbours(scene, fruit) < known.neighbours else known.tries
+        return 0 if known is None or self._is_another(known, scene, fruit) else known.tries
+
+    def _is_another(self, known: _Tried, scene: FruitScene, fruit: SeenFruit) -> bool:
+        return self._neighbours(scene, fruit) < known.neighbours or _was_moved(known, fruit)
 
     def _note(self, scene: FruitScene, fruit: SeenFruit) -> None:
         known, number = self._known(fruit), self._neighbours(scene, fruit)
         if known is None:
             self._tried.append(_Tried(_place(fruit), number))
             return
-        known.tries = 1 if number < known.neighbours else known.tries + 1
+        known.tries = 1 if self._is_another(known, scene, fruit) else known.tries + 1
+        known.moves += _was_moved(known, fruit)
         known.p_base, known.neighbours = _place(fruit), number
 
     def _known(self, fruit: SeenFruit) -> _Tried | None:
@@ -116,3 +125,7 @@ def _place(fruit: SeenFruit) -> Float64:
         return fruit.measured.T_base_fruit[:3, 3]
     place: Float64 = (fruit.detection.T_base_camera @ fruit.detection.T_camera_object)[:3, 3]
     return place
+
+
+def _was_moved(known: _Tried, fruit: SeenFruit) -> bool:
+    return known.moves < MOVES and float(np.linalg.norm(known.p_base - _place(fruit))) > MOVED

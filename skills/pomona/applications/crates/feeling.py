@@ -1,12 +1,19 @@
-"""The common part of both manoeuvres: a hand over a fruit that feels its way down, across and up again."""
+"""The common part of the manoeuvres: a hand over a fruit that feels its way down, across and up again.
+
+Pads feel on their inner faces, the gripper's motor a push on the outer ones. Tips, backs and the hand feel by a load
+sensor at the wrist alone, where the cell has one.
+"""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from pomona.drivers import Arm, ForceSensor, Gripper, Motion
+from pomona.drivers import Arm, ForceSensor, Gripper, LoadSensor, Motion
 from pomona.executive import Float64, SkillFailure, Work
 from pomona.skills import MOTION_FAILURES, Manner, MovingSkill, Touch, follow_way, tool_pose, vertical_way
 from pomona.skills.grip import take_over
@@ -23,6 +30,18 @@ REST = 0.15
 PRESSED = 2.0
 """Force of the motor of resting fingers that shows something at them before a motion [N]."""
 UP = Manner(0.10, 1.0, 10.0)
+GENTLE = 0.2
+"""Acceleration of a hand that feels its way [m/s²]: a sensor at the wrist measures the inertia of 1.5 kg by 0.3 N."""
+SHIFTING = Manner(0.006, GENTLE, 20.0)
+"""Way of a hand that is shifted beside a fruit."""
+SLOW = 0.012
+"""Speed of fingers that close until they feel the fruit [m/s]."""
+CLOSING = 1e-3
+"""Way by which they close in a step [m]."""
+SETTLE = 0.06
+"""Time over which the fingers' force is averaged [s]."""
+FELT = 0.3
+"""Force of a pad that counts as a touch [N]; the fingers' noise is 0.2 N."""
 
 FEELING_FAILURES = (*MOTION_FAILURES, "NOT_AT_PRE_GRASP", "NO_STRAIGHT_LINE", "CONTACT", "SENSOR_STALE")
 
@@ -51,10 +70,38 @@ class OuterFaces:
 
 
 class ManoeuvreHand(NamedTuple):
-    """The senses of a manoeuvre."""
+    """The senses of a manoeuvre; `wrist` is None in a cell without a load sensor."""
 
     pads: Touch
     outer: OuterFaces
+    wrist: Touch | None = None
+
+    def forget_change(self) -> None:
+        """Start the largest changes again."""
+        self.pads.forget_change()
+        if self.wrist is not None:
+            self.wrist.forget_change()
+
+    @property
+    def change(self) -> float:
+        """Largest change of a pad's force, or of the whole hand's beyond the sensor's error [N]."""
+        return max(self.pads.change, 0.0 if self.wrist is None else self.wrist.change - self.at_rest)
+
+    @property
+    def present(self) -> float:
+        """How much a pad's force, or the whole hand's, differs from the beginning now [N]."""
+        return max(self.pads.present, 0.0 if self.wrist is None else self.wrist.present - self.at_rest)
+
+    @property
+    def at_rest(self) -> float:
+        """Change that the wrist's sensor shows by its errors and the hand's inertia alone [N]."""
+        return 0.0 if self.wrist is None else self.wrist.limit(0.0, GENTLE)
+
+    def stop_at(self, limit: float, stop: Callable[[], None]) -> None:
+        """Call `stop` in the sensors' own loops when `change` exceeds a limit [N]."""
+        self.pads.at_change(limit, stop)
+        if self.wrist is not None:
+            self.wrist.at_change(limit + self.at_rest, stop)
 
 
 class _Pushed(Exception):
@@ -62,7 +109,9 @@ class _Pushed(Exception):
 
 
 class FeelingSkill(MovingSkill):
-    """A skill that begins over a fruit and feels with pads, motor and width; its failures: `FEELING_FAILURES`."""
+    """A skill that feels with pads, motor, width and wrist; its failures: `FEELING_FAILURES`."""
+
+    optional_devices = (*MovingSkill.optional_devices, LoadSensor)
 
     def stand_over(self, grasp: Grasp) -> Work[Float64]:
         """Require the hand at the pre-grasp, open the fingers as the grasp needs them, and return T_base_tcp, (4, 4).
@@ -95,8 +144,8 @@ class FeelingSkill(MovingSkill):
             raise self.failure("CONTACT", words, force_n=force)
         return pose
 
-    def feel_way(self, way: Float64, manner: Manner, hand: ManoeuvreHand, pads: float, outer: float) -> Work[bool]:
-        """Follow a way until a pad's force has changed, or the outer faces are pushed, by a limit [N]; return True.
+    def feel_way(self, way: Float64, manner: Manner, hand: ManoeuvreHand, felt: float, outer: float) -> Work[bool]:
+        """Follow a way until `felt` [N] changes, or `outer` [N] pushes the outer faces; return True if it was ended.
 
         Raises SkillFailure: SENSOR_STALE, or a failure of the motion.
         """
@@ -107,28 +156,79 @@ class FeelingSkill(MovingSkill):
                 raise _Pushed
 
         def stop_at_touch(motion: Motion) -> None:
-            hand.pads.at_change(pads, motion.stop)
+            hand.stop_at(felt, motion.stop)
 
-        if hand.pads.change > pads or hand.outer.pushed(outer):
+        if hand.change > felt or hand.outer.pushed(outer):
             return True
         try:
             yield from follow_way(self, way, manner, look, started=stop_at_touch)
         except _Pushed:
             return True
         except SkillFailure as failed:
-            if failed.failure.code != "STOPPED" or hand.pads.change <= pads:
+            if failed.failure.code != "STOPPED" or hand.change <= felt:
                 raise
             return True
         return False
+
+    def centre(
+        self, hand: ManoeuvreHand, offset: Float64, limit: float, steps: int, place: Callable[[Float64], Float64 | None]
+    ) -> Work[bool]:
+        """Close until both pads feel the fruit, shifting the hand towards the one that feels it alone.
+
+        Args:
+            offset: wrenches of pads that touch nothing, as in `WrenchSample`, shape (2, 3) or wider [N].
+            limit: force that ends a step [N].
+            steps: of the hand or the fingers, at most.
+            place: maps the pads' normal forces, shape (2,) [N], negative where they press, to the next place of the
+                tool, shape (3,) [m]; None to close further.
+
+        Returns:
+            Whether both feel it.
+        """
+        gripper, before, blocked = self.device(Gripper), 0.0, False
+        for _ in range(steps):
+            self.require_fresh(hand)
+            pressed = (hand.pads.average() - offset)[:, 2]
+            if (pressed < -FELT).all():
+                return True
+            side, where = float(np.sign(pressed[1] - pressed[0])), place(pressed)
+            if where is not None and (blocked or side != -before):  # else the last shift went past the fruit
+                before, blocked = side, False
+                shifting = hand._replace(outer=OuterFaces(gripper))
+                yield from self.feel_way(self.line_to(where), SHIFTING, shifting, limit, limit)
+            elif blocked:
+                break
+            else:
+                before, blocked = 0.0, not (yield from self._close(gripper.state().width - CLOSING))
+            yield from self.wait(SETTLE)
+            hand.forget_change()
+        return False
+
+    def _close(self, width: float) -> Work[bool]:
+        """Close to an opening [m]; return False if the fruit keeps the fingers from it."""
+        try:
+            yield from self.move_fingers(max(width, self.device(Gripper).limits.width_min), SLOW)
+        except SkillFailure as failed:
+            if failed.failure.code != "MOTION_FAILED":
+                raise
+            return False
+        return True
 
     def require_fresh(self, hand: ManoeuvreHand) -> None:
         """Raise SkillFailure SENSOR_STALE if the fingers feel nothing any more."""
         if stale := hand.pads.stale_for(self.clock.now()):
             raise self.failure("SENSOR_STALE", f"the fingers have sent no force for {1e3 * stale:.0f} ms")
+        if hand.wrist is not None and (stale := hand.wrist.stale_for(self.clock.now())):
+            raise self.failure("SENSOR_STALE", f"the load sensor has sent no force for {1e3 * stale:.0f} ms")
 
-    def hand(self) -> ManoeuvreHand:
-        """Return the senses; use `pads` as a context manager."""
-        return ManoeuvreHand(Touch(self.device(ForceSensor)), OuterFaces(self.device(Gripper)))
+    @contextlib.contextmanager
+    def feeling(self) -> Iterator[ManoeuvreHand]:
+        """Give the senses, which compare with the forces of now."""
+        load = self.optional_device(LoadSensor)
+        with contextlib.ExitStack() as open_:
+            pads = open_.enter_context(Touch(self.device(ForceSensor)))
+            wrist = None if load is None else open_.enter_context(Touch(load, mass=load.mass, least=load.least))
+            yield ManoeuvreHand(pads, OuterFaces(self.device(Gripper)), wrist)
 
     def line_to(self, p_goal: Float64) -> Float64:
         """Return postures straight to a place of the tool, shape (3,) [m] -> (n, dof) [rad]."""
@@ -152,3 +252,13 @@ def straight_to(skill: MovingSkill, p_goal: Float64) -> Float64:
     if not line.complete:
         raise skill.failure("NO_STRAIGHT_LINE", f"the way cannot be followed: {line.reason}")
     return line.q
+
+
+def as_it_stands(grasp: Grasp, T_base_tcp: Float64) -> Grasp:
+    """Return a grasp where the hand stands, T_base_tcp (4, 4): the fruit is between the fingers as it was planned."""
+    shift = T_base_tcp[:3, 3] - grasp.T_base_grasp[:3, 3]
+    T_base_fruit, T_base_over = grasp.fruit.T_base_fruit.copy(), grasp.T_base_pre_grasp.copy()
+    T_base_fruit[:2, 3] += shift[:2]
+    T_base_over[:2, 3] += shift[:2]
+    fruit = replace(grasp.fruit, T_base_fruit=T_base_fruit)
+    return replace(grasp, T_base_pre_grasp=T_base_over, T_base_grasp=T_base_tcp, fruit=fruit)

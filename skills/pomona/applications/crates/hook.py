@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.applications.crates.feeling import FEELING_FAILURES, FeelingSkill, ManoeuvreHand
+from pomona.applications.crates.feeling import FEELING_FAILURES, GENTLE, FeelingSkill, ManoeuvreHand
 from pomona.applications.crates.pull import ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import FORCE, LENGTH, SPEED, Float64, Force, Length, Outputs, Port, SkillFailure, Speed, Work
-from pomona.skills import Manner, Touch, follow_way, prepare_moving, tool_pose, vertical_way
+from pomona.skills import Manner, follow_way, prepare_moving, tool_pose, vertical_way
 from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
-DOWN = Manner(0.05, 0.5, 5.0)
-"""Way down beside the wall, above the fruit's crown."""
-TOUCHING = Manner(0.010, 0.5, 10.0)
-"""Way down beside the fruit: a contact is 5 to 10 N/mm, and the fingers report after some 10 ms."""
+DOWN = Manner(0.02, GENTLE, 5.0)
+"""Way down beside the wall, above the fruit's crown: a sensor at the wrist shows a contact after 30 ms."""
+TOUCHING = Manner(0.005, GENTLE, 10.0)
+"""Way down beside the fruit: a contact is 5 to 10 N/mm, and the sensors report after 10 to 30 ms."""
 ABOVE = 0.010
 """Height of the fingers' tips over the crown at which they slow down [m]."""
 OUTER = 3.0
@@ -44,16 +44,16 @@ class Hook(FeelingSkill):
         self,
         hook: Annotated[Grasp, Port(help="one of SampleHook's, at which the arm stands")],
         touch: Annotated[Force, Port(min="0.3 N", max="2 N", help="that ends the way down")] = FORCE("0.5 N"),
-        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="that ends the pull")] = FORCE("2 N"),
+        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="that ends the pull")] = FORCE("3 N"),
         distance: Annotated[Length, Port(min="10 mm", max="100 mm", help="of the pull")] = LENGTH("45 mm"),
         speed: Annotated[Speed, Port(min="5 mm/s", max="30 mm/s", help="of the pull")] = SPEED("0.015 m/s"),
     ) -> Work[Drawn]:
         before = yield from self.stand_over(hook)
-        hand = self.hand()
         try:
-            with hand.pads:
+            with self.feeling() as hand:
                 yield from self._down(hook, hand, touch)
-                moved = yield from self._across(hook, hand, force, distance, speed)
+                yield from self._give_way(hand, 0.5 * force, 0.0)  # what is left holds by friction
+                moved = yield from self._across(hook, hand, (touch, force), distance, speed)
         except SkillFailure as failed:
             if failed.failure.code in ("PULL_BLOCKED", "NOTHING_MOVED", "NO_STRAIGHT_LINE", "CONTACT"):
                 yield from self.rise_to(before)
@@ -67,18 +67,26 @@ class Hook(FeelingSkill):
         robot = RobotModel.load(self.device(Arm).description)
         tips = start - float(gripper_shape(robot).points[:, 2].max())
         fast = tips - float(fruit_points(hook.fruit)[:, 2].max()) - ABOVE
-        yield from self._felt(vertical_way(self, -fast, "NO_STRAIGHT_LINE"), DOWN, hand, limit)
+        if (yield from self._felt(vertical_way(self, -fast, "NO_STRAIGHT_LINE"), DOWN, hand, limit)):
+            words = f"the hand met {hand.change:.1f} N above the fruit: the crate, or a fruit that was not measured"
+            raise self.failure("CONTACT", words, force_n=hand.change)
         yield from self._felt(vertical_way(self, fast + end - start, "NO_STRAIGHT_LINE"), TOUCHING, hand, limit)
-        yield from self._give_way(hand.pads, limit, 0.0)
 
-    def _across(self, hook: Grasp, hand: ManoeuvreHand, limit: float, distance: float, speed: float) -> Work[float]:
-        """Draw the fruit as it rolls, and return how far the finger came [m]; between steps the finger gives way."""
-        pull, felt = HookPull(hook, tool_pose(self)[:3, 3], limit), hand.pads
+    def _across(
+        self, hook: Grasp, hand: ManoeuvreHand, limits: tuple[float, float], distance: float, speed: float
+    ) -> Work[float]:
+        """Draw the fruit as it rolls, and return how far the finger came [m].
+
+        Between steps the finger gives way, or sinks until it touches again: `limits` are of a touch and the pull [N].
+        """
+        touch, limit = limits
+        pull = HookPull(hook, tool_pose(self)[:3, 3], limit)
         for x, place in pull.places(distance):
-            felt.forget_change()
-            at_limit = yield from self._felt(self.line_to(place), Manner(speed, 0.5, 10.0), hand, limit)
-            pull.off = yield from self._give_way(felt, 0.5 * limit, pull.off)
-            if pull.ends(x, at_limit, felt.change, felt.present):
+            hand.forget_change()
+            at_limit = yield from self._felt(self.line_to(place), Manner(speed, GENTLE, 10.0), hand, limit)
+            pull.off = yield from self._give_way(hand, 0.5 * limit, pull.off)
+            pull.off = yield from self._sink(hand, touch, pull.off)
+            if pull.ends(x, at_limit, hand.change, hand.present):
                 if pull.came >= ENOUGH:
                     return pull.came
                 raise self.failure("PULL_BLOCKED", pull.blocked, moved_m=pull.came, force_n=pull.most)
@@ -87,7 +95,7 @@ class Hook(FeelingSkill):
         return pull.came
 
     def _felt(self, way: Float64, manner: Manner, hand: ManoeuvreHand, limit: float) -> Work[bool]:
-        """Follow a way until a pad feels a limit [N]; return True if one has. Nothing may touch the outer faces."""
+        """Follow a way until the hand feels a limit [N]; return True if it has. Nothing may push the outer faces."""
         stopped = yield from self.feel_way(way, manner, hand, limit, OUTER)
         if stopped and hand.outer.pushed(OUTER):
             words = (
@@ -96,9 +104,19 @@ class Hook(FeelingSkill):
             raise self.failure("CONTACT", words, force_n=hand.outer.force, moved_m=hand.outer.moved)
         return stopped
 
-    def _give_way(self, felt: Touch, most: float, off: float) -> Work[float]:
-        """Rise until the fruit presses less than `most` [N], never sink: only the pads feel. Return the height."""
-        while felt.present > most and off + RELIEF <= FARTHEST_OFF:
+    def _give_way(self, hand: ManoeuvreHand, most: float, off: float) -> Work[float]:
+        """Rise until the fruit presses less than `most` [N]. Return the height over the way of a rolling ball [m]."""
+        while hand.present > most and off + RELIEF <= FARTHEST_OFF:
             yield from follow_way(self, self.line_to(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING)
             off += RELIEF
         return off
+
+    def _sink(self, hand: ManoeuvreHand, touch: float, off: float) -> Work[float]:
+        """Sink until the finger touches the fruit again [N], where the wrist feels its tip. Return the height [m]."""
+        deep = off + FARTHEST_OFF
+        if hand.wrist is None or hand.present > 0.0 or deep < RELIEF:
+            return off
+        begin = tool_pose(self)[:3, 3]
+        hand.forget_change()
+        yield from self._felt(self.line_to(begin - [0.0, 0.0, deep]), TOUCHING, hand, touch)
+        return off + float(tool_pose(self)[2, 3] - begin[2])

@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Annotated
 
-from pomona.applications.crates.feeling import FEELING_FAILURES, FeelingSkill, ManoeuvreHand, OuterFaces
+import numpy as np
+
+from pomona.applications.crates.feeling import (
+    FEELING_FAILURES,
+    GENTLE,
+    SETTLE,
+    FeelingSkill,
+    ManoeuvreHand,
+    as_it_stands,
+)
 from pomona.applications.crates.hooks import Beside, touched
-from pomona.applications.crates.insertion import FELT, OVER, FeltByHand, Insertion
+from pomona.applications.crates.insertion import OVER, FeltByHand, Insertion
 from pomona.applications.crates.inserts import crowded_side, finger_corners
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import FORCE, Float64, Force, Length, Outputs, Port, SkillFailure, Work
 from pomona.skills import Manner, prepare_moving, tool_pose
 from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
-DOWN = Manner(0.08, 0.5, 5.0)
+DOWN = Manner(0.08, GENTLE, 5.0)
 """Way down above all fruit."""
-SLOW = Manner(0.012, 0.5, 20.0)
+SLOW = Manner(0.012, GENTLE, 20.0)
 """Way down beside fruit that was not touched yet: a contact is 5 to 10 N/mm, and the motor is looked at every 20 ms."""
-TOUCHING = Manner(0.006, 0.5, 20.0)
+TOUCHING = Manner(0.006, GENTLE, 20.0)
 """Every other way."""
-CLOSINGS, CLOSING = 10, 1e-3
-"""Steps in which the hand is centred on the fruit, and the way by which the fingers close in one [m]."""
+CENTRINGS = 10
+"""Steps in which the hand is centred on the fruit."""
 ABOVE = 0.010
 """Height of the fingers' tips over the highest crown at which they slow down [m]."""
-SETTLE = 0.06
-"""Time over which the fingers' force is averaged [s]."""
 
 
 class Inserted(Outputs):
@@ -55,12 +61,13 @@ class Insert(FeelingSkill):
         force: Annotated[Force, Port(min="1 N", max="5 N", help="that the fingers shall not exceed")] = FORCE("2 N"),
     ) -> Work[Inserted]:
         before = yield from self.stand_over(insert)
-        hand = self.hand()
-        with hand.pads:
+        with self.feeling() as hand:
             try:
                 law, offset = yield from self._down(insert, before, hand, force)
                 if law.arrived:
-                    yield from self._centre(hand, law, offset, force)
+                    yield from self.centre(
+                        hand, offset, OVER * force, CENTRINGS, lambda felt: law.centred(tool_pose(self)[:3, 3], felt)
+                    )
             except SkillFailure as failed:
                 if failed.failure.code == "NO_STRAIGHT_LINE":
                     yield from self.rise_to(before)
@@ -71,7 +78,7 @@ class Insert(FeelingSkill):
                 f"the fingers met {law.most:.1f} N {1e3 * law.left:.0f} mm before the grasp: nothing gives way there"
             )
             raise self.failure("FORCE_LIMIT", words, before_grasp_m=law.left, force_n=law.most)
-        return Inserted(_as_it_stands(insert, tool_pose(self)), law.most, law.shifted)
+        return Inserted(as_it_stands(insert, tool_pose(self)), law.most, law.shifted)
 
     def _down(
         self, insert: Grasp, before: Float64, hand: ManoeuvreHand, limit: float
@@ -94,7 +101,7 @@ class Insert(FeelingSkill):
             yield from self.feel_way(self.line_to(before[:3, 3] - [0.0, 0.0, fast]), DOWN, hand, law.touch, law.touch)
         manner, stopped = SLOW, False
         while (step := law.next(tool_pose(self)[:3, 3], self._felt(hand, offset), stopped)) is not None:
-            hand.pads.forget_change()
+            hand.forget_change()
             stopped = yield from self.feel_way(self.line_to(step.p_end), manner, hand, step.stop, law.touch)
             if stopped:
                 manner = TOUCHING
@@ -102,47 +109,9 @@ class Insert(FeelingSkill):
             yield f"{1e3 * law.left:.0f} mm before the grasp, {law.most:.1f} N, {1e3 * law.shifted:.0f} mm aside"
         return law, offset
 
-    def _centre(self, hand: ManoeuvreHand, law: Insertion, offset: Float64, limit: float) -> Work[None]:
-        """Close until both pads feel the fruit, and shift the hand towards the one that feels it alone."""
-        gripper = self.device(Gripper)
-        for _ in range(CLOSINGS):
-            felt = self._felt(hand, offset).wrenches[:, 2]
-            if (felt < -FELT).all():
-                return
-            place = law.centred(tool_pose(self)[:3, 3], felt)
-            if place is not None:
-                yield from self.feel_way(
-                    self.line_to(place),
-                    TOUCHING,
-                    ManoeuvreHand(hand.pads, OuterFaces(gripper)),
-                    OVER * limit,
-                    OVER * limit,
-                )
-            elif not (yield from self._close(gripper.state().width - CLOSING)):
-                return
-            yield from self.wait(SETTLE)
-            hand.pads.forget_change()
-
-    def _close(self, width: float) -> Work[bool]:
-        """Close to an opening [m]; return False if the fruit keeps the fingers from it."""
-        try:
-            yield from self.move_fingers(max(width, self.device(Gripper).limits.width_min), SLOW.speed)
-        except SkillFailure as failed:
-            if failed.failure.code != "MOTION_FAILED":
-                raise
-            return False
-        return True
-
     def _felt(self, hand: ManoeuvreHand, offset: Float64) -> FeltByHand:
         self.require_fresh(hand)
-        return FeltByHand(hand.pads.average() - offset, hand.outer.force)
-
-
-def _as_it_stands(insert: Grasp, T_base_tcp: Float64) -> Grasp:
-    """Return the grasp where the hand stands: the fruit is between the fingers as it was planned."""
-    shift = T_base_tcp[:3, 3] - insert.T_base_grasp[:3, 3]
-    T_base_fruit, T_base_over = insert.fruit.T_base_fruit.copy(), insert.T_base_pre_grasp.copy()
-    T_base_fruit[:2, 3] += shift[:2]
-    T_base_over[:2, 3] += shift[:2]
-    fruit = replace(insert.fruit, T_base_fruit=T_base_fruit)
-    return replace(insert, T_base_pre_grasp=T_base_over, T_base_grasp=T_base_tcp, fruit=fruit)
+        wrenches = hand.pads.average() - offset
+        by_pads = float(np.linalg.norm(wrenches[:, :3], axis=1).sum())
+        beside = 0.0 if hand.wrist is None else hand.wrist.present - hand.at_rest - by_pads
+        return FeltByHand(wrenches, max(hand.outer.force, beside))

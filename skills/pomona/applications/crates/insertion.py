@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pomona.applications.crates.feeling import FELT
 from pomona.executive import Float64
 
-FELT = 0.3
-"""Force that counts as a touch [N]; the fingers' noise is 0.2 N, the motor's steps are 0.5 N."""
 COMPLIANCE = 1e-3
 """Way sideways in a step per force [m/N]: less than a contact of 1 N/mm gives."""
 LONGEST, SHORTEST = 1.5e-3, 0.4e-3
@@ -145,11 +144,8 @@ class Insertion:
             p: place of the TCP, shape (3,) [m].
             pressed: normal forces of the left and the right pad, negative where they press, shape (2,) [N].
         """
-        alone = pressed < -FELT
-        if alone.all() or not alone.any():
-            return None
-        place: Float64 = p + (1.0 if alone[0] else -1.0) * CENTRING * self._R[:, 1]
-        return None if self._blocked(place) else place
+        place = centred(p, self._R, pressed)
+        return None if place is None or self._blocked(place) else place
 
     def _aside(self, force: Float64) -> Float64:
         """Return the way sideways that a force asks for in the base frame, shape (3,) [m]."""
@@ -158,3 +154,18 @@ class Insertion:
             return np.zeros(3)
         way: Float64 = self._R @ np.append(force[:2] / size, 0.0)
         return float(np.clip(COMPLIANCE * size, SHORTEST, LONGEST)) * way * [1.0, 1.0, 0.0]
+
+
+def centred(p: Float64, R_base_tcp: Float64, pressed: Float64) -> Float64 | None:
+    """Return where a hand goes that one pad alone presses on the fruit, shape (3,) [m]; None if none or both do.
+
+    Args:
+        p: place of the TCP, shape (3,) [m].
+        R_base_tcp: turn of the tool, shape (3, 3).
+        pressed: normal forces of the left and the right pad, negative where they press, shape (2,) [N].
+    """
+    alone = pressed < -FELT
+    if alone.all() or not alone.any():
+        return None
+    place: Float64 = p + (1.0 if alone[0] else -1.0) * CENTRING * R_base_tcp[:, 1]
+    return place

@@ -10,14 +10,16 @@ from pomona.applications.crates.hooks import pull_of, rolled_height
 from pomona.executive import Float64
 from pomona.skills.motion import Grasp
 
-RELIEF = 0.3e-3
-"""Way by which a finger gives way at a time [m]."""
+RELIEF = 0.1e-3
+"""Way by which a finger gives way at a time [m]: 0.5 to 1 N, less than what holds by friction."""
 FARTHEST_OFF = 3e-3
 """Farthest from the way of a rolling ball [m]: a fruit that does not roll is not to be slid over."""
 STEP = 3e-3
 """Of a pull, after which the finger gives way [m]."""
 LEAST = 0.3
 """Change of force that shows a fruit at the finger [N]; the fingers' noise is 0.2 N."""
+HITS = 4
+"""Steps in succession that end at the limit of something that holds the fruit: it starts to roll with a jerk."""
 ENOUGH = 0.015
 """A pull that ended at its force after this distance has made room [m]: a finger is 12 mm thick."""
 
@@ -51,7 +53,7 @@ class HookPull:
             yield float(x), self._start + x * self._along + [0.0, 0.0, height]
 
     def ends(self, x: float, at_limit: bool, change: float, present: float) -> bool:
-        """Take a step, and return True when something holds the fruit: the limit twice, or a finger that cannot rise.
+        """Take a step, and return True when something holds the fruit: `HITS` limits, or a finger that cannot rise.
 
         Args:
             x: distance at the end of the step [m].
@@ -60,7 +62,7 @@ class HookPull:
         """
         self.most = max(self.most, change)
         self._hits = self._hits + 1 if at_limit else 0
-        if self._hits > 1 or (present > 0.5 * self._limit and self.off > FARTHEST_OFF - RELIEF):
+        if self._hits >= HITS or (present > 0.5 * self._limit and self.off > FARTHEST_OFF - RELIEF):
             return True
         self.came = self.came if at_limit else x
         return False

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 from py_trees.common import Status
 
-from pomona.applications.crates.choose_fruit import ChooseFruit
+from pomona.applications.crates.choose_fruit import MOVES, ChooseFruit
 from pomona.applications.crates.fruit_scene import FruitScene, SeenFruit
 from pomona.drivers.interfaces import Arm, Workspace
 from pomona.executive.skill_testing import SkillEnd, drive
@@ -81,6 +81,15 @@ def test_a_fruit_is_tried_twice_and_again_when_a_neighbour_has_gone():
     assert place(choose(skill, alone)) == [0.0, 0.0]
     assert place(choose(skill, alone)) == [0.0, 0.0]
     assert choose(skill, alone).reason.code == "NOTHING_LEFT"
+
+
+def test_a_fruit_that_was_drawn_from_a_wall_is_tried_again_a_bounded_number_of_times():
+    skill = ChooseFruit()
+    for step in range(1 + MOVES):
+        x = 0.02 * (step % 2)  # nearer than the next fruit would be
+        assert place(choose(skill, scene((x, 0.0)), tries=1)) == [x, 0.0]
+        assert choose(skill, scene((x + 0.003, 0.0)), tries=1).reason.code == "NOTHING_LEFT"  # an error of the look
+    assert choose(skill, scene((0.0, 0.0)), tries=1).reason.code == "NOTHING_LEFT"
 
 
 def test_a_fruit_that_was_not_measured_is_not_chosen_and_counts_as_neighbour():

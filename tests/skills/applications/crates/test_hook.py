@@ -7,9 +7,10 @@ from py_trees.common import Status
 from pomona.applications.crates.feeling import PRESSED
 from pomona.applications.crates.hook import OUTER, Hook
 from pomona.drivers.gripper_supervisor import GripperMotion
-from pomona.drivers.interfaces import MotionState
+from pomona.drivers.interfaces import LoadSensor, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
+from pomona.tools.mock import MockLoadSensor
 from tests.skills.applications.crates.wall_scene import AT_WALL, RollingBall, a_hook
 from tests.skills.picking_scene import PickingScene
 
@@ -114,6 +115,51 @@ def test_a_push_on_the_outer_faces_stops_the_hook_and_the_hand_rises(below):
     assert outcome.reason.data["force_n"] == pytest.approx(1.5 * OUTER)
     assert begin - lowest[0] < below + 5e-3
     assert is_up_again(scene)
+
+
+class Below:
+    """A thing under the fingers' tips that only a sensor at the wrist feels; it gives by 7 N/mm."""
+
+    def __init__(self, scene: PickingScene, height: float) -> None:
+        self.load, self._scene, self._height, self.most = MockLoadSensor(scene.clock), scene, height, 0.0
+        self.load.feel = self._feel
+        scene.clock.advance(0.1)
+
+    def _feel(self, _now: float) -> np.ndarray:
+        force = 7e3 * max(self._height - self._scene.tcp[2, 3], 0.0)
+        self.most = max(self.most, force)
+        return np.array([[0.0, 0.0, -force, 0.0, 0.0, 0.0]])
+
+
+def draw_with_wrist(scene: PickingScene, load: MockLoadSensor, **settings) -> SkillEnd:
+    devices = {**scene.devices, LoadSensor: load}
+    return drive(Hook(), {"hook": a_hook()}, devices, clock=scene.clock, **settings)
+
+
+def test_a_thing_above_the_fruit_that_the_pads_do_not_feel_is_a_contact_and_the_hand_rises():
+    scene = over_the_fruit()
+    below = Below(scene, scene.tcp[2, 3] - 0.015)
+    outcome = draw_with_wrist(scene, below.load)
+    assert outcome.reason.code == "CONTACT"
+    assert outcome.reason.data["force_n"] > 0.5
+    assert below.most < 8.0
+    assert is_up_again(scene)
+
+
+def test_a_tip_on_the_fruits_shoulder_ends_the_way_down_at_its_force():
+    scene = over_the_fruit()
+    below = Below(scene, a_hook().T_base_grasp[2, 3] + 0.008)
+    draw_with_wrist(scene, below.load)
+    assert below.most < 4.0
+    assert is_up_again(scene)
+
+
+def test_a_wrist_that_feels_nothing_any_more_stops_the_arm():
+    scene = over_the_fruit()
+    below = Below(scene, -1.0)
+    lose = lambda tick: below.load.lose(10.0) if tick == 30 else None  # noqa: E731
+    assert draw_with_wrist(scene, below.load, each_tick=lose).reason.code == "SENSOR_STALE"
+    assert scene.arm.settled()
 
 
 def test_it_begins_over_the_fruit_only():

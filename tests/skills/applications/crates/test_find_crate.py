@@ -1,0 +1,68 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from pomona.applications.crates.find_crate import FindCrate
+from pomona.drivers.interfaces import Box, Frame, Workspace
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.detection import AllDetections
+from tests.skills.applications.crates.test_crate_place import ABOVE, CRATE, LENS, rendered
+from tests.skills.picking_scene import WORKSPACE, PickingScene
+
+X, Y = CRATE.half
+FLOOR = Box("source", transform(None, [-0.02, -0.37, -0.116]), (X, Y, 0.004))
+WALLS = tuple(
+    Box("source", transform(None, [-0.02 + x, -0.37 + y, -0.06]), half)
+    for x, y, half in ((0, -Y + 0.004, (X, 0.004, 0.06)), (-X + 0.004, 0, (0.004, Y, 0.06)))
+)
+WITH_CRATE = replace(WORKSPACE, obstacles=(*WORKSPACE.obstacles, FLOOR, *WALLS))
+
+
+def look(depth: np.ndarray | None, T_base_camera: np.ndarray = ABOVE) -> AllDetections:
+    frame = Frame(0.0, 0, np.zeros((480, 640, 3), np.uint8), depth, LENS, None, T_base_camera)
+    return AllDetections((), frame, T_base_camera)
+
+
+def find(depth: np.ndarray | None, workspace: Workspace = WITH_CRATE, T_base_camera: np.ndarray = ABOVE) -> SkillEnd:
+    seen = look(None if depth is None else depth.astype(np.float32), T_base_camera)
+    return drive(FindCrate(), {"detections": seen}, {Workspace: workspace}, clock=PickingScene().clock)
+
+
+def test_a_crate_in_its_place_passes():
+    assert find(rendered((0.002, -0.002))).status is Status.SUCCESS
+
+
+@pytest.mark.parametrize(("shift", "turn"), [((0.012, -0.009), 0.0), ((0.04, 0.0), 0.0), ((0.0, 0.0), 0.05)])
+def test_a_crate_elsewhere_ends_it_with_its_shift_or_as_missing(shift, turn):
+    ended = find(rendered(shift, turn))
+    assert ended.reason.code in (("CRATE_MOVED",) if shift[0] < 0.02 else ("CRATE_MOVED", "CRATE_MISSING"))
+    if ended.reason.code == "CRATE_MOVED":
+        np.testing.assert_allclose(ended.reason.data["shift_m"], shift, atol=3e-3)
+        assert ended.reason.data["turn_rad"] == pytest.approx(turn, abs=np.radians(0.5))
+
+
+def test_a_crate_that_is_not_there_is_missing():
+    assert find(rendered(there=False)).reason.code == "CRATE_MISSING"
+
+
+def test_a_cell_without_the_crate_a_picture_without_depth_and_a_look_past_it_pass():
+    assert find(rendered(there=False), WORKSPACE).status is Status.SUCCESS
+    assert find(None).status is Status.SUCCESS
+    past = ABOVE.copy()
+    past[0, 3] += 0.6
+    assert find(rendered(there=False), T_base_camera=past).status is Status.SUCCESS
+
+
+def test_interrupted_it_has_judged_nothing():
+    ended = drive(
+        FindCrate(),
+        {"detections": look(rendered().astype(np.float32))},
+        {Workspace: WITH_CRATE},
+        clock=PickingScene().clock,
+        computing=10,
+        interrupt_after=3,
+    )
+    assert ended.status is Status.INVALID
