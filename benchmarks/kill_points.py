@@ -105,7 +105,7 @@ def _add_skills() -> None:
 
 def _add_witness(path: str) -> None:
     """Note the time of every event in shared memory, which a killed process cannot lose."""
-    from pomona.executive.running.events import EventStream
+    from pomona.executive.running.tick import EventStream
 
     with open(path, "r+b") as stream:
         memory = mmap.mmap(stream.fileno(), 16)

@@ -50,7 +50,6 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.events import (
     AttemptEnded,
     Event,
-    EventStream,
     NodeChanged,
     OperatorActed,
     Published,
@@ -58,6 +57,7 @@ from pomona.executive.running.events import (
     RunStarted,
 )
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.output import json_text, visible
 from pomona.executive.terminal.screen import Screen
