@@ -111,8 +111,8 @@ def _add_witness(path: str) -> None:
         memory = mmap.mmap(stream.fileno(), 16)
     emit = EventStream.emit
 
-    def noted(self: EventStream, event: Any) -> None:
-        emit(self, event)
+    def noted(self: EventStream, event: Any, *, feedback: bool = False) -> None:
+        emit(self, event, feedback=feedback)
         memory[:16] = struct.pack("dd", event.t, 1.0)
 
     EventStream.emit = noted  # type: ignore[method-assign]
