@@ -34,7 +34,6 @@ from pomona.skills.geometry import inverse
 from pomona.skills.perception.detection.detection import Detection, DetectorOptions
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.perception.refinement.depth_image import Method
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import measure
 from pomona.skills.shared.looking import find_in_frame
@@ -97,7 +96,7 @@ def main() -> None:
 
 
 def _scene(
-    world: SimWorld, fruit: FruitModel, looks: int, method: Method, lose: bool, seed: int, tally: CountTally
+    world: SimWorld, fruit: FruitModel, looks: int, method: str, lose: bool, seed: int, tally: CountTally
 ) -> None:
     rng = np.random.default_rng([seed, 78])
     world.looked()
@@ -144,7 +143,7 @@ def _expose(world: SimWorld, T_base_camera: Float64, rng: np.random.Generator) -
     return Frame(0.0, 0, colour, as_d435i(ideal.astype(np.float64), rng, CAMERA), CAMERA, None, T_base_camera)
 
 
-def _sightings(frame: Frame, T_base_camera: Float64, fruit: FruitModel, method: Method) -> list[Sighting]:
+def _sightings(frame: Frame, T_base_camera: Float64, fruit: FruitModel, method: str) -> list[Sighting]:
     found: list[Sighting] = []
     for instance in find_in_frame(frame, fruit, DetectorOptions(working_width=DETECTOR_WIDTH)):
         if instance.score < SCORE or instance.T_camera_object is None or instance.covariance is None:

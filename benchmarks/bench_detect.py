@@ -29,13 +29,13 @@ from benchmarks.photo_border import LEAST_SCORE, calibration_error, calibration_
 from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import DetectorOptions
-from pomona.skills.perception.detection.dope_decode import decode_maps
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.tools.photographs.box_evaluation import box_figures, box_intervals, match_boxes
 from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.photographs.photographs import camera_of
+from pomona.tools.pytorch.dope_decode import decode_maps
 from pomona.tools.pytorch.networks import DopeNetwork, dope_input
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.evaluation import evaluate, table

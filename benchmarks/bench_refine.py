@@ -39,8 +39,8 @@ from pomona.skills.perception.refinement import (
     refine,
     render_depth,
 )
-from pomona.skills.perception.refinement.depth_image import ImageBox, Method, RendererName
 from pomona.skills.perception.refinement.errors import RefineError
+from pomona.skills.perception.refinement.render import ImageBox, RendererName
 from pomona.skills.perception.refinement.scale_fit import fit_scale, fit_scale_by_rendering
 
 CELL = Path("trees/cells/sim.yaml")
@@ -277,7 +277,7 @@ def _refine(view: View, fruit: FruitModel, mode: str, using: RendererName = "zbu
     on_plane = mode == "shape+plane"
     known = FruitContext(support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None)
     look = DepthLook(view.depth, CAMERA, SIMULATED, renderer=using)
-    method: Method = "shape" if on_plane else mode  # type: ignore[assignment]
+    method = "shape" if on_plane else mode
     return refine(look, view.T_camera_detected, fruit, method=method, known=known)
 
 

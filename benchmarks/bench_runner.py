@@ -25,8 +25,8 @@ from pomona.executive.language import build, read
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.events import EventStream
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 
 SKILLS = Registry({"Spin": Spin})
 ROUNDS = 5

@@ -39,9 +39,10 @@ from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.events import ErrorRaised, Event, EventStream, NodeChanged, RunEnded, SafeStopped
+from pomona.executive.running.events import ErrorRaised, Event, NodeChanged, RunEnded, SafeStopped
 from pomona.executive.running.runner import Runner
-from pomona.executive.values import processes
+from pomona.executive.running.tick import EventStream
+from pomona.executive.skill import continue_here
 from pomona.skills.grip.hold import take_over
 from pomona.tools.simulation.scene import TIMESTEP
 from pomona.tools.simulation.world import PhysicsWorld
@@ -457,7 +458,7 @@ class Forks:
             self.answer = writing
             spent = int(time.process_time() + HANGS)
             resource.setrlimit(resource.RLIMIT_CPU, (spent, spent))
-            processes.continue_here()
+            continue_here()
             return True
         os.close(writing)
         self._children[reading] = child, case

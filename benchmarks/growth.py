@@ -28,8 +28,8 @@ from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import EventStream
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext
 from pomona.skills.motion.occupancy import OccupancyMap, integrate

@@ -105,14 +105,14 @@ def _add_skills() -> None:
 
 def _add_witness(path: str) -> None:
     """Note the time of every event in shared memory, which a killed process cannot lose."""
-    from pomona.executive.running.events import EventStream
+    from pomona.executive.running.tick import EventStream
 
     with open(path, "r+b") as stream:
         memory = mmap.mmap(stream.fileno(), 16)
     emit = EventStream.emit
 
-    def noted(self: EventStream, event: Any) -> None:
-        emit(self, event)
+    def noted(self: EventStream, event: Any, *, feedback: bool = False) -> None:
+        emit(self, event, feedback=feedback)
         memory[:16] = struct.pack("dd", event.t, 1.0)
 
     EventStream.emit = noted  # type: ignore[method-assign]

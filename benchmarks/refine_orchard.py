@@ -79,7 +79,7 @@ def _calibre(row: dict[str, str], depth: NDArray[np.float32], fruit: FruitModel,
             DepthLook(depth, KINECT, AZURE_KINECT, renderer="zbuffer"),
             transform(translation=centre * distance),
             fruit,
-            method=method,  # type: ignore[arg-type]
+            method=method,
             limits=Limits(inlier_band=8e-3),
         )
     except RefineError:

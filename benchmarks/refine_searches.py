@@ -17,8 +17,7 @@ from scipy.optimize import minimize
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.fruit import FruitModel
-from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName
-from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.perception.refinement.render import DepthImage, ImageBox, RendererName, render_depth
 from pomona.skills.perception.refinement.scale_fit import line_inliers, moved_and_scaled, sigma_bound
 
 SEARCHES: dict[str, dict[str, float]] = {

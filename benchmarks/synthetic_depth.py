@@ -18,8 +18,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import inverse, rot_x, rot_z, transform
-from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
-from pomona.skills.perception.refinement.render import render_with_zbuffer
+from pomona.skills.perception.refinement.render import DepthImage, ImageBox, Triangles, render_with_zbuffer
 
 D435I = Intrinsics(610.6, 610.6, 322.3, 241.9, 640, 480)
 

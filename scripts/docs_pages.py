@@ -47,7 +47,7 @@ MODULES = (
     "pomona.skills.grip.hold",
     "pomona.skills.grip.settings",
     "pomona.skills.perception.detection.compact_detector",
-    "pomona.skills.perception.refinement.refinement",
+    "pomona.skills.perception.refinement.measure",
     "pomona.skills.perception.fruit.catalogue",
 )
 """Modules for integrators."""

@@ -22,9 +22,10 @@ from pomona.executive.language import build
 from pomona.executive.language.check import read_document
 from pomona.executive.recording.read import read_events
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import Event, EventStream, HandChanged, Published, RunEnded
+from pomona.executive.running.events import Event, HandChanged, Published, RunEnded
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import RunResult
+from pomona.executive.running.tick import EventStream
 
 pytestmark = pytest.mark.slow
 

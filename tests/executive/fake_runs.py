@@ -10,9 +10,10 @@ from fake_cell import FakeCell, Wheel
 from pomona.executive.language import BuiltTree, build, read
 from pomona.executive.ports import Outputs, Time
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import Event, EventStream, Listener
+from pomona.executive.running.events import Event, Listener
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import RunState
+from pomona.executive.running.tick import EventStream
 from pomona.executive.skill import Interrupted, Skill, Work
 
 

@@ -15,8 +15,9 @@ from pomona.executive.language import build, read
 from pomona.executive.ports import Outputs, Time
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import EventStream, RunStarted
+from pomona.executive.running.events import RunStarted
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.skill import Interrupted, Skill, Work
 from pomona.executive.values.yaml_nodes import written
 from pomona.executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView

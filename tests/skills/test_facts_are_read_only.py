@@ -17,8 +17,8 @@ from pomona.executive.cell.connect import load_cell
 from pomona.executive.clock import ManualClock
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.language import BuiltTree
-from pomona.executive.running.events import EventStream
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.skill import Skill, SkillContext, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import own

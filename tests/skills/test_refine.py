@@ -14,9 +14,8 @@ from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.views import ImageView
 from pomona.skills.geometry import inverse, rot_x, rot_y, transform
 from pomona.skills.perception.detection.detection import Detection
-from pomona.skills.perception.refinement.depth_image import ImageBox
 from pomona.skills.perception.refinement.errors import RenderFailed
-from pomona.skills.perception.refinement.render import render_depth, usable_renderer
+from pomona.skills.perception.refinement.render import ImageBox, render_depth, usable_renderer
 from pomona.skills.perception.refinement.scale_fit import moved_and_scaled
 from pomona.skills.refine import Refine
 

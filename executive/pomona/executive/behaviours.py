@@ -23,8 +23,9 @@ from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import NodeInfo, UniquePaths
 from pomona.executive.recording.session import RecordingSession
 from pomona.executive.run_views import RunViews
-from pomona.executive.running.events import EventStream, Listener, RunStarted
+from pomona.executive.running.events import Listener, RunStarted
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 
@@ -95,7 +96,8 @@ def _run(
     runner = Runner(
         lambda _context, board: as_built(root, board), cell, events, period=period, real_time=True, watchers=[session]
     )
-    for listener in (summary.on_event, *listeners):
+    events.subscribe(summary.on_event, feedback=False)
+    for listener in listeners:
         events.subscribe(listener)
     problem = ""
     try:

@@ -19,10 +19,10 @@ try:  # they take a while to load; signals are handled afterwards
     from pomona.executive.commands.command_line import children, make_parser
     from pomona.executive.errors import UsageError
     from pomona.executive.running.launcher import in_child
-    from pomona.executive.running.signals import WORDS, raise_again, raising, report_end, signalled, status_of
+    from pomona.executive.running.signals import raise_again, raising, report_end, signalled, status_of
     from pomona.executive.terminal.output import filtered_output, unwaiting_output
     from pomona.executive.values.installation import remedy
-    from pomona.executive.values.processes import within
+    from pomona.executive.values.processes import WORDS, within
 except (KeyboardInterrupt, ImportError) as error:  # a compiled module turns the first into the second
     if not isinstance(error.__cause__ or error, KeyboardInterrupt):
         raise

@@ -31,17 +31,17 @@ from pomona.executive.recording.folder import refuse_unwritable
 from pomona.executive.recording.session import Reader, RecordingSession, unfinished
 from pomona.executive.registry import Registry
 from pomona.executive.running.cell_watch import installed_watchers
-from pomona.executive.running.events import EventStream, Listener, OperatorActed, RunEnded, RunStarted
+from pomona.executive.running.events import Listener, OperatorActed, RunEnded, RunStarted
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import RunSignals, error_of
 from pomona.executive.running.starting import RunResult, StartCancelledError, Starting, alone_on
 from pomona.executive.running.supervisor import RunSupervision
+from pomona.executive.running.tick import EventStream
 from pomona.executive.running.traces import place_of
-from pomona.executive.skill import SkillContext
+from pomona.executive.skill import SkillContext, leave_if_forked, run_in_progress
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.installation import commit_here, distribution, installed_trees
-from pomona.executive.values.processes import leave_if_forked, run_in_progress
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.yaml_nodes import written
 
@@ -364,7 +364,8 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         rebuild=None if order.texts else work.rebuild,
     )
     _set_breakpoints(runner, order.breaks)
-    for listener in (summary.on_event, *followers.listeners):
+    events.subscribe(summary.on_event, feedback=False)
+    for listener in followers.listeners:
         events.subscribe(listener)
     problem = ""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -107,6 +108,24 @@ class Registry(Mapping[str, type[Skill]]):
     def listing(self) -> tuple[SkillListing, ...]:
         """Return all skills, by name."""
         return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
+
+
+def source_of(name: str) -> str:
+    """Return where an installed skill's class stands: `pomona/skills/lift.py:57`; of a third party `module:line`.
+
+    Empty for a skill that is not installed, cannot be imported, or has no source.
+    """
+    skill = Registry({}).choosing({}, (name,)).get(name)
+    if skill is None:
+        return ""
+    try:
+        line, file = inspect.getsourcelines(skill)[1], inspect.getfile(skill)
+    except (OSError, TypeError):  # its source is not installed, or it was not read from a file
+        return ""
+    if not skill.__module__.startswith("pomona."):
+        return f"{skill.__module__}:{line}"
+    inside = "/__init__.py" if os.path.basename(file) == "__init__.py" else ".py"
+    return f"{skill.__module__.replace('.', '/')}{inside}:{line}"
 
 
 def _stand_in(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> type[Skill]:

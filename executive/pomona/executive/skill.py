@@ -21,8 +21,10 @@ Its ports are declared once: the parameters of `run` are the inputs, the fields 
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
+import os
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextvars import ContextVar
@@ -38,7 +40,7 @@ from pomona.executive.errors import SkillError
 from pomona.executive.ports import Outputs, Ports
 from pomona.executive.signature import ports_of
 from pomona.executive.values.findings import Located
-from pomona.executive.values.processes import leave_if_forked
+from pomona.executive.values.processes import write_if_read
 from pomona.executive.values.sections import Problem
 from pomona.executive.values.sentences import shortened
 
@@ -51,6 +53,38 @@ POLLED: ContextVar[str] = ContextVar("POLLED", default="")
 T = TypeVar("T")
 Work = Generator["str | None", None, T]
 """Result of a `run` that takes several ticks: it yields lines of feedback and returns its outputs."""
+
+
+# A skill or a library may fork. A child that comes back into the run (`sys.exit` in it, or no end at all) would stop
+# and close the devices that it shares with its parent, and dismiss the parent's supervisor: it leaves at once instead.
+CHILD = 3  # exit status of a child that came back into the run
+
+_process: int | None = None  # process of the run in progress here, or in the parent of this copy
+
+
+def leave_if_forked() -> None:
+    """End a child of the run's process; called wherever foreign code comes back into the run."""
+    if _process is not None and os.getpid() != _process:
+        write_if_read(2, b"a process that was forked in the run came back into it, and was ended\n")
+        os._exit(CHILD)
+
+
+def continue_here() -> None:
+    """Go on with the run in this copy of its process, on purpose: it is another run from here on."""
+    global _process
+    _process = os.getpid()
+
+
+@contextlib.contextmanager
+def run_in_progress() -> Iterator[None]:
+    """From the connecting of a cell to its closing, in the thread of the tick."""
+    global _process
+    before, _process = _process, os.getpid()
+    try:
+        yield
+    finally:
+        leave_if_forked()
+        _process = before
 
 
 @dataclass(frozen=True, slots=True)

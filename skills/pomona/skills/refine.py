@@ -18,11 +18,9 @@ from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.frame_check import MISMATCHES, FrameProblem, frame_problem
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.perception.refinement.depth_image import Limits, RendererName
 from pomona.skills.perception.refinement.errors import RefineError
-from pomona.skills.perception.refinement.measure import measure, outline
-from pomona.skills.perception.refinement.refinement import refine
-from pomona.skills.perception.refinement.render import DepthLook, render_depth, usable_renderer
+from pomona.skills.perception.refinement.measure import FITS, measure, outline, refine
+from pomona.skills.perception.refinement.render import DepthLook, Limits, RendererName, render_depth, usable_renderer
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose
 
 _SMALL_CAMERA = Intrinsics(400.0, 400.0, 100.0, 100.0, 201, 201)
@@ -75,9 +73,10 @@ class Refine(Skill):
         self,
         detection: Annotated[Detection, Port(help="detected fruit, at the pose for a fruit of the CAD model's size")],
         method: Annotated[
-            Literal["shape", "uniform", "paper", "none"],
+            str,
             Port(
-                help="shape: height and widths separately; uniform: one scale; paper: rendered again; none: as detected"
+                choices=(*FITS, "none"),
+                help="shape: height and widths apart; uniform: one scale; paper: rendered again; none: as detected",
             ),
         ] = "shape",
         earlier: Annotated[

@@ -22,7 +22,7 @@ from pomona.executive.cell.cell import dry_cell
 from pomona.executive.language import build, read
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.context import RunContext
+from pomona.executive.running.tick import RunContext
 from pomona.executive.skill import Interrupted, Skill, Work
 
 PERIOD = 0.02

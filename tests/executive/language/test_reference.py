@@ -6,8 +6,7 @@ import pytest
 from py_trees.common import Status
 
 from pomona.executive.language.read import read
-from pomona.executive.nodes.behaviours import Branch
-from pomona.executive.nodes.parallel import Parallel
+from pomona.executive.nodes.behaviours import Branch, Parallel
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
 from tests.executive.language import reference

@@ -38,7 +38,6 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import build, read
 from pomona.executive.reasons import Reason
 from pomona.executive.recording import overview as overview_module, recorder as recorder_module, scan as scan_module
-from pomona.executive.recording.difference import comparable, differences
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.mcap_file import HEAD, MAGIC
@@ -51,7 +50,6 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.events import (
     AttemptEnded,
     Event,
-    EventStream,
     NodeChanged,
     OperatorActed,
     Published,
@@ -59,6 +57,7 @@ from pomona.executive.running.events import (
     RunStarted,
 )
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.output import json_text, visible
 from pomona.executive.terminal.screen import Screen
@@ -73,6 +72,7 @@ from pomona.tools.dashboard.presses import Presses, object_of
 from pomona.tools.dashboard.record_messages import cloud, image, moment, overview
 from pomona.tools.dashboard.security import Access
 from pomona.tools.dashboard.server import Dashboard
+from pomona.tools.library.difference import comparable, differences
 
 HOLDER = "0123abcd"
 ASKING = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - ask: ready?\n    - wait: 20 ms\n"

@@ -12,8 +12,8 @@ from fake_runs import Turn, make
 
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.context import RunContext
 from pomona.executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, SafeStopped, StateChanged
+from pomona.executive.running.tick import RunContext
 from pomona.executive.skill import Skill, Work
 from pomona.executive.terminal.explain import explain
 

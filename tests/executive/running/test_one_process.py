@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from pomona.executive import skill
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.values import processes
 
 RUN = """
 import os, sys
 from fake_runs import Turn, make
-from pomona.executive.values.processes import run_in_progress
+from pomona.executive.skill import run_in_progress
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Interrupted, Skill, Work
 
@@ -79,6 +79,6 @@ def test_every_run_is_one_in_progress_until_its_cell_is_closed(tmp_path: Path) -
     (tmp_path / "cell.yaml").write_text("name: bench\nkind: mock\nclock: manual\ndevices: {}\n")
     for dry in (True, False):
         order = RunOrder(tree, tmp_path / "cell.yaml", dry=dry)
-        execute(order, on_ready=lambda _runner: within.append(processes._process))
+        execute(order, on_ready=lambda _runner: within.append(skill._process))
     assert within == [os.getpid()] * 2
-    assert processes._process is None
+    assert skill._process is None

@@ -9,10 +9,9 @@ from fake_runs import Turn, make
 
 from pomona.executive import running
 from pomona.executive.registry import Registry
-from pomona.executive.running.context import RunContext
 from pomona.executive.running.events import Event, LinkChanged, NodeChanged, PortWritten, RunEnded, StateChanged
 from pomona.executive.running.runner import Runner
-from pomona.executive.running.tick import Breakpoints, TreeObserver
+from pomona.executive.running.tick import Breakpoints, RunContext, TreeObserver
 
 FOLDER = Path(running.__file__).parent
 PAGE = (FOLDER / "README.md").read_text("utf-8")

@@ -20,6 +20,7 @@ from pomona.executive.running.events import Event, OperatorActed
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import RunSignals, Terminated, raising, signalled, status_of
 from pomona.executive.skill import Skill, Work
+from pomona.executive.values.processes import WORDS
 
 LONG = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
 
@@ -27,7 +28,7 @@ LONG = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
 @pytest.fixture(autouse=True)
 def received() -> Iterator[None]:
     """Receive signals as in a process started from a terminal."""
-    before = {number: signal.getsignal(number) for number in module.WORDS}
+    before = {number: signal.getsignal(number) for number in WORDS}
     for number in before:
         signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
     yield
@@ -56,7 +57,7 @@ def test_while_nothing_moves_a_signal_raises(number: int, status: int) -> None:
     assert status_of(raised.value) == status
 
 
-@pytest.mark.parametrize("number", list(module.WORDS))
+@pytest.mark.parametrize("number", list(WORDS))
 @pytest.mark.parametrize("early", [True, False])
 def test_a_signal_that_a_library_swallowed_ends_the_run_before_it_begins(number: signal.Signals, early: bool) -> None:
     """Swallow an exception in a callback as ctypes does: compiling with LLVM calls back."""
@@ -81,7 +82,7 @@ def test_a_signal_that_a_library_swallowed_ends_the_run_before_it_begins(number:
     assert cell.wheel.log == []
 
 
-@pytest.mark.parametrize("number", list(module.WORDS))
+@pytest.mark.parametrize("number", list(WORDS))
 def test_a_signal_that_was_swallowed_in_a_callback_ends_whatever_goes_on(number: signal.Signals) -> None:
     """ctypes passes an exception in a callback to the unraisable hook, and continues."""
     call_back = ctypes.CFUNCTYPE(None)(lambda: send(number))
@@ -142,12 +143,12 @@ def test_output_cut_by_a_signal_prints_nothing_and_other_unraisable_errors_do(
     assert told == ["before"]
 
 
-@pytest.mark.parametrize("number", list(module.WORDS))
+@pytest.mark.parametrize("number", list(WORDS))
 def test_in_a_run_a_signal_is_a_safe_stop_with_its_name(number: signal.Signals) -> None:
     result, cell, events, signals = run({4: lambda *_: wait_for_latch(_[1], number)})
     assert result.outcome == "stopped"
     assert result.interrupted is (number == signal.SIGINT)
-    assert cell.latched == module.WORDS[number]
+    assert cell.latched == WORDS[number]
     assert cell.wheel.log == ["start", "stop", "at rest"]
     assert [event.action for event in events if isinstance(event, OperatorActed)] == ["interrupt"]
     assert signals.number == number

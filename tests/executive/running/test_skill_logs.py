@@ -11,14 +11,14 @@ import pytest
 from fake_runs import make
 from recorded_events import started
 
-from pomona.executive.recording.difference import first_difference
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.well_known import well_known
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, Logged, RunEnded, SafeStopped
-from pomona.executive.running.tick import MOST_LOGGED, SkillLogs
+from pomona.executive.running.traces import MOST_LOGGED, SkillLogs
 from pomona.executive.skill import POLLED, Interrupted, Skill, Work
 from pomona.executive.terminal.explain import MOST_LINES, explain
+from pomona.tools.library.difference import first_difference
 
 log = logging.getLogger("somebody.elses.package")
 

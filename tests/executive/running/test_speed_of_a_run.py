@@ -11,9 +11,10 @@ from fake_runs import TURN, Turn, make
 from pomona.executive.errors import UsageError
 from pomona.executive.language import build, read
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import Event, EventStream, NodeChanged, OperatorActed
+from pomona.executive.running.events import Event, NodeChanged, OperatorActed
 from pomona.executive.running.requests import LATE
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.speed import SpeedRefusedError
 
 

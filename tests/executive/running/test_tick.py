@@ -9,9 +9,8 @@ from hypothesis import given, settings, strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from pomona.executive.nodes.behaviours import LeafBehaviour as Leaf
+from pomona.executive.nodes.behaviours import LeafBehaviour as Leaf, Sequence
 from pomona.executive.nodes.retry import Fallback
-from pomona.executive.nodes.sequence import Sequence
 from pomona.executive.running.tick import Breakpoints, HeldTick, Side, UnknownNodeError
 
 SIDES: tuple[Side, ...] = ("before", "after")

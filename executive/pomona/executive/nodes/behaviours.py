@@ -1,4 +1,4 @@
-"""Base of all behaviours of the language: explanation of failures, and the status of a skipped node.
+"""Behaviours of the language: their bases, sequences and parallels; failures are explained, nodes may be skipped.
 
 A skipped node ends its tick as INVALID: idle, as if it had not been ticked. Its parent continues as if the node did not
 exist (BehaviorTree.CPP's SKIPPED; py_trees has no status of that name).
@@ -6,7 +6,8 @@ exist (BehaviorTree.CPP's SKIPPED; py_trees has no status of that name).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence as SequenceOf
+from itertools import islice
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -66,7 +67,7 @@ class Branch(Composite):
 
     path = ""
 
-    def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
+    def __init__(self, name: str, children: SequenceOf[Behaviour]) -> None:
         super().__init__(name, list(children))
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
@@ -87,6 +88,99 @@ class Branch(Composite):
         for child in self.children:
             if child.status is not Status.INVALID:
                 child.stop(Status.INVALID)
+
+
+class Sequence(Branch):
+    """Ticks its children in order while they succeed. Without memory every tick starts again with the first.
+
+    Args:
+        keeps: whether a start after a failure goes on with the child that failed.
+    """
+
+    def __init__(self, name: str, memory: bool, children: SequenceOf[Behaviour], keeps: bool = False) -> None:
+        super().__init__(name, children)
+        self.memory, self.keeps = memory, keeps
+        self._at = self._skipped = 0
+
+    def tick(self) -> Iterator[Behaviour]:
+        children = self.children
+        if self.status is not Status.RUNNING:
+            self.reset()
+            if not self.keeps:
+                self._at = 0
+            self._skipped = 0
+        elif not self.memory:
+            self._at = self._skipped = 0
+        for at, child in islice(enumerate(children), self._at, None):  # a held tick may find more children
+            self.current_child = child
+            yield from child.tick()
+            status = child.status
+            if status is Status.SUCCESS:
+                continue
+            if status is Status.INVALID:
+                self._skipped += 1
+                continue
+            self._at = at
+            if not self.memory:
+                for later in children[at + 1 :]:
+                    if later.status is not Status.INVALID:
+                        later.stop(Status.INVALID)
+            if status is Status.RUNNING:
+                self.status = status
+            else:
+                self.stop(Status.FAILURE)
+            yield self
+            return
+        self._at = 0
+        self.stop(Status.INVALID if self._skipped == len(children) else Status.SUCCESS)
+        yield self
+
+
+class Parallel(Branch):
+    """Ticks its children in order, in each tick all that have not ended; ends with the first decisive child.
+
+    Children after the decisive one are not ticked any more, and running children are interrupted. A skipped child is
+    ticked again in the next tick.
+
+    Args:
+        needed: indices of the children that must succeed, or be skipped; or the number of children that must succeed.
+    """
+
+    def __init__(self, name: str, children: SequenceOf[Behaviour], needed: frozenset[int] | int) -> None:
+        super().__init__(name, children)
+        self._any = needed if isinstance(needed, int) else 0
+        self._needed = [not isinstance(needed, int) and index in needed for index in range(len(children))]
+        self._open = 0
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.reset()
+            self._open = self._any or sum(self._needed)
+        done, skipped, skipped_needed = Status.SUCCESS, 0, 0
+        for child, needed in zip(self.children, self._needed, strict=True):
+            if child.status is done:
+                continue
+            yield from child.tick()
+            status = child.status
+            if status is Status.RUNNING:
+                continue
+            failed = status is Status.FAILURE
+            if status is Status.INVALID:
+                skipped += 1
+                skipped_needed += needed
+            elif not failed:
+                self._open -= needed or self._any > 0
+            if failed or self._open <= skipped_needed:
+                self.current_child = child
+                self.stop(status if failed else Status.SUCCESS)
+                yield self
+                return
+        if skipped == len(self.children):
+            self.stop(Status.INVALID)
+        else:
+            self.current_child = self.children[-1]
+            self.status = Status.RUNNING
+        yield self
 
 
 class Wrapper(Decorator):

@@ -12,14 +12,18 @@ from pomona.executive.errors import PomonaError
 from pomona.executive.nodes.ask import ApproveType, AskType
 from pomona.executive.nodes.check import CheckType, GuardType, WaitUntilType, WhenType
 from pomona.executive.nodes.choosing import IfType, ReactiveIfType, SwitchType
+from pomona.executive.nodes.composites import (
+    ParallelType,
+    ReactiveSequenceType,
+    SequenceType,
+    SequenceWithMemoryType,
+)
 from pomona.executive.nodes.force import ForceType, InvertType
 from pomona.executive.nodes.leaves import FailType, SetType, SucceedType, WaitType
 from pomona.executive.nodes.node_type import Field, Modifier, NodeType, Role
 from pomona.executive.nodes.pacing import DelayType, RateType, RunOnceType, SpeedType, TimeoutType
-from pomona.executive.nodes.parallel import ParallelType
 from pomona.executive.nodes.repeat import ForEachType, RepeatType
 from pomona.executive.nodes.retry import FallbackType, ReactiveFallbackType, RetryType
-from pomona.executive.nodes.sequence import ReactiveSequenceType, SequenceType, SequenceWithMemoryType
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.nodes.working import BreakpointType, DisabledType
 

@@ -29,8 +29,9 @@ from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import STALLED, Recorder
 from pomona.executive.recording.scan import examine
-from pomona.executive.running.events import EventStream, HandChanged, NodeChanged, RunEnded, RunStarted, TreeChanged
+from pomona.executive.running.events import HandChanged, NodeChanged, RunEnded, RunStarted, TreeChanged
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.executive.values.processes import within
 from pomona.executive.values.sentences import sentence_of
 

@@ -22,8 +22,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.running.signals import WORDS
 from pomona.executive.running.traces import keep_place, place_of, traceback_of
+from pomona.executive.values.processes import WORDS
 from pomona.executive.values.sentences import sentence_of
 
 COMPUTING = "pomona-compute"  # prefix of the names of the threads

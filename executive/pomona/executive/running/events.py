@@ -203,33 +203,3 @@ class RunEnded(Event):
 
 
 Listener = Callable[[Event], None]
-
-
-class EventStream:
-    """Hands every event to every listener, in order, in the thread that emits it.
-
-    If a listener fails, the others still get the event; `take_failure` reports the error to the run.
-    """
-
-    def __init__(self) -> None:
-        self._listeners: list[Listener] = []
-        self._failed: set[int] = set()  # their ids: a listener need not be hashable
-        self._failures: list[BaseException] = []
-
-    def subscribe(self, listener: Listener) -> None:
-        """Listeners must return at once; slow ones keep a queue of their own."""
-        self._listeners.append(listener)
-
-    def emit(self, event: Event) -> None:
-        """Emit an event; never raises for an error of a listener."""
-        for listener in self._listeners:
-            try:
-                listener(event)
-            except BaseException as error:  # any error: the record must get the later events
-                if id(listener) not in self._failed:  # a terminal that is gone fails with every event
-                    self._failed.add(id(listener))
-                    self._failures.append(error)
-
-    def take_failure(self) -> BaseException | None:
-        """Return the first error of a listener, once for each listener; None if there is none."""
-        return self._failures.pop(0) if self._failures else None

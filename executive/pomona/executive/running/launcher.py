@@ -18,8 +18,8 @@ import sys
 import time
 from collections.abc import Callable
 
-from pomona.executive.running.signals import REPORT, WORDS, report_end, report_to
-from pomona.executive.values.processes import write_if_read
+from pomona.executive.running.signals import REPORT, report_end, report_to
+from pomona.executive.values.processes import WORDS, write_if_read
 
 LEFT = 3  # exit status of a command whose process ended with 0 before the command did
 

@@ -37,12 +37,10 @@ from pomona.executive.running.cell_watch import (
     Watcher,
 )
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.context import RunContext
 from pomona.executive.running.events import (
     Computed,
     ErrorRaised,
     Event,
-    EventStream,
     HandChanged,
     LinkChanged,
     OperatorActed,
@@ -56,11 +54,10 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.requests import LATE, SETS_IN_MOTION, AnswerRefusedError, Request, Requests
 from pomona.executive.running.starting import RunResult, RunState
-from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints, SkillLogs, TreeObserver
-from pomona.executive.running.traces import place_of, traceback_of
-from pomona.executive.skill import SkillContext
+from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints, EventStream, RunContext, TreeObserver
+from pomona.executive.running.traces import SkillLogs, place_of, traceback_of
+from pomona.executive.skill import SkillContext, leave_if_forked
 from pomona.executive.speed import cannot_slow, speed_of, words_of
-from pomona.executive.values.processes import leave_if_forked
 from pomona.executive.values.sentences import sentence_of
 
 if TYPE_CHECKING:  # small commands do not load numpy
@@ -666,8 +663,8 @@ class Runner(Requests):
     def _stamp(self) -> tuple[float, int]:
         return self.context.elapsed(), self._ticks
 
-    def _emit(self, event: Event) -> None:
-        self._events.emit(event)
+    def _emit(self, event: Event, *, feedback: bool = False) -> None:
+        self._events.emit(event, feedback=feedback)
 
     def _computed(self, node: str, function: str, wall: float) -> None:
         if self._state is not RunState.IDLE:  # preparation is not the run's time

@@ -23,16 +23,10 @@ from enum import Enum
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
+from pomona.executive.values.processes import WORDS
+
 if TYPE_CHECKING:  # the command line listens to signals before it loads anything else
     from pomona.executive.running.requests import Requests
-
-WORDS = {
-    signal.SIGINT: "interrupted from the keyboard",
-    signal.SIGTERM: "the process was terminated (SIGTERM)",
-}
-if hasattr(signal, "SIGHUP"):  # Windows has none
-    WORDS[signal.SIGHUP] = "the terminal was closed (SIGHUP)"
-"""Description of each signal in messages."""
 
 STUCK = 1.0  # time after which a signal has visibly had no effect: the next one interrupts a call that hangs [s]
 AGAIN = 0.1  # seconds after which a signal that was swallowed comes again

@@ -24,8 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.running.launcher import is_stopped
-from pomona.executive.running.signals import WORDS
-from pomona.executive.values.processes import within, write_if_read
+from pomona.executive.values.processes import WORDS, within, write_if_read
 
 STOPPING = 3.0  # seconds for which each device is tried again: its old connection may have to be noticed as gone first
 REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons

@@ -1,4 +1,4 @@
-"""One tick of the tree: it may be held at a breakpoint in its middle, and its changes become events.
+"""One tick of the tree: it may be held at a breakpoint in its middle, skills use the run, and changes become events.
 
 A py_trees tick is a generator that hands over every node as soon as it has been ticked, before its parent goes on. A
 node with a breakpoint also hands over a `HeldTick`; the caller that iterates the tick stops there, and later continues
@@ -8,25 +8,31 @@ without a breakpoint pay nothing.
 
 from __future__ import annotations
 
-import contextlib
-import logging
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from pomona.executive.errors import PomonaError, SkillError
+from pomona.executive.cell.cell import Cell
+from pomona.executive.clock import Clock
+from pomona.executive.errors import NotOwnerError, PomonaError, SkillError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import Side
+from pomona.executive.lease import Leases, viewed
 from pomona.executive.nodes import Attempt
 from pomona.executive.nodes.ask import Question
 from pomona.executive.reasons import Reason, reason_of
-from pomona.executive.running.events import AttemptEnded, Event, Logged, NodeChanged
-from pomona.executive.skill import POLLED, Skill
-from pomona.executive.values.sentences import sentence_of, shortened
+from pomona.executive.running.compute import Computations
+from pomona.executive.running.events import AttemptEnded, Event, Listener, NodeChanged
+from pomona.executive.running.traces import keep_place, place_here
+from pomona.executive.skill import POLLED, Computation, Interrupted, Skill, Work, leave_if_forked
+from pomona.executive.values.sentences import LONGEST, shortened
+
+T = TypeVar("T")
 
 BREAK_ACTIONS: dict[str, tuple[Side, bool]] = {
     "break": ("before", True),
@@ -140,7 +146,7 @@ class Breakpoints:
 class TreeObserver:
     """Compares every node with how it was after the tick before."""
 
-    def __init__(self, tree: BuiltTree, emit: Callable[[Event], None], stamp: Callable[[], tuple[float, int]]) -> None:
+    def __init__(self, tree: BuiltTree, emit: Callable[..., None], stamp: Callable[[], tuple[float, int]]) -> None:
         self._emit, self._stamp = emit, stamp
         self._known: dict[str, tuple[Status, str, int]] = {}
         self._started: set[int] = set()  # identities of the behaviours that acted in this tick
@@ -178,14 +184,15 @@ class TreeObserver:
             if not isinstance(given, str):
                 behaviour.feedback_message = ""
                 wrong = SkillError(path, f"its feedback is no text but {given!r:.60} ({type(given).__name__})")
-            else:
+            elif len(given) > LONGEST:
                 behaviour.feedback_message = shortened(given)
             if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
                 continue
             now = (behaviour.status, behaviour.feedback_message, starts)
             self._known[path] = now
             reason = reason_of(behaviour) if now[0] is Status.FAILURE else None
-            self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason))
+            feedback = now[0] is before[0] and starts == before[2]
+            self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason), feedback=feedback)
         self._started.clear()
         if wrong is not None:
             raise wrong
@@ -214,60 +221,216 @@ def _is_running_leaf(behaviour: Behaviour) -> bool:
     return behaviour.status is Status.RUNNING and not behaviour.children
 
 
-def _set_level(root: logging.Logger, level: int) -> None:
-    """As `setLevel`, without the lock of `logging`: a thread that keeps it must not hold up the end of a run."""
-    root.level = level
-    for each in (root, *list(root.manager.loggerDict.values())):
-        if isinstance(each, logging.Logger):
-            each._cache.clear()  # type: ignore[attr-defined]
+class EventStream:
+    """Hands every event to every listener, in order, in the thread that emits it.
 
-
-MOST_LOGGED = 20  # lines of a node in a second of the run; the others are counted, so that no record is flooded
-
-
-class SkillLogs(logging.Handler):
-    """Collects the lines that skills log with Python's `logging`, INFO and above."""
+    If a listener fails, the others still get the event; `take_failure` reports the error to the run.
+    """
 
     def __init__(self) -> None:
-        super().__init__(logging.INFO)
-        self._lines = deque[tuple[str, str, str]]()
-        self._counts, self._until = Counter[str](), 0.0
+        self._listeners: list[Listener] = []
+        self._of_states: list[Listener] = []
+        self._failed: set[int] = set()  # their ids: a listener need not be hashable
+        self._failures: list[BaseException] = []
 
-    def createLock(self) -> None:
-        """Make no lock: a thread that hangs while it logs must not hold up the tick."""
-        self.lock = None
+    def subscribe(self, listener: Listener, *, feedback: bool = True) -> None:
+        """Listeners must return at once; slow ones keep a queue of their own.
 
-    @contextlib.contextmanager
-    def listening(self) -> Iterator[None]:
-        """Take INFO lines in here. Warnings go on to the error stream, as without this handler."""
-        root = logging.getLogger()
-        level, handlers = root.level, [self] if root.handlers else [self, logging.lastResort]
-        root.handlers += [handler for handler in handlers if handler is not None]
-        _set_level(root, min(level, logging.INFO))
-        try:
-            yield
-        finally:
-            _set_level(root, level)
-            root.handlers = [handler for handler in root.handlers if handler not in handlers]
+        Args:
+            feedback: whether it also gets the changes of a node's feedback alone, in nearly every tick.
+        """
+        self._listeners.append(listener)
+        if not feedback:
+            self._of_states.append(listener)
 
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line of a skill; never raises."""
-        node = POLLED.get()
-        self._counts[node] += bool(node)
-        if node and self._counts[node] <= MOST_LOGGED:
+    def emit(self, event: Event, *, feedback: bool = False) -> None:
+        """Emit an event, perhaps of a node's feedback alone; never raises for an error of a listener."""
+        for listener in self._listeners:
+            if feedback and listener in self._of_states:
+                continue
             try:
-                text = record.getMessage()
-                text += f": {sentence_of(record.exc_info[1])}" if record.exc_info and record.exc_info[1] else ""
-            except Exception as error:  # of the caller's arguments: a log must not end a run
-                text = f"{record.msg!r:.60} cannot be shown: {sentence_of(error)}"
-            self._lines.append((node, record.levelname, shortened(text)))
+                listener(event)
+            except BaseException as error:  # any error: the record must get the later events
+                if id(listener) not in self._failed:  # a terminal that is gone fails with every event
+                    self._failed.add(id(listener))
+                    self._failures.append(error)
 
-    def take(self, t: float, tick: int, last: bool = False) -> Iterator[Logged]:
-        """Yield the lines since the last call; once a second, and at last, also how many were left out."""
-        while self._lines:
-            yield Logged(t, tick, *self._lines.popleft())
-        if t >= self._until or last:
-            counts, self._counts, self._until = self._counts, Counter(), t + 1.0
-            for node, count in list(counts.items()):
-                if count > MOST_LOGGED:
-                    yield Logged(t, tick, node, "WARNING", f"{count - MOST_LOGGED} more lines were left out")
+    def take_failure(self) -> BaseException | None:
+        """Return the first error of a listener, once for each listener; None if there is none."""
+        return self._failures.pop(0) if self._failures else None
+
+
+HALT_TIMEOUT = 10.0  # time on the run's clock within which an interrupted skill must have halted [s]
+
+
+class RunContext:
+    """Clock, devices, computations and the list of interrupted skills that still bring their devices to rest."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        computations: Computations,
+        seed: int,
+        publish: Callable[[str, str, object], None],
+    ) -> None:
+        self._cell, self.computations, self.run_seed = cell, computations, seed
+        self._clock = viewed(cell.clock, Clock)
+        self._publish = publish
+        self._halting: list[tuple[Skill, Work[Any], float]] = []
+        self._owners: dict[type, Skill] = {}
+        self._leases = Leases(self._note_refusal)
+        self._refusals: list[NotOwnerError] = []
+        self._noted: set[tuple[str, str, str]] = set()
+        self._failures: list[tuple[str, BaseException]] = []
+        self._paused_for = 0.0
+        self._paused_since: float | None = None
+        self._speed = 1.0
+        self._start = cell.clock.now()
+
+    # --------------------------------------------------------------------------------------- SkillContext
+
+    @property
+    def clock(self) -> Clock:
+        return self._clock
+
+    def device(self, interface: type[T], skill: Skill) -> T:
+        return self._leases.handle(skill, interface, self._cell.device(interface))
+
+    def elapsed(self) -> float:
+        now = self._cell.clock.now() if self._paused_since is None else self._paused_since
+        return now - self._start - self._paused_for
+
+    def seed(self, node: str) -> int:
+        return zlib.crc32(f"{self.run_seed}/{node}".encode())
+
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+        computation: Computation = self.computations.submit(node, function, arguments, isolated)
+        return computation
+
+    def publish(self, node: str, topic: str, value: object) -> None:
+        self._publish(node, topic, value)
+
+    def acquire(self, skill: Skill) -> str | None:
+        for other, _work, _deadline in self._halting:
+            if set(self._offered(other.claims())) & set(skill.devices):
+                return f"waiting until {other.name} has halted"
+        claimed = self._offered(skill.claims())
+        for interface in claimed:
+            owner = self._owners.get(interface)
+            if owner is not None and owner is not skill:
+                return f"waiting for {owner.name}, which uses the {interface.__name__}"
+        self._owners.update(dict.fromkeys(claimed, skill))
+        self._leases.begin(skill)
+        self._give_speed(skill)
+        return None
+
+    def release(self, skill: Skill) -> None:
+        for interface in [interface for interface, owner in self._owners.items() if owner is skill]:
+            del self._owners[interface]
+        self._leases.end(skill)
+
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
+        if not self._let_go(skill, lambda: work.throw(Interrupted())):
+            self._halting.append((skill, work, self.clock.now() + HALT_TIMEOUT))
+
+    # ------------------------------------------------------------------------------------- for the runner
+
+    @property
+    def speed(self) -> float:
+        """Share of the speed that the operator allows."""
+        return self._speed
+
+    def set_speed(self, speed: float) -> None:
+        """Scale the speeds of skills and tree by this ratio from now on, also for motions in progress."""
+        self._speed = speed
+        self._cell.set_speed(speed)
+        for skill in dict.fromkeys(self._owners.values()):
+            self._give_speed(skill)
+
+    def _give_speed(self, skill: Skill) -> None:
+        if skill.claims():
+            self._cell.set_speed(skill.speed(self._speed), skill.claims())
+
+    def start_clock(self) -> None:
+        """The run begins now."""
+        self._start, self._paused_for, self._paused_since = self._cell.clock.now(), 0.0, None
+
+    def freeze(self) -> None:
+        """The run's time stands still from now on."""
+        if self._paused_since is None:
+            self._paused_since = self._cell.clock.now()
+
+    def thaw(self) -> None:
+        """The run's time goes on."""
+        if self._paused_since is not None:
+            self._paused_for += self._cell.clock.now() - self._paused_since
+            self._paused_since = None
+
+    @property
+    def halting(self) -> tuple[str, ...]:
+        """Names of the interrupted skills that have not halted yet."""
+        return tuple(skill.name for skill, _work, _deadline in self._halting)
+
+    @property
+    def owners(self) -> Mapping[type, str]:
+        """Owner of each interface: names of skills that run or still halt."""
+        return {interface: skill.name for interface, skill in self._owners.items()}
+
+    def drive_halting(self) -> None:
+        """Advance every interrupted skill by one step; `take_failure` returns their errors."""
+        still = []
+        for skill, work, deadline in self._halting:
+            if self._let_go(skill, partial(next, work)):
+                continue
+            if self.clock.now() > deadline:
+                late = SkillError(skill.name, f"was interrupted and has not halted within {HALT_TIMEOUT:.0f} s")
+                self._failures.append((skill.path, late))
+                self.release(skill)
+                continue
+            still.append((skill, work, deadline))
+        self._halting = still
+
+    def take_refusal(self) -> NotOwnerError | None:
+        """Return a refused command, once for each owner, device and command; None when there is nothing more."""
+        return self._refusals.pop(0) if self._refusals else None
+
+    def forget_refusal(self, error: BaseException) -> None:
+        """Drop a refusal that is already reported as the end of the run."""
+        self._refusals = [refused for refused in self._refusals if refused is not error]
+
+    def take_failure(self) -> tuple[str, BaseException] | None:
+        """Return the next error of a halting skill, with the skill's path; None if there is none."""
+        return self._failures.pop(0) if self._failures else None
+
+    def _offered(self, interfaces: Sequence[type]) -> tuple[type, ...]:
+        """Return all interfaces of the devices that have one of these: a device has one owner under any interface."""
+        there = self._cell.interfaces() if interfaces else ()  # a dry run has no device
+        found = [
+            (one, *getattr(self._cell.device(one), "interfaces", ())) if one in there else (one,) for one in interfaces
+        ]
+        return tuple(dict.fromkeys(interface for offered in found for interface in offered))
+
+    def _note_refusal(self, error: NotOwnerError) -> None:
+        """Called in the thread that commands: its place is known here alone."""
+        what = error.skill, error.device, error.command
+        if what not in self._noted:
+            self._noted.add(what)
+            keep_place(error, place_here())
+            self._refusals.append(error)
+
+    def _let_go(self, skill: Skill, step: Callable[[], object]) -> bool:
+        """Return True if the body has ended with this step; an error must not keep the others from their step."""
+        polled = POLLED.set(skill.path)
+        try:
+            step()
+        except (Interrupted, StopIteration):
+            pass
+        except BaseException as error:
+            self._failures.append((skill.path, error))
+        else:
+            return False
+        finally:
+            leave_if_forked()
+            POLLED.reset(polled)
+        self.release(skill)
+        return True

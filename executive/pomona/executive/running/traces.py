@@ -1,16 +1,23 @@
-"""Origin of an exception: one place for the operator, and the whole traceback for the record."""
+"""Traces of skills: the origin of an exception, for operator and record, and the lines that skills log."""
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import os
 import sys
 import sysconfig
 import traceback
+from collections import Counter, deque
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 
 import py_trees
+
+from pomona.executive.running.events import Logged
+from pomona.executive.skill import POLLED
+from pomona.executive.values.sentences import sentence_of, shortened
 
 LONGEST = 16_000  # characters of a traceback that are kept: of an endless recursion the beginning and the end
 
@@ -98,3 +105,62 @@ def _short(file: str) -> str:
     """Return a path relative to the folder from which Python imports."""
     roots = [root for root in sys.path if root and file.startswith(root.rstrip(os.sep) + os.sep)]
     return os.path.relpath(file, max(roots, key=len)) if roots else file
+
+
+def _set_level(root: logging.Logger, level: int) -> None:
+    """As `setLevel`, without the lock of `logging`: a thread that keeps it must not hold up the end of a run."""
+    root.level = level
+    for each in (root, *list(root.manager.loggerDict.values())):
+        if isinstance(each, logging.Logger):
+            each._cache.clear()  # type: ignore[attr-defined]
+
+
+MOST_LOGGED = 20  # lines of a node in a second of the run; the others are counted, so that no record is flooded
+
+
+class SkillLogs(logging.Handler):
+    """Collects the lines that skills log with Python's `logging`, INFO and above."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._lines = deque[tuple[str, str, str]]()
+        self._counts, self._until = Counter[str](), 0.0
+
+    def createLock(self) -> None:
+        """Make no lock: a thread that hangs while it logs must not hold up the tick."""
+        self.lock = None
+
+    @contextlib.contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take INFO lines in here. Warnings go on to the error stream, as without this handler."""
+        root = logging.getLogger()
+        level, handlers = root.level, [self] if root.handlers else [self, logging.lastResort]
+        root.handlers += [handler for handler in handlers if handler is not None]
+        _set_level(root, min(level, logging.INFO))
+        try:
+            yield
+        finally:
+            _set_level(root, level)
+            root.handlers = [handler for handler in root.handlers if handler not in handlers]
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line of a skill; never raises."""
+        node = POLLED.get()
+        self._counts[node] += bool(node)
+        if node and self._counts[node] <= MOST_LOGGED:
+            try:
+                text = record.getMessage()
+                text += f": {sentence_of(record.exc_info[1])}" if record.exc_info and record.exc_info[1] else ""
+            except Exception as error:  # of the caller's arguments: a log must not end a run
+                text = f"{record.msg!r:.60} cannot be shown: {sentence_of(error)}"
+            self._lines.append((node, record.levelname, shortened(text)))
+
+    def take(self, t: float, tick: int, last: bool = False) -> Iterator[Logged]:
+        """Yield the lines since the last call; once a second, and at last, also how many were left out."""
+        while self._lines:
+            yield Logged(t, tick, *self._lines.popleft())
+        if t >= self._until or last:
+            counts, self._counts, self._until = self._counts, Counter(), t + 1.0
+            for node, count in list(counts.items()):
+                if count > MOST_LOGGED:
+                    yield Logged(t, tick, node, "WARNING", f"{count - MOST_LOGGED} more lines were left out")

@@ -7,11 +7,9 @@ import re
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 
 from pomona.executive.reasons import Reason, failure_codes, latest_leaf
-from pomona.executive.recording.difference import Difference, first_difference
 from pomona.executive.running.events import (
     AttemptEnded,
     ErrorRaised,
@@ -306,8 +304,17 @@ class _Story:
         node = self.nodes.get(path)
         if node is None:
             return path
-        line = f" (line {node['line']} of the tree)" if node.get("line") else ""
-        return f"{node['name']}{line}"
+        line = f"line {node['line']} of the tree" if node.get("line") else ""
+        places = ", ".join(filter(None, (line, _source(node))))
+        return f"{node['name']} ({places})" if places else str(node["name"])
+
+
+def _source(node: Mapping[str, Any]) -> str:
+    """Return the file and line of a node's skill, where it is installed; empty for another node and for a mock."""
+    from pomona.executive.nodes.leaves import SKILL  # skills are loaded for a failure alone
+    from pomona.executive.registry import source_of
+
+    return source_of(str(node["type"])) if node.get("kind") == SKILL.key and not node.get("mocked") else ""
 
 
 def _leaf(attempt: AttemptEnded) -> Reason | None:
@@ -357,25 +364,3 @@ def _times(number: int) -> str:
 
 def _and(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-# ------------------------------------------------------------------------------------------ two of a kind
-
-
-def explain_parting(before: Path, now: Path) -> list[str]:
-    """Describe the first difference between the events of two runs."""
-    count, difference = first_difference(before, now)
-    if difference is None:
-        return [f"both runs consist of the same {count} events"]
-    return describe(difference, before.name, now.name)
-
-
-def describe(difference: Difference, before: str, now: str) -> list[str]:
-    """Describe a difference as lines; `before` and `now` are the names of the two runs."""
-    where = f", {difference.where}" if difference.where else ""
-    width = max(len(before), len(now))
-    return [
-        f"they part at event {difference.number}, at {difference.t:.2f} s: {difference.what}{where}",
-        f"  {before:<{width}}  {difference.before}",
-        f"  {now:<{width}}  {difference.now}",
-    ]

@@ -1,16 +1,13 @@
-"""Threads, locks and processes: waiting that is bounded, locks on open files, and the process that a run belongs to.
-
-A skill or a library may fork. A child that comes back into the run (`sys.exit` in it, or no end at all) would stop and
-close the devices that it shares with its parent, and dismiss the parent's supervisor: it leaves at once instead.
-"""
+"""Waiting that is bounded, locks on open files, and the signals that end a process."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import select
+import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
@@ -18,6 +15,14 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
+
+WORDS = {
+    signal.SIGINT: "interrupted from the keyboard",
+    signal.SIGTERM: "the process was terminated (SIGTERM)",
+}
+if hasattr(signal, "SIGHUP"):  # Windows has none
+    WORDS[signal.SIGHUP] = "the terminal was closed (SIGHUP)"
+"""Description of each signal in messages."""
 
 LOGGING = 1.0  # longest wait for a log to take a warning [s]
 
@@ -79,33 +84,3 @@ def lock(stream: IO[Any], *, shared: bool = False) -> None:
     """
     if fcntl is not None:
         fcntl.flock(stream, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-
-
-CHILD = 3  # exit status of a child that came back into the run
-
-_process: int | None = None  # process of the run in progress here, or in the parent of this copy
-
-
-def leave_if_forked() -> None:
-    """End a child of the run's process; called wherever foreign code comes back into the run."""
-    if _process is not None and os.getpid() != _process:
-        write_if_read(2, b"a process that was forked in the run came back into it, and was ended\n")
-        os._exit(CHILD)
-
-
-def continue_here() -> None:
-    """Go on with the run in this copy of its process, on purpose: it is another run from here on."""
-    global _process
-    _process = os.getpid()
-
-
-@contextlib.contextmanager
-def run_in_progress() -> Iterator[None]:
-    """From the connecting of a cell to its closing, in the thread of the tick."""
-    global _process
-    before, _process = _process, os.getpid()
-    try:
-        yield
-    finally:
-        leave_if_forked()
-        _process = before

@@ -12,17 +12,16 @@ from typing import Any
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute, versions
-from pomona.executive.recording.difference import first_difference
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import OperatorActed, RunEnded, RunStarted
-from pomona.executive.terminal.explain import describe
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
 from pomona.tools.cures.asked import asked_change
 from pomona.tools.cures.repetition import REPEATABLE, judged_order, order_of
+from pomona.tools.library.difference import describe, first_difference
 
 
 def add(subparsers: Any) -> None:

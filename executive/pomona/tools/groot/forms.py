@@ -10,14 +10,13 @@ from pomona.executive.nodes.ask import AskType
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.check import CheckType, GuardType, WaitUntilType, WhenType
 from pomona.executive.nodes.choosing import IfType, SwitchType
+from pomona.executive.nodes.composites import ParallelType, SequenceType
 from pomona.executive.nodes.force import ForceType, InvertType
 from pomona.executive.nodes.leaves import FailType, SetType, SkillCall, SubtreeCall, SucceedType, WaitType
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.nodes.pacing import DelayType, RateType, RunOnceType, TimeoutType
-from pomona.executive.nodes.parallel import ParallelType
 from pomona.executive.nodes.repeat import ForEachType, RepeatType
 from pomona.executive.nodes.retry import FallbackType, RetryType
-from pomona.executive.nodes.sequence import SequenceType
 from pomona.executive.nodes.working import BreakpointType
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar
 from pomona.tools.groot.element_in import ElementIn, Words

@@ -9,10 +9,10 @@ from py_trees.common import Status
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.composites import SequenceType
 from pomona.executive.nodes.context import BuildContext, FlowContext, OutcomeContext
 from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
-from pomona.executive.nodes.sequence import SequenceType
 from pomona.executive.reasons import Reason, from_causes, reason_of
 
 

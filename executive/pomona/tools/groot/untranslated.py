@@ -8,10 +8,10 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
+from pomona.executive.nodes.behaviours import Sequence
 from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, NodeText, OutcomeContext
 from pomona.executive.nodes.facts import UNKNOWN, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
-from pomona.executive.nodes.sequence import Sequence
 from pomona.executive.ports import Port
 from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlNode, YamlScalar
 

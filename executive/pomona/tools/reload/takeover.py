@@ -16,9 +16,9 @@ from pomona.executive.language.built import BuiltTree, NodeInfo
 from pomona.executive.language.changes import Around, ReloadRefusedError
 from pomona.executive.language.model import Declared
 from pomona.executive.nodes.ask import Question
+from pomona.executive.nodes.behaviours import Sequence
 from pomona.executive.nodes.choosing import Choice
 from pomona.executive.nodes.retry import Fallback
-from pomona.executive.nodes.sequence import Sequence
 from pomona.executive.skill import Skill
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.yaml_nodes import written

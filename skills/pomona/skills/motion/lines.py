@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.motion.robot.chain import compose, forward, jacobian
 from pomona.skills.motion.robot.inverse_kinematics import newton_step
+from pomona.skills.motion.robot.model import compose, forward, jacobian
 
 REACHED, OUT_OF_REACH, JOINT_LIMIT, JUMP = 0, 1, 2, 3  # how tracking ended
 
@@ -34,7 +34,7 @@ def track_poses(
     """Solve pose after pose by Newton steps of least joint motion, each from the solution before it.
 
     Args:
-        steps, sliding: the chain, as in `pomona.skills.motion.robot.chain.forward`.
+        steps, sliding: the chain, as in `pomona.skills.motion.robot.model.forward`.
         T_last_tcp: pose of the TCP in the last link, shape (3, 4).
         lower, upper: joint limits, shape (dof,).
         q_start: joints from which the first pose is sought, shape (dof,).

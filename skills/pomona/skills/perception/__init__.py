@@ -62,12 +62,14 @@ if TYPE_CHECKING:
         RefineError as RefineError,
     )
     from pomona.skills.perception.refinement.measure import (
-        PlaceFit as PlaceFit,
-        fit_place as fit_place,
         measure as measure,
     )
     from pomona.skills.perception.refinement.render import (
         DepthLook as DepthLook,
+    )
+    from pomona.skills.perception.refinement.scale_fit import (
+        PlaceFit as PlaceFit,
+        fit_place as fit_place,
     )
 
 PUBLIC = {
@@ -83,8 +85,9 @@ PUBLIC = {
     "measured_fruit": "MeasuredFruit",
     "refinement.cloud": "horizontal_plane",
     "refinement.errors": "RefineError",
-    "refinement.measure": "PlaceFit fit_place measure",
+    "refinement.measure": "measure",
     "refinement.render": "DepthLook",
+    "refinement.scale_fit": "PlaceFit fit_place",
 }
 """Public names by the module that defines them."""
 

@@ -27,7 +27,7 @@ from pomona.skills.perception.detection.detection import (
     DopeFiles,
     Search,
 )
-from pomona.skills.perception.detection.dope_decode import find_entry
+from pomona.skills.perception.detection.dope_config import find_entry
 from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.detection.places import width_for

@@ -26,7 +26,7 @@ import numpy as np
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.render import render_with_gl
-from pomona.skills.perception.refinement.depth_image import ImageBox
+from pomona.skills.perception.refinement.render import ImageBox
 fruit = load_fruit("apple")
 T = np.eye(4); T[2, 3] = 0.5
 def draw():

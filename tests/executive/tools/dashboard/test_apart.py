@@ -22,8 +22,9 @@ from shown_runs import GATE, HOLD, REGISTRY
 
 from pomona.executive.errors import UsageError
 from pomona.executive.language import build, read
-from pomona.executive.running.events import EventStream, StateChanged
+from pomona.executive.running.events import StateChanged
 from pomona.executive.running.runner import Runner
+from pomona.executive.running.tick import EventStream
 from pomona.tools.dashboard import apart
 from pomona.tools.dashboard.apart import PageLostError, PageProcess
 from pomona.tools.dashboard.choices import Choices

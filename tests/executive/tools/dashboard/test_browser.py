@@ -337,6 +337,25 @@ def test_the_result_stands_before_the_failures_on_the_way(show: Show, open_page:
     expect(page.locator("#why")).to_contain_text("2 failures on the way")
 
 
+def test_a_panel_is_one_module_in_the_list_with_its_own_markup_and_style(show: Show, open_page: Open) -> None:
+    page = open_page()
+    style = "#counter { color: rgb(1, 2, 3); }"
+    page.route("**/panels/counter.css", lambda route: route.fulfill(content_type="text/css", body=style))
+    show.run(JAM)
+    page.evaluate("""async () => {
+        const { PANELS } = await import("/static/panels/index.js");
+        const draw = (box, s) => { box.textContent = `failures: ${s.failures.length}`; return s.failures.length > 0; };
+        PANELS.counter = { title: "Counter", style: true, draw };
+        PANELS.nothing = { title: "Nothing", draw: () => false };
+        const { page } = await import("/static/page.js");
+        page.dirty = true;
+    }""")
+    expect(page.locator("#counter-panel h2")).to_have_text("Counter")
+    expect(page.locator("#counter")).to_have_text("failures: 1")
+    expect(page.locator("#counter")).to_have_css("color", "rgb(1, 2, 3)")
+    expect(page.locator("#nothing-panel")).to_be_hidden()
+
+
 def test_outlines_of_an_earlier_picture_are_not_drawn_into_a_newer_one(show: Show, open_page: Open) -> None:
     page = open_page()
     drawn = page.evaluate("""async () => {

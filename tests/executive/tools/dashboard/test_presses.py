@@ -14,9 +14,10 @@ from starlette.testclient import TestClient
 
 from pomona.executive.language import build, read
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import EventStream, OperatorActed, SafeStopped
+from pomona.executive.running.events import OperatorActed, SafeStopped
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import StartCancelledError
+from pomona.executive.running.tick import EventStream
 from pomona.tools.dashboard import presses
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 from pomona.tools.dashboard.presses import PATIENCE, SAFE_STOP_PATIENCE, Presses, TooLateError, now

@@ -13,9 +13,8 @@ from pomona.skills.geometry import rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement import DepthLook, refine
 from pomona.skills.perception.refinement.curvature import least_curvature
-from pomona.skills.perception.refinement.depth_image import Limits
 from pomona.skills.perception.refinement.errors import RefineError
-from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.perception.refinement.render import Limits, render_depth
 
 CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)
 APPLE = load_fruit("apple")

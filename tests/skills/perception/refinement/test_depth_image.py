@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from pomona.skills.perception.refinement.depth_image import extents
 from pomona.skills.perception.refinement.errors import BadMesh
+from pomona.skills.perception.refinement.render import extents
 
 
 @dataclass(frozen=True, eq=False)

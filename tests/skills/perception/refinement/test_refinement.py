@@ -22,6 +22,8 @@ from pomona.skills.perception.refinement.errors import (
     RenderFailed,
     TooFewInliers,
 )
+from pomona.skills.perception.refinement.measure import FITS
+from pomona.skills.perception.refinement.scale_fit import scale_model
 
 PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47, 62))
 ELEVATIONS = (32, 50, 68, 84)
@@ -362,3 +364,10 @@ def test_a_shape_falls_back_to_its_kinds_proportion_where_depth_does_not_show_it
     alone, known = (measured(s, apple, sizes=sizes) for sizes in (None, kind))
     assert abs(known.dimensions[1] / known.dimensions[0] - 81 / 84) < 0.02
     assert known.covariance[4, 4] < alone.covariance[4, 4]
+
+
+def test_a_fit_of_ones_own_is_one_line_of_the_table(scene, apple, monkeypatch):
+    seen = scene((70, 65, 72), 40)
+    monkeypatch.setitem(FITS, "as_seen", scale_model)
+    result = measured(seen, apple, method="as_seen")
+    assert np.array_equal(result.dimensions, measured(seen, apple, method="uniform").dimensions)

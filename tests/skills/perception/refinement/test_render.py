@@ -12,9 +12,8 @@ import trimesh
 
 from benchmarks.refine_pyrender import render_with_plain_pyrender
 from pomona.skills.geometry import rot_x, rot_y, transform
-from pomona.skills.perception.refinement.depth_image import ImageBox
 from pomona.skills.perception.refinement.errors import RenderFailed
-from pomona.skills.perception.refinement.render import image_box, render_depth, renderer
+from pomona.skills.perception.refinement.render import ImageBox, image_box, render_depth, renderer
 
 RENDERERS = ("pyrender", "zbuffer")
 

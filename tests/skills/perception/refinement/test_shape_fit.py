@@ -16,8 +16,7 @@ from pomona.skills.geometry import inverse, rot_x, rot_y, rotation_about, transf
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.cloud import Cloud, Plane, cloud, horizontal_plane, together
 from pomona.skills.perception.refinement.render import DepthLook, render_depth
-from pomona.skills.perception.refinement.shape_fit import RIGID, Form, Priors, fit_shape
-from pomona.skills.perception.refinement.shape_steps import step_until_still
+from pomona.skills.perception.refinement.shape_fit import RIGID, Form, Priors, fit_shape, step_until_still
 
 APPLE = load_fruit("apple")
 CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)

@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from pomona.skills.geometry import rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.refinement.shape_fit import Form, surface_of
-from pomona.skills.perception.refinement.shape_steps import (
+from pomona.skills.perception.refinement.shape_fit import (
+    Form,
     PlacedForm,
     Points,
     Support,
@@ -21,11 +21,19 @@ from pomona.skills.perception.refinement.shape_steps import (
     move,
     points_to_surface,
     start_of_walk,
+    surface_of,
     walk_to_nearest,
 )
 
 APPLE = load_fruit("apple")
 DOWN = Support(np.array([0.0, -0.6, -0.8]), 0.55, 1e-3)
+
+
+def on_fruit(form: Form, model: np.ndarray) -> np.ndarray:
+    """Where points of the model are on the fruit, shape (n, 3) [m], as the text of `Form` defines it."""
+    leaned = model.copy()
+    leaned[:, 1] *= 1.0 + (model[:, [0, 2]] / form.radius) @ form.lean
+    return leaned * form.stretch
 
 
 def placed_apple(about: float, lean: tuple[float, float]) -> PlacedForm:
@@ -38,7 +46,7 @@ def placed_apple(about: float, lean: tuple[float, float]) -> PlacedForm:
 def test_the_gap_to_a_support_is_that_of_the_lowest_vertex_and_changes_as_its_row_says(about, lean):
     placed = placed_apple(about, lean)
     form = Form(placed.stretch, placed.lean, placed.radius)
-    heights = (form.points(APPLE.vertices) @ placed.R.T + placed.t) @ DOWN.normal + DOWN.offset
+    heights = (on_fruit(form, APPLE.vertices) @ placed.R.T + placed.t) @ DOWN.normal + DOWN.offset
     gap, row = contact(APPLE.vertices, placed, DOWN)
     assert gap == pytest.approx(heights.min(), abs=1e-12)
     step = 1e-7
@@ -110,7 +118,7 @@ def felt(thing: Object, point: np.ndarray, nearest: int) -> tuple[np.ndarray, fl
 def test_a_distance_changes_as_its_jacobian_says(ln, lean, about, sample):
     T = transform(rotation_about(np.array([0.6, 0.0, 0.8]), about), (0.1, -0.2, 0.7))
     thing = Object(np.array(ln), np.array(lean), T)
-    on_it = T[:3, :3] @ thing.form.points(SAMPLES.points[sample : sample + 1])[0] + T[:3, 3]
+    on_it = T[:3, :3] @ on_fruit(thing.form, SAMPLES.points[sample : sample + 1])[0] + T[:3, 3]
     away = on_it - T[:3, 3]
     start = on_it + 1e-4 * away / np.linalg.norm(away)
     normal = felt(thing, start, sample)[0][:3]
@@ -127,7 +135,7 @@ def test_a_distance_changes_as_its_jacobian_says(ln, lean, about, sample):
 @given(ln=st.tuples(*[st.floats(-0.4, 0.2)] * 3), lean=st.tuples(small, small), face=st.integers(0, 20479))
 def test_normals_are_those_of_the_deformed_mesh(ln, lean, face):
     thing = Object(np.array(ln), np.array(lean), np.eye(4))
-    deformed = trimesh.Trimesh(thing.form.points(BALL.vertices), BALL.faces, process=False)
+    deformed = trimesh.Trimesh(on_fruit(thing.form, BALL.vertices), BALL.faces, process=False)
     normal = np.asarray(deformed.face_normals)[face]
     point = deformed.vertices[BALL.faces[face]].mean(axis=0) + 1e-3 * normal
     assert felt(thing, point, 0)[0][:3] @ normal > np.cos(np.radians(4.0))  # a sample is up to 2 mm beside the point

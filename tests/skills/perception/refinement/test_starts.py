@@ -12,7 +12,7 @@ from pomona.drivers.depth_model import SIMULATED
 from pomona.skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.refinement import DepthLook, FruitContext, refine
 from pomona.skills.perception.refinement.cloud import Plane
-from pomona.skills.perception.refinement.shape_fit import other_starts
+from pomona.skills.perception.refinement.measure import other_starts
 
 angles = st.floats(-np.pi, np.pi)
 

@@ -12,10 +12,11 @@ from pomona.executive.skill_testing import drive
 from pomona.skills.detect import Detect
 from pomona.skills.geometry import rotation_about, transform
 from pomona.skills.perception.detection.detection import DopeFiles
-from pomona.skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING, load_pose_config
+from pomona.skills.perception.detection.dope_config import load_pose_config
 from pomona.skills.perception.detection.errors import BadPoseConfig, BadWeights
 from pomona.skills.perception.detection.instances import cuboid_keypoints
 from pomona.tools.pytorch import dope_detector
+from pomona.tools.pytorch.dope_decode import OFFSET_DUE_TO_UPSAMPLING
 from pomona.tools.pytorch.dope_detector import DopeDetector
 from pomona.tools.pytorch.networks import STRIDE, DopeNetwork
 from pomona.tools.training.targets import dope_targets

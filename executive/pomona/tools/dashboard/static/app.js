@@ -7,7 +7,8 @@ import { drawTrust } from "./trust.js";
 import { closeLarge } from "./layout.js";
 import { TreeView } from "./tree.js";
 import { DrawingView } from "./drawing.js";
-import { CameraView, PlotsView, drawTables } from "./pictures.js";
+import { CameraView, PlotsView } from "./pictures.js";
+import { drawPanels } from "./panels/index.js";
 import { SceneView } from "./scene.js";
 import { Timeline } from "./timeline.js";
 import { drawControl, drawHeader, STATUS_WORD } from "./control.js";
@@ -99,7 +100,7 @@ function parts() {
     () => camera.update(s, page.at === null && !page.recorded && !s.ended ? page.pictures : null),
     () => { drawOver(over, other); scene.update(s, page.selected, other); },
     () => plots.update(s, page.at, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null),
-    () => { drawTables(s); drawNode(s, toggleBreak); drawPorts(s); drawLog(s); },
+    () => { drawPanels(s); drawNode(s, toggleBreak); drawPorts(s); drawLog(s); },
     () => timeline.draw(),
   ];
 }

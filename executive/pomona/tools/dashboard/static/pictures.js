@@ -1,4 +1,4 @@
-// Camera images with overlays, time series, and tables.
+// Camera images with overlays, and time series.
 import uPlot from "./vendor/uplot.js";
 import { $, h, put, seconds } from "./dom.js";
 import { page, withToken } from "./page.js";
@@ -282,14 +282,4 @@ function lowerBound(sorted, value) {
   let low = 0, high = sorted.length;
   while (low < high) { const middle = (low + high) >> 1; if (sorted[middle] < value) low = middle + 1; else high = middle; }
   return low;
-}
-
-let tablesKey = "";
-export function drawTables(state) {
-  const key = `${state.run?.run}|${[...state.tables.values()].map((table) => `${table.caption}${table.rows.length}`).join("|")}`;
-  if (key === tablesKey) return;
-  tablesKey = key;
-  $("tables-panel").hidden = state.tables.size === 0;
-  $("tables").replaceChildren(...[...state.tables.values()].map((table) =>
-    h("table", {}, h("caption", {}, table.caption), h("thead", {}, h("tr", {}, table.columns.map((c) => h("th", {}, c)))), h("tbody", {}, table.rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell))))))));
 }

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pomona.executive.values.arrays import Float32, Float64, Int64
 from pomona.skills.motion.collision.distance_field import lookup
 from pomona.skills.motion.collision.robot_shape import RobotArrays
-from pomona.skills.motion.robot.chain import forward
+from pomona.skills.motion.robot.model import forward
 
 MAP = 0  # number of the map among the obstacles; convex obstacles follow from 1, then half spaces
 

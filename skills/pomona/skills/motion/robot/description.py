@@ -58,7 +58,7 @@ class Body(ReadOnly):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Description(ReadOnly):
-    """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.chain`."""
+    """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.model`."""
 
     path: Path  # the file
     joint_names: tuple[str, ...]  # from base to tool

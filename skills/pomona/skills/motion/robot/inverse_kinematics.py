@@ -13,8 +13,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.motion.robot.chain import compose, forward, jacobian
-from pomona.skills.motion.robot.model import RobotModel, checked_pose
+from pomona.skills.motion.robot.model import RobotModel, checked_pose, compose, forward, jacobian
 from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
 
 

@@ -2,10 +2,9 @@
 
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.cloud import Plane, horizontal_plane
-from pomona.skills.perception.refinement.depth_image import ImageBox, Limits, RefineResult
-from pomona.skills.perception.refinement.refinement import FruitContext, refine
-from pomona.skills.perception.refinement.render import DepthLook, render_depth
-from pomona.skills.perception.refinement.scale_fit import ScaleFit, fit_scale
+from pomona.skills.perception.refinement.measure import refine
+from pomona.skills.perception.refinement.render import DepthLook, ImageBox, Limits, RefineResult, render_depth
+from pomona.skills.perception.refinement.scale_fit import FruitContext, ScaleFit, fit_scale
 from pomona.skills.perception.refinement.shape_fit import Priors
 
 __all__ = [

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.refinement.cloud import connected_to
-from pomona.skills.perception.refinement.depth_image import DepthImage
+from pomona.skills.perception.refinement.render import DepthImage
 
 _INNER = 0.87  # scale of the silhouette within which pixels are used: mixed pixels at the outline disturb
 

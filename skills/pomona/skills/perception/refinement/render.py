@@ -1,4 +1,4 @@
-"""Virtual depth of one mesh, behind one small interface: restricted to an image box, by a renderer to choose.
+"""Depth images: their data and checks, and the virtual depth of one mesh in a box of the image.
 
 pyrender works through EGL, beside MuJoCo's EGL renderer; the z-buffer in compiled loops needs no OpenGL. A program with
 one matrix draws a mesh that pyrender uploaded into a buffer of depth alone: pyrender's own `render` spends most of its
@@ -14,9 +14,9 @@ import ctypes
 import os
 import threading
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numba import njit
@@ -25,20 +25,148 @@ from numpy.typing import NDArray
 from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import is_pose
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.rasteriser import draw, project
-from pomona.skills.perception.refinement.depth_image import (
-    NEAR,
-    DepthImage,
-    DepthRenderer,
-    ImageBox,
-    RendererName,
-    Triangles,
-    check_depth,
-    check_pose,
-    winding,
-)
-from pomona.skills.perception.refinement.errors import RenderFailed
+from pomona.skills.perception.refinement.errors import BadDepth, BadMesh, BadPose, RenderFailed
+
+DepthImage = NDArray[np.float32]
+RendererName = Literal["pyrender", "zbuffer"]
+
+NEAR = 0.01  # nothing nearer to the camera than this is rendered [m]
+
+
+class Triangles(Protocol):
+    """A triangle mesh, such as a `FruitModel`: vertices (n, 3) float64 [m], faces (m, 3) integer."""
+
+    @property
+    def vertices(self) -> Float64:
+        """Shape (n, 3) [m]."""
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """Indices of vertices, shape (m, 3)."""
+
+    def __hash__(self) -> int: ...
+
+
+@dataclass(frozen=True, slots=True)
+class ImageBox:
+    """A rectangle of whole pixels: columns `left` to `right - 1`, rows `top` to `bottom - 1`."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)"""
+        return self.bottom - self.top, self.right - self.left
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """The box's part of an image: `image[box.slices]`."""
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
+    def grown(self, margin: int, intrinsics: Intrinsics) -> ImageBox:
+        """Return the box with a margin [px], cut to the image."""
+        return ImageBox(
+            max(self.left - margin, 0),
+            max(self.top - margin, 0),
+            min(self.right + margin, intrinsics.width),
+            min(self.bottom + margin, intrinsics.height),
+        )
+
+
+class DepthRenderer(Protocol):
+    """Renders z-depth through the pixel centres of a box."""
+
+    def __call__(self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+        """Return the depth of shape `box.shape`, float32 [m]; 0 where the mesh is not seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of accepted measurements."""
+
+    # half-width of the band in which depth agrees with the model [m], where the camera's noise is less
+    inlier_band: float = 4e-3
+    min_inliers: float = 0.3  # minimum ratio of agreeing measured pixels
+    size: tuple[float, float] = (0.4, 1.6)  # least and largest size relative to the model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefineResult:
+    """A fruit's refined pose and size, in the camera frame."""
+
+    T_camera_object: Float64  # pose of the refined shape's cuboid
+    dimensions: Float64  # (d_x, d_y, d_z) [m], shape (3,)
+    mu: float  # mu, sigma: scale factor and displacement [m] of the uniform fit (the paper's)
+    sigma: float
+    covariance: Float64  # of (position in the camera frame, dimensions), shape (6, 6) [m²]
+    inlier_ratio: float  # ratio of the refined model's measured pixels with agreeing depth
+    residual: float  # root mean square of the inliers' depth residuals [m]
+    box: ImageBox  # part of the image that the next two cover
+    inliers: NDArray[np.bool_]  # pixels that agree, bool, shape `box.shape`
+    virtual_depth: DepthImage  # the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it
+    method: str  # the formulation that gave the result: paper, uniform, shape, shape+plane; `+views` with other looks
+
+
+def check_depth(depth: object, intrinsics: Intrinsics) -> None:
+    """Raises BadDepth: not an array of real numbers with the shape of the camera's image."""
+    expected = (intrinsics.height, intrinsics.width)
+    if not isinstance(depth, np.ndarray) or depth.dtype.kind not in "fiu":
+        raise BadDepth("the depth must be an array of real numbers [m]; this camera may be colour only")
+    if depth.shape != expected:
+        raise BadDepth(f"the depth's shape is {depth.shape}, the intrinsics are of an image of shape {expected}")
+
+
+def check_pose(T_camera_object: Float64) -> None:
+    """Raises BadPose: not a finite rigid transform."""
+    if not is_pose(np.asarray(T_camera_object)):
+        raise BadPose(f"not a rigid transform: {np.asarray(T_camera_object).tolist()}")
+
+
+@lru_cache(maxsize=32)
+def extents(mesh: Triangles) -> Float64:
+    """Return the size of a mesh's cuboid (d_x, d_y, d_z) [m], shape (3,); remembered per mesh object.
+
+    Raises BadMesh: empty, not finite, or of zero size in some direction. A mesh with holes is valid.
+    """
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,) or not len(faces):
+        raise BadMesh("a mesh needs vertices of shape (n, 3) and at least one face of shape (m, 3)")
+    if not np.isfinite(vertices).all():
+        raise BadMesh("the mesh has vertices that are not finite")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise BadMesh(f"the mesh's faces name vertices that do not exist (it has {len(vertices)})")
+    size: Float64 = np.ptp(vertices[np.unique(faces)], axis=0).astype(np.float64)
+    if size.min() <= 0.0:
+        raise BadMesh(f"the mesh measures {size.tolist()} m: it must have a size in all three directions")
+    size.flags.writeable = False
+    return size
+
+
+@lru_cache(maxsize=32)
+def farthest(mesh: Triangles) -> float:
+    """Return the greatest distance of a vertex from the mesh's origin [m]; remembered per mesh object."""
+    return float(np.linalg.norm(mesh.vertices, axis=1).max())
+
+
+@lru_cache(maxsize=32)
+def winding(mesh: Triangles) -> int:
+    """1: the mesh encloses a volume and its faces look outwards; -1: they look inwards; 0: it is not watertight."""
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    _, welded = np.unique(vertices, axis=0, return_inverse=True)
+    corners = welded.reshape(-1)[faces]
+    directed = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    there, times = np.unique(directed, axis=0, return_counts=True)
+    back = np.unique(directed[:, ::-1], axis=0)
+    if not np.array_equal(there, back) or times.max() > 1:
+        return 0
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return int(np.sign(np.sum(np.cross(a, b) * c)))
 
 
 def renderer(name: RendererName) -> DepthRenderer:
@@ -88,6 +216,15 @@ def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, m
     if box.right <= box.left or box.bottom <= box.top:
         raise RenderFailed("the fruit's pose lies outside the image: the detection is wrong")
     return box
+
+
+def share_inside(mesh: Triangles, T_camera_mesh: Float64, box: ImageBox, intrinsics: Intrinsics) -> float:
+    """Return the ratio of a mesh's vertices inside the picture; those outside are hidden, too. `box` is the mesh's."""
+    if box.left > 0 and box.top > 0 and box.right < intrinsics.width and box.bottom < intrinsics.height:
+        return 1.0
+    x, y, z = intrinsics.K @ (T_camera_mesh[:3, :3] @ mesh.vertices.T + T_camera_mesh[:3, 3:])
+    inside = (x >= 0.0) & (x < intrinsics.width * z) & (y >= 0.0) & (y < intrinsics.height * z)
+    return float(inside.mean())
 
 
 def render_depth(
@@ -320,8 +457,7 @@ def _seen(u: Float64, v: Float64, faces: NDArray[np.int32], outwards: int) -> ND
     return seen
 
 
-def _identity() -> Float64:
-    return np.eye(4)
+_AROUND = 8  # half the edge of the square in which the depth around a point is looked up [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -332,13 +468,27 @@ class DepthLook:
     intrinsics: Intrinsics  # of the depth image
     depth_model: DepthModel = D4XX  # errors of the depth, as the camera states them
     # pose of this camera in the frame of the look that is refined, shape (4, 4)
-    T_camera_look: Float64 = field(default_factory=_identity)
+    T_camera_look: Float64 = field(default_factory=lambda: np.eye(4))
     renderer: RendererName = "pyrender"  # name of the renderer of the virtual depth
 
     def check(self) -> None:
         """Raise BadDepth for a depth of another shape or type, BadPose for a pose that is not rigid."""
         check_depth(self.depth, self.intrinsics)
         check_pose(self.T_camera_look)
+
+    def distance(self, p_camera: Float64) -> float:
+        """Return the measured depth around a point, shape (3,) [m]: a small fruit is nearer than its model."""
+        x, y, z = p_camera
+        if z <= 0.0:  # behind the camera: the rendering reports it
+            return 0.0
+        column, row = (
+            (self.intrinsics.fx * x + self.intrinsics.cx * z) / z,
+            (self.intrinsics.fy * y + self.intrinsics.cy * z) / z,
+        )
+        top, left = (max(round(float(at)) - _AROUND, 0) for at in (row, column))
+        around = self.depth[top : top + 2 * _AROUND, left : left + 2 * _AROUND]
+        seen = around[np.isfinite(around) & (around > 0.0)]
+        return float(np.median(seen)) if len(seen) else float(z)
 
     def render(self, mesh: Triangles, T_look_mesh: Float64, box: ImageBox | None = None) -> tuple[DepthImage, ImageBox]:
         """Render the depth of a mesh as this camera would measure it, float32, shape `box.shape` [m].

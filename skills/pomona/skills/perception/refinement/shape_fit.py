@@ -4,32 +4,311 @@ The model is stretched along its own axes by three factors, made higher on one s
 two horizontal axes, turned about the third one unless it is about round, and moved, until the measured points lie on
 its surface (Gauss-Newton on point-to-plane distances, Tukey's weights, a band that narrows). Priors determine the rest:
 the spread of proportions within a kind, the tilt against the detection, the roundness, and, with a known support, that
-the fruit stands on it.
+the fruit stands on it. The steps are compiled: they come first, `fit_shape` last.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+from numba import njit
+from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import rotation_about, transform
-from pomona.skills.perception.refinement.cloud import Cloud, Plane
-from pomona.skills.perception.refinement.depth_image import DepthImage, RefineResult, Triangles, extents, winding
-from pomona.skills.perception.refinement.shape_steps import (
-    PARAMETERS,
-    PlacedForm,
-    Points,
-    Samples,
-    ShapePriors,
-    Support,
-    contact,
-    step_until_still,
-)
+from pomona.skills.geometry import transform
+from pomona.skills.perception.refinement.cloud import Cloud, Plane, Samples, surface_of
+from pomona.skills.perception.refinement.render import Triangles, extents
+
+PARAMETERS = 11  # move 3, tilt about x and z, ln stretch 3, lean 2, turn about y
+
+
+class Points(NamedTuple):
+    """Measured points for the kernel: a `Cloud`, arrays of shape (n, 3) or (n,) [m]."""
+
+    points: Float64
+    rays: Float64
+    deviation: Float64
+    beside: Float64
+
+
+class PlacedForm(NamedTuple):
+    """The present object: rotation (3, 3) and place (3,) in the camera's frame; see `Form` for the rest."""
+
+    R: Float64
+    t: Float64
+    stretch: Float64
+    lean: Float64
+    radius: Float64
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def start_of_walk(samples: Samples, x: float, y: float, z: float) -> int:
+    """Return the sample that is nearest to the grid's cell of a point of the model's frame."""
+    last = len(samples.near) - 1
+    i = min(max(int((x - samples.corner[0]) / samples.edges[0]), 0), last)
+    j = min(max(int((y - samples.corner[1]) / samples.edges[1]), 0), last)
+    k = min(max(int((z - samples.corner[2]) / samples.edges[2]), 0), last)
+    start: int = samples.near[i, j, k]
+    return start
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) -> int:
+    """From neighbour to neighbour while that is nearer to a point of the model's frame."""
+    points, neighbours = samples.points, samples.neighbours
+    best = start
+    near = (x - points[best, 0]) ** 2 + (y - points[best, 1]) ** 2 + (z - points[best, 2]) ** 2
+    while True:
+        here = best
+        for k in range(neighbours.shape[1]):
+            j = neighbours[here, k]
+            square = (x - points[j, 0]) ** 2 + (y - points[j, 1]) ** 2 + (z - points[j, 2]) ** 2
+            if square < near:
+                near, best = square, j
+        if best == here:
+            return best
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def points_to_surface(
+    measured: Points,
+    samples: Samples,
+    placed: PlacedForm,
+    nearest: NDArray[np.int64],
+    reach: float,
+    texture: float,
+    patches: float,
+) -> tuple[Float64, Float64, float]:
+    """Return the normal equations of point-to-plane distances, with Tukey's weights and each point's uncertainty.
+
+    They are H, shape (11, 11), b, shape (11,), and the ratio of the points that count.
+
+    Args:
+        nearest: the previous nearest sample of each point, start of the search, shape (n,), -1 where there is none;
+            changed in place.
+        reach: points farther from the surface do not count [m].
+        texture: standard deviation of the surface against the model [m].
+        patches: number of independently deviating parts of the visible surface.
+    """
+    points, rays, deviation, beside = measured.points, measured.rays, measured.deviation, measured.beside
+    on_model, normals = samples.points, samples.normals
+    R, t = placed.R, placed.t
+    sx, sy, sz = placed.stretch
+    lx, lz = placed.lean / placed.radius
+    count = len(points)
+    # derivatives of one point's distance, and the distance itself
+    terms = np.empty((count, PARAMETERS + 1))
+    slant, counts = np.empty(count), np.zeros(count, np.bool_)
+    counted = 0
+    for i in range(count):
+        px, py, pz = points[i, 0] - t[0], points[i, 1] - t[1], points[i, 2] - t[2]
+        u = R[0, 0] * px + R[1, 0] * py + R[2, 0] * pz
+        v = R[0, 1] * px + R[1, 1] * py + R[2, 1] * pz
+        w = R[0, 2] * px + R[1, 2] * py + R[2, 2] * pz
+        x, z = u / sx, w / sz
+        y = v / (sy * (1.0 + lx * x + lz * z))
+        j = nearest[i]
+        if j < 0:
+            j = start_of_walk(samples, x, y, z)
+        j = walk_to_nearest(samples, x, y, z, j)
+        nearest[i] = j
+        mx, my, mz = on_model[j, 0], on_model[j, 1], on_model[j, 2]
+        higher = 1.0 + lx * mx + lz * mz
+        qx, qy, qz = sx * mx, sy * my * higher, sz * mz
+        up = normals[j, 1] / higher
+        a, b, c = (normals[j, 0] - up * my * lx) / sx, up / sy, (normals[j, 2] - up * my * lz) / sz
+        shorter = 1.0 / math.sqrt(a * a + b * b + c * c)
+        a, b, c = a * shorter, b * shorter, c * shorter
+        distance = a * (u - qx) + b * (v - qy) + c * (w - qz)
+        slant[i] = 0.0
+        for axis in range(3):
+            terms[i, axis] = R[axis, 0] * a + R[axis, 1] * b + R[axis, 2] * c
+            slant[i] += terms[i, axis] * rays[i, axis]
+        # cosine between a normal and the ray from which a surface faces away: it is the far side of the model
+        counts[i] = abs(distance) < reach and slant[i] < 0.1
+        counted += counts[i]
+        terms[i, 3], terms[i, 4], terms[i, 10] = qy * c - qz * b, qx * b - qy * a, qz * a - qx * c
+        terms[i, 5], terms[i, 6], terms[i, 7] = a * qx, b * qy, c * qz
+        raised = b * sy * my
+        terms[i, 8], terms[i, 9] = raised * mx / placed.radius[0], raised * mz / placed.radius[1]
+        terms[i, PARAMETERS] = distance
+    patch = texture**2 * max(1.0, counted / patches)
+    sums = np.zeros((PARAMETERS, PARAMETERS + 1))
+    for i in range(count):
+        if not counts[i]:
+            continue
+        aside = beside[i] ** 2 * max(1.0 - slant[i] ** 2, 0.0)
+        variance = deviation[i] ** 2 + aside + patch
+        weight = (1.0 - (terms[i, PARAMETERS] / reach) ** 2) ** 2 / variance
+        for row in range(PARAMETERS):
+            scaled = weight * terms[i, row]
+            for column in range(PARAMETERS + 1):
+                sums[row, column] += scaled * terms[i, column]
+    return sums[:, :PARAMETERS].copy(), sums[:, PARAMETERS].copy(), counted / max(count, 1)
+
+
+_MAX_TURN = 0.3
+_MAX_STRETCH = 0.2
+_MAX_LEAN = 0.05
+_PATCHES = 80.0  # number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide
+_STILL_PLACE, _STILL_FORM = 5e-5, 5e-4  # steps [m], and [rad] or relative, below which the fit has ended
+
+
+class ShapePriors(NamedTuple):
+    """Priors of the kind, of the detection and of the uniform scale."""
+
+    start: PlacedForm
+    weighted: Float64  # prior directions over the parameters, over their variances, shape (11, 11)
+    likeness: Float64  # their part of the normal equations, shape (11, 11)
+    proportion: float  # expected ln(height / mean width), relative to the model's
+    roundness: float  # expected ln(d_x / d_z), relative to the model's
+    texture: float  # standard deviation of the surface against the model [m]
+
+
+class Support(NamedTuple):
+    """A plane, normal · p + offset = 0, that the fruit stands on within a standard deviation [m]; inf: it does not."""
+
+    normal: Float64
+    offset: float
+    deviation: float
+
+
+@njit(cache=True, nogil=True)
+def move(placed: PlacedForm, step: Float64) -> None:
+    """Turn, move and stretch the object by a step, shape (11,), limited in size."""
+    angle = math.sqrt(step[3] ** 2 + step[10] ** 2 + step[4] ** 2)
+    if angle > 0.0:
+        x, y, z = step[3] / angle, step[10] / angle, step[4] / angle
+        sine, versine = math.sin(min(angle, _MAX_TURN)), 1.0 - math.cos(min(angle, _MAX_TURN))
+        for i in range(3):
+            a, b, c = placed.R[i, 0], placed.R[i, 1], placed.R[i, 2]
+            along = versine * (a * x + b * y + c * z)
+            placed.R[i, 0] = (1.0 - versine) * a + along * x + sine * (b * z - c * y)
+            placed.R[i, 1] = (1.0 - versine) * b + along * y + sine * (c * x - a * z)
+            placed.R[i, 2] = (1.0 - versine) * c + along * z + sine * (a * y - b * x)
+    for k in range(3):
+        placed.t[k] += step[k]
+        placed.stretch[k] *= math.exp(min(max(step[5 + k], -_MAX_STRETCH), _MAX_STRETCH))
+    for k in range(2):
+        placed.lean[k] += min(max(step[8 + k], -_MAX_LEAN), _MAX_LEAN)
+
+
+@njit(cache=True, nogil=True)
+def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[float, Float64]:
+    """Return the height of the lowest point over the support [m], and how it changes with the parameters, (11,)."""
+    up = np.zeros(3)
+    for i in range(3):
+        for k in range(3):
+            up[k] += placed.R[i, k] * support.normal[i]
+    stretch = placed.stretch
+    x, y, z = up[0] * stretch[0], up[1] * stretch[1], up[2] * stretch[2]
+    a, b = placed.lean[0] / placed.radius[0], placed.lean[1] / placed.radius[1]
+    lowest, index = np.inf, 0
+    for i in range(len(vertices)):
+        height = x * vertices[i, 0] + z * vertices[i, 2]
+        height += y * vertices[i, 1] * (1.0 + a * vertices[i, 0] + b * vertices[i, 2])
+        if height < lowest:
+            lowest, index = height, i
+    v = (vertices[index, 0], vertices[index, 1], vertices[index, 2])
+    q = (stretch[0] * v[0], stretch[1] * v[1] * (1.0 + a * v[0] + b * v[2]), stretch[2] * v[2])
+    row = np.empty(PARAMETERS)
+    gap = lowest + support.offset
+    for k in range(3):
+        row[k], row[5 + k] = support.normal[k], up[k] * q[k]
+        gap += support.normal[k] * placed.t[k]
+    row[3], row[10], row[4] = q[1] * up[2] - q[2] * up[1], q[2] * up[0] - q[0] * up[2], q[0] * up[1] - q[1] * up[0]
+    row[8], row[9] = y * v[1] * v[0] / placed.radius[0], y * v[1] * v[2] / placed.radius[1]
+    return gap, row
+
+
+@njit(cache=True, nogil=True)
+def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
+    """Expected changes along the prior directions, shape (11,)."""
+    start, values = expected.start, np.empty(PARAMETERS)
+    axis, facing = np.zeros(3), np.zeros(3)  # the detected axes as the present object sees them
+    for i in range(3):
+        values[i] = start.t[i] - placed.t[i]
+        for k in range(3):
+            axis[k] += placed.R[i, k] * start.R[i, 1]
+            facing[k] += placed.R[i, k] * start.R[i, 0]
+    ln_x = math.log(placed.stretch[0] / start.stretch[0])
+    ln_y = math.log(placed.stretch[1] / start.stretch[1])
+    ln_z = math.log(placed.stretch[2] / start.stretch[2])
+    values[3], values[4] = axis[0], axis[2]
+    values[5] = -(ln_x + ln_y + ln_z) / 3.0
+    values[6] = expected.proportion - ln_y + 0.5 * (ln_x + ln_z)
+    values[7] = expected.roundness - (ln_x - ln_z)
+    values[8], values[9] = -placed.lean[0], -placed.lean[1]
+    values[10] = math.atan2(-facing[2], facing[0])
+    return values
+
+
+@njit(cache=True, nogil=True)
+def _solve(H: Float64, b: Float64) -> Float64:
+    """x of H x = b for a positive definite H (Cholesky)."""
+    size = len(b)
+    root, x = np.zeros((size, size)), b.copy()
+    for i in range(size):
+        for k in range(i + 1):
+            left = H[i, k]
+            for m in range(k):
+                left -= root[i, m] * root[k, m]
+            root[i, k] = left / root[k, k] if k < i else math.sqrt(left)
+        for m in range(i):
+            x[i] -= root[i, m] * x[m]
+        x[i] /= root[i, i]
+    for i in range(size - 1, -1, -1):
+        for m in range(i + 1, size):
+            x[i] -= root[m, i] * x[m]
+        x[i] /= root[i, i]
+    return x
+
+
+@njit(cache=True, nogil=True)
+def step_until_still(
+    measured: Points,
+    samples: Samples,
+    placed: PlacedForm,
+    nearest: NDArray[np.int64],
+    expected: ShapePriors,
+    support: Support,
+    bands: Float64,
+) -> tuple[Float64, float]:
+    """Step until nothing moves; changes `placed` and `nearest`. Return the last matrix H, shape (11, 11), and the ratio
+    of points that count.
+
+    Args:
+        bands: half-width of the band about the surface in which points count, for each step at most [m]; the last
+            value is the final one.
+    """
+    likeness, weighted = expected.likeness, expected.weighted
+    H, share = likeness, 0.0
+    for band in bands:
+        H, b, share = points_to_surface(measured, samples, placed, nearest, band, expected.texture, _PATCHES)
+        values = _unlikeness(expected, placed)
+        for i in range(PARAMETERS):
+            for k in range(PARAMETERS):
+                H[i, k] += likeness[i, k]
+                b[k] += values[i] * weighted[i, k]
+        if support.deviation < np.inf:
+            gap, row = contact(samples.vertices, placed, support)
+            for i in range(PARAMETERS):
+                certain = row[i] / support.deviation**2
+                b[i] -= gap * certain
+                for k in range(PARAMETERS):
+                    H[i, k] += row[k] * certain
+        step = _solve(H, b)
+        move(placed, step)
+        still = True
+        for k in range(PARAMETERS):
+            still = still and abs(step[k]) < (_STILL_PLACE if k < 3 else _STILL_FORM)
+        if still and band == bands[-1]:
+            break
+    return H, share
+
 
 _NEARLY_ROUND = 0.05
 
@@ -52,17 +331,6 @@ class Form:
         """Whether the model is nearly a body of revolution, so that its turn about the axis is unobservable."""
         return bool(abs(np.log(self.radius[0] / self.radius[1])) < _NEARLY_ROUND)
 
-    def height_factor(self, model: Float64) -> Float64:
-        """1 + l_x x/r_x + l_z z/r_z at points of the model, shape (n, 3) -> (n,)."""
-        factor: Float64 = 1.0 + (model[:, [0, 2]] / self.radius) @ self.lean
-        return factor
-
-    def points(self, model: Float64) -> Float64:
-        """Where points of the model are on the fruit, shape (n, 3) [m]."""
-        leaned = model.copy()
-        leaned[:, 1] *= self.height_factor(model)
-        return leaned * self.stretch
-
     def cuboid(self, mesh: Triangles) -> tuple[Float64, Float64]:
         """Centre and dimensions of the fruit's cuboid in the model's axes, shape (3,) each [m]."""
         x, y, z = np.ascontiguousarray(mesh.vertices.T)
@@ -71,46 +339,6 @@ class Form:
         low = self.stretch * [float(axis.min()) for axis in leaned]
         high = self.stretch * [float(axis.max()) for axis in leaned]
         return 0.5 * (low + high), high - low
-
-
-_SAMPLES = 4000
-_NEIGHBOURS = 16
-"""Number of neighbours of a sample that are tried for one that is nearer to a point. After a step of up to 10 mm a
-search from neighbour to neighbour ends beside the nearest sample for 1 of 10 000 points about the shipped fruit (12: 1
-of 1 000)."""
-_CELLS, _BESIDE = 24, 0.1
-"""Number of the grid's cells along each axis, and how far it reaches beyond the model, relative to its size."""
-
-
-@lru_cache(maxsize=8)
-def surface_of(mesh: Triangles) -> Samples:
-    """Sample a mesh; the same mesh object gives the same samples.
-
-    Normals look outwards also where faces are wound inwards, or not alike as in scans with holes: there away from the
-    middle, as every part of a fruit's skin does.
-    """
-    corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    wound = winding(mesh)
-    middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
-    away = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - middle)
-    normals *= wound if wound else np.where(away < 0.0, -1.0, 1.0)[:, None]
-    area = np.linalg.norm(normals, axis=1)
-    share = np.cumsum(area) / area.sum()
-    face = np.minimum(np.searchsorted(share, (np.arange(_SAMPLES) + 0.5) / _SAMPLES), len(area) - 1)
-    along, across = np.random.default_rng(0).random((2, _SAMPLES))
-    root = np.sqrt(along)
-    weights = np.column_stack([1.0 - root, root * (1.0 - across), root * across])
-    points = np.einsum("nc,nci->ni", weights, corners[face])
-    tree = cKDTree(points)
-    neighbours = np.ascontiguousarray(tree.query(points, _NEIGHBOURS + 1)[1][:, 1:], dtype=np.int32)
-    low, high = points.min(axis=0), points.max(axis=0)
-    corner = low - _BESIDE * (high - low)
-    edges = (1.0 + 2.0 * _BESIDE) * (high - low) / _CELLS
-    middles = corner + edges * (np.indices((_CELLS, _CELLS, _CELLS)).transpose(1, 2, 3, 0) + 0.5)
-    near = tree.query(middles)[1].astype(np.int32)
-    vertices = np.array(mesh.vertices, dtype=np.float64)
-    return Samples(points, normals[face] / area[face, None], neighbours, near, corner, edges, vertices)
 
 
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)  # the band of the first steps, in final bands
@@ -233,73 +461,27 @@ def _points(cloud: Cloud) -> Points:
     return Points(*map(np.ascontiguousarray, (cloud.points, cloud.rays, cloud.deviation, cloud.beside)))
 
 
-_CLEARLY = 0.02  # minimum additional ratio of the depth that another axis of the stem must explain
-
-_ASPECT_WEIGHT = 0.05
-"""Additional ratio of the depth that the axis with less likely proportions must explain, per squared deviation:
-upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
-
-_ASIDE = np.radians(45.0)
+_UNMODELLED = np.array([0.01, 0.01, 0.01, 0.003, 0.012, 0.003])
+_UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])
+"""Standard deviations of position and dimensions from form errors of a stretched model (lobes, dents, one shoulder
+higher than the other, the turn about the axis), relative to the mean dimension; over the visible ratio of the fruit.
+"""
 
 
-def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float64]:
-    """Return other poses (4, 4) to start a fit from if the detected one fails: same place, other axes of the stem. On a
-    support fruit stands upright or upside down; elsewhere the stem may point anywhere, and 45 degrees to each side of
-    both ends are tried.
+def covariance_of(fit: ShapeFit, dimensions: Float64, whole: float, seen: float, doubt: float) -> Float64:
+    """Return the covariance of (position, dimensions): of the fit, of form errors, and of the common depth error.
+
+    Args:
+        fit, dimensions: the stretched model.
+        whole: standard deviation of the common depth error, relative.
+        seen: ratio of the fruit that is visible and agrees.
+        doubt: standard deviation of the dimensions, as other ways to measure disagree [m].
     """
-    x, y = T_camera_object[:3, 0], T_camera_object[:3, 1]
-    stems = [y]
-    if support is not None:
-        stems = [support.normal, -support.normal, y]
-    else:
-        aside = (x, -x, T_camera_object[:3, 2], -T_camera_object[:3, 2])
-        stems += [np.sin(_ASIDE) * a + turn * np.cos(_ASIDE) * y for turn in (-1.0, 1.0) for a in aside]
-    return [_with_stem(T_camera_object, stem) for stem in stems]
-
-
-def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
-    """Return the pose turned by the shortest way until the stem (the object's -y) points along a unit vector."""
-    now = -T_camera_object[:3, 1]
-    axis = np.cross(now, stem)
-    sine = float(np.linalg.norm(axis))
-    if sine > 1e-9:
-        axis = axis / sine
-    else:  # along it already, or half a turn away from it
-        axis, sine = T_camera_object[:3, 0], 0.0
-    result = T_camera_object.copy()
-    result[:3, :3] = rotation_about(axis, float(np.arctan2(sine, now @ stem))) @ T_camera_object[:3, :3]
-    return result
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Judge:
-    """Scores how well a fitted model explains the depth."""
-
-    depth: DepthImage  # measured, of the whole image [m]
-    band: float  # half-width of the band in which depth agrees [m]
-    model: Float64  # dimensions of the model, shape (3,) [m]
-    aspect: float  # standard deviation of ln(height / width) among fruit, relative to the model's
-
-    def explained(self, result: RefineResult) -> tuple[int, int]:
-        """Return the numbers of explained and of contradicting pixels; pixels of hiding objects count as neither."""
-        model, measured = result.virtual_depth, self.depth[result.box.slices]
-        valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
-        difference = measured[valid] - model[valid]
-        agree = np.count_nonzero(np.abs(difference) <= self.band)
-        # distance in front of the model from which an object hides it, in bands
-        hidden = np.count_nonzero(difference < -5.0 * self.band)
-        return int(agree), int(difference.size - agree - hidden)
-
-    def aspect_penalty(self, dimensions: Float64) -> float:
-        """How far height over width is from the model's, squared, in standard deviations."""
-        wide, model_wide = dimensions[[0, 2]].mean(), self.model[[0, 2]].mean()
-        return float((np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2)
-
-    def score(self, result: RefineResult) -> tuple[float, float, bool]:
-        """Return explained minus contradicting pixels and oddness; the margin for a better one; and whether it is
-        settled.
-        """
-        agree, differ = self.explained(result)
-        penalty = _ASPECT_WEIGHT * self.aspect_penalty(result.dimensions) * agree
-        # ratio of agreeing depth from which the detected axis of the stem is accepted
-        return agree - differ - penalty, _CLEARLY * agree, agree >= 0.95 * (agree + differ)
+    change = np.concatenate([fit.T_camera_object[:3, 3], dimensions])
+    to_size = np.diag(np.concatenate([np.ones(3), dimensions]))
+    # factor on the fit's own variances: its weights measure best, but as variances they are too large
+    covariance: Float64 = 0.75 * to_size @ fit.covariance @ to_size
+    unmodelled = (_UNMODELLED_ON_SUPPORT if fit.on_support else _UNMODELLED) * dimensions.mean()
+    unmodelled /= seen
+    unmodelled[3:] = np.hypot(unmodelled[3:], doubt)
+    return covariance + np.diag(unmodelled**2) + whole**2 * np.outer(change, change)

@@ -107,3 +107,22 @@ def _name(event: Mapping[str, Any]) -> str:
 def _short(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 100 else f"{text[:80]} … ({len(text)} characters)"
+
+
+def explain_parting(before: Path, now: Path) -> list[str]:
+    """Describe the first difference between the events of two runs."""
+    count, difference = first_difference(before, now)
+    if difference is None:
+        return [f"both runs consist of the same {count} events"]
+    return describe(difference, before.name, now.name)
+
+
+def describe(difference: Difference, before: str, now: str) -> list[str]:
+    """Describe a difference as lines; `before` and `now` are the names of the two runs."""
+    where = f", {difference.where}" if difference.where else ""
+    width = max(len(before), len(now))
+    return [
+        f"they part at event {difference.number}, at {difference.t:.2f} s: {difference.what}{where}",
+        f"  {before:<{width}}  {difference.before}",
+        f"  {now:<{width}}  {difference.now}",
+    ]

@@ -1,73 +1,92 @@
-"""Parallel: all children at once."""
+"""Sequences and parallels: several nodes, one after the other or all at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from itertools import combinations, islice
 from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from pomona.executive.nodes import takes
-from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.behaviours import Parallel, Sequence
 from pomona.executive.nodes.context import (
     BuildContext,
     CheckContext,
+    FactContext,
     FlowContext,
     NodeText,
     OutcomeContext,
 )
-from pomona.executive.nodes.facts import ALL, Ends, Names, Outcome, codes_of
+from pomona.executive.nodes.facts import ALL, NO_CODES, Ends, Facts, Names, Outcome, codes_of
 from pomona.executive.nodes.node_type import Composite
 from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
 
 
-class Parallel(Branch):
-    """Ticks its children in order, in each tick all that have not ended; ends with the first decisive child.
+class SequenceType(Composite):
+    """one after the other while they succeed; goes on where it was"""
 
-    Children after the decisive one are not ticked any more, and running children are interrupted. A skipped child is
-    ticked again in the next tick.
+    key, symbol = "sequence", "→"
+    value = takes.Children("one after the other while they succeed")
+    other_names: ClassVar[tuple[str, ...]] = ("Sequence", "AsyncSequence")
+    memory: ClassVar[bool] = True
+    keeps: ClassVar[bool] = False
 
-    Args:
-        needed: indices of the children that must succeed, or be skipped; or the number of children that must succeed.
-    """
+    def check_layer(self, at: CheckContext) -> None:
+        super().check_layer(at)
+        outcomes = at.outcomes.children()
+        for before, outcome, child in zip(at.node.children, outcomes, at.node.children[1:], strict=False):
+            if not (outcome.succeeds or outcome.skips):
+                message = f"{child.label} is never reached: {before.label} cannot succeed"
+                at.findings.warning(child.key, "unreachable", message)
+                break
 
-    def __init__(self, name: str, children: Sequence[Behaviour], needed: frozenset[int] | int) -> None:
-        super().__init__(name, children)
-        self._any = needed if isinstance(needed, int) else 0
-        self._needed = [not isinstance(needed, int) and index in needed for index in range(len(children))]
-        self._open = 0
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
+        codes, least, succeeds, skips = NO_CODES, 0.0, False, True
+        for outcome in at.children():
+            codes |= outcome.codes
+            if not (outcome.succeeds or outcome.skips):
+                return Outcome(codes, False)
+            least += 0.0 if outcome.skips else outcome.least
+            succeeds, skips = succeeds or outcome.succeeds, skips and outcome.skips
+        return Outcome(codes, succeeds, skips, least)
 
-    def tick(self) -> Iterator[Behaviour]:
-        if self.status is not Status.RUNNING:
-            self.reset()
-            self._open = self._any or sum(self._needed)
-        done, skipped, skipped_needed = Status.SUCCESS, 0, 0
-        for child, needed in zip(self.children, self._needed, strict=True):
-            if child.status is done:
-                continue
-            yield from child.tick()
-            status = child.status
-            if status is Status.RUNNING:
-                continue
-            failed = status is Status.FAILURE
-            if status is Status.INVALID:
-                skipped += 1
-                skipped_needed += needed
-            elif not failed:
-                self._open -= needed or self._any > 0
-            if failed or self._open <= skipped_needed:
-                self.current_child = child
-                self.stop(status if failed else Status.SUCCESS)
-                yield self
-                return
-        if skipped == len(self.children):
-            self.stop(Status.INVALID)
-        else:
-            self.current_child = self.children[-1]
-            self.status = Status.RUNNING
-        yield self
+    def written_ports(self, at: FlowContext, before: Names) -> Ends:
+        success, skipped, failure = ALL, before, ALL
+        for index in range(len(at.node.children)):
+            ends = at.child(index, success & skipped)
+            failure &= ends.failure
+            success = ends.success & ends.skipped.when(success)
+            skipped = ends.skipped.when(skipped)
+        return Ends(success, failure, skipped)
+
+    def known_facts(self, at: FactContext, known: Facts) -> Facts:
+        if not self.memory or self.keeps:
+            return super().known_facts(at, known)
+        for index, outcome in enumerate(at.outcomes.children()):
+            succeeded = at.child(index, known)
+            known = at.after(index, known) if outcome.skips else succeeded
+        return known
+
+    def build(self, at: BuildContext) -> Behaviour:
+        return Sequence(at.name, self.memory, at.children(), self.keeps)
+
+
+class ReactiveSequenceType(SequenceType):
+    """begins again with the first in every tick; interrupts the running child when an earlier one fails"""
+
+    key, symbol = "reactive_sequence", "⇉"
+    value = takes.Children("begins again with the first in every tick")
+    other_names = ("ReactiveSequence",)
+    memory = False
+
+
+class SequenceWithMemoryType(SequenceType):
+    """a sequence that goes on with the child that failed when it is started again"""
+
+    key, symbol = "sequence_with_memory", "⇥"
+    value = takes.Children("goes on with the child that failed when it is started again")
+    other_names = ("SequenceWithMemory", "SequenceStar")
+    keeps = True
 
 
 class ParallelType(Composite):

@@ -1,0 +1,94 @@
+"""The place of the skill that failed, in the explanation of a run."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+from recorded_events import FAILED
+
+from pomona.executive import registry
+from pomona.executive.reasons import Reason
+from pomona.executive.running.events import RunEnded, RunStarted
+from pomona.executive.terminal.explain import explain
+
+WEIGH = '''"""A third party's skill."""
+
+from pomona.executive.skill import Skill
+
+
+class Weigh(Skill):
+    """Weigh a fruit."""
+
+    def run(self) -> None:
+        return None
+'''
+
+
+def reason_of(skill: str, **facts: object) -> str:
+    """Return the sentence that explains a run in which the skill at line 12 of the tree failed."""
+    node = {"path": "a/Node", "parent": "a", "kind": "skill", "name": "Mine", "type": skill, "line": 12} | facts
+    failed = Reason("a/Node", "LOST", "it fell")
+    events = [
+        replace(event, nodes=({"path": "a", "parent": None, "kind": "sequence", "name": "a", "type": "sequence"}, node))
+        if isinstance(event, RunStarted)
+        else replace(event, reason=failed)
+        if isinstance(event, RunEnded)
+        else event
+        for event in FAILED
+        if isinstance(event, (RunStarted, RunEnded))
+    ]
+    return next(text for text in explain(events, whole=False) if text.startswith("The reason"))
+
+
+@pytest.fixture
+def third_party(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A skill Weigh in a module of its own, which is installed."""
+    (tmp_path / "scales_of_mine.py").write_text(WEIGH)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "scales_of_mine", raising=False)
+    offered = EntryPoint("Weigh", "scales_of_mine:Weigh", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: (offered,) if group == registry.GROUP else ())
+    return tmp_path
+
+
+def test_a_skill_of_pomona_is_named_with_its_file_inside_the_package_and_its_line() -> None:
+    from pomona.skills.move_to import MoveTo
+
+    line = inspect.getsourcelines(MoveTo)[1]
+    assert f"Mine (line 12 of the tree, pomona/skills/move_to.py:{line}) failed with LOST: it fell." in reason_of(
+        "MoveTo"
+    )
+
+
+def test_every_installed_skill_is_named_with_a_file_that_exists() -> None:
+    found = {name: registry.source_of(name).rpartition(":")[0] for name in registry.Registry.installed()}
+    folders = [Path(registry.__file__).parents[3] / floor for floor in ("executive", "skills", "drivers")]
+    assert [name for name, file in found.items() if not any((folder / file).is_file() for folder in folders)] == []
+
+
+def test_a_third_partys_skill_is_named_with_its_module_and_no_folder_of_the_machine(third_party: Path) -> None:
+    said = reason_of("Weigh")
+    assert "Mine (line 12 of the tree, scales_of_mine:6) failed" in said
+    assert str(third_party) not in said
+
+
+def test_a_skill_that_is_not_installed_or_was_mocked_has_the_line_of_the_tree_alone(third_party: Path) -> None:
+    assert "Mine (line 12 of the tree) failed" in reason_of("NoSuchSkill")
+    assert "Mine (line 12 of the tree) failed" in reason_of("Weigh", mocked=True)
+    (third_party / "scales_of_mine.py").write_text("raise RuntimeError('no scales')\n")
+    assert "Mine (line 12 of the tree) failed" in reason_of("Weigh")
+
+
+def test_a_skill_without_source_has_the_line_of_the_tree_alone(
+    third_party: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_source(_thing: object) -> None:
+        raise OSError("could not get source code")
+
+    monkeypatch.setattr(inspect, "getsourcelines", no_source)
+    assert "Mine (line 12 of the tree) failed" in reason_of("Weigh")
