@@ -116,7 +116,7 @@ ablations: $(STAMP) ## refinement, planning and force beside their baselines, in
 	  $(BIN)/pomona campaign benchmarks/ablation_$$part.yaml --report-to docs/reports/ablation_$$part $(CAMPAIGN) || exit 1; \
 	done
 
-bench-arms: $(STAMP) ## twenty picks on the emulated twin of a UR5e with a Hand-E, with force fingers and without
+bench-arms: $(STAMP) ## fifty picks on the emulated twin of a UR5e with a Hand-E, with force fingers and without
 	$(BIN)/pomona campaign benchmarks/arms.yaml $(CAMPAIGN)
 
 bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, jitter, checking a large file

@@ -147,3 +147,8 @@ def test_jaws_that_close_to_nothing_have_an_opening(tmp_path: Path) -> None:
     assert sorted(
         float(np.linalg.norm(body.slide)) for body in robot.bodies if body.group == "fingers"
     ) == pytest.approx([0.5, 0.5])
+
+
+def test_an_inertia_that_no_body_has_is_balanced(package: Path) -> None:
+    rounded = '<inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial>'
+    assert load(package / "urdf" / "arm.urdf", arm(BOX + rounded)).dof == 3
