@@ -15,7 +15,7 @@ from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
 from pomona.devices.laboratory_emulators.urscript import compile_script
-from pomona.devices.universal_robots.connect import PORTS
+from pomona.devices.universal_robots.options import PORTS
 from pomona.devices.universal_robots.rtde import FORMATS, RtdeKind, decode, encode
 from pomona.drivers import Arm, Cell, FaultSwitch, LoadSensor, Malformed
 from pomona.executive import Float64

@@ -152,18 +152,15 @@ def connect(settings: Settings[ModbusSignalsFile], context: ConnectContext) -> M
 
     places = said.input_places, said.output_places
     signals = ModbusSignals(open_client, context.clock, *places, said.beat, said.poll, settings.name)
-    try:
-        signals.connect()
-    except UnfitSignal as error:
-        raise settings.error(error.message, error.key) from error
-    except (ModbusRefused, DeviceLost) as error:
-        hint = "is it the unit's number? a PLC without a gateway is often 1 or 255"
-        raise settings.error(error.message, "unit", hint) from error
-    except DeviceError as error:
-        raise settings.error(error.message, "heartbeat") from error
-    except OSError as error:
-        hint = f"is Modbus TCP switched on in the PLC, on port {port}?"
-        raise settings.error(f"cannot be reached: {error}", "address", hint) from error
     signals.outside_stop = f"{outside.__name__}:stop", (host, port, said.unit, signals.safe_writes)
-    signals.start()
-    return signals
+    other_unit = "unit", "is it the unit's number? a PLC without a gateway is often 1 or 255"
+    return settings.opened(
+        signals,
+        {
+            UnfitSignal: ("inputs", ""),
+            ModbusRefused: other_unit,
+            DeviceLost: other_unit,
+            DeviceError: ("heartbeat", ""),
+            OSError: ("address", f"is Modbus TCP switched on in the PLC, on port {port}?"),
+        },
+    )

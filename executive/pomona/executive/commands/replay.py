@@ -11,9 +11,9 @@ from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.read import read_events
 from pomona.executive.terminal.live import LiveTree
-from pomona.executive.terminal.run_list import UNCHECKED, ending, how
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
+from pomona.executive.terminal.words import UNCHECKED, ending, how
 from pomona.executive.values.kinds import Number
 
 SLOWEST, FASTEST = 1e-3, 1e3  # range of `--speed`: seconds of the run per second of the clock

@@ -14,12 +14,13 @@ from pomona.executive.recording.digest import Digest, trusted
 from pomona.executive.recording.folder import events_file, find_record, is_being_written
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.terminal.output import write_json
-from pomona.executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
 from pomona.executive.terminal.screen import Screen
+from pomona.executive.terminal.words import how
 from pomona.executive.values.kinds import Whole
 from pomona.tools.library import prune as pruning
 from pomona.tools.library.export import FORMATS, export
 from pomona.tools.library.index import RunIndex, records_in
+from pomona.tools.library.run_tables import print_comparison, print_list, size, wide_console
 
 if TYPE_CHECKING:  # readers of whole records are imported on use, so that a list does not wait for them
     from pomona.executive.terminal.summary import Summary

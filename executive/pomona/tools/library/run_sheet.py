@@ -14,9 +14,10 @@ from pomona.executive.recording.folder import EVENTS, events_file, is_being_writ
 from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.scan import scan
 from pomona.executive.speed import words_of
-from pomona.executive.terminal.run_list import MARKS, UNCHECKED, ending, how, size, when
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
+from pomona.executive.terminal.words import MARKS, UNCHECKED, ending, how
+from pomona.tools.library.run_tables import size, when
 
 
 def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) -> None:

@@ -15,8 +15,9 @@ from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.emulators.server import Server, TcpPort
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.universal_robots import outside
-from pomona.devices.universal_robots.connect import PORTS, connect
+from pomona.devices.universal_robots.connect import connect
 from pomona.devices.universal_robots.driver import UrArm
+from pomona.devices.universal_robots.options import PORTS
 from pomona.drivers import CellFileError, ConnectContext, DeviceLost, MotionState
 from pomona.executive import SystemClock
 from pomona.executive.cell.registration import read_settings

@@ -150,5 +150,6 @@ def test_jaws_that_close_to_nothing_have_an_opening(tmp_path: Path) -> None:
 
 
 def test_an_inertia_that_no_body_has_is_balanced(package: Path) -> None:
-    rounded = '<inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial>'
+    moments = 'ixx="0.01" iyy="0.01" izz="0.03" ixy="0" ixz="0" iyz="0"'
+    rounded = f'<inertial><mass value="2"/><inertia {moments}/></inertial>'
     assert load(package / "urdf" / "arm.urdf", arm(BOX + rounded)).dof == 3

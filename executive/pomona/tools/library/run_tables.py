@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -13,22 +12,7 @@ from rich.text import Text
 
 from pomona.executive.recording.digest import Digest
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.terminal.words import row_of, seconds
-
-MARKS = {
-    "success": ("✓", "green"),
-    "failure": ("✗", "red"),
-    "stopped": ("■", "yellow"),
-    "error": ("■", "red"),
-    "running": ("▶", "bold cyan"),
-    "cut off": ("…", "yellow"),
-    "empty": ("…", "yellow"),
-    "damaged": ("!", "bold red"),
-    "unreadable": ("?", "red"),
-}
-"""By outcome, or by state for a run without one."""
-
-UNCHECKED = "This record was written without checksums: later changes cannot be detected."
+from pomona.executive.terminal.words import MARKS, ending, how, row_of, seconds
 
 
 def wide_console() -> Screen:
@@ -80,28 +64,6 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
 
 def _shortened(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 1]}…"
-
-
-def how(run: Digest) -> str:
-    """Return a run's outcome, or its state when it has none; `empty` for a record of zero length."""
-    if run.state == "cut off" and run.bytes == 0:
-        return "empty"
-    return run.outcome if run.state == "ended" and run.outcome in MARKS else run.state
-
-
-def ending(run: Digest) -> str:
-    """Why a run ended as it did, in a few words; empty for a success of which nothing was lost."""
-    lost = f"repaired, lost {run.lost}   " if run.lost else ""
-    if how(run) == "success":
-        return lost.strip()
-    if run.state == "running":
-        return f"running for {seconds(time.time() - run.wall_time)}"
-    if run.state == "cut off":
-        return f"{lost}{how(run)}: {run.message}"
-    if run.state == "damaged":
-        return run.message or "damaged"
-    why = f"{run.code}: {run.message}" if run.code else run.message or ""
-    return f"{lost}{why}".strip()
 
 
 def _settings(run: Digest) -> str:
