@@ -222,6 +222,8 @@ faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated
 	$(BIN)/python -m benchmarks.fault_matrix
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_ur5e_hand_e_fingers
+	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_xarm6_hand_e_fingers
+	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_plc
 	$(BIN)/python -m benchmarks.fault_matrix --cell orchard
 	$(BIN)/python -m benchmarks.fault_matrix --cell conveyor
 
