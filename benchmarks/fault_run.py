@@ -52,7 +52,7 @@ TREES = Path(__file__).parent
 TABLE = {"fruit": "apple_4", "place": "2", "distractors": "0"}
 SETTINGS = {
     "sim": TABLE, "emulated": TABLE, "emulated_ur5e_hand_e_fingers": TABLE, "emulated_xarm6_hand_e_fingers": TABLE,
-    "emulated_plc": TABLE,
+    "emulated_plc": {**TABLE, "others": "0"},
     "orchard": {"leaves": "0", "behind": "0", "friction": "0.8", "looks": "1", "most": "1", "tries": "1"},
     "conveyor": {"fruit": "apple_4", "most": "1", "patience": "6 s"},
 }  # fmt: skip

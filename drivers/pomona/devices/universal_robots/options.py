@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pomona.drivers import ArmFile
 from pomona.executive import RATE, TIME, Flag, Measure, Problem, Text, value
 
+HOST = Text(pattern=r"[\w.-]+", words="a host: its name or IPv4 address alone, since the ports are fixed")
 PORTS = {"rtde": 30004, "script": 30002, "dashboard": 29999}
 MODELS = ("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur15", "ur18", "ur20", "ur30", "ur3", "ur5", "ur10")
 
@@ -16,7 +17,7 @@ MODELS = ("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur15", "ur18", "ur
 class UrFile(ArmFile):
     """A Universal Robots arm under PolyScope 3.12 or 5.6 and later; nothing moves when the run starts."""
 
-    address: str = value(Text(), help="HOST of the controller")
+    address: str = value(HOST, help="HOST of the controller")
     model: str = value(Text(*MODELS), help="which robot must be there")
     power_on: bool = value(Flag(), True, "power the arm and release its brakes when the run starts")
     rate: float = value(Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "packages per second from the controller")

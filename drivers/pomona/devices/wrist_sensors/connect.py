@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pomona.devices.suntouch.transport import serial_opener, serial_ports
-from pomona.devices.universal_robots.options import PORTS
+from pomona.devices.universal_robots.options import HOST, PORTS
 from pomona.devices.wrist_sensors.codec import RANGE
 from pomona.devices.wrist_sensors.sensor import StreamOptions, WristSensor, WristSession
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
@@ -39,7 +39,7 @@ class Ft300File:
 class UrForceFile:
     """The force/torque sensor of a Universal Robots e-series, UR20 or UR30, read by RTDE."""
 
-    address: str = value(Text(), help="HOST of the controller")
+    address: str = value(HOST, help="HOST of the controller")
     mass: float = value(CARRIED, help="that it carries: hand, camera and fruit")
     least: float = value(Measure(FORCE, "0.1 N", "50 N"), "4 N", "smallest lasting change that is no error: measure it")
     rate: float = value(Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "samples per second")
