@@ -116,7 +116,7 @@ ablations: $(STAMP) ## refinement, planning and force beside their baselines, in
 	  $(BIN)/pomona campaign benchmarks/ablation_$$part.yaml --report-to docs/reports/ablation_$$part $(CAMPAIGN) || exit 1; \
 	done
 
-bench-arms: $(STAMP) ## twenty picks on the emulated twin of a UR5e with a Hand-E, with force fingers and without
+bench-arms: $(STAMP) ## fifty picks on the emulated twin of a UR5e with a Hand-E, with force fingers and without
 	$(BIN)/pomona campaign benchmarks/arms.yaml $(CAMPAIGN)
 
 bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, jitter, checking a large file
@@ -222,6 +222,8 @@ faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated
 	$(BIN)/python -m benchmarks.fault_matrix
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_ur5e_hand_e_fingers
+	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_xarm6_hand_e_fingers
+	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_plc
 	$(BIN)/python -m benchmarks.fault_matrix --cell orchard
 	$(BIN)/python -m benchmarks.fault_matrix --cell conveyor
 

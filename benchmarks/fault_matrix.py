@@ -19,7 +19,7 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
-from benchmarks.fault_run import branch_cases, plan_here, prepare_to_fork, run_case
+from benchmarks.fault_run import SETTINGS, branch_cases, plan_here, prepare_to_fork, refuse_case, run_case
 from benchmarks.fault_table import Case, CaseVerdict, read_table, report
 
 
@@ -41,6 +41,11 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
         words = f"{len(verdicts)}/{len(cases)} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"
         print(words, verdict.reason, file=sys.stderr, flush=True)
 
+    for case in [case for case in cases if case.ends == "refused"]:
+        tell(refuse_case(case, cell, seed))
+    cases = [case for case in cases if case.ends != "refused"]
+    if not cases:
+        return verdicts
     if not alone:
         prepare_to_fork()
         for tree in dict.fromkeys(case.phase.tree for case in cases):
@@ -49,14 +54,14 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
         with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=plan_here) as pool:
             for verdict in pool.map(_run, [(case, cell, seed) for case in cases]):
                 tell(verdict)
-    places = {(case.name, case.phase.name): place for place, case in enumerate(cases)}
+    places = {(v.case.name, v.case.phase.name): len(cases) for v in verdicts}
+    places |= {(case.name, case.phase.name): place for place, case in enumerate(cases)}
     return sorted(verdicts, key=lambda v: places.get((v.case.name, v.case.phase.name), -1))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    cells = ("sim", "emulated", "emulated_ur5e_hand_e_fingers", "orchard", "conveyor")
-    parser.add_argument("--cell", default="sim", choices=cells)
+    parser.add_argument("--cell", default="sim", choices=SETTINGS)
     parser.add_argument("--only", nargs="*", help="faults, as switch.fault")
     parser.add_argument("--phases", nargs="*")
     parser.add_argument("--cases", nargs="*", help="as switch.fault@phase")

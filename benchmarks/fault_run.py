@@ -30,7 +30,9 @@ from pomona.drivers.interfaces import Arm, Gripper
 from pomona.drivers.services import ConnectContext, RobotServices
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import read_cell_file
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.device import FaultSwitch
+from pomona.executive.cell.errors import CellFileError
 from pomona.executive.execute import Executed, RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.language import build
@@ -50,7 +52,8 @@ from pomona.tools.simulation.world import PhysicsWorld
 TREES = Path(__file__).parent
 TABLE = {"fruit": "apple_4", "place": "2", "distractors": "0"}
 SETTINGS = {
-    "sim": TABLE, "emulated": TABLE, "emulated_ur5e_hand_e_fingers": TABLE,
+    "sim": TABLE, "emulated": TABLE, "emulated_ur5e_hand_e_fingers": TABLE, "emulated_xarm6_hand_e_fingers": TABLE,
+    "emulated_plc": {**TABLE, "others": "0"},
     "orchard": {"leaves": "0", "behind": "0", "friction": "0.8", "looks": "1", "most": "1", "tries": "1"},
     "conveyor": {"fruit": "apple_4", "most": "1", "patience": "6 s"},
 }  # fmt: skip
@@ -76,6 +79,10 @@ HOME = 0.01
 """An arm this near to a pose is there [rad]."""
 SHOWING: dict[str, type[Any]] = {"arm": Arm, "gripper": Gripper}
 """Devices whose faults show when they move; every other word of `shows` is a node's name."""
+STIRRED = 2e-3
+"""Least motion of a joint or a finger that counts as one before a run [rad or m]: an arm sags so far."""
+ROBOT = slice(0, 8)
+"""The robot's joints in the state of a world: arm, then fingers."""
 ENDLESS = 600.0
 """Time on the run's clock after its fault at which a case is given up [s]: a pause of a minute, or an arm at a tenth of
 its speed, takes less."""
@@ -398,6 +405,38 @@ def run_case(case: Case, cell: str, seed: int) -> CaseVerdict:
         )
         judge_record(executed.record, executed.result.outcome, verdict)
     judge(watchers[0], executed, verdict)
+    return verdict
+
+
+def refuse_case(case: Case, cell: str, seed: int) -> CaseVerdict:
+    """Connect a cell that has a fault already: it is refused in one line at its place, and nothing moves."""
+    verdict, worlds, enter = CaseVerdict(case, outcome="connected"), [], VirtualWorld.enter
+    before: list[Any] = []
+
+    def enter_faulty(world: VirtualWorld, context: ConnectContext) -> None:
+        worlds.append(world)
+        before.append(world._world.state.qpos.copy())
+        world.switches[case.switch].inject_fault(case.kind)
+        enter(world, context)
+
+    setattr(VirtualWorld, "enter", enter_faulty)  # noqa: B010
+    try:
+        load_cell(find_cell(cell), seed=seed, overrides=SETTINGS[cell]).close()
+    except CellFileError as error:
+        verdict.outcome, verdict.reason = "refused", str(error)
+        places = [finding for finding in error.findings if finding.severity == "error"]
+        if len(places) != 1 or places[0].line < 1 or "\n" in places[0].message:
+            verdict.wrong.append("not one line at one place")
+        if case.says not in verdict.reason or f"{case.device}: " not in verdict.reason:
+            verdict.wrong.append(f"does not say {case.says} of the {case.device}")
+    except Exception as error:
+        verdict.wrong.append(f"{type(error).__name__}: {error}")
+    finally:
+        setattr(VirtualWorld, "enter", enter)  # noqa: B010
+    if verdict.outcome != "refused":
+        verdict.wrong.append("is not refused")
+    if not worlds or float(np.abs(worlds[0]._world.state.qpos[ROBOT] - before[0][ROBOT]).max()) > STIRRED:
+        verdict.wrong.append("something has moved")
     return verdict
 
 

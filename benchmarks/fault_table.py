@@ -14,7 +14,7 @@ from pomona.executive.values.units import TIME
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
 OWN_PHASES = {"orchard": "wall", "conveyor": "belt"}
 """Cells with a tree of their own, and the table of its phases."""
-ENDS = ("safe", "failure", "success", "harmless", "recovered")
+ENDS = ("safe", "failure", "success", "harmless", "recovered", "refused")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Case:
 
     @property
     def device(self) -> str:
-        return self.switch.split(".")[0]
+        return self.switch.split(".")[0].removeprefix("modbus-")
 
     @property
     def name(self) -> str:

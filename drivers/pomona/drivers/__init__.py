@@ -102,6 +102,7 @@ if TYPE_CHECKING:
         PathMotion as PathMotion,
     )
     from pomona.drivers.robot_file import (
+        ArmFile as ArmFile,
         read_limits as read_limits,
     )
     from pomona.drivers.rolling_path import (
@@ -182,7 +183,7 @@ PUBLIC = {
     "pomona.executive.cell.device": "Device FaultSwitch World",
     "pomona.executive.cell.owner": "Address Link Malformed Nonsense Owner TcpLink Watchdog raise_priority tcp_opener",
     "pomona.executive.cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
-    "robot_file": "read_limits",
+    "robot_file": "ArmFile read_limits",
     "rolling_path": "OutOfSetPointsError POINT_PERIOD RollingPath SetPoint",
     "services": "ConnectContext",
     "streamed_motion": "StreamedMotion",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,10 @@ import numpy as np
 
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits
+from pomona.drivers.motion_supervisor import Supervision
 from pomona.executive.values.installation import installed_trees, load_mujoco
+from pomona.executive.values.kinds import PathTo
+from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.trial import trial
 
 SHIPPED = (installed_trees() / "robots").resolve()  # as trustworthy as the code
@@ -103,3 +108,32 @@ def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
             words = f"the joint '{model.joint(joint).name}' needs a range; {lower:g} … {upper:g} rad is none"
             raise UnusableRobotFile(path, words)
     return ArmLimits(ranges[:, 0], ranges[:, 1], *rates)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmFile:
+    """Options that each arm has which is sent set-points."""
+
+    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
+    supervision: Supervision = value(
+        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
+    )
+
+    @property
+    def dof(self) -> int:
+        """Joints that the description must have."""
+        return 6
+
+    @property
+    def limits(self) -> ArmLimits:
+        """Limits of the joints. Raises UnusableRobotFile."""
+        return read_limits(self.robot, self.dof)
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            read_limits(self.robot, self.dof)
+        except UnusableRobotFile as error:
+            yield Problem("robot", str(error))
+
+    def known(self) -> Iterator[object]:
+        yield self.limits

@@ -260,8 +260,8 @@ class FrameGuard:
         Args:
             stamp: time of exposure on the cell's clock [s].
             number: the camera's own.
-            colour, depth: some pixels of either image. A live sensor never repeats both, nor any measured depth,
-                exactly.
+            colour, depth: some pixels of the one, all of the other. A live sensor never repeats both, nor a measured
+                depth image, exactly; near surfaces repeat most pixels, since noise is below the step there.
         """
         self._flaw = self._flaw_of(stamp, number) or self._repeated("picture", colour + depth)
         if depth.strip(b"\0"):

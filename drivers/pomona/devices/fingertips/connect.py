@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from pomona.devices.fingertips.codec import BAUD
 from pomona.devices.fingertips.driver import TsfFingertips, TsfSession
-from pomona.devices.suntouch.transport import SerialLink, serial_ports
+from pomona.devices.suntouch.transport import serial_opener, serial_ports
 from pomona.devices.wrist_sensors.sensor import StreamOptions
-from pomona.drivers import ConnectContext, DeviceError, Gripper, Link, Settings, driver, may_hold
+from pomona.drivers import ConnectContext, Gripper, Settings, driver, may_hold
 from pomona.executive import FORCE, TIME, Counts, Measure, Text, value
 
 
@@ -43,7 +42,7 @@ def connect(settings: Settings[TsfFile], context: ConnectContext) -> TsfFingerti
         if held:
             hint = "empty the hand and start with --cleared, or give 'zero' here"
             raise settings.error(f"its zero cannot be taken: {held}", "port", hint)
-    open_port: Callable[[], Link] = context.wires.get(said.port) or (lambda: SerialLink(said.port, BAUD))
+    open_port = serial_opener(said.port, BAUD, context.wires)
     zero = None if said.zero is None else (float(said.zero[0]), float(said.zero[1]))
 
     def open_session() -> TsfSession:
@@ -54,10 +53,4 @@ def connect(settings: Settings[TsfFile], context: ConnectContext) -> TsfFingerti
 
     options = StreamOptions(1.0 / said.period, said.silence, said.strongest)
     fingertips = TsfFingertips(open_session, context.clock, options, settings.name)
-    try:
-        fingertips.connect()
-    except DeviceError as error:
-        hint = f"are the TSF-85 on this port? serial ports here: {', '.join(serial_ports()) or 'none'}"
-        raise settings.error(error.message, "port", hint) from error
-    fingertips.start()
-    return fingertips
+    return settings.opened(fingertips, {Exception: ("port", f"are the TSF-85 on this port? {serial_ports()}")})

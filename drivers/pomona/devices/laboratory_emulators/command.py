@@ -14,7 +14,7 @@ from pomona.devices.emulators.server import Endpoint, TcpPort
 from pomona.devices.laboratory_emulators.modbus_plc import PlcEmulator
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.laboratory_emulators.xarm import PORTS as XARM_PORTS, XArmEmulator
-from pomona.devices.universal_robots.connect import PORTS
+from pomona.devices.universal_robots.options import PORTS
 
 STRETCHED_UP = np.array([0.0, -1.57, 1.57, -1.57, -1.57, 0.0])
 """Joints at the start, the tool downwards [rad]."""

@@ -30,7 +30,8 @@ class PlcEmulator(FaultSwitch):
     """The PLC. Coil 0 is the heartbeat that it watches, discrete input 0 its own; `program` is called in each scan.
 
     Faults: `silent` (no answer), `stopped` (its program stands still, Modbus goes on), `garbage` (answers are no Modbus
-    frames), `busy` (each request is refused), `overwriting` (the owned addresses take no new value, without a word).
+    frames), `busy` (each request is refused), `overwriting` (the owned addresses take no new value, without a word);
+    `other_unit`, `owned` (before a connection: it answers as unit 7, a field bus owns coil 1).
 
     Attributes:
         memory: bits and registers by area; an address outside it does not exist.
@@ -38,7 +39,7 @@ class PlcEmulator(FaultSwitch):
         alive: whether the other side's heartbeat changes.
     """
 
-    known_faults = ("silent", "stopped", "garbage", "busy", "overwriting")
+    known_faults = ("silent", "stopped", "garbage", "busy", "overwriting", "other_unit", "owned")
 
     def __init__(self, size: int = 64, unit: int | None = 1, owned: Iterable[tuple[str, int]] = ()) -> None:
         """`unit` is the only one that it answers as; with None it answers as any."""
@@ -50,6 +51,13 @@ class PlcEmulator(FaultSwitch):
         self.now = 0.0
         self._buffers: dict[int, bytearray] = {}
         self._beat_at, self._heard, self._heard_at = 0.0, 0, -MISSED
+
+    def inject_fault(self, kind: str) -> None:
+        super().inject_fault(kind)
+        if kind == "other_unit":
+            self.unit = 7
+        elif kind == "owned":
+            self.owned |= {("coil", 1)}
 
     def connected(self, peer: Peer) -> None:
         """A client has connected."""

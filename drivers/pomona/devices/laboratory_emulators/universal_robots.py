@@ -15,7 +15,7 @@ from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
 from pomona.devices.laboratory_emulators.urscript import compile_script
-from pomona.devices.universal_robots.connect import PORTS
+from pomona.devices.universal_robots.options import PORTS
 from pomona.devices.universal_robots.rtde import FORMATS, RtdeKind, decode, encode
 from pomona.drivers import Arm, Cell, FaultSwitch, LoadSensor, Malformed
 from pomona.executive import Float64
@@ -26,6 +26,8 @@ MOST = 40.0
 """Acceleration of a joint under servoj and in a stop [rad/s²]: plausible, not measured."""
 LOCKED = 5.0
 """Time for which a protective stop cannot be unlocked [s] (PolyScope's dashboard server)."""
+JUMP = 0.6
+"""Step of the first joint's feedback by the fault `jump` [rad]."""
 POWERING = 0.2
 """Time of each of power and brakes [s]; a real arm takes some seconds."""
 WAIT = (
@@ -65,7 +67,8 @@ class UrEmulator(FaultSwitch):
     Faults: `protective`, `e_stop`, `safeguard`, `reduced`, `freedrive` (states of the safety system and the arm);
     `slider` (the speed slider at a half), `paused`, `no_script` (at the pendant), `replaced` (another program);
     `killed` (all connections end), `silent` (no byte at any port), `slow` (a package every 0.1 s); `stuck`, `frozen`,
-    `nan`, `wild` (joints and their feedback).
+    `nan`, `wild`, `jump` (joints and their feedback); `other_model`, `old`, `local`, `owned` (before a connection: a
+    UR10, PolyScope 3.11, local control, a register of a field bus).
 
     Attributes:
         model, version, remote: what the dashboard answers; the version also RTDE.
@@ -77,7 +80,7 @@ class UrEmulator(FaultSwitch):
 
     known_faults = (
         *("protective", "e_stop", "safeguard", "reduced", "freedrive", "slider", "paused", "no_script", "replaced"),
-        *("killed", "silent", "slow", "stuck", "frozen", "nan", "wild"),
+        *("killed", "silent", "slow", "stuck", "frozen", "nan", "wild", "jump", "other_model", "old", "local", "owned"),
     )
 
     def __init__(self, joints: Joints, velocity: Float64, model: str = "UR5") -> None:
@@ -123,6 +126,14 @@ class UrEmulator(FaultSwitch):
         elif kind == "killed":
             for port in (self.rtde, self.dashboard, self.script):
                 port.hang_up()
+        elif kind == "other_model":
+            self.model = "UR10"
+        elif kind == "old":
+            self.version = (3, 11, 0, 0)
+        elif kind == "local":
+            self.remote = False
+        elif kind == "owned":
+            self.bus.add("input_int_register_24")
 
     def clear_fault(self) -> None:
         """Release the button, close the guard, plug the cable in; a protective stop is unlocked by a command."""
@@ -217,6 +228,8 @@ class UrEmulator(FaultSwitch):
                 return np.full_like(q, np.nan), qd
             case "wild":
                 return np.full_like(q, 1e30), qd
+            case "jump":
+                return q + JUMP * np.eye(len(q))[0], qd
         return q, qd
 
     # ------------------------------------------------------------------------------------------ scripts

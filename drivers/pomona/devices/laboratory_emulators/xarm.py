@@ -24,6 +24,8 @@ FILTER = 0.010
 """Time in which servo mode comes to a set-point [s]: plausible, not measured."""
 MOST = 20.0
 """Acceleration of a joint in a stop and in the queue [rad/s²]: plausible, not measured."""
+JUMP = 0.6
+"""Step of the first joint's feedback by the fault `jump` [rad]."""
 FAR = 0.2
 """Distance of a set-point in servo mode that is the error 24 [rad]: plausible, not measured."""
 MOVE_JOINT, JOINT_SPEEDS = 23, 81
@@ -36,8 +38,9 @@ class XArmEmulator(FaultSwitch):
 
     Faults: `collision`, `e_stop`, `motor` (errors 31, 1, 13); `stopped`, `paused` (in UFACTORY Studio); `replaced`
     (another program sets the queue's mode and moves); `moved` (another client sends set-points); `killed` (all
-    connections end), `silent` (no byte at any port), `no_report`; `stuck`, `frozen`, `nan`, `wild` (joints and their
-    feedback).
+    connections end), `silent` (no byte at any port), `no_report`; `stuck`, `frozen`, `nan`, `wild`, `jump` (joints and
+    their feedback); `other_model`, `old`, `by_hand` (before a connection: an arm of another type, firmware 1.8, guided
+    by hand).
 
     Attributes:
         axes, kind, firmware: of the answer to VERSION.
@@ -47,7 +50,7 @@ class XArmEmulator(FaultSwitch):
 
     known_faults = (
         *("collision", "e_stop", "motor", "stopped", "paused", "replaced", "moved", "killed", "silent", "no_report"),
-        *("stuck", "frozen", "nan", "wild"),
+        *("stuck", "frozen", "nan", "wild", "jump", "other_model", "old", "by_hand"),
     )
 
     def __init__(self, joints: Joints, velocity: Float64, kind: int = 6) -> None:
@@ -86,6 +89,12 @@ class XArmEmulator(FaultSwitch):
         elif kind == "killed":
             for port in (self.command, self.normal, self.rich, self.report):
                 port.hang_up()
+        elif kind == "other_model":
+            self.kind = 9
+        elif kind == "old":
+            self.firmware = (1, 8, 0)
+        elif kind == "by_hand":
+            self.set_mode(2)
 
     def clear_fault(self) -> None:
         """Release the button, plug the cable in; errors are cleared by a command."""
@@ -236,6 +245,8 @@ class XArmEmulator(FaultSwitch):
                 return np.full_like(q, np.nan), qd
             case "wild":
                 return np.full_like(q, 1e30), qd
+            case "jump":
+                return q + JUMP * np.eye(len(q))[0], qd
         return q, qd
 
     # ------------------------------------------------------------------------------------------ reports

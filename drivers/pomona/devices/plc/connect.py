@@ -25,10 +25,14 @@ from pomona.devices.plc.signals import SignalNames
 from pomona.drivers import Address, ConnectContext, DeviceError, DeviceLost, Settings, driver, tcp_opener
 from pomona.executive import TIME, Flag, MappingOf, Measure, Number, Problem, Section, Text, Whole, value
 
+ADDRESS = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]?\d{1,4})"
 READABLE = Text(
-    pattern=r"(coil|discrete|holding|input) \d{1,5}", words="an area (coil, discrete, holding, input) and an address"
+    pattern=f"(coil|discrete|holding|input) {ADDRESS}",
+    words="an area (coil, discrete, holding, input) and an address from 0 to 65535",
 )
-WRITABLE = Text(pattern=r"(coil|holding) \d{1,5}", words="an area that can be written (coil, holding) and an address")
+WRITABLE = Text(
+    pattern=f"(coil|holding) {ADDRESS}", words="an area that can be written (coil, holding) and an address, 0 to 65535"
+)
 LAST = 65535
 """Largest address."""
 DEADLINE = 0.2
@@ -40,20 +44,25 @@ def _placed(at: str) -> tuple[str, int]:
     return area, int(address)
 
 
+def _beyond(at: str, kind: str) -> Iterator[Problem]:
+    """Yield the problem of a number whose second register has no address."""
+    if _placed(at)[1] + SignalPlace(*_placed(at), kind).span.count - 1 > LAST:
+        yield Problem("at", f"a {kind} takes two registers, and {at} is the last one")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModbusInputFile:
     """A signal that the PLC gives."""
 
     at: str = value(READABLE, help="area and address, which counts from 0: discrete 3, input 10")
     type: str = value(Text(*NUMBERS), "uint16", "kind of a number in registers")
-    scale: float = value(Number(1e-9, 1e9), "1", "value of one count")
+    scale: float = value(Number(1e-6, 1e9), "1", "value of one count")
     deadline: float | None = value(
         Measure(TIME, "20 ms", "1 min"), None, "age from which it is unknown; default 200 ms"
     )
 
     def problems(self) -> Iterator[Problem]:
-        if _placed(self.at)[1] > LAST:
-            yield Problem("at", f"{self.at} is out of range: addresses end at {LAST}")
+        yield from _beyond(self.at, self.type)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,13 +71,12 @@ class ModbusOutputFile:
 
     at: str = value(WRITABLE, help="area and address, which counts from 0: coil 3, holding 10")
     type: str = value(Text(*NUMBERS), "uint16", "kind of a number in registers")
-    scale: float = value(Number(1e-9, 1e9), "1", "value of one count")
+    scale: float = value(Number(1e-6, 1e9), "1", "value of one count")
     safe: float = value(Number(), "0", "value at a safe stop, before the first command and after the run")
 
     def problems(self) -> Iterator[Problem]:
         area, first = _placed(self.at)
-        if first > LAST:
-            yield Problem("at", f"{self.at} is out of range: addresses end at {LAST}")
+        yield from _beyond(self.at, self.type)
         try:
             SignalPlace(area, first, self.type, self.scale).encode(self.safe)
         except ValueError as error:
@@ -152,18 +160,15 @@ def connect(settings: Settings[ModbusSignalsFile], context: ConnectContext) -> M
 
     places = said.input_places, said.output_places
     signals = ModbusSignals(open_client, context.clock, *places, said.beat, said.poll, settings.name)
-    try:
-        signals.connect()
-    except UnfitSignal as error:
-        raise settings.error(error.message, error.key) from error
-    except (ModbusRefused, DeviceLost) as error:
-        hint = "is it the unit's number? a PLC without a gateway is often 1 or 255"
-        raise settings.error(error.message, "unit", hint) from error
-    except DeviceError as error:
-        raise settings.error(error.message, "heartbeat") from error
-    except OSError as error:
-        hint = f"is Modbus TCP switched on in the PLC, on port {port}?"
-        raise settings.error(f"cannot be reached: {error}", "address", hint) from error
     signals.outside_stop = f"{outside.__name__}:stop", (host, port, said.unit, signals.safe_writes)
-    signals.start()
-    return signals
+    other_unit = "unit", "is it the unit's number? a PLC without a gateway is often 1 or 255"
+    return settings.opened(
+        signals,
+        {
+            UnfitSignal: ("inputs", ""),
+            ModbusRefused: other_unit,
+            DeviceLost: other_unit,
+            DeviceError: ("heartbeat", ""),
+            OSError: ("address", f"is Modbus TCP switched on in the PLC, on port {port}?"),
+        },
+    )

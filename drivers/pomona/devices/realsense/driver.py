@@ -18,7 +18,7 @@ from pomona.drivers import D4XX, Camera, DepthModel, Device, DeviceError, Device
 from pomona.executive import Clock, UInt8
 
 RECONNECT = 1.0  # pause between attempts to open a lost camera again [s]
-PIXELS = 16  # stride in rows and columns of the pixels that are compared with the previous frame
+PIXELS = 16  # stride in rows and columns of the colour pixels that are compared with the previous frame
 
 
 class ImageSource(Protocol):
@@ -142,7 +142,7 @@ class StreamingCamera(Device):
         if pair is not None:
             self._last_seen = now
             stamp = self._stamps.stamp(pair)
-            if self._guard.judge(stamp, pair.number, _some_pixels(pair.colour), _some_pixels(pair.depth)):
+            if self._guard.judge(stamp, pair.number, _some_pixels(pair.colour), pair.depth.tobytes()):
                 self._newest = self._frame(pair, min(stamp, now))
             self._guard.check(self.name)
         elif now - self._last_seen > self._silence:

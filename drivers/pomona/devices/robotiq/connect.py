@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pomona.devices.robotiq.driver import MODELS, RobotiqGripper, RobotiqOptions
 from pomona.devices.robotiq.session import RobotiqSession, RtuSession, UrcapSession
-from pomona.devices.suntouch.transport import SerialLink, serial_ports
+from pomona.devices.suntouch.transport import serial_opener, serial_ports
 from pomona.drivers import (
     Address,
     ConnectContext,
     DeviceError,
     DeviceLost,
     GripperSupervision,
-    Link,
     Settings,
     driver,
     tcp_opener,
@@ -86,10 +85,9 @@ class RobotiqFile:
 def opener(said: RobotiqFile, context: ConnectContext) -> Callable[[], RobotiqSession]:
     """Return how to open the gripper's wire."""
     if said.urcap is not None:
-        open_link: Callable[[], Link] = tcp_opener(*said.urcap, context.wires)
+        open_link = tcp_opener(*said.urcap, context.wires)
         return lambda: UrcapSession(open_link(), context.clock)
-    port = said.port or ""
-    open_port: Callable[[], Link] = context.wires.get(port) or (lambda: SerialLink(port, BAUD))
+    open_port = serial_opener(said.port or "", BAUD, context.wires)
     return lambda: RtuSession(open_port(), context.clock)
 
 
@@ -97,22 +95,11 @@ def opener(said: RobotiqFile, context: ConnectContext) -> Callable[[], RobotiqSe
 def connect(settings: Settings[RobotiqFile], context: ConnectContext) -> RobotiqGripper:
     """Open the gripper that a cell file describes; nothing moves, unless it is activated."""
     said = settings.values
-    key = "port" if said.urcap is None else "urcap"
-    options = RobotiqOptions(
-        **{name: getattr(said.options, name) for name in RobotiqOptions.__slots__}
-        | {"activate": said.activate and context.cleared}
-    )
+    options = replace(said.options, activate=said.activate and context.cleared)
     gripper = RobotiqGripper(opener(said, context), context.clock, options)
-    try:
-        gripper.connect()
-    except (OSError, DeviceLost) as error:
-        there = f"serial ports of this machine: {', '.join(serial_ports()) or 'none'}"
-        hint = there if key == "port" else "is the Robotiq URCap installed, and no other client connected?"
-        told = error.message if isinstance(error, DeviceError) else f"cannot be opened: {error}"
-        raise settings.error(told, key, f"{hint}; is the gripper powered, with the Modbus address 9?") from error
-    except DeviceError as error:
-        raise settings.error(error.message, "model") from error
     where: tuple[Any, ...] = (said.port, None, 0) if said.urcap is None else (None, *said.urcap)
     gripper.outside_stop = "pomona.devices.robotiq.outside:stop", where
-    gripper.start()
-    return gripper
+    silent = "port", f"{serial_ports()}; is the gripper powered, with the Modbus address 9?"
+    if said.urcap is not None:
+        silent = "urcap", "is the Robotiq URCap installed, and no other client connected? is the gripper powered?"
+    return settings.opened(gripper, {OSError: silent, DeviceLost: silent, DeviceError: ("model", "")})

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.devices.suntouch.calibration import FingerCalibration, UnusableCalibration
 from pomona.devices.suntouch.driver import SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
-from pomona.devices.suntouch.transport import SerialLink, serial_ports
-from pomona.drivers import Belief, ConnectContext, DeviceError, DeviceLost, Gripper, Link, SampleRate, Settings, driver
+from pomona.devices.suntouch.transport import serial_opener, serial_ports
+from pomona.drivers import Belief, ConnectContext, DeviceError, DeviceLost, Gripper, SampleRate, Settings, driver
 from pomona.executive import RATE, TIME, Measure, PathTo, Problem, Section, Text, value
 
 BAUDS = ("1000000", "500000", "115200")  # baud rates of the fingers [bit/s]
@@ -93,16 +93,11 @@ def connect(settings: Settings[SunTouchFile], context: ConnectContext) -> SunTou
         fingers.connect()
     except DeviceLost as error:
         side = "right" if "right finger" in error.message else "left"
-        hint = f"serial ports of this machine: {', '.join(serial_ports()) or 'none'}"
-        raise settings.error(error.message, side, hint) from error
+        raise settings.error(error.message, side, serial_ports()) from error
     fingers.start()
     return fingers
 
 
 def _finger(said: FingerFile, baud: int, context: ConnectContext) -> Finger:
-    open_link = context.wires.get(said.port) or _opener(said.port, baud)
+    open_link = serial_opener(said.port, baud, context.wires)
     return Finger(open_link, FingerCalibration.load(said.calibration), context.clock)
-
-
-def _opener(port: str, baud: int) -> Callable[[], Link]:
-    return lambda: SerialLink(port, baud)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import select
+from collections.abc import Callable, Mapping
 
 import serial
 from serial.tools import list_ports
+
+from pomona.drivers import Link
 
 
 class SerialLink:
@@ -41,9 +44,15 @@ class SerialLink:
         self._port.close()
 
 
-def serial_ports() -> list[str]:
-    """Return the serial ports of this machine, with the names of connected devices if known."""
-    return [
+def serial_opener(port: str, baud: int, wires: Mapping[str, Callable[[], Link]]) -> Callable[[], Link]:
+    """How to open a serial line, unless one of `wires` leads to this port."""
+    return wires.get(port) or (lambda: SerialLink(port, baud))
+
+
+def serial_ports() -> str:
+    """Return the serial ports of this machine in words, with the names of connected devices if known."""
+    found = [
         port.device if port.description in ("", "n/a") else f"{port.device} ({port.description})"
         for port in list_ports.comports()
     ]
+    return f"serial ports of this machine: {', '.join(found) or 'none'}"

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from pomona.devices.universal_robots.dashboard import UrDashboard
+from pomona.devices.universal_robots.options import UrFile
 from pomona.devices.universal_robots.rtde import RtdeSession
-from pomona.devices.universal_robots.stream import PERIOD, KnotStream, UrOptions
+from pomona.devices.universal_robots.stream import PERIOD, KnotStream
 from pomona.devices.universal_robots.words import (
     IDLE,
     PAUSED,
@@ -71,15 +72,14 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         self,
         open_port: Callable[[str], Link],
         clock: Clock,
-        description: Path,
         limits: ArmLimits,
-        options: UrOptions | None = None,
+        options: UrFile,
         name: str = "arm",
     ) -> None:
         """`open_port` connects to "rtde", "script" or "dashboard"."""
-        self.options = options or UrOptions()
-        super().__init__(name, clock, description, limits, self.options.supervision, PERIOD)
-        self._open_port, self.lead = open_port, self.options.lead
+        self.options = options
+        super().__init__(name, clock, options.robot, limits, options.supervision, PERIOD)
+        self._open_port, self.lead = open_port, options.lead
         self._dashboard = UrDashboard(name, lambda: open_port("dashboard"), clock)
         self._command, self._beat, self._beat_at, self._heard_at = STOP, 0, -np.inf, 0.0
         self._knot: list[float] = [0, *([0.0] * 13)]

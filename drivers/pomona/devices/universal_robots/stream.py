@@ -8,28 +8,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.drivers import KnotMaker, PathMotion, StreamedMotion, Supervision
+from pomona.devices.universal_robots.options import UrFile
+from pomona.drivers import KnotMaker, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # period of stepping the path here [s]
 CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
-
-
-@dataclass(frozen=True, slots=True)
-class UrOptions:
-    """Options of the arm in the cell file."""
-
-    model: str = "ur5e"  # its name in the dashboard, with the "e" of the e-series
-    power_on: bool = True  # whether the arm is powered and its brakes released at the connection
-    rate: float = 125.0  # packages per second
-    point_period: float = 0.02  # time between knots [s]
-    lead: float = 0.12  # how far ahead of the arm knots are sent [s]: a stop takes effect behind them
-    silence: float = 0.05  # time without a package after which the arm is lost [s]
-    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +42,7 @@ class KnotStream:
         motion: PathMotion | StreamedMotion,
         q_arm: Float64,
         clock: Clock,
-        options: UrOptions,
+        options: UrFile,
         number: int,
         commanded: Callable[[float, Float64], None],
     ) -> None:

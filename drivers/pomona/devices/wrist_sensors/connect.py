@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from pomona.devices.suntouch.transport import SerialLink, serial_ports
+from pomona.devices.suntouch.transport import serial_opener, serial_ports
+from pomona.devices.universal_robots.options import HOST, PORTS
 from pomona.devices.wrist_sensors.codec import RANGE
 from pomona.devices.wrist_sensors.sensor import StreamOptions, WristSensor, WristSession
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
-from pomona.drivers import ConnectContext, DeviceError, Link, Settings, driver, tcp_opener
+from pomona.drivers import ConnectContext, Settings, driver, tcp_opener
 from pomona.executive import FORCE, MASS, RATE, TIME, Measure, Text, value
 
 BAUD, FT300_RATE = 19200, 100.0  # of the FT 300 as delivered [bit/s], and of its stream [1/s]
-RTDE = 30004  # port of RTDE
+RTDE = PORTS["rtde"]
 UR_RANGE = 200.0  # of the forces that a UR20 measures [N]; smaller arms measure less
 
 CARRIED = Measure(MASS, "0 kg", "30 kg")
@@ -39,7 +39,7 @@ class Ft300File:
 class UrForceFile:
     """The force/torque sensor of a Universal Robots e-series, UR20 or UR30, read by RTDE."""
 
-    address: str = value(Text(), help="HOST of the controller")
+    address: str = value(HOST, help="HOST of the controller")
     mass: float = value(CARRIED, help="that it carries: hand, camera and fruit")
     least: float = value(Measure(FORCE, "0.1 N", "50 N"), "4 N", "smallest lasting change that is no error: measure it")
     rate: float = value(Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "samples per second")
@@ -54,12 +54,15 @@ class UrForceFile:
 def connect_ft300(settings: Settings[Ft300File], context: ConnectContext) -> WristSensor:
     """Open the sensor that a cell file describes."""
     said = settings.values
-    open_port: Callable[[], Link] = context.wires.get(said.port) or (lambda: SerialLink(said.port, BAUD))
+    open_port = serial_opener(said.port, BAUD, context.wires)
+
+    def session() -> WristSession:
+        return Ft300Session(settings.name, open_port(), context.clock)
+
     options = StreamOptions(FT300_RATE, said.silence, RANGE)
-    hint = f"is the FT 300 powered, with the Modbus address 9? serial ports here: {', '.join(serial_ports()) or 'none'}"
-    return _opened(
-        settings, context, lambda: Ft300Session(settings.name, open_port(), context.clock), options, "port", hint
-    )
+    sensor = WristSensor(session, context.clock, options, said.mass, said.least, settings.name)
+    hint = f"is the FT 300 powered, with the Modbus address 9? {serial_ports()}"
+    return settings.opened(sensor, {Exception: ("port", hint)})
 
 
 @driver(WristSensor, UrForceFile)
@@ -67,31 +70,11 @@ def connect_ur_force(settings: Settings[UrForceFile], context: ConnectContext) -
     """Open the sensor that a cell file describes."""
     said = settings.values
     open_link = tcp_opener(said.address, RTDE, context.wires)
+
+    def session() -> WristSession:
+        return UrForceSession(settings.name, open_link(), context.clock, said.rate)
+
     options = StreamOptions(said.rate, said.silence, UR_RANGE)
+    sensor = WristSensor(session, context.clock, options, said.mass, said.least, settings.name)
     hint = f"is the controller on, and does port {RTDE} answer at {said.address}?"
-    return _opened(
-        settings,
-        context,
-        lambda: UrForceSession(settings.name, open_link(), context.clock, said.rate),
-        options,
-        "address",
-        hint,
-    )
-
-
-def _opened(
-    settings: Settings[Ft300File] | Settings[UrForceFile],
-    context: ConnectContext,
-    open_session: Callable[[], WristSession],
-    options: StreamOptions,
-    key: str,
-    hint: str,
-) -> WristSensor:
-    said = settings.values
-    sensor = WristSensor(open_session, context.clock, options, said.mass, said.least, settings.name)
-    try:
-        sensor.connect()
-    except DeviceError as error:
-        raise settings.error(error.message, key, hint) from error
-    sensor.start()
-    return sensor
+    return settings.opened(sensor, {Exception: ("address", hint)})

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from pomona.devices.xarm.codec import ERROR, Register, identity, joints, servo_point
+from pomona.devices.xarm.options import XArmFile
 from pomona.devices.xarm.session import SLOW, XArmSession
-from pomona.devices.xarm.stream import PERIOD, ServoStream, XArmOptions
+from pomona.devices.xarm.stream import PERIOD, ServoStream
 from pomona.devices.xarm.words import BY_HAND, READY, SERVO, STOP, error_words, interrupted
 from pomona.drivers import (
     ArmLimits,
@@ -48,15 +48,14 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         self,
         open_port: Callable[[str], Link],
         clock: Clock,
-        description: Path,
         limits: ArmLimits,
-        options: XArmOptions | None = None,
+        options: XArmFile,
         name: str = "arm",
     ) -> None:
         """`open_port` connects to "command" or "report"."""
-        self.options = options or XArmOptions()
-        super().__init__(name, clock, description, limits, self.options.supervision, PERIOD)
-        self._open_port, self.lag = open_port, self.options.servo_lag
+        self.options = options
+        super().__init__(name, clock, options.robot, limits, options.supervision, PERIOD)
+        self._open_port, self.lag = open_port, options.servo_lag
         self._next = -np.inf
         self._rests_at: Float64 | None = None  # joints where the arm was left
 

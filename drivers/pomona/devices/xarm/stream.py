@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
-from pomona.drivers import DeviceFault, PathMotion, StreamedMotion, Supervision
+from pomona.drivers import DeviceFault, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # of set-points [s]: servo mode takes 250 a second
 MOST = 2  # periods by which a late set-point goes on: the arm is slower then, and jumps nowhere
 SETTLES = 0.05  # time after the last set-point in which an arm in servo mode comes to it [s]: assumed, not measured
-
-
-@dataclass(frozen=True, slots=True)
-class XArmOptions:
-    """Options of the arm in the cell file."""
-
-    model: str = "xarm6"
-    enable: bool = True  # whether its motors are enabled and its brakes released at the connection
-    silence: float = 0.05  # without an answer, a report or a set-point for this long the motion has failed [s]
-    servo_lag: float = 0.0  # delay of servo mode behind its set-points [s]
-    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
 
 
 class ServoStream:

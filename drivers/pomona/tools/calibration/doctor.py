@@ -9,7 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from pomona.drivers.errors import CellFileError, DriverError
-from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, WrenchSample
+from pomona.drivers.interfaces import (
+    Arm,
+    Camera,
+    ForceSensor,
+    Frame,
+    Gripper,
+    LoadSensor,
+    PressSensor,
+    WrenchSample,
+    WrenchSensor,
+)
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.device import Device
@@ -20,6 +30,9 @@ from pomona.tools.library.record_checks import check_records
 
 WATCHED = 1.0  # duration for which streams are watched [s]
 ENOUGH = 0.95  # ratio of the measured rate to the nominal one below which it is reported
+FELT = (ForceSensor, PressSensor, LoadSensor)  # interfaces of sensors that stream wrenches
+FREE = 0.5  # largest force of a pad that nothing touches [N]
+GRAVITY = 9.81  # [m/s²]
 SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0  # rates that a camera and an arm should have at least [Hz]
 
 
@@ -70,7 +83,7 @@ def _watch(cell: Cell) -> dict[str, _Watched]:
     watched = {name: _Watched() for name in cell.devices}
     subscriptions = []
     for name, device in cell.devices.items():
-        if isinstance(device, ForceSensor) and ForceSensor in device.interfaces:
+        if isinstance(device, WrenchSensor) and set(FELT) & set(device.interfaces):
             subscriptions.append(device.subscribe(_counter(watched[name])))
     end = cell.clock.now() + WATCHED
     seen: dict[str, float] = {}
@@ -131,8 +144,8 @@ def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterato
             words = f"opens {1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
             inside = limits.width_min - 1e-3 <= state.width <= limits.width_max + 1e-3
             yield ReportLine(f"{name} opening", inside, f"{1e3 * state.width:.1f} mm; {words}", "check finger_offset")
-        if ForceSensor in device.interfaces and isinstance(device, ForceSensor):
-            yield from _fingers(name, device, watched)
+        if isinstance(device, WrenchSensor) and set(FELT) & set(device.interfaces):
+            yield from _wrenches(name, device, watched)
     except DriverError as error:
         yield ReportLine(name, False, str(error))
 
@@ -178,18 +191,26 @@ def _arm(name: str, arm: Arm, watched: _Watched) -> Iterator[ReportLine]:
     )
 
 
-def _fingers(name: str, fingers: ForceSensor, watched: _Watched) -> Iterator[ReportLine]:
+def _wrenches(name: str, sensor: WrenchSensor, watched: _Watched) -> Iterator[ReportLine]:
     rate = watched.stamps / WATCHED
-    words = f"{rate:.0f} samples a second of {fingers.rate:.0f}, {watched.gaps} gaps"
+    words = f"{rate:.0f} samples a second of {sensor.rate:.0f}, {watched.gaps} gaps"
     yield ReportLine(
-        f"{name} rate", rate >= ENOUGH * fingers.rate, words, "look at the baud rate and the computer's load"
+        f"{name} rate", rate >= ENOUGH * sensor.rate, words, "look at the baud rate and the computer's load"
     )
-    sample = fingers.latest()
-    if sample is not None:
-        force = float(np.abs(sample.wrenches[:, :3]).max())
+    sample = sensor.latest()
+    if sample is None:
+        return
+    force = float(np.abs(sample.wrenches[:, :3]).max())
+    if isinstance(sensor, LoadSensor):
+        most = 2.0 * GRAVITY * sensor.mass  # the offset of a sensor that was not zeroed may have any direction
+        words = f"{force:.1f} N along an axis at rest; it carries {sensor.mass:g} kg, and {sensor.least:g} N count"
+        yield ReportLine(
+            f"{name} force", force <= most, words, "is 'mass' right? zero the sensor, and look for contact"
+        )
+    else:
         words = f"{force:.2f} N without contact"
-        yield ReportLine(f"{name} bias", force < 0.5, words, "take the bias with nothing touching the pads")
-        yield ReportLine(f"{name} range", not any(sample.saturated), "no channel at its end", "a taxel is at its end")
+        yield ReportLine(f"{name} bias", force < FREE, words, "take the bias with nothing touching the pads")
+    yield ReportLine(f"{name} range", not any(sample.saturated), "no channel at its end", "a value is at its end")
 
 
 def _short(value: object) -> str:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from pomona.executive.cell.device import Device
-from pomona.executive.cell.errors import CellFileError
+from pomona.executive.cell.errors import CellFileError, DeviceError
 from pomona.executive.values.documents import ValueFile, read_value_file
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.installation import elsewhere
@@ -29,6 +29,19 @@ from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, Yam
 GROUP = "pomona.drivers"
 Options = TypeVar("Options")
 T = TypeVar("T")
+
+
+class Served(Protocol):
+    """A device that is connected, and then served by a thread of its own."""
+
+    def connect(self) -> None:
+        """Connect; nothing moves. Raises DeviceError, OSError: it cannot be."""
+
+    def start(self) -> None:
+        """Serve the device from now on."""
+
+
+D = TypeVar("D", bound=Served)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +90,21 @@ class Settings(Generic[Options]):
         findings = Findings()
         findings.error(self.placed.place(key), "device", f"{self.name}: {message}", hint)
         return CellFileError(findings.sorted())
+
+    def opened(self, device: D, blamed: Mapping[type[Exception], tuple[str, str]]) -> D:
+        """Connect a device and let it serve itself.
+
+        `blamed` has the value to blame and the remedy of each kind of error, special ones first; an error with a `key`
+        names its value itself. Raises CellFileError.
+        """
+        try:
+            device.connect()
+        except (DeviceError, OSError) as error:
+            key, hint = next((blamed[kind] for kind in blamed if isinstance(error, kind)), ("", ""))
+            words = error.message if isinstance(error, DeviceError) else f"cannot be reached: {error}"
+            raise self.error(words, getattr(error, "key", key), hint) from error
+        device.start()
+        return device
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,7 +49,7 @@ def refusal(folder: Path, text: str, rig: PlcRig | None = None) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("discrete 1", "discrete 65536", ":5:15: .*addresses end at 65535"),
+        ("discrete 1", "discrete 65536", ":5:15: .*an address from 0 to 65535"),
         ("discrete 1", "relay 1", r":5:15: .*an area \(coil, discrete, holding, input\)"),
         ("{at: coil 1}", "{at: discrete 1}", r":7:15: .*an area that can be written \(coil, holding\)"),
         ("{at: coil 1}", "{at: coil 0}", "'heartbeat' and 'ready' would both write coil 0"),
@@ -58,6 +58,10 @@ def refusal(folder: Path, text: str, rig: PlcRig | None = None) -> str:
         ("ready:", "start:", "'start' is an input already"),
         ("heartbeat: {output: coil 0, input: discrete 0}", "unit: 1", "needs 'heartbeat'"),
         ("address: 127.0.0.86", "address: 127.0.0.86:0", "is not an address"),
+        ("discrete 1", "discrete 99999", "an address from 0 to 65535"),
+        ("output: coil 0", "output: coil 65536", "an address, 0 to 65535"),
+        ("{at: discrete 1}", "{at: input 65535, type: float32}", "takes two registers, and input 65535 is the last"),
+        ("{at: discrete 1}", "{at: input 1, scale: 0}", "between 1e-06 and"),
     ],
 )
 def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -68,7 +68,7 @@ def test_it_moves_over_its_wire_and_is_stopped_from_outside(tmp_path: Path, way:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("model: hand-e\nport: /dev/nothing", r"(?s):3:7: .*cannot be opened.*Modbus address 9"),
+        ("model: hand-e\nport: /dev/nothing", r"(?s):3:7: .*cannot be reached.*Modbus address 9"),
         ("model: hand-e\nurcap: 127.0.0.86", r"(?s):3:8: .*URCap installed"),
         ("model: hand-f\nport: /dev/x", "did you mean 'hand-e'"),
         ("model: hand-e", "either 'port' or 'urcap'"),

@@ -15,8 +15,9 @@ from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.emulators.server import Server, TcpPort
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.universal_robots import outside
-from pomona.devices.universal_robots.connect import PORTS, connect
+from pomona.devices.universal_robots.connect import connect
 from pomona.devices.universal_robots.driver import UrArm
+from pomona.devices.universal_robots.options import PORTS
 from pomona.drivers import CellFileError, ConnectContext, DeviceLost, MotionState
 from pomona.executive import SystemClock
 from pomona.executive.cell.registration import read_settings
@@ -81,6 +82,7 @@ def test_it_moves_over_tcp_and_is_stopped_from_outside(tmp_path: Path) -> None:
     ("text", "words"),
     [
         (f"address: 127.0.0.88\nmodel: ur5e\nrobot: {ROBOT}", r"(?s):2:10: .*cannot be reached.*30004, 30002, 29999"),
+        (f"address: h:99\nmodel: ur5e\nrobot: {ROBOT}", r":2:10: .*'h:99' is not a host: .*ports are fixed"),
         (f"address: h\nmodel: ur6e\nrobot: {ROBOT}", "did you mean 'ur"),
         (f"address: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 10 ms\nlead: 400 ms", "keeps 30 points"),
         ("address: h\nmodel: ur5e\nrobot: nothing.xml", "does not exist"),

@@ -14,8 +14,8 @@ from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.universal_robots.dashboard import WrongArmError
 from pomona.devices.universal_robots.driver import UrArm
+from pomona.devices.universal_robots.options import UrFile
 from pomona.devices.universal_robots.rtde import RegisterTakenError
-from pomona.devices.universal_robots.stream import UrOptions
 from pomona.drivers import ArmLimits, DeviceError, DeviceFault, DeviceLost, Motion, MotionRefused, MotionState
 from pomona.drivers.path_arm import RECONNECT
 from pomona.executive import ManualClock
@@ -52,8 +52,13 @@ class Cell:
             self.controller.advance(self.clock.now())
 
 
+def arm_of(cell: Cell, **options: Any) -> UrArm:
+    said = UrFile(**{"address": "ur", "model": "ur5e", "robot": Path("robot.xml"), **options})
+    return UrArm(cell.open, cell.clock, LIMITS, said)
+
+
 def connected(cell: Cell, **options: Any) -> UrArm:
-    arm = UrArm(cell.open, cell.clock, Path("robot.xml"), LIMITS, UrOptions(**options))
+    arm = arm_of(cell, **options)
     arm.connect()
     return arm
 
@@ -314,7 +319,7 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
     cell.let_pass(0.7)
     assert cell.controller.program is None
     assert np.abs(cell.joints.measured()[1]).max() < 1e-4
-    again = UrArm(cell.open, cell.clock, Path("robot.xml"), LIMITS)
+    again = arm_of(cell)
     with pytest.raises(RegisterTakenError, match=r"input_int_register_24 \(IN_USE\).*another RTDE client"):
         again.connect()
     cell.controller.rtde.disconnected(cell.opened[0].peer)
@@ -326,7 +331,7 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
 
 
 def refusal(cell: Cell, **options: Any) -> str:
-    arm = UrArm(cell.open, cell.clock, Path("robot.xml"), LIMITS, UrOptions(**options))
+    arm = arm_of(cell, **options)
     with pytest.raises(DeviceError) as caught:
         arm.connect()
     text = caught.value.message

@@ -14,7 +14,7 @@ from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.laboratory_emulators.xarm import XArmEmulator
 from pomona.devices.xarm.codec import Register, encode
 from pomona.devices.xarm.driver import WrongModelError, XArm
-from pomona.devices.xarm.stream import XArmOptions
+from pomona.devices.xarm.options import XArmFile
 from pomona.drivers import ArmLimits, DeviceError, DeviceFault, DeviceLost, Motion, MotionRefused, MotionState
 from pomona.drivers.path_arm import RECONNECT
 from pomona.executive import ManualClock
@@ -59,8 +59,8 @@ class Cell:
 
 
 def arm_of(cell: Cell, **options: Any) -> XArm:
-    options = {"model": f"xarm{cell.dof}", **options}
-    return XArm(cell.open, cell.clock, Path("robot.xml"), limits(cell.dof), XArmOptions(**options))
+    said = {"address": "xarm", "model": f"xarm{cell.dof}", "robot": Path("robot.xml"), **options}
+    return XArm(cell.open, cell.clock, limits(cell.dof), XArmFile(**said))
 
 
 def connected(cell: Cell, **options: Any) -> XArm:

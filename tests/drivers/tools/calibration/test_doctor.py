@@ -1,18 +1,20 @@
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
 import pytest
 
+from pomona.drivers.interfaces import LoadSensor, PressSensor, Subscription, WrenchSample
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.cell.device import Device
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.values.sentences import ReportLine
 from pomona.tools.calibration.command_doctor import add, find_cell
-from pomona.tools.calibration.doctor import examine
+from pomona.tools.calibration.doctor import _device, _Watched, examine
 
 
 @pytest.fixture
@@ -109,3 +111,50 @@ def test_lines_are_printed_as_they_come(frames_cell: Path, monkeypatch: pytest.M
     add(parser.add_subparsers())
     options = parser.parse_args(["doctor", "--cell", str(frames_cell)])
     assert options.main(options) == 1
+
+
+class Tips(Device):
+    """Fingertips that press."""
+
+    interfaces = (PressSensor,)
+    rate = 100.0
+
+    def __init__(self, force: float) -> None:
+        super().__init__("load")
+        self.sample = WrenchSample(0.0, 1, np.array([[0.0, 0.0, -force, 0.0, 0.0, 0.0]]), (False, False))
+
+    def latest(self) -> WrenchSample:
+        return self.sample
+
+    def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
+        raise AssertionError("not watched here")
+
+
+class Wrist(Tips):
+    """A load sensor that carries 1 kg."""
+
+    interfaces = (LoadSensor,)
+    mass, least = 1.0, 0.5
+
+
+@pytest.mark.parametrize(
+    ("sensor", "line", "fine", "words"),
+    [
+        (Wrist(9.8), "load force", True, "9.8 N along an axis at rest; it carries 1 kg, and 0.5 N count"),
+        (Wrist(60.0), "load force", False, "60.0 N along an axis"),
+        (Tips(0.1), "load bias", True, "0.10 N without contact"),
+        (Tips(3.0), "load bias", False, "3.00 N without contact"),
+    ],
+)
+def test_a_sensor_of_wrenches_has_its_rate_and_its_force_at_rest(
+    sensor: Tips, line: str, fine: bool, words: str
+) -> None:
+    lines = by_name(_device("load", sensor, _Watched(stamps=100, gaps=0), cast(Any, None)))
+    assert (lines[line].ok, lines["load rate"].ok) == (fine, True)
+    assert words in str(lines[line])
+
+
+def test_a_slow_stream_of_a_wrist_sensor_is_reported() -> None:
+    lines = by_name(_device("load", Wrist(9.8), _Watched(stamps=50, gaps=12), cast(Any, None)))
+    assert not lines["load rate"].ok
+    assert "50 samples a second of 100, 12 gaps" in str(lines["load rate"])

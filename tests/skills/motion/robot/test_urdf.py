@@ -168,3 +168,9 @@ def test_a_file_that_mujoco_refuses_is_refused_in_one_line_and_leaves_no_file(
     load_mujoco().MjSpec.from_string('<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>')  # it warns
     assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
     assert "WARNING" not in "".join(capfd.readouterr())
+
+
+def test_an_inertia_that_no_body_has_is_balanced(package: Path) -> None:
+    moments = 'ixx="0.01" iyy="0.01" izz="0.03" ixy="0" ixz="0" iyz="0"'
+    rounded = f'<inertial><mass value="2"/><inertia {moments}/></inertial>'
+    assert load(package / "urdf" / "arm.urdf", arm(BOX + rounded)).dof == 3

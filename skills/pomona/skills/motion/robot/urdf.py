@@ -20,6 +20,7 @@ READ = (".stl", ".obj", ".msh")  # endings of mesh files that MuJoCo reads
 SMALLEST = {
     "boundmass": "1e-6",
     "boundinertia": "1e-9",
+    "balanceinertia": "true",  # vendors round: that of an xArm 6 has A + B < C
 }  # of links without inertia: only geometry is used here [kg, kg m²]
 
 

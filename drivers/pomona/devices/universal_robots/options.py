@@ -1,0 +1,35 @@
+"""Options of the arm in a cell file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pomona.drivers import ArmFile
+from pomona.executive import RATE, TIME, Flag, Measure, Problem, Text, value
+
+HOST = Text(pattern=r"[\w.-]+", words="a host: its name or IPv4 address alone, since the ports are fixed")
+PORTS = {"rtde": 30004, "script": 30002, "dashboard": 29999}
+MODELS = ("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur15", "ur18", "ur20", "ur30", "ur3", "ur5", "ur10")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrFile(ArmFile):
+    """A Universal Robots arm under PolyScope 3.12 or 5.6 and later; nothing moves when the run starts."""
+
+    address: str = value(HOST, help="HOST of the controller")
+    model: str = value(Text(*MODELS), help="which robot must be there")
+    power_on: bool = value(Flag(), True, "power the arm and release its brakes when the run starts")
+    rate: float = value(Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "packages per second from the controller")
+    point_period: float = value(Measure(TIME, "8 ms", "100 ms"), "20 ms", "time between points that are sent")
+    lead: float = value(Measure(TIME, "60 ms", "500 ms"), "120 ms", "how far ahead of the arm points are sent")
+    silence: float = value(Measure(TIME, "20 ms", "1 s"), "50 ms", "without a package for this long the arm is lost")
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        return (f"{self.address}:{PORTS['rtde']}",)
+
+    def problems(self) -> Iterator[Problem]:
+        yield from ArmFile.problems(self)
+        if self.lead >= 30 * self.point_period:
+            yield Problem("lead", "the controller keeps 30 points: a longer 'point_period' or a shorter 'lead' fits")
