@@ -103,7 +103,8 @@ def lifted_apple(out: Path) -> None:
     from pomona.tools.simulation.gl import in_gl_thread
     from pomona.tools.simulation.world import SimWorld
 
-    truth, seen = SimWorld.truth, []
+    truth = SimWorld.truth
+    seen: list[Any] = []
 
     def photographed(world: SimWorld) -> Any:
         if not seen:

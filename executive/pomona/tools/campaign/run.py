@@ -18,9 +18,8 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.running.compute import keep_workers_warm
-from pomona.executive.running.signals import WORDS
 from pomona.executive.values.installation import commit_here
-from pomona.executive.values.processes import lock
+from pomona.executive.values.processes import WORDS, lock
 from pomona.tools.campaign.engine import Engine
 from pomona.tools.campaign.spec import Campaign, CampaignRun
 

@@ -82,12 +82,12 @@ def crate_named(name: str, boxes: Sequence[object]) -> Crate | None:
 
 def rim_points(depth: Float64, lens: Intrinsics, T_base_camera: Float64, crate: Crate) -> Float64:
     """Return points of a depth image (h, w) [m] at the height of a crate's walls, in its frame, shape (n, 2) [m]."""
-    z = depth[::PIXELS, ::PIXELS].astype(np.float64)
-    v, u = np.indices(z.shape) * PIXELS
-    used = z > 0.0
-    x, y = (u[used] - lens.cx) / lens.fx * z[used], (v[used] - lens.cy) / lens.fy * z[used]
+    seen: Float64 = depth[::PIXELS, ::PIXELS].astype(np.float64)
+    v, u = np.nonzero(seen > 0.0)
+    z = seen[v, u]
+    x, y = (PIXELS * u - lens.cx) / lens.fx * z, (PIXELS * v - lens.cy) / lens.fy * z
     T = np.linalg.inv(crate.T_base_crate) @ T_base_camera
-    points = np.column_stack((x, y, z[used])) @ T[:3, :3].T + T[:3, 3]
+    points = np.column_stack((x, y, z)) @ T[:3, :3].T + T[:3, 3]
     near = (np.abs(points[:, 2]) < BAND) & (np.abs(points[:, :2]) < crate.half + REACH).all(axis=1)
     found: Float64 = points[near, :2]
     return found
