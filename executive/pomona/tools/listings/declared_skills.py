@@ -28,6 +28,7 @@ from pomona.executive.language.value_types import DECLARED_FIELDS, ListType, Loo
 from pomona.executive.ports import REQUIRED, Port, Ports, Quantity
 from pomona.executive.registry import GROUP, Registry, replacements
 from pomona.executive.skill import Skill
+from pomona.executive.values.units import QUANTITIES
 
 T = TypeVar("T")
 
@@ -247,7 +248,8 @@ class _Reader:
         if isinstance(said, str):
             return _PLAIN[said]
         if "quantity" in said:
-            return Quantity(said["quantity"], said["units"])
+            known = QUANTITIES.get(said["quantity"])
+            return known if known and known.units == said["units"] else Quantity(said["quantity"], said["units"])
         if "loose" in said:
             return Loose[said["loose"]]
         if "list" in said:
