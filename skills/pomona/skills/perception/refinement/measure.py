@@ -67,11 +67,11 @@ def measure(
     """Refine a detection and express it in the base frame; method `none` keeps the detector's pose and the CAD size.
 
     Args:
-        method, limits: see `refinement.refine`.
+        method: see `refine`, as for `limits`.
         table_z: height of the table in the base frame [m], if the fruit may stand on one.
         earlier: the same fruit, measured from another place: its looks are fused in.
 
-    Raises RefineError: see `refinement.refine`; `NoDepth` also when the frame has no depth image.
+    Raises RefineError: see `refine`; `NoDepth` also when the frame has no depth image.
     """
     frame = detection.frame
     if method == "none":
