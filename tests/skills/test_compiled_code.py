@@ -52,11 +52,18 @@ def test_a_change_in_another_file_is_compiled_in(tmp_path: Path) -> None:
     assert list(Path(first[1]).rglob("*.nbi")), "the first version's code was kept"
 
 
-def test_a_place_that_a_person_has_chosen_is_left(tmp_path: Path) -> None:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    script = "import os, skills; print(os.environ['NUMBA_CACHE_DIR'])"
-    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=100)
-    assert done.stdout.strip() == str(tmp_path)
+def test_a_place_that_a_person_has_chosen_keeps_versions_apart_as_well(tmp_path: Path) -> None:
+    """A new version would find names of modules in the old code that are gone, or use its geometry."""
+    script = "import os, pomona.skills; print(os.environ['NUMBA_CACHE_DIR'])"
+    place = str(tmp_path)
+    for _ in "ab":  # a process that another one starts has the same place
+        done = subprocess.run(
+            [sys.executable, "-c", script], env={**os.environ, PLACE: place}, capture_output=True, text=True,
+            timeout=100, check=True,
+        )  # fmt: skip
+        place = done.stdout.strip()
+        assert Path(place).parent == tmp_path
+        assert Path(place).name.startswith("compiled-")
 
 
 def start(place: Path, lines: str) -> list[str]:
@@ -76,11 +83,12 @@ def test_the_first_start_is_announced_with_its_duration_and_no_later_one(tmp_pat
     said, helper = start(tmp_path, begin)
     assert re.fullmatch(r"compiling the motion kernels, once, about \d\d s", said)
     assert "returncode: 0" in helper or (len(os.sched_getaffinity(0)) < 2 and helper == "None")
-    (tmp_path / "fingers").mkdir()
-    (tmp_path / "fingers" / "fingers.pad_wrench-26.py311.nbi").touch()  # a driver compiles it when the cell connects
+    place = tmp_path / Path(os.environ[PLACE]).name  # of this version
+    (place / "fingers").mkdir(parents=True)
+    (place / "fingers" / "fingers.pad_wrench-26.py311.nbi").touch()  # a driver compiles it when the cell connects
     assert start(tmp_path, begin)[0] == said
-    (tmp_path / "motion").mkdir()
-    (tmp_path / "motion" / LAST.replace("*", "20.py311")).touch()
+    (place / "motion").mkdir()
+    (place / "motion" / LAST.replace("*", "20.py311")).touch()
     assert start(tmp_path, begin) == ["None"]
 
 

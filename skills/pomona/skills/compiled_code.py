@@ -21,7 +21,7 @@ from pathlib import Path
 
 from pomona.executive.values.sentences import ReportLine
 
-PLACE = "NUMBA_CACHE_DIR"  # numba's setting; who has set it already is not overruled
+PLACE = "NUMBA_CACHE_DIR"  # numba's setting; a folder that is set gets one of its own for each version
 KEEP = f"set {PLACE} to a folder that is writable and stays"
 TEMPORARY = Path(tempfile.gettempdir(), "pomona")
 FIRST_TWO, FIRST_ONE = 30, 45  # duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]
@@ -44,12 +44,14 @@ def digest(sources: Path) -> str:
 def keep_apart(sources: Path) -> None:
     """Keep the compiled code of these sources apart from that of other versions, in the first folder that is writable.
 
-    Beside the sources, else in the user's cache, else in a temporary folder, which does not outlast a restart.
+    In a folder that is set, else beside the sources, else in the user's cache, else in a temporary folder, which does
+    not outlast a restart.
     """
-    if PLACE in os.environ:
-        return
-    place = next((folder for folder in (sources / "__pycache__", _users_cache()) if is_writable(folder)), TEMPORARY)
-    os.environ[PLACE] = str(place / f"compiled-{digest(sources)}")
+    name, given = f"compiled-{digest(sources)}", os.environ.get(PLACE, "")
+    if Path(given).name != name:
+        places = (sources / "__pycache__", _users_cache())
+        place = Path(given) if given else next((folder for folder in places if is_writable(folder)), TEMPORARY)
+        os.environ[PLACE] = str(place / name)
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].core.config.reload_config()
 

@@ -133,10 +133,7 @@ def import_under(module: str, **environment: str) -> Any:
 
 @cache
 def load_mujoco() -> Any:
-    """Import MuJoCo for kinematics and physics, without graphics. Its warnings become lines of the log.
-
-    By itself MuJoCo prints them, and writes the file MUJOCO_LOG.TXT into the working folder.
-    """
+    """Import MuJoCo without graphics; its warnings become lines of the log, not of a file in the working folder."""
     mujoco = import_under("mujoco", MUJOCO_GL="disable")
     mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)
     return mujoco
