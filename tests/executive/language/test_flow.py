@@ -56,6 +56,25 @@ class TestWhatCanNeverHold:
         assert told(findings_of(body)) == []
 
 
+class TestWordsAlone:
+    @pytest.mark.parametrize(
+        ("condition", "said"),
+        [
+            ("outcome != moved", "'outcome != moved' compares two words and always holds"),
+            ("{k} > 1 and mode == b", "'mode == b' compares two words and can never hold"),
+        ],
+    )
+    def test_a_comparison_of_two_words_reads_no_value(self, findings_of, condition, said):
+        found = [finding for finding in findings_of(after(f'check: "{condition}"')) if finding.code == "words-alone"]
+        assert [finding.message for finding in found] == [said]
+        assert found[0].hint == "a value stands in braces: '{name}'"
+
+    @pytest.mark.parametrize("condition", ["{mode} == b", "b == {mode}", "true", "1 < 2", "{mode} in [a, b]"])
+    def test_others_are_not_reported(self, findings_of, condition):
+        body = tree(f'check: "{condition}"', head=PARAMETER)
+        assert not any(finding.code == "words-alone" for finding in findings_of(body))
+
+
 class TestContradictions:
     @pytest.mark.parametrize(
         ("first", "second"),

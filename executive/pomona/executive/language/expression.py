@@ -134,6 +134,13 @@ def references(expression: Expression) -> list[Reference]:
     return [found for part in expression.parts for found in references(part)]
 
 
+def comparisons_of_words(expression: Expression) -> list[Binary]:
+    """Return the parts that compare one bare word with another, and so no value."""
+    if isinstance(expression, Binary) and all(isinstance(p, Constant) and p.symbol for p in expression.parts):
+        return [expression]
+    return [found for part in expression.parts for found in comparisons_of_words(part)]
+
+
 OR, AND, NOT, COMPARISON, SUM, PRODUCT = range(1, 7)  # how tightly operators bind
 _COMPARISONS = ("==", "!=", "<", "<=", ">", ">=", "in", "not")
 _BINDS = {

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Generic, Protocol, TypeVar
 
-from pomona.executive.language.expression import references
+from pomona.executive.language.expression import comparisons_of_words, references
 from pomona.executive.language.expression_run import always_same, fact_of
 from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.model import Definition, TreeNode
@@ -208,6 +208,10 @@ class LayerTruth(LayerAt[Truth]):
         if not isinstance(condition, ComputedValue):
             return known
         fixed = self.whole.known
+        for words in comparisons_of_words(condition.expression):
+            always = "always holds" if always_same(words, fixed) else "can never hold"
+            message = f"'{condition.text[words.offset : words.end]}' compares two words and {always}"
+            self.whole.findings.warning(condition.where, "words-alone", message, "a value stands in braces: '{name}'")
         fact = fact_of(condition.expression, fixed, condition.where, condition.text)
         if fact is None or fact.names <= fixed.keys():
             return known
