@@ -212,6 +212,7 @@ def test_two_runs_are_seen_over_each_other_at_the_same_moment(show: Show, open_p
         page.get_by_label(f"compare {run}").check()
     page.get_by_role("button", name="Compare two").click()
     page.get_by_role("button", name="Over each other").click()
+    expect(page.locator("#connection")).to_have_text("recorded run")  # the second one may come first
     expect(page.locator("#over-words")).to_have_text("old_2: Rest, 0 ms")
     page.locator("#timeline").press("End")
     expect(page.locator("#over-words")).to_contain_text("old_2: ✓ success after")

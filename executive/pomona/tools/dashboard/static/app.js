@@ -190,7 +190,7 @@ async function openRecord(name, t) {
   $("download").href = withToken(recordAddress(name, "record"));
   const problem = await openOverview(name);
   if (page.recorded !== name) return;
-  page.at = Math.min(t ?? tellingMoment(page.whole), page.whole.t);
+  page.at ??= Math.min(t ?? tellingMoment(page.whole), page.whole.t); // a moment that was chosen while it was read stays
   Object.assign(page, { opened: true, problem });
   if (problem) say("record not readable", "bad"); else say("recorded run");
   page.dirty = true;
