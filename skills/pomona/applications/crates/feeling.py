@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pomona.drivers import Arm, ForceSensor, Gripper, LoadSensor, Motion
-from pomona.executive import Float64, SkillFailure, Work
+from pomona.executive import Float64, SkillFailure, TableView, Work
 from pomona.skills import MOTION_FAILURES, Manner, MovingSkill, Touch, follow_way, tool_pose, vertical_way
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, RobotModel, straight_line
@@ -42,6 +42,9 @@ SETTLE = 0.06
 """Time over which the fingers' force is averaged [s]."""
 FELT = 0.3
 """Force of a pad that counts as a touch [N]; the fingers' noise is 0.2 N."""
+
+LATEST = 8
+"""Number of ways whose forces the page shows."""
 
 FEELING_FAILURES = (*MOTION_FAILURES, "NOT_AT_PRE_GRASP", "NO_STRAIGHT_LINE", "CONTACT", "SENSOR_STALE")
 
@@ -112,6 +115,7 @@ class FeelingSkill(MovingSkill):
     """A skill that feels with pads, motor, width and wrist; its failures: `FEELING_FAILURES`."""
 
     optional_devices = (*MovingSkill.optional_devices, LoadSensor)
+    _ways: tuple[tuple[str, ...], ...] = ()
 
     def stand_over(self, grasp: Grasp) -> Work[Float64]:
         """Require the hand at the pre-grasp, open the fingers as the grasp needs them, and return T_base_tcp, (4, 4).
@@ -149,7 +153,27 @@ class FeelingSkill(MovingSkill):
 
         Raises SkillFailure: SENSOR_STALE, or a failure of the motion.
         """
+        begin = tool_pose(self)[:3, 3]
+        ended = yield from self._feel_way(way, manner, hand, felt, outer)
+        self._show(tool_pose(self)[:3, 3] - begin, hand, ended)
+        return ended
 
+    def _show(self, way: Float64, hand: ManoeuvreHand, ended: bool) -> None:
+        """Publish the latest ways with their forces, the newest first; `way` is the last one, shape (3,) [m]."""
+        across, up = float(np.linalg.norm(way[:2])), float(way[2])
+        where = "across" if across > abs(up) else "down" if up < 0.0 else "up"
+        length = f"{1e3 * max(across, abs(up)):.0f} mm {where}"
+        row = (
+            self.name,
+            length,
+            f"{hand.change:.1f} N",
+            f"{hand.outer.force:.1f} N",
+            "a touch" if ended else "its end",
+        )
+        self._ways = (row, *self._ways[: LATEST - 1])
+        self.publish("manoeuvre", TableView(("manoeuvre", "way", "felt", "on outer faces", "ended by"), self._ways))
+
+    def _feel_way(self, way: Float64, manner: Manner, hand: ManoeuvreHand, felt: float, outer: float) -> Work[bool]:
         def look() -> None:
             self.require_fresh(hand)
             if hand.outer.pushed(outer):

@@ -614,6 +614,9 @@ def test_hostile_words_of_a_run_stay_words(show: Show, open_page: Open) -> None:
     for tab in ("Values", "Events", "Node"):
         page.get_by_role("tab", name=tab).click()
     assert page.locator("img").count() == 2  # the mark and the camera's picture
+    anew = TableView((hostile,), (("another value",),), hostile)
+    show.dashboard.hub.on_event(Published(0.2, 2, "a", hostile, anew))
+    expect(page.locator("#tables")).to_contain_text("another value")  # as many rows as before
 
 
 def test_a_long_record_gives_its_details_where_one_looks(

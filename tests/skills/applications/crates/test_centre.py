@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +56,17 @@ def test_the_hand_goes_to_a_fruit_beside_its_middle_until_both_pads_touch_it_and
     assert np.abs(fruit.feel()[:, 2]).max() < 0.3  # the pads are free, as a grip needs them at its beginning
     assert scene.gripper.width - FRUIT < FREED
     assert fruit.most < 3.0
+
+
+def test_the_page_shows_the_ways_of_the_hand_with_their_forces():
+    scene = at_the_grasp()
+    LeaningFruit(scene, 0.002)
+    table = dict(centre(scene).published)["manoeuvre"]
+    assert table.columns == ("manoeuvre", "way", "felt", "on outer faces", "ended by")
+    assert {row[0] for row in table.rows} == {"Centre"}
+    assert all(re.fullmatch(r"\d+ mm across", row[1]) for row in table.rows)
+    assert 0.3 < max(float(row[2].removesuffix(" N")) for row in table.rows) < 3.0
+    assert {row[4] for row in table.rows} <= {"a touch", "its end"}
 
 
 def test_a_fruit_farther_aside_than_the_hand_may_go_is_still_touched_by_one_finger():

@@ -3,11 +3,11 @@ import { h } from "../dom.js";
 
 export const title = "Tables";
 
-let shown = "";
-export function draw(box, { run, tables }) {
-  const key = `${run?.run}|${[...tables.values()].map((table) => `${table.caption}${table.rows.length}`).join("|")}`;
-  if (key !== shown) box.replaceChildren(...[...tables.values()].map(element));
-  shown = key;
+let shown = [];
+export function draw(box, { tables }) {
+  const now = [...tables.values()]; // a table that is published anew is another object, even with as many rows
+  if (now.length !== shown.length || now.some((table, i) => table !== shown[i])) box.replaceChildren(...now.map(element));
+  shown = now;
   return tables.size > 0;
 }
 
