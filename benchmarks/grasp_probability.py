@@ -25,7 +25,7 @@ from pomona.skills.grip.grip import GripMode
 from pomona.skills.grip.limit_surface import SoftContact, least_force_of_finger, surface_table
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.pads import LEVER_LOAD, PAD_HALF, PRESSING
-from pomona.skills.grip.reference import CarriedMode, ForceReference, Levels, LiftingMode
+from pomona.skills.grip.reference import CarriedMode, ForceReference, Levels, LiftingMode, usual_modes
 from pomona.skills.grip.sensor import LowPass
 from pomona.skills.grip.settings import GripSettings
 
@@ -238,14 +238,15 @@ class ProbabilityReference(ForceReference):
     """
 
     def __init__(self, settings: GripSettings, constants: ProbabilitySettings = ProbabilitySettings()) -> None:
-        super().__init__(settings)
+        super().__init__(
+            settings,
+            lambda levels: (*usual_modes(levels), ProbableLifting(levels, self), ProbableCarrying(levels, self)),
+        )
         self.load = unknown_load()
         self._constants, self._period = constants, settings.period
         self._noise, self._momentary = np.ones(6), 0.0
         self._ratio, self._tested = LowPass(constants.tested_lag), 0.0
         self.take_contact(settings.contact)
-        self._modes[GripMode.LIFTING] = ProbableLifting(self._levels, self)
-        self._modes[GripMode.CARRIED] = ProbableCarrying(self._levels, self)
 
     def calibrate(self, variance: Float64) -> None:
         """Learn the variance of a finger's channels, shape (6,)."""

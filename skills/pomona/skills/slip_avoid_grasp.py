@@ -36,7 +36,7 @@ class SlipAvoidGrasp(Skill):
     devices = (Gripper, ForceSensor)
     optional_devices = (Arm, Workspace)  # pose and table are recorded with the touches
     moves = (Gripper,)
-    failures = (
+    failures = (  # found in grip/closing.py until the fruit is held, then in grip/monitors.py
         "NO_CONTACT",
         "ONE_FINGER",
         "OUT_OF_STROKE",

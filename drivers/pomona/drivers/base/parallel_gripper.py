@@ -1,7 +1,7 @@
 """Base of drivers for parallel grippers: latch, loss, moves, streamed speeds, supervision.
 
 A problem fails the move and stays latched until an operator acknowledges it; nothing resumes by itself. While latched
-the fingers may close and hold, but not open. A driver derives from `ParallelGripper` and implements three methods:
+the fingers may close and hold, but not open. A driver derives from `ParallelGripper` and implements these methods:
 
     def step(self) -> None:
         answer = self._wire.receive(0.004)

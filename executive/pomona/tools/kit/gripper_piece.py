@@ -13,17 +13,31 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pomona.drivers.base.parallel_gripper import ParallelGripper
-from pomona.drivers.services import ConnectContext
-from pomona.drivers.errors import DeviceError, DeviceLost
-from pomona.drivers.gripper_supervisor import GripperMotion
-from pomona.drivers.interfaces import GripperLimits
-from pomona.executive.cell.registration import Settings, driver
-from pomona.executive import Address, Link, Malformed, Nonsense, TcpLink, tcp_opener
-from pomona.executive.clock import Clock
-from pomona.executive.values.kinds import Measure, Span
-from pomona.executive.values.sections import value
-from pomona.executive.values.units import FORCE, LENGTH, SPEED
+from pomona.drivers import (
+    ConnectContext,
+    DeviceError,
+    DeviceLost,
+    GripperLimits,
+    GripperMotion,
+    ParallelGripper,
+    Settings,
+    driver,
+)
+from pomona.executive import (
+    FORCE,
+    LENGTH,
+    SPEED,
+    Address,
+    Clock,
+    Link,
+    Malformed,
+    Measure,
+    Nonsense,
+    Span,
+    TcpLink,
+    tcp_opener,
+    value,
+)
 
 PERIOD, SILENCE = 0.01, 0.1  # between questions for the state; without an answer for this long it is lost [s]
 WATCHDOG = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
 from typing import ClassVar
 
 from pomona.skills.grip.estimate import GripEstimate
@@ -300,8 +301,14 @@ class SlidingMode(Mode):
         return levels.held
 
 
+def usual_modes(levels: Levels) -> tuple[Mode, ...]:
+    """Return the law of the grip force in each mode of a fruit that is lifted or carried."""
+    carried = CarriedMode(levels)
+    return LiftingMode(levels), carried, CatchingMode(levels, carried), PivotingMode(levels)
+
+
 class ForceReference:
-    """Mode of the grip, and the force to track in it.
+    """Mode of the grip, and the force to track in it; of two `modes` with the same `mode` the later one counts.
 
     Attributes:
         mode: of the grip.
@@ -309,15 +316,14 @@ class ForceReference:
         frozen: reason why the reference may not fall any more; empty while it may.
     """
 
-    def __init__(self, settings: GripSettings) -> None:
+    def __init__(self, settings: GripSettings, modes: Callable[[Levels], Iterable[Mode]] = usual_modes) -> None:
         self.f_ref = 0.0
         self.mode = GripMode.BIAS
         self.frozen = ""
         self._levels = levels = Levels(settings)
         self._standing, self._sliding = StandingMode(levels), SlidingMode(levels)
-        carried = CarriedMode(levels)
-        laws = (LiftingMode(levels), carried, CatchingMode(levels, carried), PivotingMode(levels))
-        self._modes: dict[GripMode, Mode] = {law.mode: law for law in (self._standing, self._sliding, *laws)}
+        laws = (self._standing, self._sliding, *modes(levels))
+        self._modes: dict[GripMode, Mode] = {law.mode: law for law in laws}
         self._resumed = GripMode.LIFTING
 
     @property

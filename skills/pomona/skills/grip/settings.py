@@ -22,7 +22,7 @@ for a step."""
 
 
 class ForceLaw(Enum):
-    """Law of the grip force while holding: the paper's, or one of the baselines beside it."""
+    """Slip avoidance (the classes `Mode` of reference.py), or a baseline to compare it with (`Levels.baseline`)."""
 
     SLIP_AVOIDANCE = "slip_avoidance"
     STATIC = "static"

@@ -1,5 +1,7 @@
 // Panels of one module each, below the curves. `panels/NAME.js` exports `title`, `draw(box, state)` and, where it has a style
 // of its own, `style = true` for `panels/NAME.css`. `draw` fills the box and returns whether there is something to show.
+// The state is that of the shown moment: t [s], run, state, nodes, node (path → status), ports (name → value), tables, scenes,
+// images and series (topic → newest), poses and bodies of the scene, spans, marks, logs, failures, acts, ended, progress, speed.
 // A panel is drawn at each change of the page, so it compares a key before it builds. One word in PANELS adds one.
 import { $, h } from "../dom.js";
 import * as tables from "./tables.js";
