@@ -247,6 +247,31 @@ def test_a_break_that_was_not_noticed_is_found_and_the_fruit_is_kept(when):
     assert control.broke_at is not None
 
 
+def detach_of_likely_mass(stem, likely):
+    """Detach a fruit whose size makes another mass likely [kg] than it has."""
+    control = DetachController(HeldFruit(DIAMETER, likely, stem.rest), (2.4, -2.4))
+    while control.phase is not DetachPhase.DONE and stem.time < 30.0:
+        stem.step(control)
+    return control
+
+
+@pytest.mark.parametrize("likely", [0.25, 0.36, 0.5])
+def test_a_free_fruit_of_another_weight_than_its_size_makes_likely_is_kept(likely):
+    control = detach_of_likely_mass(stem := Stem(mass=0.36), likely)
+    assert control.problem is None
+    assert 0.0 <= control.broke_at - stem.broken < 1.0
+
+
+@pytest.mark.parametrize("bending", [0.01, 0.08])
+@pytest.mark.parametrize("branch", [30.0, 60.0, 150.0, 500.0])
+@pytest.mark.parametrize("likely", [0.18, 0.25, 0.36, 0.5])
+def test_a_stem_that_holds_a_fruit_of_another_weight_has_not_broken(likely, branch, bending):
+    stem = Stem(STRONG, branch=branch, bending=bending, mass=0.36)
+    control = detach_of_likely_mass(stem, likely)
+    assert stem.broken is None
+    assert control.problem.code in ("NOTHING_BROKE", "STEM_UNCLEAR", "SLIPPED")
+
+
 def test_a_stem_that_only_seemed_to_break_is_rolled_on_before_the_branch_is_drawn_far():
     class Jerking(Stem):
         unloaded = 0
