@@ -15,7 +15,7 @@ from enum import Enum
 
 import numpy as np
 
-from pomona.applications.harvest.stem_test import StemTest
+from pomona.applications.harvest.stem_test import FURTHEST, StemTest
 from pomona.executive import Float64
 from pomona.skills import rot_z
 
@@ -273,13 +273,13 @@ class DetachController:
         self._lever = np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
         self._recent: list[tuple[float, float]] = []
         self._least = (0.0, 0.0)  # force of the stem at its likeliest weight, and that weight [N]
-        self._weight: float | None = None  # as the pads felt it when the stem broke [N]
+        self._free: Float64 | None = None  # force of the pads on the fruit since the stem broke, shape (3,) [N]
         self._jammed = self._empty = self._quiet = self._follows = self._loaded = 0.0
         self._speed_back = 0.0
         self._work, self._highest = 0.0, -np.inf  # of the hand on the held fruit [J]; its highest place so far [m]
         self._ending: DetachProblem | None = None
         self._test = StemTest()
-        self._seemed_free = False
+        self._seemed_free = self._came = False  # by its load; in a test of the stem
         self._press = np.zeros(2)
         self._motor: float | None = None
         self._gain = 1.0  # true over reported force of the pads
@@ -425,7 +425,7 @@ class DetachController:
         """Estimate the stem's force on the fruit: the weight minus the pads' force."""
         s, weight = self.settings, GRAVITY * self._fruit.mass
         likely = float(np.clip(force[2], (1.0 - s.weight_error) * weight, (1.0 + s.weight_error) * weight))
-        self.stem_force = float(np.linalg.norm(force - [0.0, 0.0, weight if self._weight is None else self._weight]))
+        self.stem_force = float(np.linalg.norm(force - ([0.0, 0.0, weight] if self._free is None else self._free)))
         self._least = float(np.linalg.norm(force - [0.0, 0.0, likely])), likely
         self._recent.append((self._time, self.stem_force))
         self._recent = [each for each in self._recent if each[0] > self._time - self.settings.recent]
@@ -484,7 +484,7 @@ class DetachController:
         elif self._empty > s.lost_time or width < self._width_gripped - 2.0 * s.slip_width:
             self._left_the_pads(press)
         elif self.phase in (*DRAWING, DetachPhase.LET_BACK, DetachPhase.TEST) and self._is_free(dt, press):
-            self._break()
+            self._break(np.array([0.0, 0.0, self._least[1]]))
         elif self.phase in DRAWING:
             if width < self._width_gripped - s.slip_width:
                 self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
@@ -493,7 +493,7 @@ class DetachController:
         elif self.phase is DetachPhase.BACK:
             self._loaded = self._loaded + dt if self.stem_force > self._broken_force else 0.0
             if self._loaded > s.loaded_time:
-                self.broke_at = self._weight = None
+                self.broke_at = self._free = None
                 self._speed_back = self._loaded = 0.0
                 self._enter(DetachPhase.ROLL)
 
@@ -565,9 +565,10 @@ class DetachController:
         motor = "" if self._motor is None else f", the motor presses with {self._motor:.1f} N"
         return f"the pads feel {press[0]:.1f} and {press[1]:.1f} N{motor}"
 
-    def _break(self) -> None:
+    def _break(self, free: Float64) -> None:
+        """The fruit is off the tree, and the pads bear it with this force, shape (3,) [N]."""
         self._loaded, self._follows, self._seemed_free = 0.0, 0.0, True
-        self._weight = self._least[1]
+        self._free = free
         self.broke_at, self.roll_at_break = self._time, self.roll
         self._enter(DetachPhase.BACK)
 
@@ -641,10 +642,18 @@ class DetachController:
         return _shortened(s.admittance * (pull * outwards - force), s.speed_max), self._lever
 
     def _tested(self, dt: float, force: Float64, outwards: Float64) -> Float64:
-        """Pull at the fruit, and let it go only if the stem pulls back."""
+        """Pull at the fruit, and let it go only if the stem pulls back.
+
+        A fruit that comes along over the whole way, with its weight on the pads, is off the tree: no branch is so soft.
+        """
         moved = float((self._p_aimed - self._p_phase) @ outwards)
         speed = self._test.step(dt, float(force @ outwards), moved)
         if self._test.holds is not None and self._ending is not None:
+            comes = self._test.furthest > FURTHEST and force[2] > 0.5 * GRAVITY * self._fruit.mass
+            if not self._test.holds and comes and not self._came:
+                self._came = True
+                self._break(force)
+                return np.zeros(3)
             if not self._test.holds:
                 words = (
                     f"{self._ending.message}, but a pull of {1e3 * self._test.furthest:.0f} mm changed the force by "
