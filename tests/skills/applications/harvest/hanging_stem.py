@@ -18,11 +18,11 @@ WEAK = np.array([40.0, 0.25, 0.10, 60.0])
 class Stem:
     """A fruit that hangs at a point below its knuckle; the knuckle is on a spring, the stem a bending spring."""
 
-    def __init__(self, strength=WEAK, branch=150.0, bending=0.08, lag=0.08):
+    def __init__(self, strength=WEAK, branch=150.0, bending=0.08, lag=0.08, mass=MASS):
         self.T = grasp_pose(np.array([0.0, -0.6, 0.4]), 0.0, 0.0, 0.0)
         self.rest = self.T[:3, 3] + [0.0, 0.0, LEVER]
         self.strength, self.branch, self.bending, self.lag = strength, branch, bending, lag
-        self.diameter = DIAMETER
+        self.diameter, self.mass = DIAMETER, mass
         self.width, self.roll, self.broken, self.time = DIAMETER + 0.02, 0.0, None, 0.0
         self.T_aimed = self.T.copy()
         self.gone = self.saturated = False
@@ -33,12 +33,12 @@ class Stem:
         """Of the pads on the fruit in the base frame, and the stem's moment; nothing before they hold it."""
         if self.width > self.diameter - 2e-4:
             return np.zeros(3), 0.0
-        weight = np.array([0.0, 0.0, G * MASS])
+        weight = np.array([0.0, 0.0, G * self.mass])
         if self.broken is not None:
             return weight, 0.0
         up = self.T[:3, :3] @ self.R0.T @ np.array([0.0, 0.0, LEVER])
         pulled = self.branch * (self.T[:3, 3] + up - self.rest)
-        return weight + pulled - np.array([0.0, 0.0, G * MASS]), self.bending * abs(self.roll)
+        return weight + pulled - np.array([0.0, 0.0, G * self.mass]), self.bending * abs(self.roll)
 
     def wrenches(self):
         if self.gone:
@@ -75,7 +75,7 @@ class Stem:
         """Break the stem when its load is too much."""
         if self.broken is None:
             force, moment = self.force()
-            stem = force - [0.0, 0.0, G * MASS]
+            stem = force - [0.0, 0.0, G * self.mass]
             self.stem = max(self.stem, float(np.linalg.norm(stem)))
             if used(stem, np.array([moment, 0.0, 0.0]), self.strength)[0] > 1.0:
                 self.broken = self.time

@@ -247,6 +247,31 @@ def test_a_break_that_was_not_noticed_is_found_and_the_fruit_is_kept(when):
     assert control.broke_at is not None
 
 
+def detach_of_likely_mass(stem, likely):
+    """Detach a fruit whose size makes another mass likely [kg] than it has."""
+    control = DetachController(HeldFruit(DIAMETER, likely, stem.rest), (2.4, -2.4))
+    while control.phase is not DetachPhase.DONE and stem.time < 30.0:
+        stem.step(control)
+    return control
+
+
+@pytest.mark.parametrize("likely", [0.25, 0.36, 0.5])
+def test_a_free_fruit_of_another_weight_than_its_size_makes_likely_is_kept(likely):
+    control = detach_of_likely_mass(stem := Stem(mass=0.36), likely)
+    assert control.problem is None
+    assert 0.0 <= control.broke_at - stem.broken < 1.0
+
+
+@pytest.mark.parametrize("bending", [0.01, 0.08])
+@pytest.mark.parametrize("branch", [30.0, 60.0, 150.0, 500.0])
+@pytest.mark.parametrize("likely", [0.18, 0.25, 0.36, 0.5])
+def test_a_stem_that_holds_a_fruit_of_another_weight_has_not_broken(likely, branch, bending):
+    stem = Stem(STRONG, branch=branch, bending=bending, mass=0.36)
+    control = detach_of_likely_mass(stem, likely)
+    assert stem.broken is None
+    assert control.problem.code in ("NOTHING_BROKE", "STEM_UNCLEAR", "SLIPPED")
+
+
 def test_a_stem_that_only_seemed_to_break_is_rolled_on_before_the_branch_is_drawn_far():
     class Jerking(Stem):
         unloaded = 0
@@ -391,15 +416,47 @@ def test_a_roll_that_the_arm_cannot_go_on_ends_there():
     assert min(rolls) < -2.3
 
 
-def test_a_stem_that_cannot_be_felt_to_hold_keeps_the_grip():
-    """The stem breaks where a pad begins to read 1 N too much, so that no break is noticed."""
-    stem = Stem(WEAK)
+def pulled_with(stem, change):
+    """Detach with wrenches that `change` has changed."""
     control = controller(stem, (2.4,))
     while control.phase is not DetachPhase.DONE and stem.time < 40.0:
-        wrenches = stem.wrenches()
-        if stem.broken is not None:
-            wrenches[0, 1] += 2.5
+        wrenches = change(stem, stem.wrenches())
         stem.move(control.step(DT, wrenches, False, stem.T, stem.width, stem.T_aimed))
+    return control
+
+
+def test_a_fruit_that_comes_along_with_its_weight_on_the_pads_is_off_the_tree():
+    """The stem breaks where a pad begins to read 2.5 N too much, so that no break is noticed."""
+
+    def pushed(stem, wrenches):
+        return wrenches + (np.eye(2, 6, 1) * [[2.5], [0.0]] if stem.broken is not None else 0.0)
+
+    control = pulled_with(stem := Stem(WEAK), pushed)
+    assert control.problem is None
+    assert control.broke_at > stem.broken + 3.0  # after the test
+    assert stem.width < DIAMETER
+
+
+@pytest.mark.parametrize("branch", [5.0, 8.0, 12.0, 15.0])
+def test_a_fruit_that_comes_along_without_its_weight_on_the_pads_may_hang_on_a_soft_branch(branch):
+    control = pulled_with(stem := Stem(STRONG, branch=branch, bending=0.01), lambda _stem, wrenches: wrenches)
+    assert control.problem.code == "STEM_UNCLEAR"
+    assert "may be off the tree; the grip is kept" in control.problem.message
+    assert stem.width < DIAMETER
+
+
+@pytest.mark.parametrize("felt", [[0.0, 0.0, 1.0, 1.0, 1.0, 1.0], "frozen"])
+def test_pads_that_stop_feeling_the_stem_keep_the_grip(felt):
+    kept: list[np.ndarray] = []
+
+    def misfelt(stem, wrenches):
+        if abs(stem.roll) < 0.3:
+            return wrenches
+        kept.append(wrenches.copy())
+        return kept[0] if felt == "frozen" else wrenches * felt
+
+    control = pulled_with(stem := Stem(STRONG, bending=0.01), misfelt)
+    assert stem.broken is None
     assert control.problem.code == "STEM_UNCLEAR"
     assert "the grip is kept" in control.problem.message
     assert stem.width < DIAMETER
