@@ -70,6 +70,14 @@ def pose_of(error: Float64) -> Float64:
     return T
 
 
+def misplace(camera: Any, error: Float64) -> None:
+    """Give a simulated or emulated camera the pose (and the simulated one the depth) of a wrong cell file."""
+    if hasattr(camera, "_changer"):
+        camera._changer = Misplaced(error)
+    else:
+        camera._mount.T_mount_camera = camera._mount.T_mount_camera @ np.linalg.inv(pose_of(error))
+
+
 class TrueTouches:
     """True forces of the pads, and the fruit's true skin between them, in each step with a touch."""
 
@@ -146,7 +154,7 @@ def pick(
 
     def ready(runner: Runner) -> None:
         devices: Any = runner._cell.devices
-        devices["camera"]._changer = Misplaced(error)
+        misplace(devices["camera"], error)
         world = devices["world"]
         world = getattr(world, "_world", world)
         seen.append(Forces(world))
