@@ -27,6 +27,7 @@ from pomona.tools.photographs.photographs import (
     kfuji_folder,
     minneapple,
     minneapple_folders,
+    require_folder,
     scaled,
 )
 
@@ -68,8 +69,7 @@ def read_labels(
 
 
 def _labelled(folder: Path, fruit: str) -> list[Labelled]:
-    if not folder.is_dir():
-        raise BadPhotographs(folder, "no such folder")
+    require_folder(folder)
     if (folder / "images.csv").is_file() or (folder / "fruit.csv").is_file():
         return _tables(folder)
     if coco := _coco_files(folder):

@@ -123,13 +123,20 @@ class Labelled:
         self.crowd.append(crowd)
 
 
+def require_folder(folder: Path) -> None:
+    """Raise BadPhotographs where there is no such folder, or a file instead."""
+    if folder.is_file():
+        raise BadPhotographs(folder, "a file, expected the folder with the photographs and their labels")
+    if not folder.is_dir():
+        raise BadPhotographs(folder, "no such folder")
+
+
 def files(folder: Path) -> list[Path]:
     """Return all files in a folder and its folders.
 
-    Raises BadPhotographs: no such folder, or more than `MOST_FILES` files.
+    Raises BadPhotographs: no such folder, a file in its place, or more than `MOST_FILES` files.
     """
-    if not folder.is_dir():
-        raise BadPhotographs(folder, "no such folder")
+    require_folder(folder)
     found = list(islice((p for p in folder.rglob("*") if p.is_file()), MOST_FILES + 1))
     if len(found) > MOST_FILES:
         raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: name a folder with fewer")

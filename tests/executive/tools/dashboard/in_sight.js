@@ -12,7 +12,7 @@
     if (box.left < -1 || box.right > innerWidth + 1) problems.push(`${name(e)} is out of the window: ${box.left.toFixed(0)} to ${box.right.toFixed(0)}`);
     if (e.closest("header, .alerts, .why") && (box.top < -1 || box.bottom > innerHeight + 1)) problems.push(`${name(e)} is out of sight: ${box.top.toFixed(0)} to ${box.bottom.toFixed(0)} of ${innerHeight}`);
   }
-  const groups = ["header > *", ".alerts > *, header, .control, main, .timeline-panel", ".alerts .bar > *", ".latched > *", ".why > *", ".question > *", ".control > *, #live-control > *", "#run-view > .panel, .middle > .panel", ".middle > .panel > *", ".playback > *", ".runs-view > .panel"];
+  const groups = ["header > *", ".alerts > *, header, .control, main, .timeline-panel", ".alerts .bar > *", ".latched > *", ".why > *", ".question > *", ".control > *, #live-control > *", "#run-view > .panel, .middle > .panel, .below > .panel", ".middle > .panel > *, .below > .panel > *", ".playback > *", ".runs-view > .panel"];
   for (const group of groups) {
     const boxes = [...document.querySelectorAll(group)].filter(shown).map((e) => [e, e.getBoundingClientRect()]);
     for (const [i, [one, a]] of boxes.entries()) for (const [other, b] of boxes.slice(i + 1)) {

@@ -31,7 +31,7 @@ async ({ reasons, nodes, drawn }) => {
       const lines = (of) => { const text = document.createRange(); text.selectNodeContents(of); return text.getClientRects().length; };
       for (const name of why.querySelectorAll(".data dt")) if (lines(name) > 2) say(`'${name.textContent}' stands letter by letter`);
       if (number >= drawn) continue;
-      const boxes = [...document.querySelectorAll("header > *, .bar, .control > *, #run-view > .panel, .middle > .panel, .timeline-panel")].filter((e) => e.offsetParent && e.offsetWidth && e.textContent.trim()).map((e) => [e.id || e.className, e.getBoundingClientRect()]);
+      const boxes = [...document.querySelectorAll("header > *, .bar, .control > *, #run-view > .panel, .middle > .panel, .below > .panel, .timeline-panel")].filter((e) => e.offsetParent && e.offsetWidth && e.textContent.trim()).map((e) => [e.id || e.className, e.getBoundingClientRect()]);
       for (const [i, [name, a]] of boxes.entries()) for (const [other, b] of boxes.slice(i + 1)) {
         if (innerWidth > 720 && a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1 && a.bottom <= innerHeight + 1 && b.bottom <= innerHeight + 1) say(`${name} and ${other} overlap`);
       }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shown_runs import HOLD, SIZES, Show
+from shown_runs import DRAWN, HOLD, SIZES, Show
 
 pytestmark = pytest.mark.browser
 
@@ -75,12 +75,14 @@ def test_the_tree_is_drawn_and_a_box_is_chosen_as_a_row_is(show: Show, open_page
     (show.records / "old_1" / "tree.yaml").write_text(LOOK, encoding="utf-8")
     page = open_page("run=old_1", viewport={"width": 1280, "height": 800})
     expect(page.locator("#connection")).to_have_text("recorded run")
+    seen = [box(page, panel) for panel in (".camera-panel", ".scene-panel")]
+    assert sum(of["width"] * of["height"] for of in seen) >= 1280 * 800 / 2  # half of the page
     page.get_by_role("button", name="Drawing").click()
-    box = page.locator("#drawing g", has_text="Look")
-    expect(box).to_have_class(re.compile("good"))
-    box.click()
+    drawn = page.locator("#drawing g", has_text="Look")
+    expect(drawn).to_have_class(re.compile("good"))
+    drawn.click()
     expect(page.locator(".row.selected .name")).to_have_text("Look")
-    expect(box).to_have_class(re.compile("good.*chosen"))
+    expect(drawn).to_have_class(re.compile("good.*chosen"))
     page.keyboard.press("Escape")  # closes the drawing first
     expect(page.locator("#drawing")).to_be_hidden()
     expect(page.locator("#press")).to_be_hidden()
@@ -93,6 +95,7 @@ def test_a_stretch_of_the_curves_is_zoomed_into_and_a_double_click_goes_back(
     page = open_page("run=old_1", viewport={"width": 1280, "height": 800})
     plot = page.locator(".plot .u-over").first
     expect(plot).to_be_visible()
+    page.evaluate(DRAWN)  # a second plot has taken its half of the panel
     moment = "document.querySelector('.plot .plot-cursor').dataset.place"
     before, there = page.evaluate(moment), plot.bounding_box()
     page.mouse.move(there["x"] + 10, there["y"] + 20)

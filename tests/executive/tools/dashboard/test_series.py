@@ -41,6 +41,21 @@ def test_half_an_hour_of_samples_keeps_its_peaks_and_marks_thinned_parts(open_pa
     assert 1000.0 < end < kept["end"]  # the newest are all there
 
 
+GAP = """async () => {
+    const { apply, emptyState } = await import("/static/store.js");
+    const s = emptyState();
+    for (const t of [[0, 0.1], [0.2, 0.3], [4.8, 4.9]]) {
+      const value = { type: "SeriesView", t, values: { "force [N]": [1, 2] }, thresholds: {} };
+      apply(s, { event: "Published", seq: 1, tick: 1, node: "a", topic: "grip", t: t.at(-1), value });
+    }
+    return s.series.get("grip").values["force [N]"];
+}"""
+
+
+def test_no_line_joins_samples_with_seconds_between_them(open_page: Callable[..., Any]) -> None:
+    assert open_page().evaluate(GAP) == [1, 2, 1, 2, None, 1, 2]
+
+
 def test_the_name_of_a_limit_is_written_whole(show: Show, open_page: Callable[..., Any]) -> None:
     page = open_page()
     page.evaluate("""() => { const { fillText } = CanvasRenderingContext2D.prototype; window.written = [];

@@ -356,6 +356,7 @@ def test_a_narrow_page_shows_and_changes_values_only(editor: TreeEditor, open_pa
     expect(page.locator("#saved")).to_have_text("saved")
     assert tree.read_text() == SMALL.replace("1 s", "4 s")
     expect(page.locator("#insert")).to_be_hidden()
+    expect(page.get_by_text("inserting and deleting nodes need a window wider than 720 px")).to_be_visible()
     page.locator("#tree").focus()
     page.keyboard.press("Delete")
     expect(page.get_by_role("treeitem")).to_have_count(4)

@@ -25,6 +25,8 @@ def test_a_folder_without_fruit_is_read_and_one_without_pictures_refused(tmp_pat
         read_empty(tmp_path / "bare")
     with pytest.raises(BadPhotographs, match="nowhere: no such folder"):
         read_empty(tmp_path / "nowhere")
+    with pytest.raises(BadPhotographs, match=r"broken\.jpg: a file, expected the folder"):
+        read_empty(folder / "broken.jpg")
 
 
 def test_masks_of_minneapple_become_boxes_and_a_sequence_stays_together(tmp_path: Path) -> None:

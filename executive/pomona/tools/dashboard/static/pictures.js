@@ -70,7 +70,8 @@ export function showAge(element, t, state) {
 const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // motions of a hand are small
 const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
-const HEIGHT = innerHeight <= 800 ? 96 : 132;
+const low = matchMedia("(max-height: 860px) and (min-width: 1241px)"); // the curves stand beside the lanes
+const height = () => (low.matches ? 73 : innerHeight <= 800 ? 96 : 132);
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis. At a moment of a record a page of
@@ -148,7 +149,7 @@ export class PlotsView {
           chart.thinned.hidden = !series.thinned.some(([a, b]) => a < to && b > from);
         }
         const { width } = chart;
-        if (width && Math.abs(chart.plot.width - width) > 4) chart.plot.setSize({ width, height: HEIGHT });
+        if (width && (Math.abs(chart.plot.width - width) > 4 || chart.plot.height !== height())) chart.plot.setSize({ width, height: height() });
         this.tell(chart);
       }
     }
@@ -206,7 +207,7 @@ export class PlotsView {
     $("plots").append(box);
     const chart = { box, width: 0, names, both, other, thinned, series, values, scale, drawn: "", of: null };
     chart.plot = new uPlot({
-      width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: true, y: false, setScale: false, dist: 5 }, y: false },
+      width: box.clientWidth || 300, height: height(), padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: true, y: false, setScale: false, dist: 5 }, y: false },
       scales: { x: { time: false, range: () => this.page }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
       axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => (x && Math.abs(x) < 1e-3 ? Number(x.toPrecision(2)).toExponential() : String(Number(x.toPrecision(3))))) }],
       series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } })), ...both.map((name) => ({ stroke: palette[names.indexOf(name) % palette.length], width: 1.25, dash: [1.5, 3], alpha: 0.85, points: { show: false } }))],
@@ -215,7 +216,7 @@ export class PlotsView {
     chart.cursor = h("i", { class: "plot-cursor", hidden: true });
     chart.plot.over.append(chart.cursor);
     chart.room = () => chart.plot.bbox.width / devicePixelRatio;
-    new ResizeObserver(() => { chart.width = box.clientWidth; }).observe(box); // kept: reading it makes the browser lay the page out
+    new ResizeObserver(() => { chart.width = box.clientWidth; page.dirty = true; }).observe(box); // kept: reading it makes the browser lay the page out
     return chart;
   }
 }

@@ -11,6 +11,8 @@ const STYLE = {
 const MOST_CUBES = 20000; // more cells are drawn as points
 const HOME = { yaw: -0.7, pitch: 0.45 };
 const FIELD = 40; // degrees
+const FRAMED = new Set(["sheet", "rod", "line"]); // kinds of things that are wholly in the picture; points and cells may leave it
+const AIR = 1.04; // around them
 const CLICK = 4; // px between down and up that are still a click
 const OFF_PATH = 0.004; // m by which a drawn path may pass beside a point of it
 const MOST_CORNERS = 500; // of an executed path, the newest
@@ -21,7 +23,7 @@ export class SceneView {
   constructor(onPick) {
     this.canvas = $("scene");
     Object.assign(this, { onPick, key: null, topics: new Map(), robots: new Map(), run: null, selected: null, mine: true, problem: "" });
-    $("scene-home").addEventListener("click", () => { this.mine = true; this.home(); });
+    $("scene-home").addEventListener("click", () => { this.mine = true; this.seen = null; this.home(); });
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
     this.canvas.addEventListener("keydown", (e) => this.turnedByKey(e));
     let down = null;
@@ -82,6 +84,7 @@ export class SceneView {
     for (const { group } of [...this.topics.values(), ...this.robots.values()]) this.drop(group);
     this.topics.clear();
     this.robots.clear();
+    this.seen = null;
     if (this.renderer) this.draw();
   }
 
@@ -135,19 +138,26 @@ export class SceneView {
     $("scene-caption").textContent = $("scene-caption").title = views.map(([, v]) => (v.cloud ? "" : v.caption)).filter(Boolean).join(" · ");
   }
 
-  // Show everything from the initial direction.
+  // From the initial direction, as near as robot, fruit and paths are wholly in the picture. The view only grows during a run: a
+  // moving arm does not move it.
   home() {
     if (!this.renderer) return;
-    const box = new three.Box3();
-    for (const { group } of [...this.topics.values(), ...this.robots.values()]) box.union(new three.Box3().setFromObject(group));
+    const box = new three.Box3(), things = [];
+    for (const { group } of [...this.topics.values(), ...this.robots.values()]) { box.union(new three.Box3().setFromObject(group)); group.traverse((thing) => { if (thing.visible && FRAMED.has(thing.userData.kind)) things.push(new three.Box3().setFromObject(thing)); }); }
     if (box.isEmpty()) return;
-    const around = box.getBoundingSphere(new three.Sphere());
-    if (this.around && this.around.containsPoint(around.center) && this.around.radius >= around.radius && this.around.radius < 1.5 * around.radius) around.copy(this.around); // a moving arm does not move the view
-    this.around = around;
-    const far = Math.max(around.radius, 0.1) / Math.sin((FIELD / 2) * Math.PI / 180) * Math.max(1, 1 / (this.camera.aspect || 1)) * 0.85;
     const { yaw, pitch } = HOME;
-    this.controls.target.copy(around.center);
-    this.camera.position.set(Math.sin(yaw) * Math.cos(pitch), -Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)).multiplyScalar(far).add(around.center);
+    const toward = new three.Vector3(Math.sin(yaw) * Math.cos(pitch), -Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)), right = new three.Vector3(Math.cos(yaw), Math.sin(yaw), 0), up = toward.clone().cross(right);
+    if (!this.seen) Object.assign(this, { seen: new three.Box3(), far: 0.1 }); // along these three
+    const ends = [];
+    for (const { min, max } of things.length ? things : [box]) for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+      const corner = new three.Vector3(x, y, z);
+      ends.push(new three.Vector3(corner.dot(right), corner.dot(up), corner.dot(toward)));
+    }
+    for (const end of ends) this.seen.expandByPoint(end);
+    const at = this.seen.getCenter(new three.Vector3());
+    for (const { x, y, z } of ends) this.far = Math.max(this.far, z - at.z + AIR * Math.max(Math.abs(y - at.y), Math.abs(x - at.x) / (this.camera.aspect || 1)) / Math.tan((FIELD / 2) * Math.PI / 180));
+    this.controls.target.set(0, 0, 0).addScaledVector(right, at.x).addScaledVector(up, at.y).addScaledVector(toward, at.z);
+    this.camera.position.copy(this.controls.target).addScaledVector(toward, this.far);
     this.floor(box);
     this.controls.update();
     this.draw();

@@ -15,7 +15,7 @@ function section(name, { title, style }) {
     const box = h("div", { id: name });
     const made = h("section", { class: "panel wide", id: `${name}-panel`, "aria-labelledby": `${name}-title` }, h("h2", { id: `${name}-title` }, title), box);
     made.hidden = true;
-    $("middle").append(made);
+    $("below").append(made);
     sections.set(name, [made, box]);
   }
   return sections.get(name);
