@@ -173,7 +173,7 @@ async function insert(inside) {
   inside = inside || (one && !one.parent && holdsNodes(one.type));
   if (!root && inside && !holdsNodes(one.type)) { say(`${one.type} has no list of children: insert after it, or wrap it first.`); return; }
   if (!root && !inside && !listed(one)) { say("Only one node has its place here: wrap it in a sequence first (w)."); return; }
-  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, ["skill", "subtree", "composite", "leaf"], carry);
+  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, root ? ["composite", "skill", "subtree", "leaf"] : ["skill", "subtree", "composite", "leaf"], carry);
   drawing.root.focus();
   if (!name) return;
   const into = root ? "" : inside ? one.id : one.parent, index = root ? 0 : inside ? children(one.id).filter((child) => child.index >= 0).length : one.index + 1;
