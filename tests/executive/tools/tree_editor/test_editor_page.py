@@ -229,6 +229,29 @@ def test_units_and_wires_are_chosen_beside_a_field(
     expect(area(page)).to_have_value(tree.read_text().replace("- wait: 1 s", '- wait: "{long}"'))
 
 
+def test_words_of_a_field_are_quoted_where_yaml_needs_it(
+    make_editor: Callable[[Path], TreeEditor], open_page: Open, tree: Path
+) -> None:
+    tree.write_text(SMALL.replace("    - check", "    - wait: 2 s\n      when: x\n    - check"))
+    page = open_page(make_editor(tree))
+    item(page, "root/2").locator(".box").click()
+    field = page.locator("#field-modifier-when")
+    typed = {
+        "done": "done",
+        "done != 'moved'": "\"done != 'moved'\"",
+        "'moved' == 'done'": "\"'moved' == 'done'\"",
+        '"moved" == done': '"\\"moved\\" == done"',
+        "[1] == [2]": '"[1] == [2]"',
+        '"done"': '"done"',
+        "null": '"null"',
+    }
+    for words, written in typed.items():
+        field.fill(words)
+        field.press("Enter")
+        expect(area(page)).to_have_value(tree.read_text().replace("when: x", f"when: {written}"))
+        expect(page.locator("#stale")).to_be_hidden()
+
+
 def test_a_file_with_an_error_is_saved_and_not_run(editor: TreeEditor, open_page: Open, tree: Path) -> None:
     page = open_page(editor)
     broken = SMALL.replace("wait: 1 s", "wait: 1 kg")
