@@ -74,12 +74,12 @@ async function judge() {
   show(answer);
 }
 
-// Carry an edit out, one after the other; `then` is the node to select after it.
-function edit(said, words, then) {
+// Carry a change out, one after the other; `then` is the node to select after it.
+function carryOut(request, asked, words, then) {
   const turn = busy.then(async () => {
     text.area.readOnly = true;
     judged += 1;
-    const before = page.text, answer = await post("edit", { text: before, edit: said });
+    const answer = await post(request, { text: page.text, ...asked });
     text.area.readOnly = !page.mayAct;
     if (answer.error) { say(answer.error); return false; }
     change(answer.text, words, { then: then ?? page.selected });
@@ -93,14 +93,8 @@ function edit(said, words, then) {
   return turn;
 }
 
-function mend(number) {
-  busy = busy.then(async () => {
-    const answer = await post("mend", { text: page.text, number });
-    if (answer.error) { say(answer.error); return; }
-    change(answer.text, "hint applied");
-    show(answer);
-  });
-}
+function edit(said, words, then) { return carryOut("edit", { edit: said }, words, then); }
+function mend(number) { return carryOut("mend", { number }, "hint applied"); }
 
 async function step(back) {
   await busy;
