@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from importlib.metadata import EntryPoint, entry_points
@@ -96,14 +96,13 @@ class Registry(Mapping[str, type[Skill]]):
     def __len__(self) -> int:
         return len(self._skills)
 
-    def giving(self, found: PortType) -> list[tuple[str, str]]:
-        """Skill and port of every output of a type."""
-        return [
-            (name, port)
-            for name, skill in self._skills.items()
-            for port, it in skill.outputs.items()
-            if it.type == found
-        ]
+    def giving(self, wanted: PortType, there: Collection[object]) -> list[tuple[str, str]]:
+        """Skill and port of every output of a type, least lacking inputs first; a skill that lacks this one is none."""
+        needed = {name: [it.type for it in skill.inputs.values() if it.required] for name, skill in self.items()}
+        lacking = {name: [it for it in types if it not in there] for name, types in needed.items()}
+        writers = [name for name in self._skills if wanted not in lacking[name]]
+        writers.sort(key=lambda name: len(lacking[name]))
+        return [(name, port) for name in writers for port, it in self[name].outputs.items() if it.type == wanted]
 
     def listing(self) -> tuple[SkillListing, ...]:
         """Return all skills, by name."""

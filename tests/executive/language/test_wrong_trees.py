@@ -127,6 +127,20 @@ root:
         "4:3: error[missing-port]: Plan needs 'to', a grasp_candidates: SampleGrasp and SampleHanging write one; write "
         'to: "{candidates}"',
     ),
+    "approach_needs_the_grasp_that_a_plan_for_these_candidates_gives": WrongTree(
+        """\
+pomona: 1
+tree: t
+root:
+  sequence:
+    - Detect: {fruit: apple, detection: "{detection}"}
+    - Refine: {detection: "{detection}", measured: "{measured}"}
+    - SampleGrasp: {around: "{measured}", candidates: "{candidates}"}
+    - Approach: {}
+""",
+        "8:7: error[missing-port]: Approach needs 'grasp', a grasp: Plan and Intercept write one; write "
+        'grasp: "{grasp}"',
+    ),
     "nothing_writes_map": WrongTree(
         """\
 pomona: 1

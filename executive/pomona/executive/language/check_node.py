@@ -262,8 +262,9 @@ class LayerCheck:
             if name in node.ports or name in meant:
                 continue
             of = inputs[name].type
-            there = [f'"{{{known}}}"' for known, named in self.whole.scope.names.items() if named.type == of]
-            writers = self.whole.skills.giving(of) if isinstance(of, type) and of not in _SIMPLE else []
+            known = {name: named.type for name, named in self.whole.scope.names.items()}
+            there = [f'"{{{name}}}"' for name in known if known[name] == of]
+            writers = self.whole.skills.giving(of, known.values()) if isinstance(of, type) and of not in _SIMPLE else []
             givers = list(dict.fromkeys(skill for skill, _ in writers[:2]))
             gives = f": {' and '.join(givers)} {'writes' if len(givers) == 1 else 'write'} one" if givers else ""
             message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}{gives}"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
+import io
 import re
+import sys
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
@@ -12,6 +15,7 @@ from typing import Any
 from mcp.server import MCPServer
 from mcp.server.context import HandlerResult, ServerRequestContext
 from mcp.server.mcpserver.exceptions import ResourceError, ToolError
+from mcp.server.stdio import stdio_server
 from mcp.shared.exceptions import MCPError
 from mcp_types import INTERNAL_ERROR, INVALID_PARAMS, Resource, ToolAnnotations
 
@@ -20,6 +24,7 @@ from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.installation import installed_version
 from pomona.tools.assistants.call_log import CallLog
 from pomona.tools.assistants.door import PARTS, Door, call_number
+from pomona.tools.assistants.readable_lines import ReadableLines
 from pomona.tools.library.index import RunIndex
 
 INSTRUCTIONS = (
@@ -31,7 +36,7 @@ INSTRUCTIONS = (
 LOGGED = ("tools/call", "resources/read")
 MOST_RESOURCES = 100  # newest records in the list of resources
 MOST_REFUSAL = 1000  # characters
-_DETAIL = re.compile(r" \[type=[^\]]*\]| For further information visit \S+|^Error executing tool \w+: ")
+_DETAIL = re.compile(r" \[type=.*?, input_type=\w+\]| For further information visit \S+|^Error executing tool \w+: ")
 
 Context = ServerRequestContext[Any, Any]
 Next = Callable[[Context], Awaitable[HandlerResult]]
@@ -62,6 +67,20 @@ class DoorServer(MCPServer[Any]):
             for run in runs
             for part in PARTS
         ]
+
+    async def run_stdio_async(self) -> None:
+        """Serve standard input and output; a line that holds no message is logged, and answered with an error."""
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(encoding="utf-8", errors="replace")
+        lines = ReadableLines(sys.stdin, self._unreadable)
+        async with stdio_server(stdin=lines) as (messages, answers):  # type: ignore[arg-type]  # it only iterates
+            lines.answer = answers.send
+            options = self._lowlevel_server.create_initialization_options()
+            await self._lowlevel_server.run(messages, answers, options)
+
+    def _unreadable(self, line: str, why: str) -> None:
+        with contextlib.suppress(OSError):  # the answer is an error in any case
+            self._log.write(self._log.number(), "unreadable", {"line": line}, why, 0.0)
 
     async def _logged(self, ctx: Context, call_next: Next) -> HandlerResult:
         """Answer a request, and log it before the answer is given."""

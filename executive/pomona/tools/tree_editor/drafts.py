@@ -53,6 +53,7 @@ class Drafts:
         number, name = tempfile.mkstemp(dir=self._folder, suffix=".saving")
         with os.fdopen(number, "w", encoding="utf-8") as stream:
             json.dump({"path": str(self._path), **asdict(draft)}, stream)
+        self._seen(draft.page).touch()  # first: another editor would take the draft for that of a closed page
         os.replace(name, target)
         for old in self.all()[MOST_DRAFTS:]:
             self.drop(old.page)

@@ -34,6 +34,11 @@ def test_drafts_of_other_files_stay_apart(drafts: Drafts, tmp_path: Path) -> Non
     assert Drafts(tmp_path / "b.yaml", tmp_path / "cache").all() == []
 
 
+def test_a_draft_that_was_kept_just_now_is_that_of_an_open_page(drafts: Drafts) -> None:
+    drafts.keep(Draft("one", "first", "s", 1.0))
+    assert drafts.is_open("one", 60.0)
+
+
 def test_a_damaged_draft_is_left_out(drafts: Drafts, tmp_path: Path) -> None:
     drafts.keep(Draft("one", "first", "s", 1.0))
     (path,) = (tmp_path / "cache").rglob("*.json")

@@ -101,6 +101,16 @@ root:
     )
 
 
+def test_the_palette_names_the_key_for_an_entry_that_is_in_another_one(editor: TreeEditor, open_page: Open) -> None:
+    page = open_page(editor)
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("i")
+    page.keyboard.type("retry")
+    expect(page.locator("#palette-list")).to_contain_text("retry is among the others: Esc, then m at a node.")
+    page.locator("#palette-search").fill("measure")
+    expect(page.locator('#palette-list [role="option"] small').first).to_contain_text("Measure")
+
+
 def drawn_out(page: Any, word: str, x: float, y: float) -> None:
     """Drag a word out of the palette to a place."""
     page.keyboard.press("i")
@@ -219,6 +229,29 @@ def test_units_and_wires_are_chosen_beside_a_field(
     expect(area(page)).to_have_value(tree.read_text().replace("- wait: 1 s", '- wait: "{long}"'))
 
 
+def test_words_of_a_field_are_quoted_where_yaml_needs_it(
+    make_editor: Callable[[Path], TreeEditor], open_page: Open, tree: Path
+) -> None:
+    tree.write_text(SMALL.replace("    - check", "    - wait: 2 s\n      when: x\n    - check"))
+    page = open_page(make_editor(tree))
+    item(page, "root/2").locator(".box").click()
+    field = page.locator("#field-modifier-when")
+    typed = {
+        "done": "done",
+        "done != 'moved'": "\"done != 'moved'\"",
+        "'moved' == 'done'": "\"'moved' == 'done'\"",
+        '"moved" == done': '"\\"moved\\" == done"',
+        "[1] == [2]": '"[1] == [2]"',
+        '"done"': '"done"',
+        "null": '"null"',
+    }
+    for words, written in typed.items():
+        field.fill(words)
+        field.press("Enter")
+        expect(area(page)).to_have_value(tree.read_text().replace("when: x", f"when: {written}"))
+        expect(page.locator("#stale")).to_be_hidden()
+
+
 def test_a_file_with_an_error_is_saved_and_not_run(editor: TreeEditor, open_page: Open, tree: Path) -> None:
     page = open_page(editor)
     broken = SMALL.replace("wait: 1 s", "wait: 1 kg")
@@ -260,6 +293,22 @@ def test_a_change_on_disk_is_taken_over_or_shown_as_a_conflict(editor: TreeEdito
     page.keyboard.press("Control+s")
     expect(page.locator("#saved")).to_have_text("saved")
     assert tree.read_text() == SMALL.replace("1 s", "8 s")
+
+
+def test_why_a_file_cannot_be_saved_is_shown_while_it_is_so(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+    page = open_page(editor)
+    area(page).fill(SMALL.replace("1 s", "8 s"))
+    for name, spoil in {
+        "readonly": lambda: tree.chmod(0o444),
+        "gone": lambda: tree.write_text("#" * 10_000_000),
+    }.items():
+        spoil()
+        expect(page.locator(f'[data-bar="{name}"]')).to_be_visible()
+        expect(page.locator("#save")).to_be_disabled()
+        tree.chmod(0o644)
+        tree.write_text(SMALL)
+        expect(page.locator(f'[data-bar="{name}"]')).to_have_count(0)
+        expect(page.locator("#save")).to_be_enabled()
 
 
 def test_two_pages_see_each_other_and_the_later_one_decides(editor: TreeEditor, open_page: Open, tree: Path) -> None:

@@ -227,8 +227,12 @@ def test_pages_of_one_file_are_counted(client: TestClient) -> None:
     assert client.get("/api/watch", params={"page": "you"}).json()["others"] == 1
 
 
-def test_the_draft_of_a_closed_page_is_found_and_that_of_an_open_one_is_not(ask: Ask, client: TestClient) -> None:
+def test_the_draft_of_a_closed_page_is_found_and_that_of_an_open_one_is_not(
+    ask: Ask, client: TestClient, tree: Path
+) -> None:
     ask("draft", page="closed", text=BROKEN, stamp="s")
+    (seen,) = tree.parent.rglob("*.open")
+    os.utime(seen, (0.0, 0.0))
     ask("draft", page="open", text="other", stamp="s")
     client.get("/api/watch", params={"page": "open"})
     assert [(draft["page"], draft["text"]) for draft in opened(client)["drafts"]] == [("closed", BROKEN)]
@@ -240,7 +244,6 @@ def test_the_draft_of_a_page_that_another_process_shows_is_not_offered(
     ask: Ask, client: TestClient, make_editor: Callable[[Path], TreeEditor], tree: Path
 ) -> None:
     ask("draft", page="mine", text=BROKEN, stamp="s")
-    client.get("/api/watch", params={"page": "mine"})
     other = make_editor(tree)
     assert other._opened("theirs")["drafts"] == []
     (seen,) = tree.parent.rglob("*.open")

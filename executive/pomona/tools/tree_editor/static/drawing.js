@@ -1,6 +1,6 @@
 // The tree as boxes, one a line, in the order of execution. Only the boxes in sight are in the document.
 import { $, h } from "./shared/dom.js";
-import { bare, children, findingsOf, holdsNodes, isCondition, kindOf, labelOf, node, page, siblings } from "./model.js";
+import { bare, children, findingsOf, holdsNodes, isCondition, kindOf, labelOf, node, nodeAt, page, siblings } from "./model.js";
 
 const STEP = 22, LINE = 32, MORE = 15, HEADING = 30, AROUND = 500, FAR = 6; // px
 
@@ -34,7 +34,7 @@ export class Drawing {
     let top = 4, definition = null;
     this.marks = new Map();
     for (const finding of page.state.findings) {
-      const at = finding.node ?? (finding.node = this.placed(finding.line));
+      const at = finding.node ?? (finding.node = nodeAt(finding.line)?.id ?? "");
       const rank = this.marks.get(at);
       this.marks.set(at, rank === "error" ? rank : finding.severity);
     }
@@ -61,12 +61,6 @@ export class Drawing {
   }
 
   levels = new Map();
-
-  placed(line) {
-    let found = "";
-    for (const one of page.state.nodes) if (one.line <= line && line <= one.end_line) found = one.id;
-    return found;
-  }
 
   // Put the boxes in sight into the document, and take the others out.
   show() {
@@ -108,7 +102,7 @@ export class Drawing {
     item.style.cssText = `top:${row.top}px;height:${row.height}px`;
     for (let above = one, i = level; above?.parent; above = node(above.parent), i -= 1) { // lines from the ancestors to their later children
       const last = siblings(above).at(-1) === above, own = above === one, left = 8 + (i - 1) * STEP + 11;
-      if (own || !last) { const line = h("i", { class: "down" }); line.style.cssText = `left:${left}px;top:${own ? -3 : -3}px;height:${(own && last ? middle : row.height) + 3}px`; item.append(line); }
+      if (own || !last) { const line = h("i", { class: "down" }); line.style.cssText = `left:${left}px;top:-3px;height:${(own && last ? middle : row.height) + 3}px`; item.append(line); }
       if (own) { const line = h("i", { class: "over" }); line.style.cssText = `left:${left}px;top:${middle}px;width:${STEP - 11}px`; item.append(line); }
     }
     item.append(box);

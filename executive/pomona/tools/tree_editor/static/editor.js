@@ -74,12 +74,12 @@ async function judge() {
   show(answer);
 }
 
-// Carry an edit out, one after the other; `then` is the node to select after it.
-function edit(said, words, then) {
+// Carry a change out, one after the other; `then` is the node to select after it.
+function carryOut(request, asked, words, then) {
   const turn = busy.then(async () => {
     text.area.readOnly = true;
     judged += 1;
-    const before = page.text, answer = await post("edit", { text: before, edit: said });
+    const answer = await post(request, { text: page.text, ...asked });
     text.area.readOnly = !page.mayAct;
     if (answer.error) { say(answer.error); return false; }
     change(answer.text, words, { then: then ?? page.selected });
@@ -93,14 +93,8 @@ function edit(said, words, then) {
   return turn;
 }
 
-function mend(number) {
-  busy = busy.then(async () => {
-    const answer = await post("mend", { text: page.text, number });
-    if (answer.error) { say(answer.error); return; }
-    change(answer.text, "hint applied");
-    show(answer);
-  });
-}
+function edit(said, words, then) { return carryOut("edit", { edit: said }, words, then); }
+function mend(number) { return carryOut("mend", { number }, "hint applied"); }
 
 async function step(back) {
   await busy;
@@ -173,7 +167,7 @@ async function insert(inside) {
   inside = inside || (one && !one.parent && holdsNodes(one.type));
   if (!root && inside && !holdsNodes(one.type)) { say(`${one.type} has no list of children: insert after it, or wrap it first.`); return; }
   if (!root && !inside && !listed(one)) { say("Only one node has its place here: wrap it in a sequence first (w)."); return; }
-  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, ["skill", "subtree", "composite", "leaf"], carry);
+  const name = await choose(root ? "Insert the first node" : inside ? `Insert into ${labelOf(one)}` : `Insert after ${labelOf(one)}`, root ? ["composite", "skill", "subtree", "leaf"] : ["skill", "subtree", "composite", "leaf"], carry);
   drawing.root.focus();
   if (!name) return;
   const into = root ? "" : inside ? one.id : one.parent, index = root ? 0 : inside ? children(one.id).filter((child) => child.index >= 0).length : one.index + 1;
@@ -415,7 +409,7 @@ function conflict(disk) {
   if (disk.text === page.text) { Object.assign(page, { disk: disk.text, stamp: disk.stamp, problem: disk.problem }); clear("conflict"); head(); return; }
   const lines = (words) => words.split("\n").length, [at, mine, theirs] = stretch(page.text, disk.text), from = lines(page.text.slice(0, at));
   bar("conflict", "bad", "Changed on disk", `The file has another content now, and this page has unsaved changes: lines ${from} to ${from + Math.max(lines(mine), lines(theirs)) - 1}.`, [
-    ["Keep mine", () => { Object.assign(page, { disk: disk.text, stamp: disk.stamp }); clear("conflict"); keep(); head(); say("Kept: Save writes this text over the one on the disk."); }],
+    ["Keep mine", () => { Object.assign(page, { disk: disk.text, stamp: disk.stamp, problem: disk.problem }); clear("conflict"); keep(); head(); say("Kept: Save writes this text over the one on the disk."); }],
     ["Take the disk's", () => { clear("conflict"); over(disk, "taken from the disk"); say("Taken from the disk. Undo brings your text back."); }],
   ], false);
 }
@@ -427,11 +421,19 @@ function over(disk, words) {
 }
 
 function onDisk(disk) {
+  if (!disk.readable || !disk.stamp) clear("conflict");
   if (!disk.readable) { page.problem = disk.problem; bar("gone", "bad", "The file cannot be used", `${disk.problem}. This page keeps its text.`, [], false); return; }
   if (!disk.stamp) { Object.assign(page, { stamp: "", disk: "", problem: disk.problem }); bar("gone", "warn", "The file is gone", "It was removed or renamed. Save writes it again.", [], false); keep(); return; }
   clear("gone");
   if (dirty()) conflict(disk);
   else { over(disk, "changed on disk"); say("The file has changed on disk: taken over."); }
+}
+
+// Why the file cannot be saved; said once for each reason.
+function limits() {
+  if (page.problem === page.limit) return;
+  page.limit = page.problem;
+  if (page.problem) bar("readonly", "warn", "Read-only", `${page.problem}: changes cannot be saved here.`); else clear("readonly");
 }
 
 async function watch() {
@@ -440,7 +442,8 @@ async function watch() {
   if (answer.error) { if (!lost) { lost = true; bar("lost", "bad", "No connection", `${answer.error} Unsaved changes stay in this page.`, [], false); head(); } }
   else {
     if (lost) { lost = false; clear("lost"); keep(); }
-    if (answer.disk) onDisk(answer.disk); else if (answer.problem !== page.problem) page.problem = answer.problem;
+    if (answer.disk) onDisk(answer.disk);
+    else { page.problem = answer.problem; if (page.stamp) clear("gone", "conflict"); limits(); }
     if (answer.others) bar("others", "warn", "Another page edits this file", "Each sees the other's changes when they are saved, as a conflict if both have some."); else clear("others");
     if (answer.trial) heard(answer);
     if (answer.drafts.some((name) => !offered.has(name))) offerAll((await get("file", { page: me })).drafts?.filter((draft) => !offered.has(draft.page)) ?? []);
@@ -519,7 +522,7 @@ async function open() {
   $("start-run").title = $("start-run").dataset.about = `Run on the simulated cell '${opened.cell}', with a page of its own`;
   $("start-scenarios").disabled = !opened.scenarios.length;
   if (!opened.scenarios.length) $("start-scenarios").title = "No scenario file below the tree's folder tests it";
-  if (disk.problem) bar("readonly", "warn", "Read-only", `${disk.problem}: changes cannot be saved here.`);
+  limits();
   if (!page.mayAct) bar("watch", "warn", "This page only shows", "open the link that was printed to edit");
   text.set(page.text);
   text.area.readOnly = !page.mayAct;

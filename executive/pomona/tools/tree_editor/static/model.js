@@ -80,6 +80,6 @@ export function rewrite(one, words) {
 
 export function yaml(words) {
   if (words === "") return null;
-  if (/^(["'[]|\{[^{}"']*:)/.test(words)) return words; // YAML already: a quoted text, a list, a mapping
-  return /[{}[\]#,&*!|>%@`"']|:(\s|$)|^[-?](\s|$)|^\s|\s$/.test(words) ? JSON.stringify(words) : words;
+  if (/^("(\\.|[^"\\])*"|'([^']|'')*'|\[([^[\]]|\[[^[\]]*\])*\]|\{[^{}"']*:.*\})$/.test(words)) return words; // YAML already: a quoted text, a list, a mapping
+  return /[{}[\]#,&*!|>%@`"']|:(\s|$)|^[-?](\s|$)|^\s|\s$|^(~|null)$/i.test(words) ? JSON.stringify(words) : words;
 }

@@ -109,14 +109,8 @@ export class NodePane {
 
   // One typed field: the value as text, and beside it the units, choices and wires that fit.
   entry(key, port, value, made) {
-    const id = `field-${key.replaceAll(/\W/g, "-")}`, wrong = this.wrong(port.name);
-    const input = h("input", { id, "data-key": key, "data-was": value, "data-needed": port.required, value, autocomplete: "off", spellcheck: "false", readonly: !page.mayAct, "aria-describedby": `${id}-help`, placeholder: port.default !== undefined && port.default !== "" && !key.startsWith("parameter") ? port.default : port.output ? `{${port.name}}` : "", "aria-invalid": wrong ? "true" : null });
-    input.value = value;
-    const commit = (text) => { if (text !== input.dataset.was) { input.dataset.was = text; this.on.edit(made(text), `${port.name}: ${text || "not set"}`); } };
-    input.addEventListener("change", () => commit(input.value.trim()));
-    input.addEventListener("keydown", (event) => {
-      if (event.key === "Escape") { input.value = input.dataset.was; this.on.leave(); event.preventDefault(); event.stopPropagation(); }
-      if (event.key === "Enter") { commit(input.value.trim()); event.preventDefault(); }
+    const wrong = this.wrong(port.name), [input, commit] = this.input(key, value, (text) => this.on.edit(made(text), `${port.name}: ${text || "not set"}`), {
+      "data-needed": port.required, spellcheck: "false", placeholder: port.default !== undefined && port.default !== "" && !key.startsWith("parameter") ? port.default : port.output ? `{${port.name}}` : "", "aria-invalid": wrong ? "true" : null,
     });
     const select = h("select", { "data-port": port.name, "data-key": `${key} offers`, "aria-label": `units, choices and wires for ${port.name}`, disabled: !page.mayAct });
     select.facts = port;
@@ -125,21 +119,30 @@ export class NodePane {
       const [rank, word] = [select.value[0], select.value.slice(1)];
       input.value = rank === "u" ? `${input.value.match(/^\s*[-+\d.eE]*/)[0].trim() || "1"} ${word}` : word;
       select.value = "";
-      commit(input.value.trim());
+      commit();
     });
     return h("div", { class: "entry" },
-      h("div", { class: "label" }, h("label", { for: id }, h("b", {}, port.name)), h("span", { class: "help" }, facts({ ...port, required: false })), port.required && !value ? h("span", { class: "needed" }, "needed") : null),
+      h("div", { class: "label" }, h("label", { for: input.id }, h("b", {}, port.name)), h("span", { class: "help" }, facts({ ...port, required: false })), port.required && !value ? h("span", { class: "needed" }, "needed") : null),
       h("div", { class: "combo" }, input, select),
-      h("div", { class: "help", id: `${id}-help` }, port.help ?? ""));
+      h("div", { class: "help", id: `${input.id}-help` }, port.help ?? ""));
   }
 
   plainEntry(key, label, value, help, made) {
-    const id = `field-${key}`, input = h("input", { id, "data-key": key, "data-was": value ?? "", autocomplete: "off", readonly: !page.mayAct, "aria-describedby": `${id}-help` });
-    input.value = value ?? "";
-    const commit = () => { const text = input.value.trim(); if (text !== input.dataset.was) { input.dataset.was = text; this.on.edit(made(text), label.toLowerCase()); } };
+    const [input] = this.input(key, value ?? "", (text) => this.on.edit(made(text), label.toLowerCase()));
+    return h("div", { class: "entry" }, h("div", { class: "label" }, h("label", { for: input.id }, h("b", {}, label))), input, h("div", { class: "help", id: `${input.id}-help` }, help));
+  }
+
+  // A field, and what takes its value over: when it has changed, and once.
+  input(key, value, change, more = {}) {
+    const id = `field-${key.replaceAll(/\W/g, "-")}`, input = h("input", { id, "data-key": key, "data-was": value, value, autocomplete: "off", readonly: !page.mayAct, "aria-describedby": `${id}-help`, ...more });
+    input.value = value;
+    const commit = () => { const text = input.value.trim(); if (text !== input.dataset.was) { input.dataset.was = text; change(text); } };
     input.addEventListener("change", commit);
-    input.addEventListener("keydown", (event) => { if (event.key === "Enter") commit(); else if (event.key === "Escape") { input.value = input.dataset.was; this.on.leave(); event.stopPropagation(); } });
-    return h("div", { class: "entry" }, h("div", { class: "label" }, h("label", { for: id }, h("b", {}, label))), input, h("div", { class: "help", id: `${id}-help` }, help));
+    input.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") { input.value = input.dataset.was; this.on.leave(); event.stopPropagation(); } else if (event.key === "Enter") commit(); else return;
+      event.preventDefault();
+    });
+    return [input, commit];
   }
 
   wrong(name) { return findingsOf(page.selected).some(({ message, severity }) => severity === "error" && (message.includes(`'${name}'`) || message.includes(`.${name}`))); }

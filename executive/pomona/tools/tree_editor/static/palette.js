@@ -7,16 +7,19 @@ const FIRST = ["sequence", "fallback", "retry"]; // what a tree is made of most
 
 const FAR = 6; // px that an entry is drawn before it is carried
 
-let entries = [], shown = [], chosen = 0, done = null, take = null, pressed = null;
+const KEY = { skill: "i", subtree: "i", leaf: "i", composite: "w", modifier: "m" }; // that takes an entry of another role
+
+let entries = [], order = [], shown = [], chosen = 0, done = null, take = null, pressed = null;
 
 const search = $("palette-search"), list = $("palette-list"), dialog = $("palette");
 
-// Ask for an entry of these roles; resolves with its name, or null. `carry(name, event)`: an entry is dragged out.
+// Ask for an entry of these roles, in this order; resolves with its name, or null. `carry(name, event)`: an entry is dragged out.
 export function choose(title, roles, carry = null) {
   take = carry;
   const { skills, words } = page.catalogue;
   const called = page.state.definitions.filter(({ name }) => name).map(({ name }) => about(name));
-  entries = [...Object.values(skills), ...called, ...Object.values(words)].filter(({ role }) => roles.includes(role)).map((entry) => ({ entry, text: textOf(entry) }));
+  order = roles;
+  entries = [...Object.values(skills), ...called, ...Object.values(words)].map((entry) => ({ entry, text: textOf(entry) }));
   $("palette-title").textContent = title;
   search.value = "";
   find();
@@ -35,12 +38,13 @@ function rank({ entry, text }, asked) {
   if (name === asked) return 0;
   if (name.startsWith(asked)) return 1;
   if (name.includes(asked)) return 2;
-  return asked.split(/\s+/).every((word) => text.includes(word)) ? 3 : 9;
+  const all = (where) => asked.split(/\s+/).every((word) => where.includes(word));
+  return all(`${name} ${entry.summary}`.toLowerCase()) ? 3 : all(text) ? 4 : 9;
 }
 
 function find() {
-  const asked = search.value.trim().toLowerCase(), order = Object.keys(ROLES);
-  shown = entries.map((one) => ({ ...one, rank: rank(one, asked) })).filter((one) => one.rank < 9);
+  const asked = search.value.trim().toLowerCase(), found = entries.map((one) => ({ ...one, rank: rank(one, asked) })).filter((one) => one.rank < 9);
+  shown = found.filter(({ entry }) => order.includes(entry.role));
   shown.sort((a, b) => (asked ? a.rank - b.rank : 0) || order.indexOf(a.entry.role) - order.indexOf(b.entry.role) || a.rank - b.rank || a.entry.name.localeCompare(b.entry.name));
   chosen = 0;
   let group = "";
@@ -49,7 +53,8 @@ function find() {
     const option = h("div", { role: "option", id: `option-${i}`, "aria-selected": "false", onclick: () => end(entry.name), onpointerdown: ({ button, clientX: x, clientY: y }) => { pressed = button === 0 && take ? { name: entry.name, x, y } : null; }, onpointermove: () => mark(i, false) },
       h("span", { "aria-hidden": "true" }, entry.symbol), h("b", {}, entry.name), h("small", {}, entry.summary));
     return heading ? [heading, option] : [option];
-  }), ...(shown.length ? [] : [h("p", { class: "muted" }, "Nothing has all of these words.")]));
+  }), ...(shown.length ? [] : [h("p", { class: "muted" }, "Nothing here has all of these words.",
+    found.slice(0, 3).map(({ entry: { name, role } }) => h("span", {}, " ", h("b", {}, name), " is among the others: Esc, then ", h("kbd", {}, KEY[role]), " at a node.")))]));
   mark(0);
 }
 
