@@ -16,13 +16,13 @@ OVERLAP = 0.6
 """Share of the sum of two fruit's mean radii; middles that are nearer show that one took the depth of the other. Fruit
 that touches is apart by the sum."""
 HIGH = 0.02
-"""Height of a fruit's lowest point over the floor from which another fruit must carry it [m]: measured fruit that stands
-errs by 4 mm at most, and a fruit that leans on a wall or a neighbour stands up to 5 mm high."""
+"""Height of a fruit's lowest point over the floor from which another fruit must carry it [m]: fruit that stands was
+measured up to 4 mm off, and a fruit that leans on a wall or a neighbour stands up to 5 mm high."""
 LOWER, BESIDE = 0.03, 0.012
 """A fruit that carries another one has its middle lower by this, and touches it within this gap [m]."""
 WHOLE = 0.9
-"""Share of its pixels with agreeing depth of a fruit that lies on others: nothing hides it. In four simulated heaps of two
-layers 9 such fruits had 0.94 to 0.99, and partly hidden fruit 0.30 to 0.9."""
+"""Share of its pixels with agreeing depth of a fruit that lies on others: nothing hides it. In four simulated heaps of
+two layers 9 such fruits had 0.94 to 0.99, and partly hidden fruit 0.30 to 0.9."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +59,8 @@ class FruitScene:
 def measure_all(detections: Sequence[Detection], table_z: float | None, obstacles: Sequence[Box] = ()) -> FruitScene:
     """Measure each detection; a measurement that others contradict is none.
 
-    Of two fruits that overlap, one took the depth of the other: the one whose depth agrees less. A fruit in the air that
-    is partly hidden did, too: what lies on other fruit is seen whole.
+    Of two fruits that overlap, one took the depth of the other: the one whose depth agrees less. A fruit in the air
+    that is partly hidden did, too: what lies on other fruit is seen whole.
 
     Args:
         table_z: height of the table in the base frame [m]; None where it is not known.

@@ -7,9 +7,9 @@ from py_trees.common import Status
 from pomona.applications.crates import fruit_scene
 from pomona.applications.crates.fruit_scene import SeenFruit, in_the_air, measure_all
 from pomona.applications.crates.refine_all import RefineAll
-from pomona.drivers.interfaces import Box, Workspace
+from pomona.drivers.interfaces import Box, Frame, Workspace
 from pomona.executive.skill_testing import SkillEnd, drive
-from pomona.skills.geometry import transform
+from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.perception.detection.detection import AllDetections
 from pomona.skills.perception.refinement.errors import NoDepth
 from tests.skills.applications.crates.test_choose_fruit import seen
@@ -96,6 +96,28 @@ def test_a_box_of_the_cell_carries_fruit_where_it_is_and_not_beside_it():
     assert in_the_air(fruit, (), table_z)
     assert not in_the_air(fruit, (), table_z, (stand,))
     assert in_the_air(fruit, (), table_z, (beside,))
+
+
+TRUE = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
+"""A camera's pose above the table, (4, 4)."""
+
+
+@pytest.mark.parametrize(
+    ("turned", "mirrored", "code"),
+    [(0.0, False, "NOTHING_MEASURED"), (2.0, False, "POSE_MISMATCH"), (6.0, True, "DEPTH_MISMATCH")],
+)
+def test_a_look_that_does_not_fit_the_cell_is_refused(camera, turned, mirrored, code):
+    T_base_camera = TRUE @ transform(rot_y(np.radians(turned)), (0.0, 0.0, 0.004 if turned else 0.0))
+    v, u = np.indices((camera.height, camera.width))
+    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1)
+    seen_from = TRUE if not mirrored else T_base_camera
+    depth = ((seen_from[2, 3] + 0.12) / -(rays @ seen_from[2, :3])).astype(np.float32)
+    depth = depth[:, ::-1].copy() if mirrored else depth
+    frame = Frame(1.0, 0, np.zeros((camera.height, camera.width, 3), np.uint8), depth, camera, None, T_base_camera)
+    workspace = Workspace(-0.12, np.full(3, -1.0), np.full(3, 1.0))
+    outcome = drive(RefineAll(), {"detections": AllDetections((), frame, T_base_camera)}, {Workspace: workspace})
+    assert outcome.reason.code == code
+    assert outcome.outputs == {}
 
 
 def test_interrupted_it_gives_nothing(monkeypatch):
