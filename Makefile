@@ -226,6 +226,7 @@ faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_plc
 	$(BIN)/python -m benchmarks.fault_matrix --cell orchard
 	$(BIN)/python -m benchmarks.fault_matrix --cell conveyor
+	$(BIN)/python -m benchmarks.fault_matrix --cell sim_crate --seed 4
 
 fuzz: $(STAMP) ## a million each: damaged tree files, cell files, device streams, records, messages to and from the page; 100 000 random trees (three hours)
 	$(BIN)/python tests/executive/language/fuzz.py --cases 1000000

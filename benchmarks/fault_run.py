@@ -24,6 +24,7 @@ from benchmarks.fault_executive import Leftovers, Operator, SteppedBack
 from benchmarks.fault_plan import FaultPlan, PlannedFault
 from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.fault_truth import PRESSED, TableTruth, truth_of
+from benchmarks.fault_world import Person
 from benchmarks.strands import use_strands
 from pomona.devices.emulators.virtual_world import VirtualWorld
 from pomona.drivers.interfaces import Arm, Gripper
@@ -47,7 +48,7 @@ from pomona.executive.running.tick import EventStream
 from pomona.executive.skill import continue_here
 from pomona.skills.grip.hold import take_over
 from pomona.tools.simulation.scene import TIMESTEP
-from pomona.tools.simulation.world import PhysicsWorld
+from pomona.tools.simulation.world import PhysicsWorld, SimWorld
 
 TREES = Path(__file__).parent
 TABLE = {"fruit": "apple_4", "place": "2", "distractors": "0"}
@@ -55,9 +56,11 @@ SETTINGS = {
     "sim": TABLE, "emulated": TABLE, "emulated_ur5e_hand_e_fingers": TABLE, "emulated_xarm6_hand_e_fingers": TABLE,
     "emulated_plc": {**TABLE, "others": "0"},
     "orchard": {"leaves": "0", "behind": "0", "friction": "0.8", "looks": "1", "most": "1", "tries": "1"},
+    "sim_crate": {"fruit": "apple_4", "others": "0"},
     "conveyor": {"fruit": "apple_4", "most": "1", "patience": "6 s"},
 }  # fmt: skip
-"""Settings of each cell and its tree. Of the wall one apple is picked, from one view; of the belt one fruit."""
+"""Settings of each cell and its tree. Of the wall one apple is picked, from one view; of the belt and the crate
+one fruit."""
 
 CONTACT_MAX = 25.0
 """Largest force between the robot and the table, a fruit or a fixed thing in any step of the world [N]."""
@@ -129,6 +132,8 @@ class CaseWatcher:
         self._clock = SteppedBack(self.world.clock, TIMESTEP)
         self._operator = Operator(runner)
         own = {"executive": self.leftovers, "clock": self._clock, "operator": self._operator}
+        if isinstance(self.world, SimWorld):
+            own["person"] = Person(self.world)
         self.switches: dict[str, FaultSwitch] = {**cell.switches, **own}
         self.world.after_step.append(self._step)
 

@@ -12,7 +12,7 @@ import yaml
 from pomona.executive.values.units import TIME
 
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
-OWN_PHASES = {"orchard": "wall", "conveyor": "belt"}
+OWN_PHASES = {"orchard": "wall", "conveyor": "belt", "sim_crate": "crate"}
 """Cells with a tree of their own, and the table of its phases."""
 ENDS = ("safe", "failure", "success", "harmless", "recovered", "refused")
 

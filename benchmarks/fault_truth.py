@@ -1,4 +1,4 @@
-"""The truth of a case of the fault matrix: of the fruit on the table, of an apple on the wall, or of fruit on a belt.
+"""The truth of a case of the fault matrix: of fruit on the table or in a crate, of an apple on the wall, of a belt.
 
 No word of a skill is used. A claim is the success of a node: Lift that the fruit hangs, Detach that the apple is in the
 hand, Intercept that the fruit hangs, Release that it lies in the bin or a crate. The truth judges it in the tick in
@@ -26,6 +26,8 @@ PAD_MAX = 20.0
 is the arm, which presses the apple with a pad."""
 OVERSHOOT = 1.05
 """The arm's deceleration and the grip's force, as measured in the world, over their limits."""
+DRAWN = 0.01
+"""A fruit this far from where it lay was drawn from the wall [m]."""
 HUNG = 0.05
 """A fruit this far above where it stood hangs [m]."""
 PRESSED = 0.3
@@ -127,6 +129,35 @@ class TableTruth:
     def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
         if told.get("drops", 0):
             yield "dropped the fruit"
+
+
+class CrateTruth(TableTruth):
+    """The fruit in a crate: touched and drawn by a finger before it is gripped."""
+
+    def __init__(self, world: SimWorld) -> None:
+        super().__init__(world)
+        self._rest = self._place()
+
+    def _place(self) -> Float64:
+        place: Float64 = np.array(self._world.state.body("fruit_0").xpos[:2])
+        return place
+
+    def look(self, begun: Collection[str]) -> Iterator[str]:
+        super().look(begun)
+        if "Hook" in begun and self._contacts["fruit_0"][0] > 0.0:
+            yield "hook_touches"
+        if "Hook" in begun and float(np.linalg.norm(self._place() - self._rest)) > DRAWN:
+            yield "drawn"
+
+    def judge_claim(self, node: str) -> None:
+        super().judge_claim(node)
+        if node == "Release":
+            self.claimed = self.claimed is not False and bool(self._world.truth()["put_away"])
+
+    def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
+        yield from super().troubles(told)
+        if told.get("bruised", 0):
+            yield f"bruised the fruit by {told['largest_press']:.2f} of what it bears"
 
 
 class WallTruth:
@@ -264,6 +295,8 @@ class BeltTruth:
 
 def truth_of(world: Any) -> TableTruth | WallTruth | BeltTruth:
     """Return the truth of a simulated world."""
+    if isinstance(world, SimWorld) and world.scene.gathering is not None:
+        return CrateTruth(world)
     if isinstance(world, ConveyorWorld):
         return BeltTruth(world)
     return WallTruth(world) if isinstance(world, FruitWallWorld) else TableTruth(world)

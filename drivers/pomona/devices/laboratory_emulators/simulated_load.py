@@ -27,10 +27,10 @@ LEVER = 0.03  # torque errors are the force errors at this lever [m]
 
 
 class SimLoadSensor(FaultyDevice):
-    """The hand's wrench on the flange, in tool0. Faults: `lost` (no more samples), `stuck` (the same value again)."""
+    """The hand's wrench on the flange, in tool0. Faults: `lost` (no more samples), `stuck` (the same again), `zero`."""
 
     interfaces = (LoadSensor,)
-    known_faults = ("lost", "stuck")
+    known_faults = ("lost", "stuck", "zero")
     rate = 1.0 / (STEPS * TIMESTEP)
 
     def __init__(self, world: PhysicsWorld, noise: float, mass: float, least: float) -> None:
@@ -70,6 +70,8 @@ class SimLoadSensor(FaultyDevice):
         if step % STEPS or self.fault == "lost":
             return
         wrench = self._before if self.fault == "stuck" and self._before is not None else self._measure()
+        if self.fault == "zero":
+            wrench = np.zeros(6)
         self._before = wrench
         self._passing.deliver(WrenchSample(step * TIMESTEP, step // STEPS, wrench[None, :]))
 

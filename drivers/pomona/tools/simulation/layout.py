@@ -37,6 +37,8 @@ SOURCE = "source"  # name of the crate in the workspace from which fruit is take
 PULLED = 1.5  # duration of the pull to a wall [s]
 PULL = 0.5  # horizontal pull on a fruit, of its weight: apples roll
 AT_WALL = 0.7  # probability that a drawn fruit is drawn along x, and the same along y
+LANDED = 5.0  # time in which fruit of the upper layer comes to rest, at most [s]
+STILL = 0.02  # largest speed of fruit at rest [m/s, rad/s]
 HEAP = 0.03  # distance from the middle of a heap within which fruit begins, before it is pushed apart [m]
 
 
@@ -46,6 +48,7 @@ class Gathering:
 
     T_base_floor: Float64  # middle of the surface below the fruit, (4, 4)
     inside: Float64 | None  # half of the crate's inside along x and y, (2,) [m]; None for a heap on the table
+    layers: int = 1  # with 2, a third of the fruit falls on the others
 
 
 def crate_of(fixed: tuple[Box, ...]) -> Gathering | None:
@@ -69,10 +72,17 @@ def gather(mujoco: Any, model: Any, state: Any, sizes: Float64, how: Gathering, 
     bodies = [model.body(f"fruit_{i}").id for i in range(len(sizes))]
     radii, T = sizes[:, 0] / 2.0, how.T_base_floor
     limits = np.full((len(sizes), 2), np.inf) if how.inside is None else how.inside - radii[:, None]
-    spots = _apart(radii, limits, rng)
-    for body, spot, height in zip(bodies, spots, sizes[:, 1], strict=True):
+    lower = len(sizes) - (len(sizes) // 3 if how.layers == 2 else 0)
+    layers = [_apart(radii[part], limits[part], rng) for part in (slice(lower), slice(lower, None))]
+    spots, bottoms = np.vstack(layers), np.full(len(sizes), 0.003)
+    bottoms[lower:] += sizes[:lower, 1].max()
+    for body, spot, bottom, height in zip(bodies, spots, bottoms, sizes[:, 1], strict=True):
         address = model.jnt_qposadr[model.body_jntadr[body]]
-        state.qpos[address : address + 3] = T[:3, :3] @ [*spot, height / 2.0 + 0.003] + T[:3, 3]
+        state.qpos[address : address + 3] = T[:3, :3] @ [*spot, height / 2.0 + bottom] + T[:3, 3]
+    for k in range(round(LANDED / model.opt.timestep) if lower < len(sizes) else 0):
+        mujoco.mj_step(model, state)
+        if k % 100 == 99 and np.abs(state.qvel[model.body_dofadr[bodies][:, None] + range(6)]).max() < STILL:
+            break
     if how.inside is None:
         return
     sides = rng.choice([-1.0, 1.0], (len(sizes), 2)) * (rng.random((len(sizes), 2)) < AT_WALL)
@@ -228,6 +238,7 @@ class WorldOptions:
         "places",
         f"where the fruit is: at its places, pulled together among them, or in the crate '{SOURCE}' of the workspace",
     )
+    layers: int = value(Whole(1, 2), "1", "with 2, a third of the fruit of a heap or a crate falls on the others")
     source_off: tuple[float, ...] = value(
         Row(Measure(LENGTH, "-100 mm", "100 mm"), 2),
         "0 0 mm",
@@ -275,6 +286,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         middle = np.eye(4)
         middle[:3, 3] = [*np.mean(spots, axis=0), said.table_z]
         gathering = crate_of(fixed) if said.fruits_at == "crate" else Gathering(middle, None)
+        gathering = None if gathering is None else replace(gathering, layers=said.layers)
         spots, place = [middle[:2, 3]] * (said.others + 1), 0
     free = [i for i in rng.permutation(len(spots)) if i != place][: said.others]
     target = said.fruits[said.fruit]

@@ -46,7 +46,9 @@ FELT = 0.3
 LATEST = 8
 """Number of ways whose forces the page shows."""
 
-FEELING_FAILURES = (*MOTION_FAILURES, "NOT_AT_PRE_GRASP", "NO_STRAIGHT_LINE", "CONTACT", "SENSOR_STALE")
+FEELING_FAILURES = (*MOTION_FAILURES, "NO_STRAIGHT_LINE", "SENSOR_STALE")
+OVER_FAILURES = (*FEELING_FAILURES, "NOT_AT_PRE_GRASP", "CONTACT")
+"""Failures of a manoeuvre that begins over the fruit."""
 
 
 class OuterFaces:

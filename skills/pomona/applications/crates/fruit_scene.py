@@ -7,11 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pomona.drivers import Box
+from pomona.executive import Float64
+from pomona.skills.motion import fruit_points
 from pomona.skills.perception import Detection, MeasuredFruit, RefineError, measure
 
 OVERLAP = 0.6
 """Share of the sum of two fruit's mean radii; middles that are nearer show that one took the depth of the other. Fruit
 that touches is apart by the sum."""
+HIGH = 0.02
+"""Height of a fruit's lowest point over the floor from which another fruit must carry it [m]: fruit that stands was
+measured up to 4 mm off, and a fruit that leans on a wall or a neighbour stands up to 5 mm high."""
+LOWER, BESIDE = 0.03, 0.012
+"""A fruit that carries another one has its middle lower by this, and touches it within this gap [m]."""
+WHOLE = 0.9
+"""Share of its pixels with agreeing depth of a fruit that lies on others: nothing hides it. In four simulated heaps of
+two layers 8 such fruits had 0.93 to 0.99, and partly hidden fruit 0.30 to 0.9."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,8 +56,16 @@ class FruitScene:
         return replace(chosen, beside=tuple(other for other in self.measured if other is not chosen))
 
 
-def measure_all(detections: Sequence[Detection], table_z: float | None) -> FruitScene:
-    """Measure each detection; of two that overlap, the one whose depth agrees less is no measurement."""
+def measure_all(detections: Sequence[Detection], table_z: float | None, obstacles: Sequence[Box] = ()) -> FruitScene:
+    """Measure each detection; a measurement that others contradict is none.
+
+    Of two fruits that overlap, one took the depth of the other: the one whose depth agrees less. A fruit in the air
+    that is partly hidden did, too: what lies on other fruit is seen whole.
+
+    Args:
+        table_z: height of the table in the base frame [m]; None where it is not known.
+        obstacles: boxes of the cell file, whose top faces are floors, too.
+    """
     seen = [_measure(detection, table_z) for detection in detections]
     for i, one in enumerate(seen):
         for k in range(i):
@@ -54,7 +73,37 @@ def measure_all(detections: Sequence[Detection], table_z: float | None) -> Fruit
                 worse = i if one.measured.inlier_ratio < other.inlier_ratio else k
                 seen[worse] = SeenFruit(seen[worse].detection, None, "its depth is that of another fruit")
                 one = seen[i]
+    for i, one in enumerate(seen):
+        others = [other.measured for other in seen if other.measured is not None and other is not one]
+        if table_z is None or one.measured is None or one.measured.inlier_ratio >= WHOLE:
+            continue
+        if in_the_air(one.measured, others, table_z, obstacles):
+            why = "nothing carries it where it was measured: its depth is that of another fruit"
+            seen[i] = SeenFruit(one.detection, None, why)
     return FruitScene(tuple(seen))
+
+
+def in_the_air(
+    fruit: MeasuredFruit, others: Sequence[MeasuredFruit], table_z: float, obstacles: Sequence[Box] = ()
+) -> bool:
+    """Return True if neither the table, nor a box, nor another fruit carries a fruit where it was measured."""
+    p, radius = fruit.T_base_fruit[:3, 3], float(fruit.dimensions.mean()) / 2.0
+    floors = [table_z, *(top for box in obstacles if (top := _top_below(box, p)) is not None)]
+    if float(fruit_points(fruit)[:, 2].min()) < max(floors) + HIGH:
+        return False
+    return not any(
+        other.T_base_fruit[2, 3] < p[2] - LOWER
+        and np.linalg.norm(other.T_base_fruit[:3, 3] - p) < radius + float(other.dimensions.mean()) / 2.0 + BESIDE
+        for other in others
+    )
+
+
+def _top_below(box: Box, p: Float64) -> float | None:
+    """Return the height of a box's top in the base frame [m]; None where it is not below a place, shape (3,) [m]."""
+    T, half = box.T_base_box, np.array(box.half_extents)
+    top = float(T[2, 3] + np.abs(T[2, :3]) @ half)
+    middle = np.array([*p[:2], T[2, 3]]) - T[:3, 3]
+    return top if top < p[2] and bool((np.abs(T[:3, :3].T @ middle) <= half).all()) else None
 
 
 def overlap(one: MeasuredFruit, other: MeasuredFruit) -> bool:

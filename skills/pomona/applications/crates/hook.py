@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.applications.crates.feeling import FEELING_FAILURES, GENTLE, FeelingSkill, ManoeuvreHand
+from pomona.applications.crates.feeling import GENTLE, OVER_FAILURES, FeelingSkill, ManoeuvreHand
 from pomona.applications.crates.pull import ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import FORCE, LENGTH, SPEED, Float64, Force, Length, Outputs, Port, SkillFailure, Speed, Work
@@ -35,7 +35,7 @@ class Hook(FeelingSkill):
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
-    failures = (*FEELING_FAILURES, "PULL_BLOCKED", "NOTHING_MOVED")
+    failures = (*OVER_FAILURES, "PULL_BLOCKED", "NOTHING_MOVED")
 
     def prepare(self) -> None:
         prepare_moving(self)

@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 
 from pomona.applications.crates.feeling import (
-    FEELING_FAILURES,
     GENTLE,
+    OVER_FAILURES,
     SETTLE,
     FeelingSkill,
     ManoeuvreHand,
@@ -50,7 +50,7 @@ class Insert(FeelingSkill):
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
-    failures = (*FEELING_FAILURES, "FORCE_LIMIT")
+    failures = (*OVER_FAILURES, "FORCE_LIMIT")
 
     def prepare(self) -> None:
         prepare_moving(self)

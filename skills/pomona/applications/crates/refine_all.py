@@ -32,7 +32,7 @@ class RefineAll(Skill):
     ) -> Work[AllRefined]:
         workspace = self.device(Workspace)
         yield from require_true_look(self, detections.frame, detections.T_base_camera, workspace)
-        scene = yield from self.compute(measure_all, detections.detections, workspace.table_z)
+        scene = yield from self.compute(measure_all, detections.detections, workspace.table_z, workspace.obstacles)
         if not scene.measured:
             raise self.failure("NOTHING_MEASURED", scene.sentence, found=len(scene.fruit))
         yield scene.sentence

@@ -41,10 +41,11 @@ def test_it_measures_what_pulls_at_the_hand_and_its_faults_are_noticed() -> None
         cell.clock.advance(0.2)
         with pytest.raises(DeviceFault, match="the load sensor has reported the same"):
             cell.check()
-        sensor.clear_fault()
-        cell.clock.advance(0.1)
-        sensor.acknowledge()
-        sensor.inject_fault("lost")
-        cell.clock.advance(0.2)
-        with pytest.raises(DeviceLost, match="no sample for"):
-            cell.check()
+        for kind, noticed in (("zero", "has reported zero"), ("lost", "no sample for")):
+            sensor.clear_fault()
+            cell.clock.advance(0.1)
+            sensor.acknowledge()
+            sensor.inject_fault(kind)
+            cell.clock.advance(0.2)
+            with pytest.raises((DeviceFault, DeviceLost), match=noticed):
+                cell.check()

@@ -34,9 +34,11 @@ def test_a_solid_box_is_no_crate():
     assert crate_of((Box("source", np.eye(4), (0.1, 0.1, 0.1)),)) is None
 
 
-def positions(kind: str, number: int, seed: int) -> tuple[np.ndarray, np.ndarray, dict]:
+def positions(kind: str, number: int, seed: int, layers: int = 1) -> tuple[np.ndarray, np.ndarray, dict]:
     """Place and width of each fruit at the start [m], and the world's score."""
-    cell = load_cell(CELLS / f"sim_{kind}.yaml", seed=seed, overrides={"others": str(number - 1)})
+    cell = load_cell(
+        CELLS / f"sim_{kind}.yaml", seed=seed, overrides={"others": str(number - 1), "layers": str(layers)}
+    )
     try:
         cell.clock.advance(0.02)
         truth = cell.devices["world"].truth()
@@ -62,6 +64,12 @@ def test_a_heap_is_fruit_that_touches_on_the_table():
     assert (gaps(places, widths) < 6e-3).all()
     assert places[:, 2].max() < -0.12 + 0.055
     assert truth["put_away"] == 0
+
+
+def test_of_two_layers_some_fruit_lies_on_others():
+    places, *_ = positions("heap", 9, 3, layers=2)
+    assert (places[:, 2] > -0.12 + 0.075).sum() >= 1
+    assert places[:, 2].min() < -0.12 + 0.05
 
 
 def test_in_a_crate_half_of_the_fruit_is_at_the_walls_and_none_counts_as_put_away():

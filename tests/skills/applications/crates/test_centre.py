@@ -1,10 +1,12 @@
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.applications.crates import feeling
 from pomona.applications.crates.centre import FREED, Centre
 from pomona.executive.skill_testing import SkillEnd, drive
 from tests.skills.picking_scene import PickingScene, a_grasp, q_at_grasp
@@ -105,6 +107,17 @@ def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
     scene = at_the_grasp()
     LeaningFruit(scene, 0.003)
     assert centre(scene, each_tick=scene.arm_trouble(code)).reason.code == code
+    assert scene.arm.settled()
+
+
+def test_a_way_that_the_arm_cannot_follow_is_a_reason(monkeypatch):
+    broken = SimpleNamespace(complete=False, reason="a joint is at its limit")
+    monkeypatch.setattr(feeling, "straight_line", lambda *_: broken)
+    scene = at_the_grasp()
+    LeaningFruit(scene, 0.003)
+    outcome = centre(scene)
+    assert outcome.reason.code == "NO_STRAIGHT_LINE"
+    assert "a joint is at its limit" in outcome.reason.message
     assert scene.arm.settled()
 
 

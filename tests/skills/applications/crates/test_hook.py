@@ -1,15 +1,15 @@
-from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.applications.crates import feeling
 from pomona.applications.crates.feeling import PRESSED
 from pomona.applications.crates.hook import OUTER, Hook
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import LoadSensor, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
-from pomona.skills.geometry import transform
 from pomona.tools.mock import MockLoadSensor
 from tests.skills.applications.crates.wall_scene import AT_WALL, RollingBall, a_hook
 from tests.skills.picking_scene import PickingScene
@@ -189,11 +189,13 @@ def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
     assert scene.arm.settled()
 
 
-def test_a_pull_out_of_reach_is_a_reason():
+def test_a_pull_out_of_reach_is_a_reason_and_the_hand_rises(monkeypatch):
+    broken = SimpleNamespace(complete=False, reason="a joint is at its limit")
+    monkeypatch.setattr(feeling, "straight_line", lambda *_: broken)
     scene = over_the_fruit()
-    outward = replace(a_hook(), fruit=replace(a_hook().fruit, T_base_fruit=transform(None, [-0.03, 0.5, -0.08])))
-    outcome = drive(Hook(), {"hook": outward, "distance": 0.1}, scene.devices, clock=scene.clock)
-    assert outcome.reason.code in ("NO_STRAIGHT_LINE", "NOTHING_MOVED")
+    outcome = draw(scene)
+    assert outcome.reason.code == "NO_STRAIGHT_LINE"
+    assert is_up_again(scene)
 
 
 def test_interrupted_the_arm_comes_to_rest():

@@ -24,3 +24,11 @@ def test_every_failure(code):
     outcome = drive(SampleHook(), {"around": apple(*around), "map": seen_map(stamp)}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == code
     assert not scene.arm.followed
+
+
+def test_interrupted_it_gives_nothing():
+    scene = PickingScene(workspace=AT_WALL)
+    inputs = {"around": apple(), "map": seen_map()}
+    outcome = drive(SampleHook(), inputs, scene.devices, clock=scene.clock, computing=10, interrupt_after=5)
+    assert outcome.status is Status.INVALID
+    assert outcome.outputs == {}

@@ -29,3 +29,11 @@ def test_every_failure(code):
     outcome = drive(SampleInsert(), {"around": around, "map": seen_map(stamp)}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == code
     assert not scene.arm.followed
+
+
+def test_interrupted_it_gives_nothing():
+    scene = PickingScene()
+    inputs = {"around": apple((0.104, 0.0), (-0.104, 0.0)), "map": seen_map()}
+    outcome = drive(SampleInsert(), inputs, scene.devices, clock=scene.clock, computing=10, interrupt_after=5)
+    assert outcome.status is Status.INVALID
+    assert outcome.outputs == {}
