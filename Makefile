@@ -47,9 +47,15 @@ run: $(RUNS) ## pick an apple on the simulated cell
 PYTEST = $(BIN)/python -m pytest -n 2 --dist worksteal
 WHOLE = not realtime and not long
 
-test: $(STAMP) ## run the tests, without the slow ones (five minutes)
+test: $(STAMP) ## run the tests, without the slow ones (eleven minutes on two cores)
 	$(PYTEST) -m '$(WHOLE) and not slow' --durations 5 --durations-min 3
 	@echo "left out: picks, the browser's and what else takes more than three seconds: make test-slow"
+
+CORE = tests/executive tests/drivers tests/skills
+LEAVES = executive/tools drivers/tools drivers/devices skills/tools skills/applications
+
+test-core: $(STAMP) ## the same of the core alone: the executive, drivers and skills without the packages on top of them
+	$(PYTEST) -m '$(WHOLE) and not slow' $(CORE) $(addprefix --ignore tests/,$(LEAVES))
 
 test-latest: ## the same with the newest allowed versions of everything, in an environment of its own (.venv-latest)
 	rm -rf .venv-latest

@@ -44,10 +44,10 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests with a browser or a whole pick as slow. Tutorials come first: they take up to a minute each, and one
-    worker would wait for a late one.
+    """Mark tests with a browser or a whole pick as slow. Tutorials come first, then whole picks: they take up to three
+    minutes each, and one worker would wait for a late one.
     """
     for item in items:
         if item.get_closest_marker("browser") is not None or "end_to_end" in item.path.parts:
             item.add_marker(pytest.mark.slow)
-    items.sort(key=lambda item: item.path.stem != "test_tutorials")
+    items.sort(key=lambda item: (item.path.stem != "test_tutorials", "end_to_end" not in item.path.parts))

@@ -2,7 +2,7 @@
 
 A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so, `exit=any`: anyhow),
 and those of `text` are, in this order, within the output of the commands before them. Fences marked `long=yes` are
-typed by `make test-long`, as are the how-to pages and the two tutorials that make whole campaigns of picks.
+typed by `make test-long`, as are the how-to pages and the tutorials named below.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import pytest
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TUTORIALS, HOW_TO = (sorted((DOCS / folder).glob("*.md")) for folder in ("tutorials", "how_to"))
-CAMPAIGNS = {"another_arm", "campaign"}
-"""Tutorials that take some two minutes of both processors."""
-QUICK = [page for page in TUTORIALS if page.stem not in CAMPAIGNS]
+LONGER = {"another_arm", "campaign", "read_a_record"}
+"""Tutorials of whole campaigns, and one of exports, each of which has tests of its own."""
+QUICK = [page for page in TUTORIALS if page.stem not in LONGER]
 LONG = [page for page in TUTORIALS if page not in QUICK or "long=yes" in page.read_text("utf-8")]
 FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

@@ -12,14 +12,16 @@ from pomona.executive.views import TableView
 pytestmark = pytest.mark.slow
 
 
-def test_a_crate_of_six_is_emptied_into_the_tray():
+@pytest.mark.parametrize("fruit", [2, pytest.param(6, marks=pytest.mark.long)])
+def test_a_crate_is_emptied_into_the_tray(fruit: int) -> None:
     received: list[Event] = []
-    executed = execute(RunOrder(find_tree("empty_crate"), find_cell("sim_crate"), 1, {"looks": "1"}), [received.append])
+    settings = {"looks": "1", "others": str(fruit - 1)}
+    executed = execute(RunOrder(find_tree("empty_crate"), find_cell("sim_crate"), 1, settings), [received.append])
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth
     assert truth is not None
-    assert truth["put_away"] == 6
+    assert truth["put_away"] == fruit
     assert truth["drops"] == 0
     assert truth["collided_with"] == []
     tables = [event.value for event in received if isinstance(event, Published) and isinstance(event.value, TableView)]
-    assert tables[-1].caption == "6 of 6 fruit put away"
+    assert tables[-1].caption == f"{fruit} of {fruit} fruit put away"

@@ -14,7 +14,9 @@ pytestmark = pytest.mark.slow
 TREE = Path(__file__).parents[2] / "trees" / "experimental" / "pick_tree.yaml"
 
 
-@pytest.mark.parametrize(("cell", "most"), [("orchard", 3), ("orchard_ur5e", 1)])
+@pytest.mark.parametrize(
+    ("cell", "most"), [("orchard", 1), ("orchard_ur5e", 1), pytest.param("orchard", 3, marks=pytest.mark.long)]
+)
 def test_apples_are_picked_from_the_wall(cell: str, most: int) -> None:
     settings = {"leaves": "0", "behind": "0", "friction": "0.8", "most": str(most)}
     executed = execute(RunOrder(TREE, find_cell(cell), 4, settings))

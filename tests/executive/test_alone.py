@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import Distribution, EntryPoint, distribution
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 from zipfile import ZipFile
 
 import pytest
@@ -357,10 +357,16 @@ def test_commands_that_the_part_lacks_are_listed() -> None:
     assert whole["pomona.new"].keys() - part["pomona.new"].keys() == set(KINDS_ELSEWHERE)
 
 
+class Named(NamedTuple):
+    """A distribution."""
+
+    name: str
+
+
 def test_both_distributions_in_one_environment_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     def points(group: str) -> list[EntryPoint]:
         return [
-            SimpleNamespace(name="run", dist=SimpleNamespace(name=name))  # type: ignore[misc]
+            SimpleNamespace(name="run", dist=Named(name))  # type: ignore[misc]
             for name in ("pomona", "pomona-executive")
         ]
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError, entry_points, version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from pomona.executive.board import Board
@@ -41,7 +41,7 @@ from pomona.executive.running.traces import place_of
 from pomona.executive.skill import SkillContext, leave_if_forked, run_in_progress
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
-from pomona.executive.values.installation import commit_here, distribution, installed_trees
+from pomona.executive.values.installation import commit_here, distribution, entry_points, installed_trees
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.yaml_nodes import written
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import sys
 import tomllib
 from collections.abc import Collection, Mapping
-from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings, did_you_mean
-from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.installation import entry_points, installed_trees
 from pomona.executive.values.plain_text import exists, is_file, not_utf8, read_plain_text
 
 
@@ -104,7 +102,6 @@ def kind_names() -> tuple[str, ...]:
     return tuple(sorted(point.name for point in entry_points(group="pomona.files")))
 
 
-@cache
 def file_kind(name: str) -> FileKind:
     """Return an installed kind by its name. Raises KeyError: there is none."""
     for point in entry_points(group="pomona.files", name=name):

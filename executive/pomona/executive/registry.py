@@ -7,10 +7,11 @@ import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 
 from pomona.executive.ports import QUANTITIES, RATIO, Port, Ports, PortType, Quantity, type_name
 from pomona.executive.skill import Skill
+from pomona.executive.values.installation import entry_points
 
 GROUP = "pomona.skills"
 CHOSEN = "POMONA_SKILLS"  # of the environment, for the run's other processes: `Detect=my_package Plan=other`

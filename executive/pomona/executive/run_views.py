@@ -7,7 +7,7 @@ import contextlib
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from pomona.executive.running.events import Event, Listener
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.executive.terminal.screen import Screen
+from pomona.executive.values.installation import entry_points
 
 GROUP = "pomona.run_views"  # entry point group of views of a run: name → class
 

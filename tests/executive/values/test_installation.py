@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from pomona.executive.values import installation
-from pomona.executive.values.installation import install_extra, pip, reinstall
+from pomona.executive.values.installation import entry_points, install_extra, pip, reinstall
 
 Origin = dict[str, object]
 
@@ -74,3 +75,15 @@ def test_another_environments_pip_is_not_named(monkeypatch: pytest.MonkeyPatch) 
     assert pip() == f"{sys.executable} -m pip"
     monkeypatch.setattr("shutil.which", lambda _name: None)
     assert pip() == f"{sys.executable} -m pip"
+
+
+def test_entry_points_of_a_package_are_found_as_soon_as_it_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert list(entry_points(group="pomona.fruit_of_the_day")) == []
+    os.utime(tmp_path, (0, 0))  # an installation later: a clock of the file system may not have gone on
+    (tmp_path / "pear-1.0.dist-info").mkdir()
+    (tmp_path / "pear-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: pear\nVersion: 1.0\n")
+    (tmp_path / "pear-1.0.dist-info" / "entry_points.txt").write_text("[pomona.fruit_of_the_day]\npear = pear:Pear\n")
+    assert [point.name for point in entry_points(group="pomona.fruit_of_the_day")] == ["pear"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import closing
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import SENSORS
 from pomona.drivers.errors import DriverError
+from pomona.executive.values.installation import entry_points
 from pomona.executive.values.kinds import Measure, Whole
 from pomona.executive.values.units import LENGTH
 from pomona.tools.calibration.depth_calibration import DepthCalibration

@@ -11,10 +11,10 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, entry_points, requires, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
-from pomona.executive.values.installation import import_under, install_extra, pip
+from pomona.executive.values.installation import entry_points, import_under, install_extra, pip
 from pomona.executive.values.sentences import ReportLine
 
 MODULES = {

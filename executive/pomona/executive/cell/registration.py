@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
@@ -21,7 +20,7 @@ from pomona.executive.cell.device import Device
 from pomona.executive.cell.errors import CellFileError, DeviceError
 from pomona.executive.values.documents import ValueFile, read_value_file
 from pomona.executive.values.findings import Findings
-from pomona.executive.values.installation import elsewhere
+from pomona.executive.values.installation import elsewhere, entry_points
 from pomona.executive.values.kinds import Kind, Schema, Text
 from pomona.executive.values.sections import Placed, Problem, Section
 from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode
@@ -222,7 +221,6 @@ def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:
     return read_section_file(path, "a device's settings", read)
 
 
-@cache
 def installed_drivers() -> Mapping[str, EntryPoint]:
     """Return every installed driver by its name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}

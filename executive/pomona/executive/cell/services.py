@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import entry_points
 from typing import Any, ClassVar
 
 from pomona.executive.cell.device import ConnectContext, Device
 from pomona.executive.cell.registration import Settings
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings
-from pomona.executive.values.installation import WHOLE, distribution, elsewhere, reinstall
+from pomona.executive.values.installation import WHOLE, distribution, elsewhere, entry_points, reinstall
 from pomona.executive.values.kinds import Kind, Schema, Words
 from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.yaml_nodes import Reader, YamlNode
@@ -78,7 +76,6 @@ class Services:
         """Called before the devices are released."""
 
 
-@cache
 def installed_services() -> type[Services]:
     """Return the class that an installed package names. Raises UsageError: the installation is damaged or outdated."""
     for point in entry_points(group="pomona.cells", name="services"):

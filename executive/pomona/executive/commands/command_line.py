@@ -11,7 +11,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from pomona.executive.values.installation import (
     WHOLE,
     distribution,
     elsewhere,
+    entry_points,
     installed_version,
     pip,
     reinstall,
@@ -192,7 +193,7 @@ def command_names() -> list[str]:
 def _commands() -> list[EntryPoint]:
     """Return the installed subcommands, by name. Raises UsageError: both distributions of Pomona are installed here."""
     entries = sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name)
-    owners = {entry.dist.name for entry in entries if entry.dist is not None}
+    owners = {dist.name for dist in {entry.dist for entry in entries} if dist is not None}  # each name is a file
     if {WHOLE, ALONE} <= owners:
         raise UsageError(
             f"{WHOLE} and {ALONE} are both installed here and hold the same files: {pip()} uninstall {ALONE}, then "

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from pomona.executive.recording.read import read_events
 from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import UNCHECKED
+from pomona.executive.values.installation import entry_points
 
 
 def add(subparsers: Any) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
@@ -12,6 +11,7 @@ from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.values import out_of_range
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Findings, Source, did_you_mean
+from pomona.executive.values.installation import entry_points
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar, read_yaml
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from importlib.metadata import entry_points
 from typing import get_args
 
 from pomona.executive.errors import PomonaError
@@ -26,6 +25,7 @@ from pomona.executive.nodes.repeat import ForEachType, RepeatType
 from pomona.executive.nodes.retry import FallbackType, ReactiveFallbackType, RetryType
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.nodes.working import BreakpointType, DisabledType
+from pomona.executive.values.installation import entry_points
 
 GROUP = "pomona.nodes"  # entry point group of node types: word → class
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib.metadata import entry_points
 from typing import ClassVar, Protocol
 
 from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError
+from pomona.executive.values.installation import entry_points
 from pomona.executive.values.processes import warn
 
 logger = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ An editable checkout, a wheel file and an index need different commands: pip rec
 
 from __future__ import annotations
 
-import importlib
+import importlib.metadata
 import json
 import logging
 import os
@@ -14,9 +14,8 @@ import shlex
 import shutil
 import subprocess
 import sys
-from functools import cache
-from importlib import import_module
-from importlib.metadata import PackageNotFoundError, distribution as metadata_of, metadata, version
+from functools import cache, lru_cache
+from importlib.metadata import EntryPoints, PackageNotFoundError, distribution as metadata_of, metadata, version
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -40,6 +39,18 @@ def distribution() -> str:
 def installed_version() -> str:
     """Version of the installed distribution."""
     return version(distribution())
+
+
+def entry_points(**wanted: str) -> EntryPoints:
+    """Return those of the installed packages; the files of all (15 ms) are read again after an installation only."""
+    folders = tuple((folder, os.stat(folder).st_mtime_ns) for folder in sys.path if os.path.exists(folder))
+    found: EntryPoints = _read_entry_points(folders).select(**wanted)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _read_entry_points(_folders: tuple[tuple[str, int], ...]) -> Any:
+    return importlib.metadata.entry_points()
 
 
 def pip() -> str:
@@ -74,8 +85,7 @@ def _source(name: str, extra: str = "") -> str:
         editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
         gone = "" if place.exists() else f"  # {place} is gone: name its new place"
         return f"{editable}{shlex.quote(f'{place}{extras}')}{gone}"
-    if "vcs_info" in origin:
-        vcs = origin["vcs_info"]
+    if vcs := origin.get("vcs_info"):
         url = f"{vcs['vcs']}+{url}@{vcs['commit_id']}"
     return shlex.quote(f"{name}{extras} @ {url}" if url else f"{name}{extras}")
 
@@ -83,13 +93,9 @@ def _source(name: str, extra: str = "") -> str:
 def _origin(name: str) -> dict[str, Any]:
     """Return the record that pip keeps of a distribution that came from no index; empty for one from an index."""
     try:
-        found: dict[str, Any] = json.loads(metadata_of(name).read_text("direct_url.json") or "{}")
+        return dict(json.loads(metadata_of(name).read_text("direct_url.json") or "{}"))
     except (PackageNotFoundError, ValueError):
         return {}
-    return found
-
-
-_HERE = Path(__file__).resolve().parents[1]
 
 
 def commit_here() -> str:
@@ -100,7 +106,7 @@ def commit_here() -> str:
 
 
 def _git(*arguments: str) -> str:
-    command = ["git", "--no-optional-locks", "-C", str(_HERE), *arguments]  # reading must not lock the repository
+    command = ["git", "--no-optional-locks", "-C", str(_POMONA), *arguments]  # reading must not lock the repository
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10.0)
     except (OSError, subprocess.SubprocessError):
@@ -122,7 +128,7 @@ def import_under(module: str, **environment: str) -> Any:
     before = {name: os.environ.get(name) for name in environment}
     os.environ.update(environment)
     try:
-        return import_module(module)
+        return importlib.import_module(module)
     finally:
         for name, text in before.items():
             if text is None:

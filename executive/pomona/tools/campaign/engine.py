@@ -12,10 +12,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.values.installation import entry_points
 
 GROUP = "pomona.engines"
 TRIES = 2  # number of processes that try an order; an order whose processes all die is given up

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterable, Mapping
-from importlib.metadata import entry_points
 from pathlib import Path
 from string import Template
 from textwrap import indent
 
 from pomona.executive.errors import UsageError
-from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.installation import entry_points, installed_trees
 from pomona.executive.values.kinds import choose
 from pomona.tools.kit.cell_piece import GROUP, CellPiece
 

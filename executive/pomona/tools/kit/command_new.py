@@ -7,14 +7,13 @@ import keyword
 import re
 import sys
 from collections.abc import Mapping
-from importlib.metadata import entry_points
 from pathlib import Path
 from string import Template
 from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.nodes.catalogue import NodeTypes
-from pomona.executive.values.installation import elsewhere
+from pomona.executive.values.installation import elsewhere, entry_points
 from pomona.tools.kit.cell_folder import NONE, begin_cell
 from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece

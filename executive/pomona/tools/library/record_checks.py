@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.metadata import entry_points
 from pathlib import Path
 
+from pomona.executive.values.installation import entry_points
 from pomona.executive.values.sentences import ReportLine
 
 

@@ -20,7 +20,7 @@ import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,6 +28,7 @@ from pomona.executive.language.value_types import DECLARED_FIELDS, ListType, Loo
 from pomona.executive.ports import REQUIRED, Port, Ports, Quantity
 from pomona.executive.registry import GROUP, Registry, replacements
 from pomona.executive.skill import Skill
+from pomona.executive.values.installation import entry_points
 from pomona.executive.values.units import QUANTITIES
 
 T = TypeVar("T")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
@@ -16,7 +15,7 @@ from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.interfaces import Arm, Camera, Frame, FruitKinds
 from pomona.executive.skill import CellFacts, Failure, Skill, SkillFailure
 from pomona.executive.values.arrays import Float32, Float64, UInt8
-from pomona.executive.values.installation import install_extra, reinstall
+from pomona.executive.values.installation import entry_points, install_extra, reinstall
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel

@@ -115,6 +115,7 @@ def test_a_fruit_wider_than_the_hand_is_refused() -> None:
     assert nothing_moved(rig)
 
 
+@pytest.mark.slow
 def test_a_neighbour_where_a_finger_would_come_down_lets_the_fruit_pass() -> None:
     rig = BeltRig(aside=0.0)
     rig.watch.fruit[1] = (-0.45, 0.082)
@@ -122,6 +123,7 @@ def test_a_neighbour_where_a_finger_would_come_down_lets_the_fruit_pass() -> Non
     assert nothing_moved(rig)
 
 
+@pytest.mark.slow
 def test_a_box_over_the_belt_blocks_the_way_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     from pomona.drivers import Box
     from tests.skills.applications.conveyor import belt_rig

@@ -48,7 +48,7 @@ class Cell:
         return status, firsts[-1] if firsts else np.nan
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cell_that_is_8_mm_off_corrects_itself_picks_better_and_takes_it_back(tmp_path: Path):
     cell = Cell(tmp_path)
     true = camera_site(find_cell("sim").parents[1] / "robots" / "sia5f_wsg32.xml")

@@ -6,14 +6,14 @@ import contextlib
 import copy
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
-from pomona.executive.values.installation import reinstall
+from pomona.executive.values.installation import entry_points, reinstall
 from pomona.executive.values.trial import trial
 from pomona.skills.perception.detection.close_look import (
     AXIS,
