@@ -22,6 +22,7 @@ CYCLE = 0.002
 """Control cycle [s]: plausible, not known."""
 FILTER = 0.010
 """Time in which servo mode comes to a set-point [s]: plausible, not measured."""
+STRAY_SPEED = 0.35  # of the joints that another client moves [rad/s]: 20°/s, the vendor's client without a speed
 MOST = 20.0
 """Acceleration of a joint in a stop and in the queue [rad/s²]: plausible, not measured."""
 JUMP = 0.6
@@ -65,6 +66,7 @@ class XArmEmulator(FaultSwitch):
         self._q, self._qd = joints.measured()[0], np.zeros(len(velocity))
         self._frozen = joints.measured()
         self._target: Float64 | None = None
+        self._stray = self._q
         self._queue: deque[tuple[Float64, float]] = deque()
         self._speeds, self._speeds_end = np.zeros(len(velocity)), math.inf
         self._next: float | None = None
@@ -85,7 +87,7 @@ class XArmEmulator(FaultSwitch):
             self.set_state(0)
             self._queue.append((self._q + 0.3, 0.5))
         elif kind == "moved":
-            self._target = self._q + 0.1
+            self._stray = self._q + 0.1
         elif kind == "killed":
             for port in (self.command, self.normal, self.rich, self.report):
                 port.hang_up()
@@ -209,6 +211,8 @@ class XArmEmulator(FaultSwitch):
 
     def _cycle(self, now: float) -> None:
         wanted, most = np.zeros_like(self._qd), MOST
+        if self.fault == "moved":
+            self._target = self._q + np.clip(self._stray - self._q, -FILTER * STRAY_SPEED, FILTER * STRAY_SPEED)
         if self.state in (1, 2):
             if self.mode == 1 and self._target is not None:
                 wanted, most = (self._target - self._q) / FILTER, math.inf
