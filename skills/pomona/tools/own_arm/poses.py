@@ -98,12 +98,12 @@ def _free(model: RobotModel, world: CollisionWorld, T_base_tool0: Float64, near:
     """
     middle = 0.5 * (model.lower + model.upper)
     solutions = inverse_kinematics(model, T_base_tool0 @ model.T_tool_tcp, near=middle if near is None else near)
-    room = np.minimum(solutions - model.lower, model.upper - solutions).min(axis=1, initial=np.inf)
-    solutions, room = solutions[room >= ROOM], room[room >= ROOM]
-    if not len(solutions):
-        return solutions
-    clear = world.clearances(solutions, model.width_max)
-    free = solutions[clear >= 0.0]
-    if near is not None:
-        return free
-    return free[np.argsort(-(clear + 0.1 * np.minimum(room, 1.0))[clear >= 0.0])]
+    room: Float64 = np.minimum(solutions - model.lower, model.upper - solutions).min(axis=1, initial=np.inf)
+    inside: Float64 = solutions[room >= ROOM]
+    if not len(inside):
+        return inside
+    clear = world.clearances(inside, model.width_max)
+    free: Float64 = inside[clear >= 0.0]
+    if near is None:
+        free = free[np.argsort(-(clear + 0.1 * np.minimum(room[room >= ROOM], 1.0))[clear >= 0.0])]
+    return free
