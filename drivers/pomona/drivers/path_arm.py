@@ -66,10 +66,7 @@ class PathArm(Device, ABC):
     def __init__(
         self, name: str, clock: Clock, description: Path, limits: ArmLimits, supervision: Supervision, period: float
     ) -> None:
-        """
-        Args:
-            period: at which paths are stepped [s].
-        """
+        """`period`: at which paths are stepped [s]."""
         super().__init__(name)
         self.description, self.limits = description, limits
         self._clock, self._period = clock, period

@@ -8,66 +8,46 @@ import numpy as np
 
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
+from pomona.devices.laboratory_emulators.ports import SensorLine
 from pomona.devices.robotiq.codec import crc
 from pomona.devices.wrist_sensors.codec import STOP, frame, start_stream
-from pomona.drivers import Cell, FaultSwitch, LoadSensor
+from pomona.drivers import Cell, LoadSensor
 from pomona.executive import Float64
 
 PERIOD = 0.01  # of the stream [s]
 NOISE = 0.03  # standard deviation of a force [N], a tenth of it of a torque [N·m]: plausible, not measured
 
 
-class Ft300Emulator(FaultSwitch):
+class Ft300Emulator(SensorLine):
     """The sensor. Faults: `silent`, `noise` (wrong check sums), `stuck` (the same value again).
 
     Attributes:
         wrench: called for the wrench on the flange, shape (6,) [N, N·m].
     """
 
-    known_faults = ("silent", "noise", "stuck")
+    known_faults, intact = ("silent", "noise", "stuck"), 14  # all but the check sum
 
     def __init__(self, wrench: Callable[[], Float64]) -> None:
         super().__init__()
         self.wrench = wrench
-        self._peers: dict[int, tuple[Peer, bytearray]] = {}
-        self._streams, self._next = False, 0.0
         self._rng = np.random.default_rng(300)
-        self._sent: Float64 | None = None
 
-    def connected(self, peer: Peer) -> None:
-        self._peers[id(peer)] = (peer, bytearray())
-
-    def disconnected(self, peer: Peer) -> None:
-        self._peers.pop(id(peer), None)
-
-    def received(self, peer: Peer, chunk: bytes) -> None:
-        buffer = self._peers[id(peer)][1]
-        buffer += chunk
+    def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
         if STOP in buffer:
-            self._streams = False
+            self.period = 0.0
             del buffer[: buffer.index(STOP) + len(STOP)]
         while buffer[:1] == b"\xff":
             del buffer[:1]
         request = start_stream()
         if request in buffer:
             buffer.clear()
-            self._streams = True
+            self.period = PERIOD
             if self.fault != "silent":
                 peer.send(request[:6] + crc(request[:6]))
 
-    def advance(self, now: float) -> None:
-        """Send the frames that are due by `now` [s]."""
-        if now < self._next:
-            return
-        self._next = max(self._next + PERIOD, now)
-        if not self._streams or self.fault == "silent":
-            return
-        if self.fault != "stuck" or self._sent is None:
-            scale = np.array([NOISE] * 3 + [0.1 * NOISE] * 3)
-            self._sent = self.wrench() + self._rng.normal(0.0, 1.0, 6) * scale
-        told = frame(self._sent)
-        for peer, _ in tuple(self._peers.values()):
-            peer.send(told[:-2] + b"\0\0" if self.fault == "noise" else told)
+    def measured(self) -> bytes:
+        scale = np.array([NOISE] * 3 + [0.1 * NOISE] * 3)
+        return frame(self.wrench() + self._rng.normal(0.0, 1.0, 6) * scale)
 
 
 def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:

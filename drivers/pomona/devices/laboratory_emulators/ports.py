@@ -1,10 +1,12 @@
-"""A port of an emulated controller: its peers and their bytes, unless a fault keeps them away."""
+"""A port of an emulated controller: its peers and their bytes, unless a fault keeps them away; a sensor on a line."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 from pomona.devices.emulators.server import Peer
+from pomona.drivers import FaultSwitch
 
 
 class ControllerPort:
@@ -44,3 +46,33 @@ class ControllerPort:
 
     def advance(self, now: float) -> None:
         """Time belongs to the controller."""
+
+
+class SensorLine(FaultSwitch, ControllerPort):
+    """A sensor that streams on one serial line. Faults: `silent`, `stuck` (the same bytes again), and one that spoils.
+
+    Attributes:
+        period: of the stream [s]; 0 while there is none. intact: bytes at the beginning that are not spoiled.
+    """
+
+    deaf, period, intact = False, 0.0, 0
+    _next, _sent = 0.0, b""
+
+    def __init__(self) -> None:
+        super().__init__()
+        ControllerPort.__init__(self, self)
+
+    @abstractmethod
+    def measured(self) -> bytes:
+        """Return the bytes of a new measurement."""
+
+    def advance(self, now: float) -> None:
+        """Send the measurement that is due by `now` [s]."""
+        if not self.period or now < self._next:
+            return
+        self._next = max(self._next + self.period, now)
+        if self.fault != "stuck" or not self._sent:
+            self._sent = self.measured()
+        if self.fault != "silent":
+            whole = self.fault in (None, "stuck")
+            self.send(self._sent if whole else self._sent[: self.intact].ljust(len(self._sent), b"\0"))

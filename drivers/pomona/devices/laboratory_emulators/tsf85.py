@@ -9,13 +9,14 @@ import numpy as np
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
 from pomona.devices.fingertips.codec import AUTOSEND, START, TAXELS, packet
-from pomona.drivers import Cell, FaultSwitch, ForceSensor
+from pomona.devices.laboratory_emulators.ports import SensorLine
+from pomona.drivers import Cell, ForceSensor
 
 COUNT = 2e-4  # force of one count of a finger's sum [N]
 IDLE, NOISE = 900, 2.0  # counts of a taxel without contact, and their standard deviation: plausible, not measured
 
 
-class Tsf85Emulator(FaultSwitch):
+class Tsf85Emulator(SensorLine):
     """The fingertips. Faults: `silent`, `garbage` (other bytes), `stuck` (the same values again).
 
     Attributes:
@@ -27,38 +28,18 @@ class Tsf85Emulator(FaultSwitch):
     def __init__(self, pressing: Callable[[], tuple[float, float]]) -> None:
         super().__init__()
         self.pressing = pressing
-        self._peers: dict[int, tuple[Peer, bytearray]] = {}
-        self._period, self._next = 0.0, 0.0
         self._rng = np.random.default_rng(85)
-        self._sent = b""
 
-    def connected(self, peer: Peer) -> None:
-        self._peers[id(peer)] = (peer, bytearray())
-
-    def disconnected(self, peer: Peer) -> None:
-        self._peers.pop(id(peer), None)
-
-    def received(self, peer: Peer, chunk: bytes) -> None:
-        buffer = self._peers[id(peer)][1]
-        buffer += chunk
+    def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
         while len(buffer) >= 5:
             if buffer[0] == START and buffer[2] == AUTOSEND:
-                self._period = 1e-3 * buffer[4]
+                self.period = 1e-3 * buffer[4]
             del buffer[: 4 + buffer[3] if buffer[0] == START else 1]
 
-    def advance(self, now: float) -> None:
-        """Send the packets that are due by `now` [s]."""
-        if not self._period or now < self._next:
-            return
-        self._next = max(self._next + self._period, now)
-        if self.fault == "silent":
-            return
-        if self.fault != "stuck" or not self._sent:
-            idle = self._rng.normal(IDLE, NOISE, (2, TAXELS))
-            pressed = np.maximum(self.pressing(), 0.0)[:, None] / COUNT / TAXELS
-            self._sent = packet(np.clip(np.round(idle + pressed), 0, 65535).astype(int).tolist())
-        for peer, _ in tuple(self._peers.values()):
-            peer.send(bytes(len(self._sent)) if self.fault == "garbage" else self._sent)
+    def measured(self) -> bytes:
+        idle = self._rng.normal(IDLE, NOISE, (2, TAXELS))
+        pressed = np.maximum(self.pressing(), 0.0)[:, None] / COUNT / TAXELS
+        return packet(np.clip(np.round(idle + pressed), 0, 65535).astype(int).tolist())
 
 
 def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:

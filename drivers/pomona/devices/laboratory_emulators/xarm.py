@@ -20,8 +20,11 @@ from pomona.executive import Float64
 PORTS = {"command": 502, "normal": 30001, "rich": 30002, "report": 30003}
 CYCLE = 0.002
 """Control cycle [s]: plausible, not known."""
+SET_POINTS = 0.004
+"""Time over which servo mode goes from set-point to set-point [s]: without it the arm shakes with 100 rad/s²."""
 FILTER = 0.010
 """Time in which servo mode comes to a set-point [s]: plausible, not measured."""
+STRAY_SPEED = 0.35  # of the joints that another client moves [rad/s]: 20°/s, the vendor's client without a speed
 MOST = 20.0
 """Acceleration of a joint in a stop and in the queue [rad/s²]: plausible, not measured."""
 JUMP = 0.6
@@ -65,6 +68,8 @@ class XArmEmulator(FaultSwitch):
         self._q, self._qd = joints.measured()[0], np.zeros(len(velocity))
         self._frozen = joints.measured()
         self._target: Float64 | None = None
+        self._way: deque[Float64] = deque()
+        self._stray = self._q
         self._queue: deque[tuple[Float64, float]] = deque()
         self._speeds, self._speeds_end = np.zeros(len(velocity)), math.inf
         self._next: float | None = None
@@ -85,7 +90,7 @@ class XArmEmulator(FaultSwitch):
             self.set_state(0)
             self._queue.append((self._q + 0.3, 0.5))
         elif kind == "moved":
-            self._target = self._q + 0.1
+            self._stray = self._q + 0.1
         elif kind == "killed":
             for port in (self.command, self.normal, self.rich, self.report):
                 port.hang_up()
@@ -130,6 +135,7 @@ class XArmEmulator(FaultSwitch):
 
     def _forget(self) -> None:
         self._queue.clear()
+        self._way.clear()
         self._target, self._speeds = None, np.zeros_like(self._qd)
 
     def clean_error(self) -> None:
@@ -184,7 +190,10 @@ class XArmEmulator(FaultSwitch):
         if np.abs(q - self._q).max() > FAR:
             self.raise_error(24)
         else:
-            self._target = q
+            self._target = self._q if self._target is None else self._target
+            self._way.clear()
+            steps = round(SET_POINTS / CYCLE)
+            self._way.extend(self._target + (q - self._target) * k / steps for k in range(1, steps + 1))
 
     def _move(self, body: bytes) -> None:
         values = struct.unpack_from(f"<{PLACES + 2}f", body)
@@ -209,8 +218,11 @@ class XArmEmulator(FaultSwitch):
 
     def _cycle(self, now: float) -> None:
         wanted, most = np.zeros_like(self._qd), MOST
+        if self.fault == "moved":
+            self._target = self._q + np.clip(self._stray - self._q, -FILTER * STRAY_SPEED, FILTER * STRAY_SPEED)
         if self.state in (1, 2):
             if self.mode == 1 and self._target is not None:
+                self._target = self._way.popleft() if self._way else self._target
                 wanted, most = (self._target - self._q) / FILTER, math.inf
             elif self.mode == 0 and self._queue:
                 wanted = self._towards(*self._queue[0])

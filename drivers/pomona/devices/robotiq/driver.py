@@ -52,7 +52,7 @@ MODELS = {
     "2f-85": RobotiqModel(0.085, (0.020, 0.150), (20.0, 235.0)),
     "2f-140": RobotiqModel(0.140, (0.030, 0.250), (10.0, 125.0)),
 }
-"""From Robotiq's data sheets. The fingertips of a 2F rise as they close, by its linkage: only the opening is known."""
+"""From Robotiq's data sheets. `linkage.py` has the ways of a 2F's fingertips."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,8 @@ from pomona.executive import Clock, Float64
 OLDEST = (1, 9, 110)
 """Oldest firmware: the first that returns measured positions and velocities of joints (`xarm-python-sdk` 1.18.4)."""
 READIES = 2.0  # the arm must be ready within this time after the command [s]
-STRAYS = 0.02  # joints that were not commanded to move are moved by another beyond this [rad]
+STRAYS = 0.005  # resting joints that are this far from where they came to rest are moved by another [rad]: 0.3°
+MOVES = 0.02  # faster joints are moving before this run has commanded anything [rad/s]
 ALL = 8  # of MOTION_ENABLE: every joint
 
 
@@ -106,7 +107,7 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         self._rests_at = None
 
     def _moves(self) -> bool:
-        return self._state is not None and float(np.abs(self._state.qd).max()) > STRAYS
+        return self._state is not None and float(np.abs(self._state.qd).max()) > MOVES
 
     # ----------------------------------------------------------------------------------------- the wire
 

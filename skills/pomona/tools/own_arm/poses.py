@@ -19,6 +19,7 @@ OFTEN = (
 DRAWS = 128  # postures that are tried for it
 OBSERVE, HOME = "observe", "home"  # poses that no cell can be without
 TRIED = 12  # postures of the first pose from which the others are reached
+ROOM = 0.01  # from each joint to its limits: a hundred times what a written pose is rounded by [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,13 +92,18 @@ def reach(model: RobotModel, workspace: Workspace, wanted: Mapping[str, Sequence
 
 
 def _free(model: RobotModel, world: CollisionWorld, T_base_tool0: Float64, near: Float64 | None = None) -> Float64:
-    """Return the free postures of a pose: the nearest first, or those far from everything and from their limits."""
-    solutions = inverse_kinematics(model, T_base_tool0 @ model.T_tool_tcp, near=near)
-    if not len(solutions):
-        return solutions
-    clear = world.clearances(solutions, model.width_max)
-    free = solutions[clear >= 0.0]
-    if near is not None:
-        return free
-    room = np.minimum(free - model.lower, model.upper - free).min(axis=1)
-    return free[np.argsort(-(clear[clear >= 0.0] + 0.1 * np.minimum(room, 1.0)))]
+    """Return the free postures of a pose: the nearest first, or those far from everything and from their limits.
+
+    Joints are turned by whole turns towards `near`, or towards the middle of their ranges.
+    """
+    middle = 0.5 * (model.lower + model.upper)
+    solutions = inverse_kinematics(model, T_base_tool0 @ model.T_tool_tcp, near=middle if near is None else near)
+    room: Float64 = np.minimum(solutions - model.lower, model.upper - solutions).min(axis=1, initial=np.inf)
+    inside: Float64 = solutions[room >= ROOM]
+    if not len(inside):
+        return inside
+    clear = world.clearances(inside, model.width_max)
+    free: Float64 = inside[clear >= 0.0]
+    if near is None:
+        free = free[np.argsort(-(clear + 0.1 * np.minimum(room[room >= ROOM], 1.0))[clear >= 0.0])]
+    return free

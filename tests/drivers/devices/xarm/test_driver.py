@@ -198,11 +198,27 @@ def test_joints_that_another_client_moves_are_stopped() -> None:
     cell = Cell()
     arm = connected(cell)
     serve(arm, cell, 0.5)
+    began, q = cell.clock.now(), arm.state().q
     cell.controller.inject_fault("moved")
     serve(arm, cell, 0.2, lambda: arm._problem is not None)
     with pytest.raises(DeviceFault, match="moves without a command of this run"):
         arm.check()
     assert cell.controller.state == 4
+    assert cell.clock.now() - began <= 0.030
+    serve(arm, cell, 0.5)
+    assert 1e-3 < np.abs(cell.joints.measured()[0] - q).max() < 0.015  # of the 0.1 rad that the other one wanted
+    assert cell.speed() < 1e-4
+
+
+@pytest.mark.parametrize("length", [0.3, 0.004])
+def test_an_arm_that_comes_to_rest_after_a_motion_is_moved_by_no_other(length: float) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    for sign in (1.0, -1.0):
+        motion = arm.follow(swing(arm.state().q, sign * length * np.ones(6)))
+        serve(arm, cell, 2.0, lambda motion=motion: motion.settled)
+        serve(arm, cell, 0.5)
+        arm.check()
 
 
 @pytest.mark.parametrize("fault", ["collision", "e_stop", "motor", "stopped", "paused", "replaced", "silent", "killed"])

@@ -118,7 +118,11 @@ class BeltRig:
     @property
     def height(self) -> float:
         """Of the hand over the fruit's middle [m]."""
-        return float(MODEL.tcp(self.arm.q)[2, 3] + 0.12 - self.size[1] / 2.0)
+        return float(self.hand()[2, 3] + 0.12 - self.size[1] / 2.0)
+
+    def hand(self) -> np.ndarray:
+        """T_base_tcp, (4, 4) [m]."""
+        return MODEL.tcp(self.arm.q)
 
     def intercept(self, skill: Intercept | None = None, **how: Any) -> SkillEnd:
         inputs = {"target": self.target, "tracks": self.watch, **how.pop("inputs", {})}
@@ -127,7 +131,7 @@ class BeltRig:
     def _feel(self, _now: float) -> np.ndarray:
         """A soft fruit between the pads, if the hand is around it or has taken it along."""
         wrenches = np.zeros((2, 6))
-        T = MODEL.tcp(self.arm.q)
+        T = self.hand()
         squeezed = max(self.size[0] - self.gripper.width, 0.0)
         if self.there and squeezed > 0.0:
             along, aside = self.watch.fruit[0]

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,12 @@ from pomona.skills.motion.grasps.gripper_shape import fruit_section, gripper_sha
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below
 from pomona.skills.motion.grasps.sphere import Sphere
 from pomona.skills.motion.planning.arm_space import TARGET, ArmSpace
+from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.fruit import load_fruit
 from tests.skills.picking_scene import APPLES, OBSERVE, PLACES, ROBOT_MODEL, TABLE_Z, WORKSPACE, apple_at
 
 SHAPE = gripper_shape(ROBOT_MODEL)
+RAW = GraspRules(check=False)
 
 
 def space_around(target, *others) -> ArmSpace:
@@ -65,6 +68,28 @@ def test_pads_meet_the_fruit_at_its_widest_section():
         outermost = in_tcp[[in_tcp[:, 1].argmin(), in_tcp[:, 1].argmax()]]
         assert np.abs(outermost[:, [0, 2]]).max() < 0.008  # within the pad, which reaches 10 mm around its centre
         assert outermost[:, 1].sum() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_fingertips_that_a_linkage_draws_back_meet_the_fruit_at_its_widest_section(tmp_path):
+    for path in ROBOT_MODEL.path.parent.glob("*.xml"):
+        (tmp_path / path.name).write_text(re.sub(r'axis="0 (-?1) 0"', r'axis="0 \1 -0.6"', path.read_text()))
+    tilted = RobotModel.load(tmp_path / ROBOT_MODEL.path.name)
+    shape, target = gripper_shape(tilted), apple_at(4, 3)
+    space = space_around(target)
+    plain, drawn = (
+        {grasp.index: grasp.T_base_grasp for grasp in sample_pre_grasps(target, robot, space, OBSERVE, rules=RAW)[0]}
+        for robot in (ROBOT_MODEL, tilted)
+    )
+    back = -shape.forward(APPLES[4][0] * 1e-3)
+    assert back > 5e-3
+    assert SHAPE.forward(0.05) == 0.0
+    both = plain.keys() & drawn.keys()  # all but the few that are out of reach
+    assert len(both) > 20
+    for index in both:
+        further = drawn[index][:3, 3] - plain[index][:3, 3]
+        np.testing.assert_allclose(further, back * plain[index][:3, 2], atol=2e-3)  # the width there is another one
+    lower, upper = (shape.lowest(np.diag([1.0, -1.0, -1.0, 1.0]), width)[0] for width in (shape.closed, 0.08))
+    assert upper - lower == pytest.approx(-shape.forward(0.08), abs=1e-9)
 
 
 def test_near_the_table_the_small_apple_is_taken_a_little_higher():

@@ -77,9 +77,17 @@ def test_a_package_elsewhere_is_found_by_the_environment(
 
 
 def test_a_mesh_in_a_format_that_is_not_read_is_refused_with_the_remedy(package: Path) -> None:
-    (package / "meshes" / "l3.dae").write_text("<COLLADA/>")
+    (package / "meshes" / "other.dae").write_text("<COLLADA/>")
     with pytest.raises(BadRobotFile, match=r"is a \.dae file, and \.stl, \.obj, \.msh are read: convert it"):
-        load(package / "urdf" / "arm.urdf", arm(mesh("package://my_arm/meshes/l3.dae")))
+        load(package / "urdf" / "arm.urdf", arm(mesh("package://my_arm/meshes/other.dae")))
+
+
+def test_the_same_mesh_beside_it_in_a_format_that_is_read_stands_for_a_drawn_one(package: Path) -> None:
+    (package / "meshes" / "l3.dae").write_text("<COLLADA/>")
+    drawn = load(package / "urdf" / "drawn.urdf", arm(mesh("package://my_arm/meshes/l3.dae")))
+    plain = load(package / "urdf" / "plain.urdf", arm(mesh("package://my_arm/meshes/l3.stl")))
+    assert [geom.kind for geom in drawn.geoms] == [geom.kind for geom in plain.geoms]
+    assert np.array_equal(drawn.geoms[-1].vertices, plain.geoms[-1].vertices)
 
 
 def test_what_is_only_drawn_is_not_looked_for_but_a_link_without_collision_geometry_is_refused(tmp_path: Path) -> None:

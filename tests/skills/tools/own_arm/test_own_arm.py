@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -19,6 +20,7 @@ from pomona.skills.motion.collision import CollisionWorld
 from pomona.skills.motion.robot import RobotModel
 from pomona.tools.own_arm.arm_urdf import read_arm
 from pomona.tools.own_arm.flange import choose_flange
+from pomona.tools.own_arm.poses import ROOM, reach
 
 JOINTS = (  # of an arm as large as a UR5e: place in the link before it, axis, radius and end of its tube [m]
     ("pan", "0 0 0.16", "0 0 1", 0.06, (0.0, 0.0, -0.03)),
@@ -90,6 +92,22 @@ def test_the_poses_are_free_and_within_the_limits(cell):
     q = np.array(list(written.workspace.poses.values()))
     assert np.all((arm.lower <= q) & (q <= arm.upper))
     assert CollisionWorld.build(arm, written.workspace).free(q, arm.width_max).all()
+
+
+def test_no_pose_is_at_a_limit_so_rounding_keeps_it_inside(cell):
+    written = read_cell_file(cell)
+    arm = RobotModel.load(written.section.world.values.robot)
+    observe = written.workspace.poses["observe"]
+    lower = arm.lower.copy()
+    lower[1] = observe[1]  # the known posture touches this limit: another one is found
+    tight = dataclasses.replace(arm, lower=lower)
+    found = reach(tight, written.workspace, {"observe": [arm.fk(observe)]}).postures["observe"]
+    assert np.all((lower + ROOM <= found) & (found <= arm.upper - ROOM))
+
+
+def test_a_joint_of_two_turns_stays_near_the_middle_of_its_range(cell):
+    poses = read_cell_file(cell).workspace.poses
+    assert np.abs(poses["observe"]).max() <= np.pi + 1e-3
 
 
 def test_the_simulated_arm_has_the_masses_and_the_geometry_of_the_file(cell):

@@ -28,6 +28,10 @@ class GripperShape:
     closed: float  # opening at which `points` holds [m]
     palm_depth: float  # distance from the TCP back to the palm [m]
 
+    def forward(self, width: float) -> float:
+        """Return the fingertips' shift along the approach since they were closed [m]: by a linkage, or 0."""
+        return float((width - self.closed) * self.slides[:, 2].mean()) if len(self.slides) else 0.0
+
     def lowest(self, T_base_tcp: Float64, width: float) -> tuple[float, str]:
         """Return the height of the fingers' lowest point in the base frame [m], and the body that it belongs to."""
         corners = self.points + (width - self.closed) * self.slides

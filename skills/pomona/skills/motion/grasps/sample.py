@@ -16,12 +16,7 @@ from pomona.executive.values.arrays import Float64, Int64
 from pomona.skills.geometry import inverse, transform
 from pomona.skills.motion.collision import CollisionWorld, fruit_points
 from pomona.skills.motion.grasp import Grasp, RuledOut
-from pomona.skills.motion.grasps.follow_through import (
-    GOOD,
-    LINE_BROKEN,
-    START_BLOCKED,
-    follow_through,
-)
+from pomona.skills.motion.grasps.follow_through import GOOD, LINE_BROKEN, START_BLOCKED, follow_through
 from pomona.skills.motion.grasps.gripper_shape import CrossSection, GripperShape, extent, fruit_section, gripper_shape
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_orientations
 from pomona.skills.motion.lines import LARGEST_RATE
@@ -156,7 +151,7 @@ def judge_candidate(setting: GraspSetting, index: int, theta: float, alpha: floa
     """Follow one candidate through. Raises CandidateRejected: at the first step that fails for all joint solutions."""
     section = fruit_section(setting.measured, setting.vertices_base, R_base_tcp)
     width = _opening(setting, section)
-    T_base_grasp = transform(R_base_tcp, section.p_base)
+    T_base_grasp = transform(R_base_tcp, section.p_base - setting.shape.forward(section.width) * R_base_tcp[:, 2])
     if setting.rules.check:
         _clear_palm(setting, section)
         T_base_grasp = _above_table(setting, section, T_base_grasp, width)
@@ -188,7 +183,7 @@ def _opening(setting: GraspSetting, section: CrossSection) -> float:
 
 
 def _clear_palm(setting: GraspSetting, section: CrossSection) -> None:
-    left = setting.shape.palm_depth - section.behind
+    left = setting.shape.palm_depth + setting.shape.forward(section.width) - section.behind
     if left < setting.rules.palm:
         raise CandidateRejected("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
 

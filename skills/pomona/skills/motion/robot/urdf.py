@@ -86,6 +86,9 @@ def _found(urdf: Path, name: str) -> Path:
         looked = ", ".join(str(place.parent) for place in places[:4]) + (", …" if len(places) > 4 else "")
         remedy = "put its package beside the file or into ROS_PACKAGE_PATH, or write a path relative to the file"
         raise BadRobotFile(urdf, f"the mesh '{name}' is not found (looked in {looked}): {remedy}")
+    if found.suffix.lower() not in READ:  # Kinova's package has the same shape beside it, in a format that is read
+        beside = [path for path in sorted(found.parent.glob("*")) if path.suffix.lower() in READ]
+        found = next((path for path in beside if path.stem == found.stem), found)
     if found.suffix.lower() not in READ:
         words = f"the mesh '{name}' is a {found.suffix} file, and {', '.join(READ)} are read"
         raise BadRobotFile(urdf, f"{words}: convert it, with Blender or MeshLab, and name that file in <collision>")
