@@ -17,7 +17,7 @@ AWAY = (0.0, 5.0)
 
 
 class Person(FaultSwitch):
-    """A person at the table. What is taken stays away: a fault of the world is not cleared."""
+    """A person at the table. A fruit or crate that is taken stays away: a fault of the world is not cleared."""
 
     known_faults = ("takes_fruit", "moves_crate", "takes_crate")
 

@@ -60,7 +60,7 @@ def measure_all(detections: Sequence[Detection], table_z: float | None, obstacle
     """Measure each detection; a measurement that others contradict is none.
 
     Of two fruits that overlap, one took the depth of the other: the one whose depth agrees less. A fruit in the air
-    that is partly hidden did, too: what lies on other fruit is seen whole.
+    that is partly hidden did, too: fruit that lies on others is seen whole.
 
     Args:
         table_z: height of the table in the base frame [m]; None where it is not known.

@@ -19,13 +19,7 @@ from pomona.executive.values.installation import entry_points, install_extra, re
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
-from pomona.skills.perception.detection.detection import (
-    DETECTORS,
-    WORKING_WIDTH,
-    BoxModelFile,
-    DopeFiles,
-    Search,
-)
+from pomona.skills.perception.detection.detection import DETECTORS, WORKING_WIDTH, BoxModelFile, DopeFiles, Search
 from pomona.skills.perception.detection.dope_config import find_entry
 from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
 from pomona.skills.perception.detection.instances import Instance, find_instances

@@ -47,13 +47,7 @@ from pomona.skills.perception.refinement.scale_fit import (
     scale_model_by_rendering,
     scale_model_of_kind,
 )
-from pomona.skills.perception.refinement.shape_fit import (
-    FEW_POINTS,
-    MAX_POINTS,
-    RIGID,
-    covariance_of,
-    fit_shape,
-)
+from pomona.skills.perception.refinement.shape_fit import FEW_POINTS, MAX_POINTS, RIGID, covariance_of, fit_shape
 
 
 def measure(
