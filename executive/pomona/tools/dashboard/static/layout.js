@@ -12,7 +12,7 @@ function keep(name, value) {
 }
 
 function apply() {
-  for (const name of ["left", "right", "lanes"]) {
+  for (const name of ["left", "lanes"]) {
     if (Number.isFinite(kept[name])) document.body.style.setProperty(`--${name}`, `${kept[name]}px`); else document.body.style.removeProperty(`--${name}`);
   }
   document.body.dataset.large = kept.large ?? "";
@@ -43,9 +43,8 @@ function handle(panel, name, label, vertical, size) {
   panel.append(element);
 }
 
-const [tree, side, time] = [".tree-panel", ".side", ".timeline-panel"].map((name) => document.querySelector(name));
+const [tree, time] = [".tree-panel", ".timeline-panel"].map((name) => document.querySelector(name));
 handle(tree, "left", "width of the tree", true, (e) => e.clientX - tree.getBoundingClientRect().left);
-handle(side, "right", "width of the details", true, (e) => side.getBoundingClientRect().right - e.clientX);
 handle(time, "lanes", "height of the timeline", false, (e) => $("timeline").parentElement.getBoundingClientRect().bottom - e.clientY - 40);
 
 // Make the enlarged picture small again; returns whether there was one.
