@@ -21,23 +21,11 @@ from pomona.drivers import (
     GripperMotion,
     ParallelGripper,
     Settings,
-    driver,
-)
-from pomona.executive import (
-    FORCE,
-    LENGTH,
-    SPEED,
-    Address,
-    Clock,
-    Link,
-    Malformed,
-    Measure,
-    Nonsense,
-    Span,
     TcpLink,
+    driver,
     tcp_opener,
-    value,
 )
+from pomona.executive import FORCE, LENGTH, SPEED, Address, Clock, Link, Malformed, Measure, Nonsense, Span, value
 
 PERIOD, SILENCE = 0.01, 0.1  # between questions for the state; without an answer for this long it is lost [s]
 WATCHDOG = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
