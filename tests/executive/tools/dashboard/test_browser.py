@@ -81,7 +81,7 @@ def wait_until_painted(page: Any, least: int) -> None:
     page.wait_for_function(
         "(least) => { const seen = document.getElementById('scene');"
         " const c = Object.assign(document.createElement('canvas'), { width: seen.width, height: seen.height });"
-        " const g = c.getContext('2d'); g.drawImage(seen, 0, 0);"
+        " const g = c.getContext('2d'); g.drawImage(seen, 0, 0, c.width, c.height);"
         " const { data } = g.getImageData(0, 0, c.width, c.height);"
         " return data.filter((v, i) => i % 4 === 3 && v).length > least }",
         arg=least,
