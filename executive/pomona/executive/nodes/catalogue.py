@@ -11,12 +11,7 @@ from pomona.executive.errors import PomonaError
 from pomona.executive.nodes.ask import ApproveType, AskType
 from pomona.executive.nodes.check import CheckType, GuardType, WaitUntilType, WhenType
 from pomona.executive.nodes.choosing import IfType, ReactiveIfType, SwitchType
-from pomona.executive.nodes.composites import (
-    ParallelType,
-    ReactiveSequenceType,
-    SequenceType,
-    SequenceWithMemoryType,
-)
+from pomona.executive.nodes.composites import ParallelType, ReactiveSequenceType, SequenceType, SequenceWithMemoryType
 from pomona.executive.nodes.force import ForceType, InvertType
 from pomona.executive.nodes.leaves import FailType, SetType, SucceedType, WaitType
 from pomona.executive.nodes.node_type import Field, Modifier, NodeType, Role

@@ -9,12 +9,7 @@ from py_trees.common import Status
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Wrapper
-from pomona.executive.nodes.context import (
-    BuildContext,
-    FlowContext,
-    NodeContext,
-    OutcomeContext,
-)
+from pomona.executive.nodes.context import BuildContext, FlowContext, NodeContext, OutcomeContext
 from pomona.executive.nodes.facts import ALL, NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import Port

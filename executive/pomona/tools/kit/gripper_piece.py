@@ -174,9 +174,8 @@ root:
 from __future__ import annotations
 
 import pytest
-from pomona.drivers.errors import DeviceLost, MotionRefused
-from pomona.drivers.interfaces import Gripper, MotionState
-from pomona.executive.clock import ManualClock
+from pomona.drivers import DeviceLost, Gripper, MotionRefused, MotionState
+from pomona.executive import ManualClock
 
 from $module.$name import Emulated$Name, $Name, ${Name}Options
 

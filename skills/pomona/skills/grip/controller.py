@@ -9,6 +9,7 @@ as long as samples come. The controller uses no device, thread or tree.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +30,7 @@ from pomona.skills.grip.monitors import (
     has_dead_finger,
     hold_monitors,
 )
-from pomona.skills.grip.reference import ForceReference
+from pomona.skills.grip.reference import ForceReference, Levels, Mode, usual_modes
 from pomona.skills.grip.sensor import BiasRecorder, GripSample, SensorWatch, StreamGuard, check_bias
 from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
 from pomona.skills.grip.tracking import CommandTiming, ForceTracker, slope
@@ -51,7 +52,7 @@ class GripController:
         rests: set by the caller while something else carries the fruit: fingers and reference stay as they are.
     """
 
-    def __init__(self, settings: GripSettings) -> None:
+    def __init__(self, settings: GripSettings, modes: Callable[[Levels], Iterable[Mode]] = usual_modes) -> None:
         self.settings = settings
         self.problem: GripProblem | None = None
         self.width, self.speed = math.nan, 0.0
@@ -61,7 +62,7 @@ class GripController:
         self._guard = StreamGuard(settings.period)
         self._bias = BiasRecorder(settings.bias, settings.rate)
         self._estimator = Estimator(settings)
-        self._reference = ForceReference(settings)
+        self._reference = ForceReference(settings, modes)
         self._tracker = ForceTracker(settings.loop, settings.tracking)
         self._timing = CommandTiming(settings.rate, settings.loop.command_period, settings.command)
         self._closing = Closing(settings, self._reference, self._tracker, self._timing.interval)

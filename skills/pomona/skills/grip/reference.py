@@ -138,7 +138,11 @@ class Mode(ABC):
 
     @abstractmethod
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        """Return the reference after a sample [N]; the arguments are those of `ForceReference.follow`."""
+        """Return the reference after a sample [N]; the arguments are those of `ForceReference.follow`.
+
+        The estimate has the load `f_t` and minimum forces [N]: `f_coulomb` (no moment), `f_least` (limit surface),
+        `f_cautious` and `f_reserved` (with the reserve); `f_nd` answers slip, `push` is an impact.
+        """
 
     def next_mode(self, estimate: GripEstimate) -> GripMode:
         """Return the mode for this estimate: by default this one, which only a request ends."""
