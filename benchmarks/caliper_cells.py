@@ -75,7 +75,8 @@ def misplace(camera: Any, error: Float64) -> None:
     if hasattr(camera, "_changer"):
         camera._changer = Misplaced(error)
     else:
-        camera._mount.T_mount_camera = camera._mount.T_mount_camera @ np.linalg.inv(pose_of(error))
+        camera._mount.T_mount_camera = stated = camera._mount.T_mount_camera @ np.linalg.inv(pose_of(error))
+        camera._newest = replace(camera._newest, T_mount_camera=stated)  # the first look may use the frame of the start
 
 
 class TrueTouches:
