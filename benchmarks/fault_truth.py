@@ -157,7 +157,7 @@ class CrateTruth(TableTruth):
     def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
         yield from super().troubles(told)
         if told.get("bruised", 0):
-            yield f"bruised the fruit by {told['largest_press']:.2f} of what it bears"
+            yield f"pressed a fruit with {told['largest_press']:.2f} times the force that bruises it"
 
 
 class WallTruth:

@@ -55,7 +55,7 @@ class Detached(Outputs):
     """Outputs of Detach."""
 
     stem_force: Annotated[Force, Port(help="largest pull of the stem")]
-    rolled: Annotated[Angle, Port(help="turn of the hand at which the stem broke")]
+    rolled: Annotated[Angle, Port(help="turn of the hand when the break was noticed")]
 
 
 class Detach(MovingSkill):

@@ -644,7 +644,7 @@ class DetachController:
     def _tested(self, dt: float, force: Float64, outwards: Float64) -> Float64:
         """Pull at the fruit, and let it go only if the stem pulls back.
 
-        A fruit that comes along over the whole way, with its weight on the pads, is off the tree: no branch is so soft.
+        A fruit that comes along over the whole way, with its weight on the pads, is off the tree: a branch pulls back.
         """
         moved = float((self._p_aimed - self._p_phase) @ outwards)
         speed = self._test.step(dt, float(force @ outwards), moved)

@@ -19,7 +19,7 @@ OFTEN = (
 DRAWS = 128  # postures that are tried for it
 OBSERVE, HOME = "observe", "home"  # poses that no cell can be without
 TRIED = 12  # postures of the first pose from which the others are reached
-ROOM = 0.01  # from each joint to its limits: a hundred times what a written pose is rounded by [rad]
+ROOM = 0.01  # least distance of a joint to its limits [rad]: a hundred times the rounding of a written pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ BAD: dict[str, tuple[str, int | str | None, str]] = {
 
 @dataclass
 class Session:
-    """What a session receives of some lines: messages, and errors that are sent at once."""
+    """Messages that a session receives from some lines, and the errors that are sent at once."""
 
     read: list[str] = field(default_factory=list)
     sent: list[JSONRPCError] = field(default_factory=list)
