@@ -550,10 +550,9 @@ class DetachController:
             freed = self.broke_at is not None or self._seemed_free
             code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
             self._end(DetachProblem(code, f"the fruit left the pads {words}"))
-        elif self.broke_at is not None:
-            self._end(DetachProblem("STEM_UNCLEAR", f"{self._pads_feel(press)} after the break; the grip is kept"))
         elif self.phase is not DetachPhase.TEST:
-            self._end(DetachProblem("SLIPPED", "the fruit was leaving the pads before the stem broke"))
+            when = "before the stem broke" if self.broke_at is None else f"after the break: {self._pads_feel(press)}"
+            self._end(DetachProblem("SLIPPED", f"the fruit was leaving the pads {when}"))
 
     def _is_empty(self, press: Float64) -> bool:
         """Return True if the pads feel nothing, and either the motor agrees or they stand wider than at the grip."""
@@ -650,8 +649,9 @@ class DetachController:
         speed = self._test.step(dt, float(force @ outwards), moved)
         if self._test.holds is not None and self._ending is not None:
             comes = self._test.furthest > FURTHEST and force[2] > 0.5 * GRAVITY * self._fruit.mass
-            if not self._test.holds and comes and not self._came:
+            if not self._test.holds and comes and not self._came:  # the fruit may have turned to a narrower place
                 self._came = True
+                self._width_gripped, self._press_gripped = self._width, float(self._press.max())
                 self._break(force)
                 return np.zeros(3)
             if not self._test.holds:

@@ -437,6 +437,47 @@ def test_a_fruit_that_comes_along_with_its_weight_on_the_pads_is_off_the_tree():
     assert stem.width < DIAMETER
 
 
+def narrower(stem, control):
+    """Turn the fruit between the pads once, to a place that is 18 mm narrower; the fingers have followed."""
+    if control.phase is DetachPhase.BACK and stem.diameter == DIAMETER:
+        stem.diameter -= 0.018
+        stem.width -= 0.018
+
+
+def test_a_free_fruit_that_turns_to_a_narrower_place_comes_along_in_a_test_of_its_stem():
+    stem, phases = Stem(WEAK), set()
+
+    def turn(control):
+        narrower(stem, control)
+        phases.add(control.phase)
+
+    control = detach(stem, limit=40.0, each=turn)
+    assert DetachPhase.TEST in phases
+    assert stem.broken is not None
+    assert control.problem is None
+    assert stem.width < stem.diameter
+
+
+def test_a_fruit_that_seemed_free_and_turns_to_a_narrower_place_is_let_go_only_if_its_stem_pulls_back():
+    stem = Stem(STRONG, bending=0.01)
+    control = controller(stem, (2.4,))
+    while control.phase is not DetachPhase.DONE and stem.time < 40.0:
+        seems_free = control.broke_at is None and abs(stem.roll) > 1.0
+        loose = seems_free or control.phase is DetachPhase.BACK
+        wrenches = stem.wrenches()
+        if loose:  # the pads report a fruit's weight alone
+            weight = Stem(STRONG)
+            weight.T, weight.R0, weight.width, weight.broken = stem.T, stem.R0, stem.width, 0.0
+            weight.diameter = stem.diameter
+            wrenches = weight.wrenches()
+        stem.move(control.step(DT, wrenches, False, stem.T, stem.width, stem.T_aimed))
+        narrower(stem, control)
+    assert stem.broken is None
+    assert control.problem.code == "SLIPPED"
+    assert "after the break: the pads feel" in control.problem.message
+    assert stem.width > stem.diameter
+
+
 @pytest.mark.parametrize("branch", [5.0, 8.0, 12.0, 15.0])
 def test_a_fruit_that_comes_along_without_its_weight_on_the_pads_may_hang_on_a_soft_branch(branch):
     control = pulled_with(stem := Stem(STRONG, branch=branch, bending=0.01), lambda _stem, wrenches: wrenches)
