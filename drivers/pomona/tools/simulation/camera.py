@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from dataclasses import replace
 from typing import Any
 
@@ -16,45 +15,11 @@ from pomona.drivers.camera_options import scaled
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.drivers.streams import FrameGuard
-from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64, UInt8
+from pomona.tools.simulation.exposure import Delivery, Moments, Timing
 from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.tools.simulation.stereo_depth import CHANGES, FrameChanger, Stereo, measure_depth
 from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
-
-
-class Delivery:
-    """Frames on their way from a camera; a frame is exposed when one is asked for.
-
-    After a time without a request nothing is on its way, and the first frame is delivered at once.
-    """
-
-    def __init__(self, clock: Clock, latency: tuple[float, float], seed: int) -> None:
-        """
-        Args:
-            latency: least and largest time from an exposure to its delivery [s].
-        """
-        self._clock, self._latency, self._seed = clock, latency, seed
-        self._coming: deque[tuple[float, Frame]] = deque()
-        self._delivered: Frame | None = None
-
-    def newest(self, exposed: Frame | None) -> Frame | None:
-        """Take the frame of this moment, and return the newest one that has arrived."""
-        if exposed is None or self._latency[1] == 0.0:
-            return exposed
-        now, waits = self._clock.now(), 2.0 * self._latency[1]
-        if self._delivered is None or now - self._delivered.stamp > waits + self._latency[1]:
-            self._coming.clear()
-            self._delivered = exposed
-            return exposed
-        if exposed.sequence != (self._coming[-1][1] if self._coming else self._delivered).sequence:
-            drawn = np.random.default_rng([self._seed, 19, exposed.sequence]).uniform(*self._latency)
-            before = self._coming[-1][0] if self._coming else 0.0
-            self._coming.append((max(now + float(drawn), before), exposed))  # in order
-        while self._coming and self._coming[0][0] <= now + 1e-9:
-            self._delivered = self._coming.popleft()[1]
-        return self._delivered
-
 
 SILENCE = 0.5  # time without a valid or new frame after which the camera is lost [s]; as for a real one
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
@@ -82,13 +47,13 @@ class SimCamera(FaultyDevice):
         stereo: Stereo,
         rate: float,
         T_base_camera: Float64 | None = None,
-        latency: tuple[float, float] = (0.0, 0.0),
+        timing: Timing | None = None,
         T_mount_stated: Float64 | None = None,
     ) -> None:
         """
         Args:
             T_base_camera: where the camera is fixed in the cell, shape (4, 4); without it, it rides on the gripper.
-            latency: least and largest time from an exposure to the delivery of its frame, drawn for each [s].
+            timing: when frames are exposed and delivered; by default all in the moment in which one is asked for.
             T_mount_stated: pose in its mount that the frames state, shape (4, 4); without it, the true one.
         """
         super().__init__("camera")
@@ -106,7 +71,9 @@ class SimCamera(FaultyDevice):
         self._frame: Frame | None = None
         self._watched: Frame | None = None
         self._changer = FrameChanger()
-        self._pictures, self._depths = (Delivery(world.clock, latency, world.seed) for _ in range(2))
+        self._timing = Timing() if timing is None else timing
+        self._moments = Moments(model)
+        self._pictures, self._depths = (Delivery(world.clock, self._timing.latency, world.seed) for _ in range(2))
         self._fault_since, self._judged = 0.0, 0
         self._guard = FrameGuard(world.clock, SILENCE)
         self._asked = self._shown = -math.inf
@@ -237,18 +204,21 @@ class SimCamera(FaultyDevice):
         )
 
     def _render(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Ideal colour and z-depth [m]; the far plane counts as nothing seen."""
-        colour, renderer = self._render_colour().copy(), self._open_renderer()
+        """Ideal colour of the exposure and z-depth [m]; the far plane counts as nothing seen."""
+        pictures = [self._render_colour(dt) for dt in self._timing.colour]
+        colour = pictures[0] if len(pictures) == 1 else np.mean(pictures, axis=0).astype(np.uint8)
+        renderer = self._open_renderer()
         renderer.enable_depth_rendering()
+        self._aim(renderer, self._intrinsics, self._timing.depth_after)
         depth = renderer.render().copy()
         depth[depth > 5.0] = 0.0
         return colour, depth
 
-    def _render_colour(self) -> NDArray[np.uint8]:
+    def _render_colour(self, dt: float = 0.0) -> NDArray[np.uint8]:
         renderer = self._open_renderer()
         renderer.disable_depth_rendering()
-        self._aim(renderer, self._intrinsics)
-        colour: NDArray[np.uint8] = renderer.render()
+        self._aim(renderer, self._intrinsics, dt)
+        colour: NDArray[np.uint8] = renderer.render().copy()
         return colour
 
     def _render_depth(self, intrinsics: Intrinsics) -> NDArray[np.float32]:
@@ -256,17 +226,18 @@ class SimCamera(FaultyDevice):
         if self._depth_renderer is None:
             self._depth_renderer = open_renderer(self._world.model, intrinsics.height, intrinsics.width)
             self._depth_renderer.enable_depth_rendering()
-        self._aim(self._depth_renderer, intrinsics)
+        self._aim(self._depth_renderer, intrinsics, self._timing.depth_after)
         depth: NDArray[np.float32] = self._depth_renderer.render().copy()
         depth[depth > 5.0] = 0.0
         return depth
 
-    def _aim(self, renderer: Any, intrinsics: Intrinsics) -> None:
-        """Show the world as it is now, from where the camera is."""
+    def _aim(self, renderer: Any, intrinsics: Intrinsics, dt: float) -> None:
+        """Show the world as it is `dt` from now [s], from where the camera is."""
+        state = self._moments.moved(self._world.state, dt)
         if not self._fixed:
-            renderer.update_scene(self._world.state, camera="camera")
+            renderer.update_scene(state, camera="camera")
             return
-        renderer.update_scene(self._world.state)
+        renderer.update_scene(state)
         model, T = self._world.model, self.T_mount_camera
         near = float(model.vis.map.znear * model.stat.extent)
         left, right = (near * (u - intrinsics.cx) / intrinsics.fx for u in (-0.5, intrinsics.width - 0.5))

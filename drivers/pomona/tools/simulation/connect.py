@@ -24,6 +24,7 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
 from pomona.tools.simulation.arm import SimArm
 from pomona.tools.simulation.camera import SimCamera
+from pomona.tools.simulation.exposure import Timing
 from pomona.tools.simulation.fingers import SimFingers
 from pomona.tools.simulation.gripper import SimGripper
 from pomona.tools.simulation.hands import SimHands
@@ -129,6 +130,14 @@ class CameraOptions(InWorld):
     latency: tuple[float, float] = value(
         Span(Measure(TIME, "0 s", "500 ms")), "0 ms..0 ms", "time from an exposure to the delivery of its frame"
     )
+    exposure: float = value(
+        Measure(TIME, "0 s", "50 ms"), "0 ms", "of the colour picture: what moves meanwhile is blurred"
+    )
+    depth_after: float = value(
+        Measure(TIME, "-50 ms", "50 ms"),
+        "0 ms",
+        "from the middle of the colour's exposure to that of the depth",
+    )
     fixed: FixedSection | None = value(
         Section(FixedSection), None, "where it is fixed in the cell; without it, it rides on the gripper"
     )
@@ -207,7 +216,8 @@ def connect_camera(settings: Settings[CameraOptions], context: ConnectContext) -
     intrinsics = said.intrinsics.intrinsics(said.size)
     stereo = Stereo(intrinsics.fx, said.baseline, said.disparity_noise, said.nearest)
     pose = None if said.fixed is None else said.fixed.pose()
-    return SimCamera(_world(context), intrinsics, stereo, said.rate, pose, said.latency, said.stated())
+    timing = Timing(said.latency, said.exposure, said.depth_after)
+    return SimCamera(_world(context), intrinsics, stereo, said.rate, pose, timing, said.stated())
 
 
 def _world(context: ConnectContext) -> PhysicsWorld:
