@@ -555,10 +555,16 @@ class DetachController:
             self._end(DetachProblem("SLIPPED", f"the fruit was leaving the pads {when}"))
 
     def _is_empty(self, press: Float64) -> bool:
-        """Return True if the pads feel nothing, and either the motor agrees or they stand wider than at the grip."""
+        """Return True if the pads feel nothing, and either the motor agrees or they stand wider than at the grip.
+
+        Leaves may press on one pad: where the other and the motor feel nothing, pads this close have no fruit either.
+        """
         s = self.settings
         agrees = self._motor is None or abs(self._motor) < s.empty_motor
-        return press.max() < s.empty_force and (agrees or self._width > self._width_gripped + s.wider)
+        if press.max() < s.empty_force:
+            return agrees or self._width > self._width_gripped + s.wider
+        missed = self._motor is not None and self._width < s.narrowest * self._fruit.diameter
+        return missed and agrees and bool(press.min() < s.empty_force)
 
     def _pads_feel(self, press: Float64) -> str:
         motor = "" if self._motor is None else f", the motor presses with {self._motor:.1f} N"
@@ -738,7 +744,7 @@ class DetachController:
 
     def _end(self, problem: DetachProblem | None) -> None:
         """End; a fruit that may still be between the pads is let go only after a test of its stem."""
-        held = self.phase in HOLDING and not (self._empty > 0.0 and self._is_empty(self._press))
+        held = self.phase in HOLDING and not self._is_empty(self._press)
         if problem is None or problem.code in KEPT or not held:
             self._finish(problem)
             return

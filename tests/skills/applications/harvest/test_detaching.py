@@ -379,6 +379,22 @@ def test_the_hand_follows_the_pad_that_touches_first():
     assert command.velocity @ stem.T[:3, 1] == pytest.approx(0.004)
 
 
+@pytest.mark.parametrize(("motor", "code"), [(0.0, "SLIPPED"), (6.0, "STEM_UNCLEAR"), (None, "STEM_UNCLEAR")])
+def test_a_leaf_on_one_pad_is_no_fruit_where_motor_and_width_show_none(motor, code):
+    """The fruit slides out while the hand turns; the fingers close behind it, and one pad feels a leaf."""
+    stem = Stem(STRONG, bending=0.01)
+    control = controller(stem)
+    while control.phase is not DetachPhase.DONE and stem.time < 40.0:
+        gone = abs(stem.roll) > 0.8 or stem.gone
+        if gone and not stem.gone:
+            stem.gone, stem.diameter = True, 0.0
+            stem.width -= 0.02
+        wrenches = np.eye(2, 6, 2) * [[-1.0], [0.0]] if gone else stem.wrenches()
+        felt = motor if gone else -wrenches[:, 2].sum()
+        stem.move(control.step(DT, wrenches, False, stem.T, stem.width, stem.T_aimed, felt))
+    assert control.problem.code == code
+
+
 def test_a_fruit_that_is_taken_after_the_break_is_lost_and_not_slipped():
     """A hand that takes it loads the pads as a stem would."""
 
