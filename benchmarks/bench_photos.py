@@ -22,7 +22,6 @@ from benchmarks.bench_detect import processor_name, progress
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.pictures import read_picture, write_picture
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.detection import DetectorOptions
 from pomona.skills.perception.fruit import load_fruit
 from pomona.tools.fruit_kinds.kind_head import NONE
 from pomona.tools.photographs.box_evaluation import (
@@ -32,7 +31,7 @@ from pomona.tools.photographs.box_evaluation import (
     judge,
     recall_and_precision,
 )
-from pomona.tools.photographs.command_detect_pictures import MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH, find_fruit
+from pomona.tools.photographs.command_detect_pictures import find_fruit, photo_options
 from pomona.tools.photographs.photo_folder import read_photographs
 from pomona.tools.photographs.photographs import Photograph
 from pomona.tools.training.command_kinds import KINDS as NAMES
@@ -54,11 +53,7 @@ def main() -> None:
     weights = load_fruit("apple").photo_weights
     assert weights is not None
     detector = CompactDetector.load(weights)
-    ways = (
-        DetectorOptions(working_width=BEFORE, most_fruit=MOST_LOOKS_AT_ONE_WIDTH),
-        DetectorOptions(working_width=None, most_fruit=MOST_LOOKS),
-        DetectorOptions(working_width=None, most_fruit=MOST_LOOKS, kind="apple"),
-    )
+    ways = photo_options(BEFORE), photo_options(None), photo_options(None, "apple")
     searches = [detector.looking(way) for way in ways]
     print(f"Score ≥ {SCORE:g}, IoU 0.5, 95 % intervals from groups drawn again. {processor_name()}\n")
     print(

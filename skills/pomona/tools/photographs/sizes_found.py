@@ -8,8 +8,11 @@ import numpy as np
 
 from pomona.executive import Float64
 from pomona.skills.perception import LARGEST_SIDE, at_edge, findable_sizes, search_sides
+from pomona.skills.perception.detection.places import LARGEST_WHOLE
 
 MOST_ANNOUNCED = 5  # sizes of pictures whose search is announced: a folder may hold as many sizes as pictures
+
+AT_FIRST = f"; above {LARGEST_WHOLE} px only where a smaller width is sure of a fruit"
 
 CUT = 0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
 
@@ -41,6 +44,7 @@ class SizesFound:
         return (
             f"{width} × {height} px: searched at {', '.join(map(str, sides))} px ({side}); "
             f"finds fruit of {low:.0f} to {high:.0f} px"
+            + (AT_FIRST if self._width is None and max(sides) > LARGEST_WHOLE else "")
         )
 
     def add(self, width: int, height: int, sizes: Float64) -> None:

@@ -170,10 +170,10 @@ class FinderNetwork(nn.Module):
         assert above is not None
         return self.last(functional.relu6(self.head(above)))  # type: ignore[no-any-return]
 
-    def keep_trunk(self) -> None:
+    def keep_trunk(self, blocks: int = FROZEN) -> None:
         """Keep the trunk's statistics and its first blocks as they are from here on: it was trained before."""
         self.trained_trunk = True
-        for part in (self.trunk.stem, *self.trunk.blocks[:FROZEN]):
+        for part in (self.trunk.stem, *self.trunk.blocks[:blocks]):
             part.requires_grad_(False)
         self.train(self.training)
 

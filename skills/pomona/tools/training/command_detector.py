@@ -60,6 +60,11 @@ def add_train(subparsers: Any) -> None:
     )
     detect.add_argument("--empty", type=Path, help="with --photos: folder of pictures without fruit")
     detect.add_argument(
+        "--scales",
+        action="store_true",
+        help="with --photos: go on over fruit of 18 to 110 px, for photographs that are searched at several widths",
+    )
+    detect.add_argument(
         "--trunk",
         type=Path,
         help="published weights of EfficientNet-Lite0 for the finder's trunk: efficientnet-lite0-….pth of the package "
@@ -166,7 +171,7 @@ def train_main(options: argparse.Namespace) -> int:
         need(package, "torch", "pomona train")
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
     from pomona.skills.perception.fruit.catalogue import FruitError
-    from pomona.tools.training.recipe import QUICK, SHIPPED, WITH_PHOTOGRAPHS, make_weights
+    from pomona.tools.training.recipe import QUICK, SHIPPED, WITH_MANY_SCALES, WITH_PHOTOGRAPHS, make_weights
     from pomona.tools.training.report import write_report
 
     console = Console()
@@ -176,7 +181,10 @@ def train_main(options: argparse.Namespace) -> int:
             raise BadTraining("--empty goes with --photos: rendered frames have scenes without fruit of their own")
         if options.network == "dope":
             return _train_dope(options, work, console)
-        base = WITH_PHOTOGRAPHS if options.photos else QUICK if options.quick else SHIPPED
+        if options.scales and not options.photos:
+            raise BadTraining("--scales goes with --photos: rendered frames have one scale")
+        with_photographs = WITH_MANY_SCALES if options.scales else WITH_PHOTOGRAPHS
+        base = with_photographs if options.photos else QUICK if options.quick else SHIPPED
         stages = tuple(dataclasses.replace(s, steps=max(1, round(s.steps * options.steps))) for s in base.stages)
         share = options.frames / sum(s.frames for s in base.sets) if options.frames else 1.0
         sets = tuple(dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in base.sets)

@@ -26,7 +26,9 @@ SHORTEST, NARROWEST = 6.0, 0.28  # least shorter side of a taught box [px of the
 FRAME_SCALE, FRAME_JITTER = 0.5, (0.8, 1.45)
 """Scale of a rendered frame of 640 px in a window, and the range of its factor: the detector searches at 0.5 to 0.7."""
 
-PHOTO_JITTER = (1.0 / 1.22, 1.22)  # range of the factor on a photograph's scale: size tells near fruit from far rows
+PHOTO_JITTER = 1.22  # largest factor on a photograph's scale, and its inverse the least: size tells near from far rows
+OVER_SCALES = 2.2  # the same, for a finder that searches each photograph at several widths
+TAUGHT = 18.0, 110.0  # longer side of the boxes that it is taught; larger and smaller ones are left out [px]
 EMPTY_JITTER = (0.9, 3.0)  # range of the factor by which a picture without fruit is larger than the window
 Window = tuple[UInt8, Float32]  # RGB (320, 320, 3) and the maps of `finder_targets`
 
@@ -56,22 +58,30 @@ class EmptyWindows:
 
 
 class PhotoWindows:
-    """Windows of photographs with boxes, most often with a fruit in the middle half."""
+    """Windows of photographs with boxes, most often with a fruit in the middle half; each folder counts alike.
 
-    def __init__(self, photographs: Sequence[Photograph]) -> None:
-        self._photographs = photographs
+    `jitter` is the largest factor on a photograph's scale; with more than `PHOTO_JITTER`, sizes are those of `TAUGHT`.
+    """
+
+    def __init__(self, photographs: Sequence[Photograph], jitter: float = PHOTO_JITTER) -> None:
+        folders = sorted({photo.path.parent for photo in photographs})
+        self._folders = [[photo for photo in photographs if photo.path.parent == folder] for folder in folders]
+        self._jitter = jitter
+        self._taught = TAUGHT if jitter > PHOTO_JITTER else (0.0, np.inf)
 
     def draw(self, rng: np.random.Generator) -> Window:
-        """Return a part of any of them, at nearly the scale at which the detector searches."""
-        photo = _any(self._photographs, rng)
-        size = photo.scale * np.exp(rng.uniform(*np.log(PHOTO_JITTER)))
+        """Return a part of any of them, near the scale at which fruit has the size that the detector looks for."""
+        photo = _any(self._folders[int(rng.integers(len(self._folders)))], rng)
+        size = photo.scale * np.exp(np.log(self._jitter) * rng.uniform(-1.0, 1.0))
         around = rng.uniform((0.0, 0.0), (photo.width, photo.height))
         if len(photo.boxes) and rng.random() < 0.6:
             x, y, w, h = photo.boxes[int(rng.integers(len(photo.boxes)))]
             around = np.array([x + 0.5 * w, y + 0.5 * h]) + rng.uniform(-0.25, 0.25, 2) * SIDE / size
         shift = _shift(photo, size, around)
         boxes = move_boxes(photo.boxes, size, shift)
-        return _window(_cut(photo.picture(), size, shift), boxes, ~photo.crowd, rng)
+        longer = boxes[:, 2:].max(axis=1, initial=0.0)
+        taught = ~photo.crowd & (longer >= self._taught[0]) & (longer <= self._taught[1])
+        return _window(_cut(photo.picture(), size, shift), boxes, taught, rng)
 
 
 class FrameWindows:

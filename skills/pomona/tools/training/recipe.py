@@ -14,10 +14,11 @@ from pomona.executive.values.arrays import Float64, UInt8
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.weights_file import FusedScore
 from pomona.tools.photographs.photographs import PhotoSet
-from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
+from pomona.tools.pytorch.networks import FROZEN, CloseLookNetwork, FinderNetwork
 from pomona.tools.pytorch.weights import load_compact, save_compact
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.eight_bits import round_weights
+from pomona.tools.training.finder_samples import OVER_SCALES, PHOTO_JITTER
 from pomona.tools.training.fit_score import fit_score, frame_places, photo_places
 from pomona.tools.training.loop import Fall, Progress, Schedule
 from pomona.tools.training.optimiser import Method
@@ -44,6 +45,7 @@ class TrainingStage:
         average: decay of the running average of weights, as in `Schedule`.
         warm_up: steps in which the rate rises, as in `Schedule`.
         method, decay, clip: as in `Schedule`.
+        kept, jitter: as in `TrainingRun`.
     """
 
     part: Part
@@ -59,6 +61,8 @@ class TrainingStage:
     method: Method = "muon"
     decay: float = 0.05
     clip: float = 5.0
+    kept: int = FROZEN
+    jitter: float = PHOTO_JITTER
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +138,34 @@ WITH_PHOTOGRAPHS = Recipe(
     fit=FIT,
 )
 """The recipe of `pomona train detect --photos`: the finder learns, the close look keeps its weights."""
+
+WITH_MANY_SCALES = Recipe(
+    sets=(
+        FrameSet(240, 71, (0.3, 0.2, 0.1, 0.4)),
+        FrameSet(120, 72, (0.5, 0.25, 0.1, 0.15), (0, 2), lookalikes=10),
+    ),
+    held_out=FrameSet(60, 9001, WITHOUT_TREES),
+    stages=(
+        TrainingStage(
+            "finder",
+            600,
+            8e-4,
+            (1, 1),
+            fall="late",
+            photos=11,
+            empty=3,
+            average=0.99,
+            warm_up=30,
+            method="adam",
+            decay=0.02,
+            clip=10.0,
+            kept=8,
+            jitter=OVER_SCALES,
+        ),
+    ),
+    fit=FIT,
+)
+"""The recipe of `--scales`: a finder of photographs learns on over all sizes at which `pomona detect` searches."""
 
 QUICK = Recipe(
     sets=(FrameSet(160, 1, WITHOUT_TREES),),
@@ -297,6 +329,8 @@ class _Making:
             photographs=self._photographs,
             photos=stage.photos,
             empty=stage.empty,
+            kept=stage.kept,
+            jitter=stage.jitter,
         )
         self.networks[stage.part] = train_part(run, say)
         self._made_by[stage.part] = number

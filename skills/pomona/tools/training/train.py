@@ -18,10 +18,11 @@ from torch.utils.data import Dataset
 from pomona.skills.perception.detection.close_look import AXIS, CENTRE, KIND, SIZE
 from pomona.skills.perception.detection.errors import BadTraining
 from pomona.tools.photographs.photographs import PhotoSet
-from pomona.tools.pytorch.networks import CloseLookNetwork, DopeNetwork, FinderNetwork, to_input
+from pomona.tools.pytorch.networks import FROZEN, CloseLookNetwork, DopeNetwork, FinderNetwork, to_input
 from pomona.tools.training.all_reduce import CONTEXT, GradientAllReduce
 from pomona.tools.training.finder_figures import finder_figures
 from pomona.tools.training.finder_samples import (
+    PHOTO_JITTER,
     EmptyWindows,
     FinderBatches,
     FrameWindows,
@@ -55,6 +56,8 @@ class TrainingRun:
     places: Path | None = None
     start_from: dict[str, Tensor] | None = None  # weights to begin with, None for random ones
     trained_trunk: bool = False  # the finder's trunk was trained before, and most of it is kept
+    kept: int = FROZEN  # first blocks of such a trunk that keep their weights
+    jitter: float = PHOTO_JITTER  # as of `PhotoWindows`
     device: str = "cpu"  # "cpu" or "cuda"
     workers: int = 1  # processes that prepare batches, for each that learns
     processes: int = 1  # that learn, each with its part of every batch
@@ -121,7 +124,7 @@ def _train(
         network.load_state_dict(run.start_from)
     slow = None
     if isinstance(network, FinderNetwork) and run.trained_trunk:
-        network.keep_trunk()
+        network.keep_trunk(run.kept)
         slow = network.trunk
     batches = _finder_batches(run, rank) if run.part == "finder" else _other_batches(run, rank)
     validate = _all_figures(run) if rank == 0 else None
@@ -148,7 +151,7 @@ def _finder_batches(run: TrainingRun, rank: int) -> FinderBatches:
         (FrameWindows(FrameFolder([folder]), photographs.empty), count) for folder, count in run.data if count
     ]
     if run.photos:
-        sources.append((PhotoWindows(photographs.train), run.photos))
+        sources.append((PhotoWindows(photographs.train, run.jitter), run.photos))
     if run.empty and photographs.empty:
         sources.append((EmptyWindows(photographs.empty), run.empty))
     return FinderBatches(sources, run.seed, run.schedule.steps, rank, run.processes)

@@ -220,5 +220,22 @@ def test_a_picture_smaller_than_the_finders_cells_is_refused_at_all_widths(every
         every_width.find(np.zeros((20, 20, 3), np.uint8), K)
 
 
+def test_the_largest_widths_are_searched_only_where_a_smaller_one_was_sure(
+    every_width: CompactDetector, apple: FruitModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    search = CompactDetector.places_at
+    monkeypatch.setattr(
+        CompactDetector, "places_at", lambda self, c, side, least: asked.append(side) or search(self, c, side, least)
+    )
+    assert every_width.find(np.full((100, 3000, 3), 90, np.uint8), K) == []
+    assert max(asked) == 1792
+    asked.clear()
+    picture = np.full((600, 3000, 3), 90, np.uint8)
+    picture[:480, :640] = Rendered(apple, 1).picture(0, False)
+    assert every_width.find(picture, K)
+    assert max(asked) == 3000
+
+
 def test_a_picture_without_fruit_gives_none_at_all_widths(every_width: CompactDetector) -> None:
     assert every_width.find(np.full((40, 700, 3), 90, np.uint8), K) == []

@@ -243,15 +243,15 @@ def test_the_detector_is_asked_with_a_camera_as_wide_as_the_picture() -> None:
 def test_several_widths_are_searched_unless_one_is_given(
     pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked: list[int | None] = []
-    take = classmethod(lambda cls, _path, options: asked.append(options.working_width))
+    asked: list[tuple[int | None, int]] = []
+    take = classmethod(lambda cls, _path, options: asked.append((options.working_width, options.looks)))
     monkeypatch.setattr(CompactDetector, "load", take)
     assert run(pictures, "--out", tmp_path / "several") == 0
     assert "160 × 120 px: searched at 64, 96, 128, 160 px" in capsys.readouterr().out
     assert run(pictures, "--width", "640", "--out", tmp_path / "one") == 0
     said = capsys.readouterr().out
     assert "searched at 640 px (longer side, one width); finds fruit of 6 to 32 px" in said
-    assert asked == [None, 640]
+    assert asked == [(None, 1), (640, 2)]
 
 
 def test_a_picture_that_is_too_small_gets_one_line_and_the_others_are_done(

@@ -46,6 +46,12 @@ def test_a_trained_trunk_keeps_its_statistics_and_first_blocks() -> None:
     assert network.last.weight.grad is not None
 
 
+def test_more_of_a_trained_trunk_can_be_kept() -> None:
+    network = FinderNetwork()
+    network.keep_trunk(8)
+    assert [block.project.conv.weight.requires_grad for block in network.trunk.blocks] == [False] * 8 + [True] * 7
+
+
 @pytest.fixture(scope="module")
 def network() -> DopeNetwork:
     torch.manual_seed(0)

@@ -22,7 +22,7 @@ def options(**said: Any) -> Namespace:
         "photos": None, "empty": None, "network": "compact", "quick": True, "steps": 0.001, "frames": None,
         "work": None,
         "fruit": "apple", "out": Path("w.weights"), "device": "cpu", "workers": 1, "data": None, "start_from": None,
-        "trunk": None,
+        "trunk": None, "scales": False,
     }  # fmt: skip
     return Namespace(**{**plain, **said})
 
@@ -64,6 +64,17 @@ def test_a_quick_training_starts_from_a_finder_that_can_be_learnt_on(fruit, star
 def test_weights_that_cannot_be_learnt_on_are_refused_with_others(started) -> None:
     with pytest.raises(BadTraining, match=r"cannot be learnt on, that of .*apple_photographs.weights can"):
         command_detector._start(options(start_from=load_fruit("apple").weights))
+
+
+def test_many_scales_are_learnt_from_photographs_alone(started, monkeypatch, tmp_path, capsys) -> None:
+    assert command_detector.train_main(options(scales=True, work=tmp_path)) == 2
+    assert "--scales goes with --photos" in capsys.readouterr().err
+    recipes: list[Any] = []
+    monkeypatch.setattr(recipe, "make_weights", lambda *given: recipes.append(given[3]))
+    monkeypatch.setattr(command_detector, "_photographs", lambda *given: None)
+    measured(monkeypatch, score=0.9)
+    assert command_detector.train_main(options(scales=True, photos=[tmp_path], work=tmp_path)) == 0
+    assert [stage.jitter for stage in recipes[0].stages] == [2.2]
 
 
 def test_photographs_of_a_fruit_without_such_weights_are_refused() -> None:

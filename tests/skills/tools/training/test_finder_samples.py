@@ -1,6 +1,7 @@
 """Windows that the finder learns from: boxes stay on their fruit, and a batch repeats."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,9 @@ import torch
 from pomona.tools.photographs.photo_folder import read_empty, read_photographs
 from pomona.tools.photographs.photographs import FRUIT_IN_INPUT, PhotoSet, fruit_scale
 from pomona.tools.training.finder_samples import (
+    OVER_SCALES,
     SIDE,
+    TAUGHT,
     EmptyWindows,
     FinderBatches,
     FrameWindows,
@@ -61,6 +64,34 @@ def test_peaks_of_photographs_lie_on_the_discs_and_boxes_around_them(photographs
     assert seen > 30
     assert right > 0.9 * seen  # changed colours may turn a disc brown
     assert photographs.train[0].scale == fruit_scale(photographs.train) == pytest.approx(FRUIT_IN_INPUT / 53.0, rel=0.1)
+
+
+def test_many_scales_teach_fruit_of_the_sizes_that_a_search_at_several_widths_keeps(photographs: PhotoSet) -> None:
+    rng, sizes, ignored = np.random.default_rng(3), [], 0
+    windows = PhotoWindows(photographs.train, OVER_SCALES)
+    for _ in range(60):
+        _, maps = windows.draw(rng)
+        ignored += int((maps[WEIGHT] == 0.0).any())
+        for v, u in np.argwhere(maps[PEAK] > 0):
+            left, up, side, down = 4.0 * maps[REACHES, v, u]
+            if min(4 * u - left, 4 * v - up) > 2 and max(4 * u + side, 4 * v + down) < SIDE - 6:  # whole
+                sizes.append(max(left + side, up + down))
+    assert TAUGHT[0] <= min(sizes) < 28.0
+    assert 90.0 < max(sizes) <= TAUGHT[1]
+    assert ignored  # fruit of other sizes is neither fruit nor background
+
+
+def test_each_folder_counts_alike(photographs: PhotoSet) -> None:
+    few = replace(photographs.train[0], path=Path("few/0.jpg"))
+    windows, drawn = PhotoWindows([*photographs.train, few]), []
+    for photo in (few, *photographs.train):
+        blank = np.zeros((640, 640, 3), np.uint8)
+        object.__setattr__(photo, "picture", lambda photo=photo, blank=blank: drawn.append(photo) or blank)
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        windows.draw(rng)
+    assert len(drawn) == 60
+    assert 20 < sum(photo is few for photo in drawn) < 40
 
 
 def test_a_rendered_fruit_keeps_its_box_and_hidden_fruit_does_not_count(frames: FrameFolder) -> None:

@@ -35,6 +35,7 @@ from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
 from pomona.skills.perception.detection.places import (
     LARGEST_FRUIT,
+    LARGEST_WHOLE,
     MOST_PEAKS,
     SMALLEST_FRUIT,
     Proposal,
@@ -159,11 +160,8 @@ class CompactDetector:
         """
         places = self.places(colour, self.options.finder_threshold)[: self.options.most_fruit]
         seen, features = self._look_at_places(colour, K, places, hopeless)
-        scores = self.scores.of(features)
-        found = [
-            replace(fruit, score=float(score), box=place.box)
-            for place, fruit, score in zip(places, seen, scores, strict=True)
-        ]
+        judged = zip(places, seen, self.scores.of(features), strict=True)
+        found = [replace(fruit, score=float(score), box=place.box) for place, fruit, score in judged]
         return places, found, features
 
     def _look_at_places(
@@ -177,9 +175,8 @@ class CompactDetector:
             colour, K, [(place.centre, place.size) for place in places], options.mirrored and options.looks == 1
         )
         least = self.scores.hopeless if hopeless is None else hopeless
-        features = np.array(
-            [[place.heat, place.quality, kind, kind] for place, kind in zip(places, kinds, strict=True)]
-        )
+        answers = zip(places, kinds, strict=True)
+        features = np.array([[place.heat, place.quality, kind, kind] for place, kind in answers])
         for number in range(2, options.looks + 1):
             again = np.nonzero(self.scores.of(features) >= least)[0].tolist()
             if not again:
@@ -194,11 +191,15 @@ class CompactDetector:
         """Return the fruit in a picture that is searched at several widths: one look and one score for each place."""
         check_picture(colour)
         height, width = colour.shape[:2]
-        sides = search_sides(width, height)
-        factors = np.array(sides) / max(width, height)
-        found = [self.places_at(colour, side, self.options.finder_threshold) for side in sides]
+        sides, found = search_sides(width, height), list[list[Proposal]]()
+        for side in sides:
+            # the largest widths cost most: they are searched where a smaller one was sure of a fruit
+            if side > LARGEST_WHOLE and not any(place.score >= 0.5 for place in found[-1]):
+                break
+            found.append(self.places_at(colour, side, self.options.finder_threshold))
+        factors = np.array(sides[: len(found)]) / max(width, height)
         finds = [place for at_one in found for place in at_one]
-        levels = np.repeat(np.arange(len(sides)), [len(at_one) for at_one in found])
+        levels = np.repeat(np.arange(len(found)), [len(at_one) for at_one in found])
         boxes = np.array([place.box for place in finds]).reshape(-1, 4)
         merged = merge(boxes, np.array([place.score for place in finds]), levels, factors)[: self.options.most_fruit]
         places = [Proposal(m.box, finds[m.members[0]].heat, finds[m.members[0]].quality) for m in merged]
@@ -220,8 +221,7 @@ class CompactDetector:
         check_picture(colour)
         found: list[FoundFruit] = []
         for number in range(self.options.looks if spots else 0):
-            last = number == self.options.looks - 1
-            found, _ = self._look(colour, K, spots, self.options.mirrored and last)
+            found, _ = self._look(colour, K, spots, self.options.mirrored and number == self.options.looks - 1)
             spots = [(fruit.centre, fruit.size) for fruit in found]
         return found
 
