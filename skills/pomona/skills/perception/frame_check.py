@@ -9,9 +9,9 @@ along the same line. So the directions of both gradients (the normalised gradien
 agree most for the correct registration. The score of a shift is the difference of its mean agreement to that of all
 shifts, in their standard deviations.
 
-A table at the wrong place or tilt is evidence against one of several statements. Depth that is mirrored, or that fits
-an earlier pose of the camera, is no depth of this frame (DEPTH_MISMATCH); else the camera's pose, the depth's scale or
-the table's height in the cell file is wrong (POSE_MISMATCH).
+A table at the wrong place or tilt is evidence against one of several statements. Depth that is mirrored, is a tenth
+too long or more, or that fits an earlier pose of the camera, is no depth of this frame (DEPTH_MISMATCH); else the
+camera's pose, the depth's scale or the table's height in the cell file is wrong (POSE_MISMATCH).
 """
 
 from __future__ import annotations
@@ -365,20 +365,16 @@ def pose_problem(view: SeenTable) -> FrameProblem | None:
 
 
 def _other_depth(
-    frame: Frame,
-    T_base_camera: Float64,
-    workspace: Workspace,
-    deviation: float,
-    earlier: Sequence[tuple[float, Float64]],
+    frame: Frame, T_base_camera: Float64, workspace: Workspace, off: float, earlier: Sequence[tuple[float, Float64]]
 ) -> str:
-    """Return words for depth of another moment or mirrored depth, where it explains the table's place; else empty."""
+    """Return words for depth of another moment, mirrored or too long, where it explains the table's place; or ""."""
     assert frame.depth is not None
     assert workspace.table_z is not None
     table_z = workspace.table_z
     lens, errs = frame.intrinsics, frame.depth_model
     points = depth_points(frame.depth, lens)
     # another explanation counts where it fits this much better: the ratio of both deviations, in tolerances
-    best, words = 0.5 * deviation, ""
+    best, words = 0.5 * off, ""
     for name, signs in FLIPS.items():
         centre = np.array([lens.width - 1 - 2.0 * lens.cx, lens.height - 1 - 2.0 * lens.cy]) / (lens.fx, lens.fy)
         flipped = points.copy()
@@ -393,6 +389,10 @@ def _other_depth(
         if seen is not None and seen.sound and seen.deviation < best:
             best = seen.deviation
             words = f"depth is {frame.stamp - stamp:.2f} s old, and fits the camera's pose of that time"
+    ratio = float(np.median(points @ T_base_camera[2, :3])) / (table_z - T_base_camera[2, 3]) if len(points) else 0.0
+    scaled = view_table(points / ratio, T_base_camera, table_z, lens, errs) if np.isinf(off) and ratio > 1.1 else None
+    if not words and scaled is not None and scaled.sound:  # a thing may lie above the table; below it none does
+        words = f"depth is {ratio:.2f} times as long as the table's height and the camera's pose make it"
     return words
 
 
