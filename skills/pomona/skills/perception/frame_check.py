@@ -31,16 +31,14 @@ from pomona.executive.values.arrays import Float32, Float64, UInt8
 
 LARGEST_TILT = np.radians(20.0)  # greatest angle between the expected table and the seen one [rad]
 HEIGHT, TILT = 0.010, np.radians(1.5)
-"""Tolerances of a sound cell [m, rad]: hand-eye calibration, levelling of the table and the arm's own accuracy. At a
-distance of 0.6 m a tilt of 1.5° displaces a fruit by 16 mm."""
+"""Tolerances of a sound cell [m, rad]: calibration, levelling, arm. At 0.6 m a tilt of 1.5° moves a fruit by 16 mm."""
 COLUMNS = 80  # pixels of a row that are used; 4800 of an image of 4:3
 FARTHEST = 2.0  # depth beyond this is not used [m]: noise grows with its square
 LEAST_POINTS, LEAST_SHARE, LEAST_SPREAD = 300, 0.35, 0.04
 """A plane counts as the table with this number of points, this ratio of all points within reach, and this standard
 deviation of its points along its shorter side [m]."""
 AROUND = 0.02
-"""Points this near to a fixed box, or above it, are not on the table [m]: a crate's floor is about parallel to it,
-and so is the layer of fruit in it."""
+"""Points this near to a fixed box, or above it, are not on the table [m]: a crate's floor and its fruit lie level."""
 DRAWS = 96  # triples of points that are tried; with a third of the points on the table one in 27 hits it
 
 
