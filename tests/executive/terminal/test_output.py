@@ -259,7 +259,7 @@ def hold(session, *arguments):
     def keep():
         for handler in logging.getLogger().handlers:
             handler.acquire()
-        logging._acquireLock()
+        logging._lock.acquire()
         held.set()
         threading.Event().wait()
     threading.Thread(target=keep, daemon=True).start()
@@ -296,14 +296,13 @@ def test_a_fault_needs_no_lock_of_logging() -> None:
     held, free = threading.Event(), threading.Event()
 
     def keep() -> None:
-        logging._acquireLock()  # type: ignore[attr-defined]
-        held.set()
-        free.wait()
-        logging._releaseLock()  # type: ignore[attr-defined]
+        with logging._lock:  # type: ignore[attr-defined]
+            held.set()
+            free.wait()
 
     keeper = threading.Thread(target=keep)
     keeper.start()
-    held.wait()
+    assert held.wait(PATIENCE)
     try:
         result = runner.run()
     finally:

@@ -65,11 +65,25 @@ def test_depth_of_an_earlier_pose_is_named_with_its_age() -> None:
     assert alone.code == POSE_MISMATCH
 
 
-def test_a_table_that_is_missing_is_only_named_where_another_pose_explains_it() -> None:
-    far = transform(None, (0.0, 0.0, 0.4)) @ T_BASE_CAMERA
-    frame = replace(looked(plane_depth(far, TABLE_Z)), stamp=7.0)
+@pytest.mark.parametrize("scale", [1.3, 1.5, 2.0])
+def test_a_table_far_below_its_height_is_depth_that_is_too_long(scale: float) -> None:
+    problem = frame_problem(looked(scale * plane_depth(T_BASE_CAMERA, TABLE_Z)), T_BASE_CAMERA, WORKSPACE)
+    assert problem is not None
+    assert problem.code == DEPTH_MISMATCH
+    assert f"depth is {scale:.2f} times as long as the table's height and the camera's pose make it" in problem.message
+
+
+@pytest.mark.parametrize("scale", [0.5, 0.67])
+def test_a_plane_far_above_the_table_may_be_a_thing_on_it(scale: float) -> None:
+    frame = looked(scale * plane_depth(T_BASE_CAMERA, TABLE_Z))
     assert frame_problem(frame, T_BASE_CAMERA, WORKSPACE) is None
-    problem = frame_problem(frame, T_BASE_CAMERA, WORKSPACE, [(6.0, far)])
+
+
+def test_a_table_that_is_missing_is_only_named_where_another_pose_explains_it() -> None:
+    near = transform(None, (0.0, 0.0, -0.2)) @ T_BASE_CAMERA
+    frame = replace(looked(plane_depth(near, TABLE_Z)), stamp=7.0)
+    assert frame_problem(frame, T_BASE_CAMERA, WORKSPACE) is None
+    problem = frame_problem(frame, T_BASE_CAMERA, WORKSPACE, [(6.0, near)])
     assert problem is not None
     assert "does not show the table" in problem.message
 

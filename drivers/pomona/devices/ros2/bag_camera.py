@@ -133,7 +133,7 @@ def _check_type(bag: Bag, topic: str, kinds: Sequence[str]) -> None:
 
 
 def _pairs(bag: Bag, said: BagFile) -> tuple[BagFrame, ...]:
-    """Pair each colour image with the depth that was taken nearest to it."""
+    """Pair each depth with the colour image that was taken nearest to it, and that has no nearer depth."""
     colours, depths = (bag.list_messages(topic) for topic in (said.colour, said.depth))
     stamped = all(place.taken for place in (*colours, *depths))
 
@@ -142,12 +142,15 @@ def _pairs(bag: Bag, said: BagFile) -> tuple[BagFrame, ...]:
 
     colours, depths = sorted(colours, key=when), sorted(depths, key=when)
     times, unit = [when(place) for place in depths], _unit(bag, said.depth)
-    frames = []
+    nearest: dict[int, BagMessage] = {}  # by the number of a depth
     for colour in colours:
         at = bisect_left(times, when(colour))
-        near = min(depths[max(at - 1, 0) : at + 1], key=lambda depth: abs(when(depth) - when(colour)))
-        if abs(when(near) - when(colour)) <= said.apart * 1e9:
-            frames.append(BagFrame(bag, colour, near, unit))
+        near = min(range(max(at - 1, 0), min(at + 1, len(times))), key=lambda k: abs(times[k] - when(colour)))
+        apart = abs(times[near] - when(colour))
+        before = nearest.get(near)
+        if apart <= said.apart * 1e9 and (before is None or apart < abs(times[near] - when(before))):
+            nearest[near] = colour
+    frames = [BagFrame(bag, nearest[k], depths[k], unit) for k in sorted(nearest)]
     if not frames:
         by = "their headers" if stamped else "the time of writing"
         raise UnusableFrames(bag.path, f"no depth lies within {said.apart:g} s of a colour image, by {by}")

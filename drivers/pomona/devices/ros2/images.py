@@ -25,6 +25,7 @@ _COLOUR = {
     "mono8": (1, (0, 0, 0)),
 }
 MILLIMETRE = 1e-3  # unit of depth in whole numbers (REP 118) [m]
+FARTHEST = 100.0  # no depth camera measures beyond it: such numbers are in another unit [m]
 _DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # type of a pixel
 COMPRESSED_DEPTH = struct.Struct("<iff")
 """What compressed_depth_image_transport writes before the PNG: its format, and a and b of depth = a / (value - b)."""
@@ -81,6 +82,9 @@ def _decompressed(message: Any, unit: float) -> NDArray[np.float32]:
 
 def _measured(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
+    middle = float(np.median(depth[depth > 0.0])) if depth.any() else 0.0
+    if middle > FARTHEST:
+        raise UnusableImage(f"its depth is {middle:g} m in the middle: 32FC1 has metres, 16UC1 has millimetres")
     return depth
 
 

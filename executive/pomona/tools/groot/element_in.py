@@ -109,7 +109,7 @@ class ElementIn:
         """Return an attribute as a number of times. Raises ScriptError: BehaviorTree.CPP would not run the child."""
         text = self.wired(name)
         if not text.startswith("{") and not (text.isascii() and text.isdecimal() and text.strip("0")):
-            raise ScriptError(f'has {name}="{text}", with which its child never runs')
+            raise ScriptError(f'has {name}="{text}"; how often its child runs is a whole number above 0, or -1')
         return text
 
     def children(self) -> list[Words]:

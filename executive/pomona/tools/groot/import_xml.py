@@ -35,6 +35,8 @@ from pomona.tools.groot.yaml_text import YamlText, block, flow
 
 _GENERIC = ("Action", "Condition", "Control", "Decorator")
 _OTHER = "write it with other nodes"
+SHARING = ("__shared_blackboard", "__autoremap", "_autoremap")  # attributes of a call that are true or false
+TRUE, FALSE = ("true", "TRUE", "True", "1"), ("false", "FALSE", "False", "0")
 _SAME_FAILURE: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
 """Fails with the code and message of the last failure."""
 
@@ -282,7 +284,10 @@ class _Importer:
             return element.untranslated("has children: give the keys as attributes")
         version = self.forest.version(element.found)
         wires = {name: element.get(name) for name in element.attributes if is_port(name)}
-        shared = version == "3" and _is_true(element.get("__shared_blackboard"))
+        for word in SHARING:
+            if element.get(word) not in ("", *TRUE, *FALSE):
+                return element.untranslated(f'has {word}="{element.get(word)}", which is neither true nor false')
+        shared = version == "3" and element.get("__shared_blackboard") in TRUE
         bare = [n for n, t in wires.items() if not version and KEY.fullmatch(t) and t not in ("true", "false")]
         if bare:
             return element.untranslated(
@@ -296,7 +301,7 @@ class _Importer:
             self.calls.add(called)
             found: Words = {self.names[called]: {name: element.value(name) for name in wires}}
             return found if called.isascii() or element.get("name") else {**found, "name": self.label(called)}
-        shares = _is_true(element.get("_autoremap")) or (version == "3" and _is_true(element.get("__autoremap")))
+        shares = element.get("_autoremap") in TRUE or (version == "3" and element.get("__autoremap") in TRUE)
         for port in () if model is None or shares or shared else ports_of(model):
             if port.get("name") not in wires and not port.get("default"):
                 return element.untranslated(f"does not wire the port '{port.get('name')}'")
@@ -449,10 +454,6 @@ def _unknown_ports(element: ElementIn) -> str:
     unknown = " and ".join(f"'{name}'" for name in element.unread)
     known = sorted(name for name in element.asked if is_port(name))
     return f"has no port {unknown}; " + (f"it takes {', '.join(known)}" if known else "it takes none")
-
-
-def _is_true(text: str) -> bool:
-    return text in ("true", "TRUE", "True", "1")
 
 
 def _declared(port: object) -> object:

@@ -48,9 +48,9 @@ def modernise(root: XmlElement) -> str:
 
 def _parallel(attributes: dict[str, str], children: int) -> None:
     """Rename the thresholds. The one of version 3.5 lets the node fail when too few children are left to succeed."""
-    if attributes.get("threshold", "").isdecimal() and "success_threshold" not in attributes:
-        attributes["success_count"] = attributes.pop("threshold")
-        attributes["failure_count"] = str(children - int(attributes["success_count"]) + 1)
+    if "threshold" in attributes and "success_threshold" not in attributes:
+        count = attributes["success_count"] = attributes.pop("threshold")
+        attributes["failure_count"] = str(children - int(count) + 1) if count.isdecimal() else "1"
     for name in ("success", "failure"):
         if f"{name}_threshold" in attributes and f"{name}_count" not in attributes:
             attributes[f"{name}_count"] = attributes.pop(f"{name}_threshold")

@@ -9,9 +9,9 @@ along the same line. So the directions of both gradients (the normalised gradien
 agree most for the correct registration. The score of a shift is the difference of its mean agreement to that of all
 shifts, in their standard deviations.
 
-A table at the wrong place or tilt is evidence against one of several statements. Depth that is mirrored, or that fits
-an earlier pose of the camera, is no depth of this frame (DEPTH_MISMATCH); else the camera's pose, the depth's scale or
-the table's height in the cell file is wrong (POSE_MISMATCH).
+A table at the wrong place or tilt is evidence against one of several statements. Depth that is mirrored, is a tenth
+too long or more, or that fits an earlier pose of the camera, is no depth of this frame (DEPTH_MISMATCH); else the
+camera's pose, the depth's scale or the table's height in the cell file is wrong (POSE_MISMATCH).
 """
 
 from __future__ import annotations
@@ -31,16 +31,14 @@ from pomona.executive.values.arrays import Float32, Float64, UInt8
 
 LARGEST_TILT = np.radians(20.0)  # greatest angle between the expected table and the seen one [rad]
 HEIGHT, TILT = 0.010, np.radians(1.5)
-"""Tolerances of a sound cell [m, rad]: hand-eye calibration, levelling of the table and the arm's own accuracy. At a
-distance of 0.6 m a tilt of 1.5° displaces a fruit by 16 mm."""
+"""Tolerances of a sound cell [m, rad]: calibration, levelling, arm. At 0.6 m a tilt of 1.5° moves a fruit by 16 mm."""
 COLUMNS = 80  # pixels of a row that are used; 4800 of an image of 4:3
 FARTHEST = 2.0  # depth beyond this is not used [m]: noise grows with its square
 LEAST_POINTS, LEAST_SHARE, LEAST_SPREAD = 300, 0.35, 0.04
 """A plane counts as the table with this number of points, this ratio of all points within reach, and this standard
 deviation of its points along its shorter side [m]."""
 AROUND = 0.02
-"""Points this near to a fixed box, or above it, are not on the table [m]: a crate's floor is about parallel to it,
-and so is the layer of fruit in it."""
+"""Points this near to a fixed box, or above it, are not on the table [m]: a crate's floor and its fruit lie level."""
 DRAWS = 96  # triples of points that are tried; with a third of the points on the table one in 27 hits it
 
 
@@ -365,20 +363,16 @@ def pose_problem(view: SeenTable) -> FrameProblem | None:
 
 
 def _other_depth(
-    frame: Frame,
-    T_base_camera: Float64,
-    workspace: Workspace,
-    deviation: float,
-    earlier: Sequence[tuple[float, Float64]],
+    frame: Frame, T_base_camera: Float64, workspace: Workspace, off: float, earlier: Sequence[tuple[float, Float64]]
 ) -> str:
-    """Return words for depth of another moment or mirrored depth, where it explains the table's place; else empty."""
+    """Return words for depth of another moment, mirrored or too long, where it explains the table's place; or ""."""
     assert frame.depth is not None
     assert workspace.table_z is not None
     table_z = workspace.table_z
     lens, errs = frame.intrinsics, frame.depth_model
     points = depth_points(frame.depth, lens)
     # another explanation counts where it fits this much better: the ratio of both deviations, in tolerances
-    best, words = 0.5 * deviation, ""
+    best, words = 0.5 * off, ""
     for name, signs in FLIPS.items():
         centre = np.array([lens.width - 1 - 2.0 * lens.cx, lens.height - 1 - 2.0 * lens.cy]) / (lens.fx, lens.fy)
         flipped = points.copy()
@@ -393,6 +387,10 @@ def _other_depth(
         if seen is not None and seen.sound and seen.deviation < best:
             best = seen.deviation
             words = f"depth is {frame.stamp - stamp:.2f} s old, and fits the camera's pose of that time"
+    ratio = float(np.median(points @ T_base_camera[2, :3])) / (table_z - T_base_camera[2, 3]) if len(points) else 0.0
+    scaled = view_table(points / ratio, T_base_camera, table_z, lens, errs) if np.isinf(off) and ratio > 1.1 else None
+    if not words and scaled is not None and scaled.sound:  # a thing may lie above the table; below it none does
+        words = f"depth is {ratio:.2f} times as long as the table's height and the camera's pose make it"
     return words
 
 

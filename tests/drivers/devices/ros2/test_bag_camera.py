@@ -161,6 +161,26 @@ def test_depth_that_was_taken_a_second_before_belongs_to_no_colour(cell: Path) -
         open_bag(cell, write(cell.parent / "bag", messages))
 
 
+def test_a_depth_belongs_to_one_colour_image_the_nearest(cell: Path) -> None:
+    """Twice as many colour images as depths, and colour images of one stamp: those of no depth are left out."""
+    messages: list[tuple[str, int, Any]] = [("/info", 0, info())]
+    for i, (of_colour, of_depth) in enumerate([(1000, 1000), (1016, None), (1033, 1035), (1033, None), (1050, None)]):
+        messages.append(("/colour", (1000 + i) * MS, image(colour(10 + i), "rgb8", taken=of_colour * MS)))
+        if of_depth is not None:
+            messages.append(("/depth", (1000 + i) * MS, image(depth(500 + 10 * i), "16UC1", taken=of_depth * MS)))
+    assert shown(open_bag(cell, write(cell.parent / "bag", messages))) == [(10, 0.5), (12, 0.52)]
+
+
+def test_depth_in_floating_point_that_is_not_in_metres_is_refused(cell: Path) -> None:
+    for numbers, unusable in ((np.full((H, W), 0.75), False), (np.full((H, W), 750.0), True)):
+        bag = write(cell.parent / f"bag_{unusable}", two(its_depth=image(numbers.astype(np.float32), "32FC1")))
+        if unusable:
+            with pytest.raises(CellFileError, match="its depth is 750 m in the middle: 32FC1 has metres, 16UC1"):
+                open_bag(cell, bag)
+        else:
+            assert float(open_bag(cell, bag).latest().depth[3, 3]) == pytest.approx(0.75)  # type: ignore[index]
+
+
 def test_messages_that_were_written_at_the_same_time_are_told_apart(cell: Path) -> None:
     messages = [("/info", 0, info())]
     for i in range(3):

@@ -25,6 +25,7 @@ def imported(inside: str, called: str = '<A x="{x}"/>') -> tuple[object, list[st
             "{parallel: [{A: {}}, {B: {}}, {C: {}}], success_on: 2}",
         ),
         ('<Parallel threshold="2"><A/><B/></Parallel>', "{parallel: [{A: {}}, {B: {}}]}"),  # one failure is too many
+        ('<Parallel threshold="-1"><A/><B/></Parallel>', "{parallel: [{A: {}}, {B: {}}]}"),
         ('<Control ID="Parallel" threshold="2"><A/><B/></Control>', "{parallel: [{A: {}}, {B: {}}]}"),
         ('<SubTreePlus ID="S" x="{place}"/>', "{sequence: [{A: {x: '{place}'}}], name: S}"),
         ('<SubTreePlus ID="S" x="home"/>', "{sequence: [{A: {x: home}}], name: S}"),
@@ -46,7 +47,9 @@ def test_a_word_of_version_3_means_the_same(xml: str, words: str) -> None:
     [
         ('<Parallel success_threshold="1" failure_threshold="2"><A/><B/><C/></Parallel>', "1 and fails on 2"),
         ('<Parallel threshold="2"><A/><B/><C/></Parallel>', "2 and fails on 2"),
-        ('<Parallel threshold="{n}"><A/><B/></Parallel>', "no port 'threshold'"),
+        ('<Parallel threshold="{n}"><A/><B/></Parallel>', "succeeds on {n}"),
+        ('<SubTree ID="S" __shared_blackboard="yes"/>', "neither true nor false"),
+        ('<SubTree ID="S" _autoremap="{x}"/>', "neither true nor false"),
         ('<SubTree ID="S" x="place"/>', "a key in version 3 and a text in version 4"),
         ('<SubTree ID="S" __shared_blackboard="true" x="{place}"/>', "shares its caller's blackboard"),
         ('<BlackboardCheckInt value_A="{a}" value_B="1" return_on_mismatch="FAILURE"><A/></BlackboardCheckInt>', "no"),

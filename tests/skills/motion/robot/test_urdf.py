@@ -178,6 +178,12 @@ def test_a_file_that_mujoco_refuses_is_refused_in_one_line_and_leaves_no_file(
     assert "WARNING" not in "".join(capfd.readouterr())
 
 
+def test_a_urdf_that_is_no_well_formed_xml_is_refused_though_mujoco_reads_it(tmp_path: Path) -> None:
+    broken = arm().replace("</robot>", "</robot>\n\0")
+    with pytest.raises(BadRobotFile, match=r"cannot be read as XML: .*line 2"):
+        load(tmp_path / "arm.urdf", broken)
+
+
 def test_an_inertia_that_no_body_has_is_balanced(package: Path) -> None:
     moments = 'ixx="0.01" iyy="0.01" izz="0.03" ixy="0" ixz="0" iyz="0"'
     rounded = f'<inertial><mass value="2"/><inertia {moments}/></inertial>'

@@ -147,7 +147,7 @@ def test_a_second_time_nothing_is_overwritten(cell, capsys):
     ("text", "words"),
     [
         ("<mujoco/>", "it has no element <robot>"),
-        ("<robot", "it cannot be read as XML: unclosed token: line 1, column 0"),
+        ("<robot", "cannot be read as XML: unclosed token: line 1, column 0"),
         (
             urdf().replace('velocity="3"', 'velocity="${v}"', 1),
             "'pan': velocity",

@@ -27,11 +27,13 @@ SMALLEST = {
 def read_urdf(path: Path) -> ElementTree.Element | None:
     """Return the root of a URDF with absolute paths of its collision meshes; None for a file that is none.
 
-    Raises BadRobotFile: two joints have one name, or a mesh is not found or in a format that is not read.
+    Raises BadRobotFile: it is broken, two joints have one name, or a mesh is not found or in no format that is read.
     """
     try:
         root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError, ValueError):
+    except (ElementTree.ParseError, OSError, ValueError) as error:
+        if path.is_file() and b"<robot" in path.read_bytes():  # MuJoCo may read it, and nothing here would be judged
+            raise BadRobotFile(path, f"cannot be read as XML: {error}") from error
         return None  # MuJoCo gives the reason
     if root.tag != "robot":
         return None
