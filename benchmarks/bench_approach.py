@@ -156,7 +156,7 @@ def run(case: dict[str, Any]) -> dict[str, Any]:
             for skill, inputs in (
                 (OpenFingers(), {"grasp": grasp, "path": path}),
                 (Follow(), {"path": path, "grasp": grasp}),
-                (Approach(), {"grasp": grasp, "acceleration": 3.0, "clearance": 4e-3}),
+                (Approach(), {"grasp": grasp, "acceleration": 1.0 if case["kind"] == "crate" else 3.0, "clearance": 4e-3}),
             ):
                 start = trial.cell.clock.now()
                 ended = trial.do(skill, **inputs)

@@ -36,10 +36,10 @@ def load(forces: Float64) -> Float64:
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
 
 
-UNSEEN, LEVEL = 0.04, 0.006
-"""Displacement of things across the approach that no check before it shows, and along it [m]: fruit that was moved
-since the look, or a camera that is off."""
-FLAT, STEEPER = 0.014, 8.0 / 3.0
+UNSEEN, CROWDED, LEVEL = 0.03, 0.045, 0.003
+"""Displacements that no check before the approach shows [m]: across it of a single fruit (a camera that is off), and of
+fruit beside others (a crate that was moved after the look); along it of either."""
+FLAT, STEEPER = 0.014, 1.8
 """Speed at which a fingertip lands on a level surface with at most 10 N [m/s], and the power of the surface's cosine
 by which it falls: steeper skin gives way aside. Measured with `benchmarks.bench_approach`."""
 
@@ -50,6 +50,7 @@ def landing_speeds(shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], 
     Where a fingertip is level with skin, or with the top of an obstacle, it may land on it; the flatter, the slower.
     """
     T, approach = inverse(grasp.T_base_grasp), grasp.T_base_grasp[:3, 2]
+    unseen = CROWDED if grasp.fruit.beside else UNSEEN
     points, cosines = [np.empty((0, 3))], [np.empty(0)]
     for fruit in (grasp.fruit, *grasp.fruit.beside):
         skin = fruit_points(fruit)
@@ -59,13 +60,13 @@ def landing_speeds(shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], 
         cosines.append(-normals @ fruit.T_base_fruit[:3, :3].T @ approach)
     for box in obstacles:
         x, y, z = box.half_extents
-        across = (np.linspace(-half, half, int(half / UNSEEN) + 2) for half in (x, y))
+        across = (np.linspace(-half, half, int(half / unseen) + 2) for half in (x, y))
         top = np.stack([each.ravel() for each in np.meshgrid(*across, z)], axis=1)
         points.append(apply(box.T_base_box, top))
         cosines.append(np.ones(len(top)))
-    before = shape.levels(apply(T, np.vstack(points)), width, UNSEEN)
+    before = shape.levels(apply(T, np.vstack(points)), width, unseen)
     speeds = FLAT / np.maximum(np.concatenate(cosines), 0.01) ** STEEPER
-    level = LEVEL + UNSEEN * float(np.linalg.norm(approach[:2]))
+    level = LEVEL + unseen / 2.0 * float(np.linalg.norm(approach[:2]))  # on the average over its directions
     at = np.linspace(length, 0.0, int(length / 1e-3) + 2)
     near = np.abs(at[:, None] - before) <= level
     most: Float64 = np.where(near, speeds, np.inf).min(axis=1)

@@ -186,17 +186,8 @@ def time_curve(
     )
     if stretch > 1.0:
         slower = stretch * 1.02
-        return time_curve(
-            q,
-            length,
-            limits,
-            speed / slower,
-            acceleration / slower**2,
-            jerk / slower**3,
-            period,
-            most,
-            braking / slower**2,
-        )
+        rates = speed / slower, acceleration / slower**2, jerk / slower**3
+        return time_curve(q, length, limits, *rates, period, most, braking / slower**2)
     return Trajectory(profile.t, curve(profile.q[:, 0]), qd, qdd)
 
 
