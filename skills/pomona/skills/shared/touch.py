@@ -36,10 +36,10 @@ def load(forces: Float64) -> Float64:
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
 
 
-UNSEEN, CROWDED, LEVEL = 0.03, 0.045, 0.003
+UNSEEN, CROWDED, LEVEL = 0.03, 0.045, 0.002
 """Displacements that no check before the approach shows [m]: across it of a single fruit (a camera that is off), and of
 fruit beside others (a crate that was moved after the look); along it of either."""
-FLAT, STEEPER = 0.014, 1.8
+FLAT, STEEPER = 0.014, 2.0
 """Speed at which a fingertip lands on a level surface with at most 10 N [m/s], and the power of the surface's cosine
 by which it falls: steeper skin gives way aside. Measured with `benchmarks.bench_approach`."""
 
