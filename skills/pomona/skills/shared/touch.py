@@ -66,9 +66,8 @@ def landing_speeds(shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], 
         cosines.append(np.ones(len(top)))
     before = shape.levels(apply(T, np.vstack(points)), width, unseen)
     speeds = FLAT / np.maximum(np.concatenate(cosines), 0.01) ** STEEPER
-    level = LEVEL + unseen / 2.0 * float(np.linalg.norm(approach[:2]))  # on the average over its directions
     at = np.linspace(length, 0.0, int(length / 1e-3) + 2)
-    near = np.abs(at[:, None] - before) <= level
+    near = np.abs(at[:, None] - before) <= LEVEL
     most: Float64 = np.where(near, speeds, np.inf).min(axis=1)
     return most
 
