@@ -86,7 +86,7 @@ class Trial:
         self.world: Any = getattr(world, "_world", world)
         kinds = (Arm, Gripper, ForceSensor, LoadSensor, Workspace)
         found = {kind: self.cell.device(kind) if kind is Workspace else self._device(kind) for kind in kinds}
-        self.devices = {kind: device for kind, device in found.items() if device is not None}
+        self.devices: dict[type, Any] = {kind: device for kind, device in found.items() if device is not None}
         self.robot = RobotModel.load(self.devices[Arm].description)
         self.forces = ForcesOfNodes(self.world)
         self.world.after_step.append(self.forces.step)
