@@ -153,10 +153,11 @@ def run(case: dict[str, Any]) -> dict[str, Any]:
                 person._move_crate((float(way[0]), float(way[1])))
                 for i in range(len(trial.world.scene.fruits)):
                     person._put(i, way)
+            quick = 1.0 if case["kind"] == "crate" else 3.0  # as in the trees
             for skill, inputs in (
                 (OpenFingers(), {"grasp": grasp, "path": path}),
                 (Follow(), {"path": path, "grasp": grasp}),
-                (Approach(), {"grasp": grasp, "acceleration": 1.0 if case["kind"] == "crate" else 3.0, "clearance": 4e-3}),
+                (Approach(), {"grasp": grasp, "acceleration": quick, "clearance": 4e-3}),
             ):
                 start = trial.cell.clock.now()
                 ended = trial.do(skill, **inputs)
