@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import MotionState
+from pomona.drivers.interfaces import Box, MotionState
 from pomona.drivers.path_motion import PathMotion
 from pomona.executive.skill_testing import drive
-from pomona.skills.approach import SLOW, UNSEEN, Approach
+from pomona.skills.approach import Approach
 from pomona.skills.geometry import apply, inverse, transform
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
+from pomona.skills.shared.touch import FLAT, landing_speeds
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, seen_map
 
@@ -42,7 +43,7 @@ def test_it_opens_first_and_then_goes_straight_to_the_grasp():
     assert outcome.status is Status.SUCCESS
     assert opened_at[-1] == pytest.approx(GRASP.width, abs=1e-3)
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_grasp, atol=1e-6)
-    assert outcome.duration < 1.7
+    assert outcome.duration < 2.3
 
 
 def test_a_touch_stops_the_arm_and_names_the_place():
@@ -128,18 +129,29 @@ def test_pushed_fingers_give_way_until_the_arm_stands():
     assert scene.arm.settled()
 
 
-def test_near_the_fruit_it_is_slow_where_a_displaced_fruit_may_be_touched():
+def test_it_is_slow_where_a_fingertip_may_land_on_level_skin_and_quick_elsewhere():
     scene = at_pre_grasp()
     assert drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock).status is Status.SUCCESS
     trajectory = scene.arm.followed[-1]
     tcp = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in trajectory.q])
     before = np.linalg.norm(tcp - GRASP.T_base_grasp[:3, 3], axis=1)
     speed = np.linalg.norm(np.gradient(tcp, trajectory.t, axis=0), axis=1)
-    fruit = apply(inverse(GRASP.T_base_grasp), fruit_points(GRASP.fruit))
-    zone = gripper_shape(ROBOT_MODEL).first_touch(fruit, GRASP.width, UNSEEN)
-    assert 0.03 < zone < 0.06
-    assert speed[before < zone].max() < 1.02 * SLOW
-    assert speed.max() > 2.0 * SLOW
+    most = landing_speeds(gripper_shape(ROBOT_MODEL), GRASP, (), GRASP.width, before[0])
+    allowed = np.interp(before, np.linspace(0.0, before[0], len(most)), np.minimum(most, 0.25)[::-1])
+    assert allowed.min() < 2.0 * FLAT
+    flat = allowed < 1.2 * allowed.min()
+    assert flat.sum() > 10
+    assert np.median(speed[flat]) < 1.3 * allowed.min()
+    assert speed.max() > 4.0 * allowed.min()
+
+
+def test_it_lands_slowly_on_the_wall_of_a_crate_that_may_have_been_moved():
+    places = (GRASP.T_base_grasp[:3, 3] + [x, 0.0, 0.07] for x in (0.0, 0.4))
+    walls = (Box("source", transform(None, place), (0.004, 0.2, 0.01)) for place in places)
+    below, far = (landing_speeds(gripper_shape(ROBOT_MODEL), GRASP, (box,), GRASP.width, 0.12) for box in walls)
+    above = np.linspace(0.12, 0.0, len(below)) > 0.07  # higher than the fruit
+    assert below[above].min() == pytest.approx(FLAT)
+    assert np.isinf(far[above]).all()
 
 
 def test_an_offset_of_the_sensor_and_a_single_spike_are_no_touch():

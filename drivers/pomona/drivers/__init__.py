@@ -10,15 +10,9 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.drivers.base.knot_maker import (
-        KnotMaker as KnotMaker,
-    )
-    from pomona.drivers.base.parallel_gripper import (
-        ParallelGripper as ParallelGripper,
-    )
-    from pomona.drivers.camera_options import (
-        IntrinsicsSection as IntrinsicsSection,
-    )
+    from pomona.drivers.base.knot_maker import KnotMaker as KnotMaker
+    from pomona.drivers.base.parallel_gripper import ParallelGripper as ParallelGripper
+    from pomona.drivers.camera_options import IntrinsicsSection as IntrinsicsSection
     from pomona.drivers.depth_model import (
         D4XX as D4XX,
         DEPTH_MODEL_FILE as DEPTH_MODEL_FILE,
@@ -49,11 +43,7 @@ if TYPE_CHECKING:
         allowed_speed as allowed_speed,
         require_move as require_move,
     )
-    from pomona.drivers.hold_watch import (
-        HandMemory as HandMemory,
-        HandRecord as HandRecord,
-        may_hold as may_hold,
-    )
+    from pomona.drivers.hold_watch import HandMemory as HandMemory, HandRecord as HandRecord, may_hold as may_hold
     from pomona.drivers.interfaces import (
         Arm as Arm,
         ArmLimits as ArmLimits,
@@ -87,9 +77,7 @@ if TYPE_CHECKING:
         WrenchSample as WrenchSample,
         WrenchSensor as WrenchSensor,
     )
-    from pomona.drivers.motion_supervisor import (
-        Supervision as Supervision,
-    )
+    from pomona.drivers.motion_supervisor import Supervision as Supervision
     from pomona.drivers.path_arm import (
         AT_REST as AT_REST,
         PathArm as PathArm,
@@ -97,26 +85,16 @@ if TYPE_CHECKING:
         StreamingArm as StreamingArm,
         words as words,
     )
-    from pomona.drivers.path_motion import (
-        PathFollower as PathFollower,
-        PathMotion as PathMotion,
-    )
-    from pomona.drivers.robot_file import (
-        ArmFile as ArmFile,
-        read_limits as read_limits,
-    )
+    from pomona.drivers.path_motion import PathFollower as PathFollower, PathMotion as PathMotion
+    from pomona.drivers.robot_file import ArmFile as ArmFile, read_limits as read_limits
     from pomona.drivers.rolling_path import (
         POINT_PERIOD as POINT_PERIOD,
         OutOfSetPointsError as OutOfSetPointsError,
         RollingPath as RollingPath,
         SetPoint as SetPoint,
     )
-    from pomona.drivers.services import (
-        ConnectContext as ConnectContext,
-    )
-    from pomona.drivers.streamed_motion import (
-        StreamedMotion as StreamedMotion,
-    )
+    from pomona.drivers.services import ConnectContext as ConnectContext
+    from pomona.drivers.streamed_motion import StreamedMotion as StreamedMotion
     from pomona.drivers.streams import (
         SIDES as SIDES,
         SILENCE as SILENCE,
@@ -124,20 +102,10 @@ if TYPE_CHECKING:
         FrameGuard as FrameGuard,
         WrenchStream as WrenchStream,
     )
-    from pomona.executive.cell.cell import (
-        Cell as Cell,
-    )
-    from pomona.executive.cell.cell_file import (
-        read_cell_file as read_cell_file,
-    )
-    from pomona.executive.cell.connect import (
-        load_cell as load_cell,
-    )
-    from pomona.executive.cell.device import (
-        Device as Device,
-        FaultSwitch as FaultSwitch,
-        World as World,
-    )
+    from pomona.executive.cell.cell import Cell as Cell
+    from pomona.executive.cell.cell_file import read_cell_file as read_cell_file
+    from pomona.executive.cell.connect import load_cell as load_cell
+    from pomona.executive.cell.device import Device as Device, FaultSwitch as FaultSwitch, World as World
     from pomona.executive.cell.owner import (
         Address as Address,
         Link as Link,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Annotated
 
 import numpy as np
@@ -10,9 +11,8 @@ from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, LoadSensor, Mot
 from pomona.executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Acceleration, Force, Length, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.views import Line3, SceneView
-from pomona.skills.geometry import angle_between, apply, inverse
+from pomona.skills.geometry import angle_between
 from pomona.skills.grip.hold import take_over
-from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
 from pomona.skills.motion.occupancy import OccupancyMap
@@ -23,7 +23,7 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
-from pomona.skills.shared.touch import Touch, felt
+from pomona.skills.shared.touch import Touch, all_felt, landing_speeds
 from pomona.skills.shared.touch_view import record_landing
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
@@ -31,11 +31,6 @@ from pomona.skills.shared.yielding import YieldingFingers
 START_DISTANCE, START_ANGLE = 0.01, 0.1  # how far the TCP may stand from the pre-grasp [m, rad]
 
 WIDTH_TOLERANCE = 1e-3
-UNSEEN = 0.015
-"""Displacement of a fruit that no check before the approach shows [m]: a table hides an error of the camera's pose
-along its plane, and up to 1.5° of tilt."""
-
-SLOW = 0.08  # speed where such a fruit may be touched [m/s]
 JERK_TIME = 0.1
 PUSHED = 2e-3
 """Motion of the resting fingers that shows contact outside the pads [m]; a gripper's supervisor allows 3 mm."""
@@ -89,19 +84,22 @@ class Approach(MovingSkill):
         if abs(gripper.state().width - width) > WIDTH_TOLERANCE:
             take_over(gripper)
             yield from self._open(width, grasp)
-        fruit = apply(inverse(grasp.T_base_grasp), fruit_points(grasp.fruit))
-        slow_end = gripper_shape(robot).first_touch(fruit, width, UNSEEN), SLOW
+        obstacles = self.device(Workspace).obstacles
+        most = landing_speeds(gripper_shape(robot), grasp, obstacles, width, line.length)
         jerk = acceleration / JERK_TIME
-        trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, slow_end=slow_end)
+        trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, most=most)
         opened, fingers = gripper.state().width, YieldingFingers(gripper)
-        with felt(self) as touch:
-            limit = touch.limit(contact, acceleration)
+        with ExitStack() as listening:
+            touches = [listening.enter_context(each) for each in all_felt(self)]
+            limits = [each.limit(contact, acceleration) for each in touches]
 
             def feel() -> None:
-                self._feel(touch, limit, opened, grasp)
+                for touch, limit in zip(touches, limits, strict=True):
+                    self._feel(touch, limit, opened, grasp)
 
             def stop_at_touch(motion: Motion) -> None:
-                touch.at_change(limit, motion.stop)
+                for touch, limit in zip(touches, limits, strict=True):
+                    touch.at_change(limit, motion.stop)
 
             known = KnownAround(map, (grasp.fruit,))
             try:

@@ -60,6 +60,16 @@ def test_a_touch_of_the_hand_stops_the_approach() -> None:
     assert np.linalg.norm(scene.tcp[:3, 3] - GRASP.T_base_grasp[:3, 3]) > 0.02
 
 
+def test_beside_force_fingers_that_feel_nothing_a_touch_of_the_hand_stops_the_approach() -> None:
+    scene = PickingScene(q=GRASP.q_pre_grasp[0].copy(), width=GRASP.width)
+    hand = Hand(scene, lambda: 0.0 if scene.clock.now() < 0.7 else -6.0)
+    hand.devices = {**scene.devices, LoadSensor: hand.sensor}
+    outcome = hand.run(Approach(), {"grasp": GRASP})
+    assert outcome.reason.code == "CONTACT"
+    assert "the hand touched something" in outcome.reason.message
+    assert scene.arm.settled()
+
+
 def test_the_inertia_of_the_hand_is_no_touch() -> None:
     scene = PickingScene(q=GRASP.q_pre_grasp[0].copy(), width=GRASP.width)
     hand = Hand(scene, lambda: 1.0 * MockLoadSensor.mass if 0.1 < scene.clock.now() < 0.3 else 0.0)

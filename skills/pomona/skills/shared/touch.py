@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from pomona.drivers.interfaces import ForceSensor, Gripper, LoadSensor, PressSensor, WrenchSample, WrenchSensor
+from pomona.drivers.interfaces import Box, ForceSensor, Gripper, LoadSensor, PressSensor, WrenchSample, WrenchSensor
 from pomona.executive.skill import Skill
 from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import apply, inverse
+from pomona.skills.motion.collision import fruit_points
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.grasps.gripper_shape import GripperShape
 
 STALE_AFTER = 0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
 SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
@@ -30,6 +34,42 @@ def load(forces: Float64) -> Float64:
     pressing force is left out: the grip's controller changes it.
     """
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
+
+
+UNSEEN, CROWDED, LEVEL = 0.03, 0.045, 0.002
+"""Displacements that no check before the approach shows [m]: across it of a single fruit (a camera that is off), and of
+fruit beside others (a crate that was moved after the look); along it of either."""
+FLAT, STEEPER = 0.014, 2.0
+"""Speed at which a fingertip lands on a level surface with at most 10 N [m/s], and the power of the surface's cosine
+by which it falls: steeper skin gives way aside. Measured with `benchmarks.bench_approach`."""
+
+
+def landing_speeds(shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], width: float, length: float) -> Float64:
+    """Return the largest speeds along a straight approach of a length [m], at equal steps [m/s].
+
+    Where a fingertip is level with skin, or with the top of an obstacle, it may land on it; the flatter, the slower.
+    """
+    T, approach = inverse(grasp.T_base_grasp), grasp.T_base_grasp[:3, 2]
+    unseen = CROWDED if grasp.fruit.beside else UNSEEN
+    points, cosines = [np.empty((0, 3))], [np.empty(0)]
+    for fruit in (grasp.fruit, *grasp.fruit.beside):
+        skin = fruit_points(fruit)
+        normals = (skin - fruit.T_base_fruit[:3, 3]) @ fruit.T_base_fruit[:3, :3] / fruit.dimensions**2
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        points.append(skin)
+        cosines.append(-normals @ fruit.T_base_fruit[:3, :3].T @ approach)
+    for box in obstacles:
+        x, y, z = box.half_extents
+        across = (np.linspace(-half, half, int(half / unseen) + 2) for half in (x, y))
+        top = np.stack([each.ravel() for each in np.meshgrid(*across, z)], axis=1)
+        points.append(apply(box.T_base_box, top))
+        cosines.append(np.ones(len(top)))
+    before = shape.levels(apply(T, np.vstack(points)), width, unseen)
+    speeds = FLAT / np.maximum(np.concatenate(cosines), 0.01) ** STEEPER
+    at = np.linspace(length, 0.0, int(length / 1e-3) + 2)
+    near = np.abs(at[:, None] - before) <= LEVEL
+    most: Float64 = np.where(near, speeds, np.inf).min(axis=1)
+    return most
 
 
 class Touch:
@@ -149,6 +189,14 @@ def felt(skill: Skill, of: Callable[[Float64], Float64] | None = None) -> Touch:
     if fingers is None and sensor is not None:
         return Touch(sensor, each_finger, sensor.mass, sensor.least)
     return Touch(fingers, of or each_finger)
+
+
+def all_felt(skill: Skill) -> list[Touch]:
+    """Listen to `felt`, and beside force fingers to a load sensor, which alone feels their tips and backs."""
+    sensor, found = skill.optional_device(LoadSensor), [felt(skill)]
+    if sensor is not None and skill.optional_device(ForceSensor) is not None:
+        found.append(Touch(sensor, each_finger, sensor.mass, sensor.least))
+    return found
 
 
 def weighing(skill: Skill) -> Touch | None:

@@ -48,16 +48,10 @@ def test_fingers_slide_as_in_the_simulator(width):
     assert SHAPE.lowest(ROBOT_MODEL.tcp(OBSERVE), width)[0] == pytest.approx(lowest, abs=1e-6)
 
 
-def test_a_finger_first_touches_an_object_that_an_error_brings_under_its_tip():
-    tip, inner = 0.010, 0.040  # of the pads of the shipped hand, opened to 80 mm; the fingers are 2 mm longer
-    ball = np.random.default_rng(0).normal(size=(20000, 3))
-    ball *= 0.035 / np.linalg.norm(ball, axis=1)[:, None]
-    assert SHAPE.first_touch(ball, 0.08, 0.0) == 0.0
-    assert SHAPE.first_touch(ball, 0.08, 0.004) == 0.0
-    for error in (0.01, 0.015, 0.02):
-        widest = inner - error  # half the width of the ball where a finger comes to stand on it
-        expected = tip + error + np.sqrt(0.035**2 - widest**2)
-        assert SHAPE.first_touch(ball, 0.08, error) == pytest.approx(expected, abs=1.5e-3)
-    assert SHAPE.first_touch(ball - np.array([0.0, 0.0, 0.1]), 0.08, 0.015) > 0.1
-    assert SHAPE.first_touch(ball + np.array([0.0, 0.2, 0.0]), 0.08, 0.015) == 0.0
-    assert SHAPE.first_touch(np.array([[0.0, 0.05, 0.0]]), 0.08, 0.0) == pytest.approx(0.012)
+def test_a_fingertip_is_level_with_what_a_displacement_brings_below_it():
+    tip, finger = 0.010, 0.012  # of the pads of the shipped hand, opened to 80 mm; the fingers are 2 mm longer
+    points = np.array([[0.0, 0.042, -0.02], [0.0, 0.025, -0.02], [0.0, 0.0, 0.0], [0.0, 0.2, 0.0]])
+    assert SHAPE.levels(points, 0.08, 0.0)[0] in (pytest.approx(tip + 0.02), pytest.approx(finger + 0.02))
+    np.testing.assert_array_equal(np.isfinite(SHAPE.levels(points, 0.08, 0.0)), [True, False, False, False])
+    np.testing.assert_array_equal(np.isfinite(SHAPE.levels(points, 0.08, 0.02)), [True, True, False, False])
+    np.testing.assert_array_equal(np.isfinite(SHAPE.levels(points, 0.08, 0.045)), [True, True, True, False])

@@ -110,30 +110,42 @@ def test_a_smooth_curve_is_followed_with_the_wanted_speed():
     np.testing.assert_allclose(np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=2e-3)
 
 
-@pytest.mark.parametrize("ending", [0.01, 0.03, 0.05])
+SLOW = 0.02
+
+
+def slow_between(first: float, last: float) -> np.ndarray:
+    """The speed that is allowed along a curve of 120 mm: slow between two places [m]."""
+    along = np.linspace(0.0, 0.12, 121)
+    return np.where((along >= first) & (along <= last), SLOW, np.inf)
+
+
+@pytest.mark.parametrize("slow", [(0.06, 0.07), (0.06, 0.12), (0.09, 0.1)])
 @pytest.mark.parametrize("acceleration", [1.0, 2.0])
-def test_a_curve_is_slow_at_its_end_and_keeps_to_its_acceleration_and_jerk(ending: float, acceleration: float):
-    s = np.linspace(0.0, 1.0, 40)[:, None]
-    points = np.hstack([0.2 * s] * 7)
+def test_a_curve_is_slow_where_it_must_be_and_keeps_to_its_acceleration(
+    slow: tuple[float, float], acceleration: float
+) -> None:
+    points = np.hstack([0.2 * np.linspace(0.0, 1.0, 40)[:, None]] * 7)
     how = {"limits": LIMITS, "speed": 0.25, "acceleration": acceleration, "jerk": 10.0 * acceleration}
     plain = time_curve(points, 0.12, **how)
-    trajectory = time_curve(points, 0.12, **how, slow_end=(ending, 0.08))
+    trajectory = time_curve(points, 0.12, **how, most=slow_between(*slow))
     along, rate, gain = (0.12 / 0.2 * of[:, 0] for of in (trajectory.q, trajectory.qd, trajectory.qdd))
-    assert rate[along >= 0.12 - ending].max() <= 0.0801
-    assert rate.max() > 0.2
+    lag = SLOW * 0.1 / 2.0  # the speed follows half a window later
+    inside = (along >= slow[0] + lag) & (along <= slow[1] - lag)
+    assert inside.sum() > 10
+    assert rate[inside].max() <= SLOW * 1.1
+    assert rate.max() > 0.15
     assert rate.min() >= -1e-9
-    assert np.abs(gain).max() <= acceleration * 1.001
-    assert np.abs(np.diff(gain) / np.diff(trajectory.t)).max() <= 10.0 * acceleration * 1.02
+    assert np.abs(gain).max() <= acceleration * 1.01
+    assert np.abs(np.diff(gain) / np.diff(trajectory.t)).max() <= 20.0 * acceleration * 1.02  # brakes, then speeds up
     np.testing.assert_allclose(trajectory.q[[0, -1]], points[[0, -1]], atol=1e-9)
     np.testing.assert_allclose(np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=2e-3)
-    assert plain.duration < trajectory.duration < plain.duration + ending / 0.08
+    assert plain.duration < trajectory.duration < plain.duration + (slow[1] - slow[0]) / SLOW + 0.5
 
 
 @pytest.mark.parametrize("braking", [0.5, 2.5])
-@pytest.mark.parametrize("slow_end", [(0.0, np.inf), (0.03, 0.08)])
-def test_a_curve_brakes_with_its_own_deceleration(braking: float, slow_end: tuple[float, float]):
+def test_a_curve_brakes_with_its_own_deceleration(braking: float):
     points = np.hstack([0.2 * np.linspace(0.0, 1.0, 40)[:, None]] * 7)
-    how = {"limits": LIMITS, "speed": 0.4, "acceleration": 0.8, "jerk": 8.0, "slow_end": slow_end}
+    how = {"limits": LIMITS, "speed": 0.4, "acceleration": 0.8, "jerk": 8.0}
     trajectory = time_curve(points, 0.15, **how, deceleration=braking)
     rate, gain = (0.15 / 0.2 * of[:, 0] for of in (trajectory.qd, trajectory.qdd))
     assert gain.max() == pytest.approx(0.8, rel=0.02)
@@ -147,9 +159,8 @@ def test_a_curve_brakes_with_its_own_deceleration(braking: float, slow_end: tupl
 
 def test_a_curve_that_is_slow_from_its_beginning_has_one_speed():
     points = np.hstack([0.2 * np.linspace(0.0, 1.0, 40)[:, None]] * 7)
-    for ending in (0.11, 0.12, 0.5):
-        trajectory = time_curve(points, 0.12, LIMITS, 0.25, 2.0, 20.0, slow_end=(ending, 0.08))
-        assert (0.6 * trajectory.qd[:, 0]).max() == pytest.approx(0.08, rel=0.02)
+    trajectory = time_curve(points, 0.12, LIMITS, 0.25, 2.0, 20.0, most=np.full(3, 0.08))
+    assert (0.6 * trajectory.qd[:, 0]).max() == pytest.approx(0.08, rel=0.02)
 
 
 def test_a_curve_that_is_too_quick_for_a_joint_is_slowed_down():

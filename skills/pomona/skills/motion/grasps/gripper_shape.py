@@ -39,22 +39,23 @@ class GripperShape:
         lowest = int(heights.argmin())
         return float(heights[lowest]), self.bodies[lowest]
 
-    def first_touch(self, points_tcp: Float64, width: float, error: float) -> float:
-        """Return the distance before the grasp at which a finger may touch a displaced object, >= 0 [m].
+    def levels(self, points_tcp: Float64, width: float, error: float) -> Float64:
+        """Return how far before the grasp a fingertip is level with each point, shape (n,) [m].
+
+        It is -inf for points that no displacement brings below a finger.
 
         Args:
-            points_tcp: surface of the object in the TCP frame at the grasp, shape (n, 3) [m].
-            width, error: opening on the way, and largest displacement of the object in any direction [m].
+            points_tcp: places in the TCP frame at the grasp, shape (n, 3) [m].
+            width, error: opening on the way, and largest displacement across the approach [m].
         """
         corners = self.points + (width - self.closed) * self.slides
-        before = 0.0
+        before = np.full(len(points_tcp), -np.inf)
         for body in set(self.bodies):
             own = np.array([name == body for name in self.bodies])
-            around = self.radii[own, None] + error
+            around = self.radii[own, None]
             lower, upper = (corners[own] - around).min(axis=0), (corners[own] + around).max(axis=0)
-            beside = ((points_tcp >= lower) & (points_tcp <= upper))[:, :2].all(axis=1)
-            if beside.any():
-                before = max(before, float(upper[2] - points_tcp[beside, 2].min()))
+            beside = (np.abs(points_tcp - (lower + upper) / 2.0) <= (upper - lower) / 2.0 + error)[:, :2].all(axis=1)
+            before[beside] = np.maximum(before[beside], upper[2] - points_tcp[beside, 2])
         return before
 
     def way_to(self, points_tcp: Float64, width: float, finger: str) -> Float64:

@@ -21,6 +21,7 @@ PERIOD = 0.008  # spacing of a trajectory's samples [s]
 
 _SPEED_SHARES = (1.4, 1.2, 1.0, 0.8, 0.62, 0.48, 0.36, 0.26, 0.18, 0.12, 0.07, 0.04)
 _WHOLE = 1.0 - 1e-9
+_FINE = 2.5e-4  # spacing along a curve of the speeds that are allowed there [m]
 _STEP = 1e-3  # spacing of the knots with which a ramp of speed becomes piecewise linear [s]
 
 
@@ -148,7 +149,7 @@ def time_curve(
     acceleration: float,
     jerk: float,
     period: float = PERIOD,
-    slow_end: tuple[float, float] = (0.0, np.inf),
+    most: Float64 | None = None,
     deceleration: float | None = None,
 ) -> Trajectory:
     """Return a jerk-limited motion from rest to rest along a smooth joint curve, such as a straight line of the tool.
@@ -158,7 +159,7 @@ def time_curve(
         length: of the curve [m].
         limits: of the arm; where they bind, the whole motion is slowed down.
         speed, acceleration, jerk, period: along the curve [m/s, m/s², m/s³], and spacing of the samples [s].
-        slow_end: length at the end of the curve [m], and the speed there [m/s].
+        most: largest speeds at equal steps along the curve, shape (m,) [m/s]; None: `speed` everywhere.
         deceleration: along the curve [m/s²], with the jerk in its ratio to the acceleration; None: as the acceleration.
     """
     from scipy.interpolate import CubicSpline  # takes 0.3 s of the processor to load
@@ -169,7 +170,7 @@ def time_curve(
     curve = CubicSpline(np.linspace(0.0, length, len(q)), q, bc_type="natural" if len(q) < 4 else "not-a-knot")
     along = ArmLimits(*(np.array([value]) for value in (0.0, length, speed, acceleration, jerk)))
     braking = acceleration if deceleration is None else deceleration
-    profile = _slowing_profile(length, along, slow_end, braking, period)
+    profile = _profile(length, along, most, braking, period)
     first, second, third = (curve(profile.q[:, 0], order) for order in (1, 2, 3))
     s1, s2 = profile.qd, profile.qdd
     s3 = np.gradient(s2[:, 0], profile.t)[:, None]
@@ -185,49 +186,32 @@ def time_curve(
     )
     if stretch > 1.0:
         slower = stretch * 1.02
-        return time_curve(
-            q,
-            length,
-            limits,
-            speed / slower,
-            acceleration / slower**2,
-            jerk / slower**3,
-            period,
-            slow_end,
-            braking / slower**2,
-        )
+        rates = speed / slower, acceleration / slower**2, jerk / slower**3
+        return time_curve(q, length, limits, *rates, period, most, braking / slower**2)
     return Trajectory(profile.t, curve(profile.q[:, 0]), qd, qdd)
 
 
-def _slowing_profile(
-    length: float, limits: ArmLimits, slow_end: tuple[float, float], braking: float, period: float
-) -> Trajectory:
-    """Return the distance over time [m] along a curve of one dimension that brakes differently, or is slow at its end.
+def _profile(length: float, limits: ArmLimits, most: Float64 | None, braking: float, period: float) -> Trajectory:
+    """Return the distance over time [m] along a curve of one dimension that brakes differently, or is slow in parts.
 
     Ramps of constant acceleration are averaged over a window, as in the module's text: the speed follows half a window
-    later. So the slow speed is reached half a window's distance before the end's length.
+    later.
     """
-    ending, slow = slow_end if slow_end[0] > 0.0 else (0.0, 0.0)
     speed, a = float(limits.velocity[0]), float(limits.acceleration[0])
+    if most is None and braking == a:
+        return time_polyline([[0.0], [length]], limits, period=period)
     window = a / float(limits.jerk[0])
-    before = length - ending - slow * window / 2.0
-    is_slow = ending > 0.0 and (slow >= speed or before <= slow * (slow / a + window))
-    if is_slow or (ending == 0.0 and braking == a):
-        whole = ArmLimits(
-            limits.lower,
-            limits.upper,
-            np.minimum(limits.velocity, slow if ending > 0.0 else np.inf),
-            limits.acceleration,
-            limits.jerk,
-        )
-        return time_polyline([[0.0], [length]], whole, period=period)
-    room = before + slow**2 / (2.0 * braking)  # for two ramps with a cruise of a window between them
-    mean = 2.0 * a * braking / (a + braking)
-    quick = min(speed, float(mean / 2.0 * (np.sqrt(window**2 + 4.0 * room / mean) - window)))
-    cruise = (room - quick**2 / mean) / quick
-    creep = (ending + slow * window / 2.0 - slow**2 / (2.0 * braking)) / slow if ending else 0.0
-    times = np.cumsum([0.0, quick / a, cruise, (quick - slow) / braking, max(creep, 0.0), slow / braking])
-    speeds = np.array([0.0, quick, quick, slow, slow, 0.0])
+    at = np.linspace(0.0, length, max(8, int(length / _FINE)) + 1)
+    allowed = np.minimum(speed, [np.inf] * 2 if most is None else most)
+    mean = 2.0 * a * braking / (a + braking)  # of two ramps with a cruise of a window between them
+    top = min(speed, float(mean / 2.0 * (np.sqrt(window**2 + 4.0 * length / mean) - window)))
+    squares = np.minimum(np.interp(at, np.linspace(0.0, length, len(allowed)), allowed), top) ** 2
+    squares[[0, -1]] = 0.0
+    for order, rate in ((range(1, len(at)), a), (range(len(at) - 2, -1, -1), braking)):
+        for i in order:
+            squares[i] = min(squares[i], squares[i - order.step] + 2.0 * rate * at[1])
+    speeds = np.sqrt(squares)
+    times = np.append(0.0, np.cumsum(2.0 * at[1] / (speeds[1:] + speeds[:-1])))
     t = np.append(np.arange(0.0, times[-1], _STEP), times[-1])
     v = np.interp(t, times, speeds)
     p = np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2.0 * np.diff(t)))
