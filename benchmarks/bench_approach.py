@@ -153,11 +153,10 @@ def run(case: dict[str, Any]) -> dict[str, Any]:
                 person._move_crate((float(way[0]), float(way[1])))
                 for i in range(len(trial.world.scene.fruits)):
                     person._put(i, way)
-            quick = 1.0 if case["kind"] == "crate" else 3.0  # as in the trees
             for skill, inputs in (
                 (OpenFingers(), {"grasp": grasp, "path": path}),
                 (Follow(), {"path": path, "grasp": grasp}),
-                (Approach(), {"grasp": grasp, "acceleration": quick, "clearance": 4e-3}),
+                (Approach(), {"grasp": grasp, "clearance": 4e-3, **case["approach"]}),
             ):
                 start = trial.cell.clock.now()
                 ended = trial.do(skill, **inputs)
@@ -184,9 +183,10 @@ def run(case: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def cases(cell: str, kinds: list[str], each: int, seed: int) -> Iterator[dict[str, Any]]:
+def cases(cell: str, kinds: list[str], each: int, seed: int, unseen: float) -> Iterator[dict[str, Any]]:
     """Yield cases: every size and direction `each` times, with a fruit and a place drawn for each."""
     for kind in kinds:
+        how = {"acceleration": 1.0 if kind == "crate" else 3.0, "unseen": unseen}
         sizes = {"shifted": (26, 20, 15, 10, 5), "turned": (3,), "crate": (40, 20, 10)}[kind]
         for size in sizes:
             for way in range(6 if kind == "turned" else 4):
@@ -196,7 +196,7 @@ def cases(cell: str, kinds: list[str], each: int, seed: int) -> Iterator[dict[st
                     settings |= {"others": "5"} if kind == "crate" else {"place": str(rng.integers(1, 6))}
                     yield {
                         "cell": cell, "kind": kind, "size": size, "way": way, "number": number,
-                        "seed": int(rng.integers(1_000_000)), "settings": settings,
+                        "seed": int(rng.integers(1_000_000)), "settings": settings, "approach": how,
                     }  # fmt: skip
 
 
@@ -222,10 +222,11 @@ def main() -> None:
     parser.add_argument("--kinds", default="shifted,turned")
     parser.add_argument("--each", type=int, default=1, help="cases of each size and direction")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--unseen", type=float, default=18.0, help="input of Approach [mm]")
     said = parser.parse_args()
     rows = [json.loads(line) for line in said.out.read_text("utf-8").splitlines()] if said.out.is_file() else []
     known = {json.dumps([row[key] for key in ("cell", "kind", "size", "way", "number")]) for row in rows}
-    for case in cases(said.cell, said.kinds.split(","), said.each, said.seed):
+    for case in cases(said.cell, said.kinds.split(","), said.each, said.seed, 1e-3 * said.unseen):
         if json.dumps([case[key] for key in ("cell", "kind", "size", "way", "number")]) in known:
             continue
         rows.append(run(case))

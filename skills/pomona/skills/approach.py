@@ -71,6 +71,10 @@ class Approach(MovingSkill):
         clearance: Annotated[
             Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
         ] = LENGTH("5 mm"),
+        unseen: Annotated[
+            Length,
+            Port(min="1 mm", max="100 mm", help="by which fruit may lie aside of its place: slow above skin there"),
+        ] = LENGTH("18 mm"),
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = RobotModel.load(arm.description)
@@ -85,7 +89,7 @@ class Approach(MovingSkill):
             take_over(gripper)
             yield from self._open(width, grasp)
         obstacles = self.device(Workspace).obstacles
-        most = landing_speeds(gripper_shape(robot), grasp, obstacles, width, line.length)
+        most = landing_speeds(gripper_shape(robot), grasp, obstacles, width, line.length, unseen)
         jerk = acceleration / JERK_TIME
         trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, most=most)
         opened, fingers = gripper.state().width, YieldingFingers(gripper)

@@ -36,21 +36,26 @@ def load(forces: Float64) -> Float64:
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
 
 
-UNSEEN, CROWDED, LEVEL = 0.03, 0.045, 0.002
-"""Displacements that no check before the approach shows [m]: across it of a single fruit (a camera that is off), and of
-fruit beside others (a crate that was moved after the look); along it of either."""
+LEVEL = 0.002
+"""Displacement along the approach that no check before it shows [m]."""
 FLAT, STEEPER = 0.014, 2.0
 """Speed at which a fingertip lands on a level surface with at most 10 N [m/s], and the power of the surface's cosine
 by which it falls: steeper skin gives way aside. Measured with `benchmarks.bench_approach`."""
 
 
-def landing_speeds(shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], width: float, length: float) -> Float64:
-    """Return the largest speeds along a straight approach of a length [m], at equal steps [m/s].
+def landing_speeds(
+    shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], width: float, length: float, unseen: float
+) -> Float64:
+    """Return the largest speeds along a straight approach, at equal steps, shape (m,) [m/s].
 
     Where a fingertip is level with skin, or with the top of an obstacle, it may land on it; the flatter, the slower.
+
+    Args:
+        shape, grasp, obstacles: of the hand; where it goes; boxes of the cell.
+        width, length: opening, and length of the approach [m].
+        unseen: displacement across the approach that no check before it shows [m].
     """
     T, approach = inverse(grasp.T_base_grasp), grasp.T_base_grasp[:3, 2]
-    unseen = CROWDED if grasp.fruit.beside else UNSEEN
     points, cosines = [np.empty((0, 3))], [np.empty(0)]
     for fruit in (grasp.fruit, *grasp.fruit.beside):
         skin = fruit_points(fruit)
@@ -64,10 +69,10 @@ def landing_speeds(shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], 
         top = np.stack([each.ravel() for each in np.meshgrid(*across, z)], axis=1)
         points.append(apply(box.T_base_box, top))
         cosines.append(np.ones(len(top)))
-    before = shape.levels(apply(T, np.vstack(points)), width, unseen)
+    level = shape.levels(apply(T, np.vstack(points)), width, unseen)
     speeds = FLAT / np.maximum(np.concatenate(cosines), 0.01) ** STEEPER
     at = np.linspace(length, 0.0, int(length / 1e-3) + 2)
-    near = np.abs(at[:, None] - before) <= LEVEL
+    near = np.abs(at[:, None] - level) <= LEVEL
     most: Float64 = np.where(near, speeds, np.inf).min(axis=1)
     return most
 
