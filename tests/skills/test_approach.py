@@ -43,7 +43,7 @@ def test_it_opens_first_and_then_goes_straight_to_the_grasp():
     assert outcome.status is Status.SUCCESS
     assert opened_at[-1] == pytest.approx(GRASP.width, abs=1e-3)
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_grasp, atol=1e-6)
-    assert outcome.duration < 1.7
+    assert outcome.duration < 1.8
 
 
 def test_a_touch_stops_the_arm_and_names_the_place():
