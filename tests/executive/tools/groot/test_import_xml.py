@@ -141,10 +141,10 @@ def test_an_attribute_has_the_meaning_of_behaviortree_cpp(xml: str, words: objec
 @pytest.mark.parametrize(
     ("xml", "why"),
     [
-        ('<Repeat num_cycles="0"><A/></Repeat>', "never runs"),
-        ('<Repeat num_cycles="-2"><A/></Repeat>', "never runs"),
-        ('<RetryUntilSuccessful num_attempts="0"><A/></RetryUntilSuccessful>', "never runs"),
-        ('<RetryUntilSuccessful num_attempts="three"><A/></RetryUntilSuccessful>', "never runs"),
+        ('<Repeat num_cycles="0"><A/></Repeat>', "a whole number above 0"),
+        ('<Repeat num_cycles="-2"><A/></Repeat>', "a whole number above 0"),
+        ('<RetryUntilSuccessful num_attempts="0"><A/></RetryUntilSuccessful>', "a whole number above 0"),
+        ('<RetryUntilSuccessful num_attempts="three"><A/></RetryUntilSuccessful>', "a whole number above 0"),
         ('<Timeout msec="-1"><A/></Timeout>', "milliseconds"),
         ('<Timeout msec="1.5"><A/></Timeout>', "milliseconds"),
         ('<Sleep msec="1 s"/>', "milliseconds"),
