@@ -76,7 +76,7 @@ class ForcesOfNodes(Forces):
         return (z0 - z1) / (t1 - t0)
 
 
-class Attempt:
+class ApproachTry:
     """One try in one cell."""
 
     def __init__(self, cell: str, seed: int, settings: dict[str, str]) -> None:
@@ -122,7 +122,7 @@ def moved(fruit: MeasuredFruit, T: Float64) -> MeasuredFruit:
     return replace(fruit, T_base_fruit=T @ fruit.T_base_fruit, beside=beside)
 
 
-def error_of(case: dict[str, Any], trial: Attempt) -> Float64:
+def error_of(case: dict[str, Any], trial: ApproachTry) -> Float64:
     """Return what moves true places to measured ones, (4, 4)."""
     T = np.eye(4)
     if case["kind"] == "turned":
@@ -137,7 +137,7 @@ def error_of(case: dict[str, Any], trial: Attempt) -> Float64:
 
 def run(case: dict[str, Any]) -> dict[str, Any]:
     """Run one case and return its row."""
-    trial = Attempt(case["cell"], case["seed"], case["settings"])
+    trial = ApproachTry(case["cell"], case["seed"], case["settings"])
     ended, reason, nodes = None, "", []
     try:
         fruit = moved(trial.measured(), error_of(case, trial) if case["kind"] != "crate" else np.eye(4))
