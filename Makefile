@@ -47,9 +47,9 @@ run: $(RUNS) ## pick an apple on the simulated cell
 PYTEST = $(BIN)/python -m pytest -n 2 --dist worksteal
 WHOLE = not realtime and not long
 
-test: $(STAMP) ## run the tests, without the slow ones (eleven minutes on two cores)
-	$(PYTEST) -m '$(WHOLE) and not slow' --durations 5 --durations-min 3
-	@echo "left out: picks, the browser's and what else takes more than three seconds: make test-slow"
+test: $(STAMP) ## run the quick tests, and of the slow ones one whole run of each kind (ten minutes on two cores)
+	$(PYTEST) -m '$(WHOLE) and (not slow or landmark)' --durations 5 --durations-min 3
+	@echo "left out: most picks, most of the browser's and what else takes more than three seconds: make test-slow"
 
 CORE = tests/executive tests/drivers tests/skills
 LEAVES = executive/tools drivers/tools drivers/devices skills/tools skills/applications
@@ -61,9 +61,9 @@ test-latest: ## the same with the newest allowed versions of everything, in an e
 	rm -rf .venv-latest
 	$(MAKE) VENV=.venv-latest CONSTRAINTS= test
 
-test-slow: $(STAMP) ## the slow ones: whole picks, the operator's page in a browser, tutorials as they are written
+test-slow: $(STAMP) ## the other slow ones: whole picks, the operator's page in a browser, tutorials as they are written
 	@sh scripts/system_libraries.sh tests
-	$(PYTEST) -m '$(WHOLE) and slow' --durations 8
+	$(PYTEST) -m '$(WHOLE) and slow and not landmark' --durations 8
 
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime
@@ -81,8 +81,11 @@ docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error
 docs-serve: $(STAMP) ## the same, shown at http://127.0.0.1:8000 while it is written
 	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs serve
 
-check: test ## what CI runs: the quick tests, then the slow ones, and beside them types, site, third parties' view and lint
-	$(MAKE) --jobs 2 --output-sync=line test-slow static
+browser:
+	@sh scripts/system_libraries.sh tests
+
+check: browser test ## what CI runs: the tests without most slow ones, then types, site, third parties' view and lint
+	$(MAKE) --jobs 2 --output-sync=line static
 
 static: types docs kit lint
 

@@ -36,6 +36,7 @@ def test_each_example_names_the_distribution_that_its_imports_need() -> None:
         assert f"Needs the distribution pomona{'' if whole else ' or pomona-executive'}.\n" in text, path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in PRINTED if name != "read_record"])
 def test_an_example_runs(name: str, tmp_path: Path) -> None:
     printed = run(name, tmp_path, *(["--dry"] if name == "run_tree" else []))

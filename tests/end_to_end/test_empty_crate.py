@@ -12,7 +12,9 @@ from pomona.executive.views import TableView
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("fruit", [2, pytest.param(6, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "fruit", [pytest.param(2, marks=pytest.mark.landmark), pytest.param(6, marks=pytest.mark.long)]
+)
 def test_a_crate_is_emptied_into_the_tray(fruit: int) -> None:
     received: list[Event] = []
     settings = {"looks": "1", "others": str(fruit - 1)}

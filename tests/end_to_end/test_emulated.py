@@ -23,6 +23,7 @@ def story(received: list[Event]) -> list[str]:
     ]
 
 
+@pytest.mark.landmark
 def test_an_apple_is_picked_through_emulated_devices_and_the_same_seed_gives_the_same_events() -> None:
     stories, forces = [], []
     for _ in range(2):

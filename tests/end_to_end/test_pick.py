@@ -37,6 +37,7 @@ def pick(
     return execute(order, listeners, on_ready=on_ready or (lambda _runner: None))
 
 
+@pytest.mark.landmark
 def test_an_apple_is_picked_and_the_record_repeats_it(tmp_path: Path) -> None:
     received: list[Event] = []
     executed = pick(1, tmp_path, [received.append], fruit="apple_4", place="2")

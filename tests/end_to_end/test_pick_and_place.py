@@ -12,6 +12,7 @@ from pomona.executive.views import TableView
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.landmark
 def test_two_apples_are_put_into_the_crate():
     received: list[Event] = []
     settings = {"others": "1", "distractors": "0", "fruit": "apple_4", "place": "2", "looks": "1"}

@@ -10,6 +10,7 @@ from pomona.executive.files import find_cell, find_tree
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.landmark
 def test_an_apple_is_picked_from_the_running_belt_and_put_into_a_crate() -> None:
     settings = {"most": "1", "belt": "0.15 m/s", "fruit": "apple_4"}
     executed = execute(RunOrder(find_tree("pick_from_conveyor"), find_cell("conveyor"), 4, settings))

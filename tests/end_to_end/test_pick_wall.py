@@ -15,7 +15,12 @@ TREE = Path(__file__).parents[2] / "trees" / "experimental" / "pick_tree.yaml"
 
 
 @pytest.mark.parametrize(
-    ("cell", "most"), [("orchard", 1), ("orchard_ur5e", 1), pytest.param("orchard", 3, marks=pytest.mark.long)]
+    ("cell", "most"),
+    [
+        pytest.param("orchard", 1, marks=pytest.mark.landmark),
+        ("orchard_ur5e", 1),
+        pytest.param("orchard", 3, marks=pytest.mark.long),
+    ],
 )
 def test_apples_are_picked_from_the_wall(cell: str, most: int) -> None:
     settings = {"leaves": "0", "behind": "0", "friction": "0.8", "most": str(most)}

@@ -35,6 +35,7 @@ def test_a_missing_cell_is_named_with_the_existing_ones(capsys: pytest.CaptureFi
     assert "sim" in error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("closed", "encoding"), [(True, "utf-8"), (False, "ascii:strict")])
 def test_a_run_ends_well_with_closed_streams_or_an_encoding_without_our_signs(
     closed: bool, encoding: str, tmp_path: Path
@@ -199,6 +200,7 @@ loaded(["check", "pick_apple"], "torch", "matplotlib", "pomona.executive.execute
 """
 
 
+@pytest.mark.slow
 def test_small_commands_load_only_needed_modules() -> None:
     declared_skills()  # kept from here on, where they were not
     command = [sys.executable, "-c", SMALL_COMMANDS]
@@ -206,6 +208,7 @@ def test_small_commands_load_only_needed_modules() -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_declarations_of_skills_are_read_without_loading_their_networks() -> None:
     script = "import sys; from pomona.executive.registry import Registry; assert len(Registry.installed()) > 10"
     heavy = "; print([name for name in ('torch', 'trimesh', 'matplotlib', 'scipy.stats') if name in sys.modules])"
@@ -352,6 +355,7 @@ def test_a_pool_that_waits_for_work_ends_by_itself_and_is_not_named() -> None:
     assert (done.returncode, done.stderr) == (3, "")
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_where_a_notebook_names_a_backend_that_is_not_here() -> None:
     script = "from pomona.executive.cli import main\nmain(['completion', 'bash'])\nimport matplotlib\n"
     environment = os.environ | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}

@@ -105,6 +105,7 @@ def test_the_loop_that_is_compiled_last_exists() -> None:
     assert track_poses.__name__ == function
 
 
+@pytest.mark.slow
 def test_the_helper_compiles_its_half_for_the_process_that_waits(tmp_path: Path) -> None:
     """It runs as a module, and ends when the pipe to its parent closes."""
     words = [sys.executable, "-m", HELPER, str(tmp_path / "no_robot.xml")]

@@ -114,6 +114,7 @@ def test_it_lists_installed_extras_and_the_commands_for_the_others(monkeypatch: 
     assert set(machine.EXTRAS) == set(project["optional-dependencies"]) - {"dev"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("module", "words"), [("numpy", ("run", "pick_apple")), ("yaml", ("check", "pick_apple"))])
 def test_without_a_base_package_the_doctor_runs_and_the_other_commands_name_it(
     module: str, words: tuple[str, ...], tmp_path: Path

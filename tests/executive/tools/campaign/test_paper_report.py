@@ -55,6 +55,7 @@ def run(arm: str, lifted: bool, position: tuple[float, float, float]) -> dict[st
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_report_of_the_first_runs_stands_beside_the_paper() -> None:
     results = [run("refined", True, (-0.03, -0.52, -0.079)), run("unrefined", False, (-0.03, -0.53, -0.12))]
     document = paper_report(Cells(read_campaign(PAPER), results), Path("benchmarks/paper.yaml"))

@@ -57,6 +57,7 @@ def ask(show: Show, path: str, body: dict[str, Any] | None = None, token: str | 
     return found
 
 
+@pytest.mark.slow
 def test_the_editor_of_an_offered_tree_is_served_and_ends_with_the_page(show: Show, tree: Path) -> None:
     status, answer = ask(show, "/api/edit", {"tree": "slow"})
     assert status == 200, answer

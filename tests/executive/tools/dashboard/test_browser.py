@@ -90,6 +90,7 @@ def wait_until_painted(page: Any, least: int) -> None:
     )
 
 
+@pytest.mark.landmark
 def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None:
     page = open_page()
     expect(page.locator("#connection")).to_have_text("connected")
@@ -136,6 +137,7 @@ def test_pause_and_resume_show_the_acknowledged_state(show: Show, open_page: Ope
     assert not show.cell.wheel.paused
 
 
+@pytest.mark.landmark
 def test_a_safe_stop_by_keys_stays_until_it_is_reset_and_the_skill_stands_interrupted(
     show: Show, open_page: Open
 ) -> None:

@@ -17,6 +17,7 @@ from pomona.executive.cli import main
 TREE = "pomona: 1\ntree: brief\nroot:\n  wait: 10 ms\n"
 
 
+@pytest.mark.slow
 def test_the_run_begins_when_the_page_is_open(tmp_path: Path) -> None:
     (tmp_path / "brief.yaml").write_text(TREE, encoding="utf-8")
     with socket.socket() as free:

@@ -353,6 +353,7 @@ class TestExtract:
         with pytest.raises(EditError, match="would have an error"):
             apply(text, edit_of({"do": "extract", "node": "root/1", "name": "late"}), declared_skills())
 
+    @pytest.mark.slow
     def test_every_node_of_the_shipped_trees_is_extracted_without_an_error_or_refused_with_a_reason(self):
         made = 0
         for path in sorted((FOLDER / "trees").glob("*.yaml")):

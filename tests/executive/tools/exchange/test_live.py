@@ -244,6 +244,7 @@ OPTIONS = ("exchange", "ros2", "run_view")  # modules of packages whose options 
 EXTRAS = ("rosbags", "zenoh", "foxglove", "rerun", "pyarrow", "pomona.tools.exchange", "pomona.tools.ros2")
 
 
+@pytest.mark.slow
 def test_a_run_that_does_not_ask_imports_no_more_than_the_options(tmp_path: Path) -> None:
     (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
     program = (

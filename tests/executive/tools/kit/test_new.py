@@ -27,6 +27,7 @@ def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return package
 
 
+@pytest.mark.slow
 def test_its_tests_pass(kit: Path) -> None:
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "."]
     done = subprocess.run(words, cwd=kit, capture_output=True, text=True, check=False)
@@ -104,6 +105,7 @@ def test_impossible_values_are_refused(kit: Path, capsys: pytest.CaptureFixture[
     assert sorted(kit.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_folders_of_a_user_with_common_names_do_not_hide_pomona(tmp_path: Path) -> None:
     for name in ("executive", "skills", "drivers", "trees"):
         (tmp_path / name).mkdir()

@@ -83,6 +83,7 @@ def test_inner_spheres_lie_inside(kind: str, size: tuple[float, float, float]) -
     assert standing_out.max() < 2e-3  # the sampled extent is a little short
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(st.integers(0, 10_000))
 def test_spheres_cover_random_hulls(seed: int) -> None:

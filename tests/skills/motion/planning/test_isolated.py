@@ -31,6 +31,7 @@ def request(goal: np.ndarray, **changes: Any) -> PlanRequest:
     return PlanRequest(SPACE, OBSERVE, goal[None], SIA5F_LIMITS, **changes)
 
 
+@pytest.mark.slow
 def test_the_worker_gives_the_path_that_this_process_would_give(computations):
     there = computations.submit("test", plan, (request(HOME, direct=False),), True).result()
     here = plan(request(HOME, direct=False))
@@ -44,6 +45,7 @@ def test_a_failure_comes_out_of_the_worker_with_its_data(computations):
     assert failed.value.data["link"]
 
 
+@pytest.mark.slow
 def test_a_long_plan_is_gone_at_once_when_it_is_cancelled(computations):
     endless = request(HOME, planner="RRTstar", improve="", direct=False, budget=1e4, patience=1e4)
     computation = computations.submit("test", plan, (endless,), True)

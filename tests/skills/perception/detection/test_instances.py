@@ -68,6 +68,7 @@ def posed(stem: tuple[float, ...], p: tuple[float, ...]) -> np.ndarray:
     return T
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(
     st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 0.2),

@@ -50,6 +50,7 @@ K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 TASKS = Path("/proc/self/task")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["apple", "lemon"])
 def test_both_engines_find_the_same_fruit_with_the_shipped_parameters(name: str, tmp_path: Path) -> None:
     fruit = load_fruit(name)
@@ -70,6 +71,7 @@ def test_both_engines_find_the_same_fruit_with_the_shipped_parameters(name: str,
         assert one.visibility == pytest.approx(other.visibility, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["apple", "lemon"])
 def test_layers_in_eight_bits_move_detections_by_less_than_their_errors(name: str, tmp_path: Path) -> None:
     fruit = load_fruit(name)
@@ -92,6 +94,7 @@ def test_layers_in_eight_bits_move_detections_by_less_than_their_errors(name: st
         assert np.linalg.norm(same.p_camera - one.p_camera) < 0.01 * one.p_camera[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("finder", [FinderNetwork, BeliefFinder, lambda: BeliefFinder(boxes=False)])
 def test_both_engines_give_the_same_maps_at_any_size(
     finder: Callable[[], FinderNetwork | BeliefFinder], tmp_path: Path

@@ -235,6 +235,7 @@ def test_lives_beside_mujoco_in_either_order(order):
     assert done.returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "says"),
     [("pyrender", "import of pyrender halted"), ("OpenGL", "pyrender cannot be imported"), ("context", "no display")],

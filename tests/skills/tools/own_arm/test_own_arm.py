@@ -71,6 +71,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "my_arm" / "cell.yaml"
 
 
+@pytest.mark.slow
 def test_the_written_cell_passes_the_check_of_a_pick(cell, capsys):
     assert main(["check", "pick_apple", "--cell", str(cell)]) == 0
     assert "nothing is wrong" in capsys.readouterr().out
@@ -129,6 +130,7 @@ def test_every_part_is_weightless_in_the_drives_so_the_arm_stays_at_home(cell):
     assert data.qpos[:6] == pytest.approx(home, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_another_shipped_hand_is_bolted_on(tmp_path):
     (tmp_path / "arm.urdf").write_text(urdf())
     assert main(["new", "arm", str(tmp_path / "arm.urdf"), "--into", str(tmp_path), "--hand", "hand-e"]) == 0
@@ -226,6 +228,7 @@ def test_links_without_a_mass_get_one_and_the_page_names_them(tmp_path):
     assert sum("No mass is stated of" in sentence for sentence in arm.assumed) == 6
 
 
+@pytest.mark.slow
 def test_a_joint_without_limits_turns_once_to_each_side(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(kind="continuous"))
@@ -235,6 +238,7 @@ def test_a_joint_without_limits_turns_once_to_each_side(tmp_path):
     assert model.joint("roll").range == pytest.approx([-2 * np.pi, 2 * np.pi])
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_too_short_is_refused(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(urdf().replace("0.425 -0.12 0", "0.1 -0.12 0").replace("0.39 0 0", "0.1 0 0"))

@@ -91,6 +91,7 @@ def test_detect_poses_a_fruit_with_a_users_checkpoint_and_config(
     assert detection.covariance.shape == (6, 6)
 
 
+@pytest.mark.slow
 def test_a_checkpoint_is_loaded_with_the_config_that_goes_with_it(tmp_path: Path) -> None:
     torch.manual_seed(0)
     weights = tmp_path / "epoch_60.pth"

@@ -96,6 +96,7 @@ def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path
             load_compact(tmp_path / "small.pt")
 
 
+@pytest.mark.slow
 def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_path: Path) -> None:
     torch.manual_seed(0)
     networks = BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8))
@@ -111,6 +112,7 @@ def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_pa
             read_stored(tmp_path / "wrong.pt")
 
 
+@pytest.mark.slow
 def test_a_file_of_an_earlier_version_without_pytorch_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

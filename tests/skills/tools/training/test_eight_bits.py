@@ -32,6 +32,7 @@ def both(request: Any, tmp_path_factory: Any) -> Both:
     return path, before, read_weights(path)
 
 
+@pytest.mark.slow
 def test_rounded_networks_answer_nearly_the_same(both: Both) -> None:
     _, before, after = both
     picture = np.random.default_rng(1).random((1, 3, 128, 160), np.float32) - 0.5

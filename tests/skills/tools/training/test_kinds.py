@@ -63,6 +63,7 @@ def coloured(pictures: list[KindPicture]) -> KindFinds:
     return KindFinds(noisy, rng.uniform(0.4, 0.9, count), kinds, np.ones(count), np.arange(count))
 
 
+@pytest.mark.slow
 def test_colours_are_learnt_and_finds_of_other_pictures_are_told_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
