@@ -88,10 +88,9 @@ class Approach(MovingSkill):
         if abs(gripper.state().width - width) > WIDTH_TOLERANCE:
             take_over(gripper)
             yield from self._open(width, grasp)
-        obstacles = self.device(Workspace).obstacles
-        most = landing_speeds(gripper_shape(robot), grasp, obstacles, width, line.length, unseen)
-        jerk = acceleration / JERK_TIME
-        trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, jerk, most=most)
+        boxes, rates = self.device(Workspace).obstacles, (speed, acceleration, acceleration / JERK_TIME)
+        most = landing_speeds(gripper_shape(robot), grasp, boxes, width, line.length, unseen)
+        trajectory = time_curve(line.q, line.length, arm.limits, *rates, most=most)
         opened, fingers = gripper.state().width, YieldingFingers(gripper)
         with ExitStack() as listening:
             touches = [listening.enter_context(each) for each in all_felt(self)]

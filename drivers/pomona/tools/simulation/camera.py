@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from dataclasses import replace
 from typing import Any
 
@@ -15,11 +16,46 @@ from pomona.drivers.camera_options import scaled
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.drivers.streams import FrameGuard
+from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64, UInt8
-from pomona.tools.simulation.exposure import Delivery, Moments, Timing
+from pomona.tools.simulation.exposure import Moments, Timing
 from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.tools.simulation.stereo_depth import CHANGES, FrameChanger, Stereo, measure_depth
 from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
+
+
+class Delivery:
+    """Frames on their way from a camera; a frame is exposed when one is asked for.
+
+    After a time without a request nothing is on its way, and the first frame is delivered at once.
+    """
+
+    def __init__(self, clock: Clock, latency: tuple[float, float], seed: int) -> None:
+        """
+        Args:
+            latency: least and largest time from an exposure to its delivery [s].
+        """
+        self._clock, self._latency, self._seed = clock, latency, seed
+        self._coming: deque[tuple[float, Frame]] = deque()
+        self._delivered: Frame | None = None
+
+    def newest(self, exposed: Frame | None) -> Frame | None:
+        """Take the frame of this moment, and return the newest one that has arrived."""
+        if exposed is None or self._latency[1] == 0.0:
+            return exposed
+        now, waits = self._clock.now(), 2.0 * self._latency[1]
+        if self._delivered is None or now - self._delivered.stamp > waits + self._latency[1]:
+            self._coming.clear()
+            self._delivered = exposed
+            return exposed
+        if exposed.sequence != (self._coming[-1][1] if self._coming else self._delivered).sequence:
+            drawn = np.random.default_rng([self._seed, 19, exposed.sequence]).uniform(*self._latency)
+            before = self._coming[-1][0] if self._coming else 0.0
+            self._coming.append((max(now + float(drawn), before), exposed))  # in order
+        while self._coming and self._coming[0][0] <= now + 1e-9:
+            self._delivered = self._coming.popleft()[1]
+        return self._delivered
+
 
 SILENCE = 0.5  # time without a valid or new frame after which the camera is lost [s]; as for a real one
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
@@ -233,7 +269,7 @@ class SimCamera(FaultyDevice):
 
     def _aim(self, renderer: Any, intrinsics: Intrinsics, dt: float) -> None:
         """Show the world as it is `dt` from now [s], from where the camera is."""
-        state = self._moments.moved(self._world.state, dt)
+        state = self._world.state if dt == 0.0 else self._moments.moved(self._world.state, dt)
         if not self._fixed:
             renderer.update_scene(state, camera="camera")
             return

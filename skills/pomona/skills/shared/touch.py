@@ -36,11 +36,9 @@ def load(forces: Float64) -> Float64:
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
 
 
-LEVEL = 0.002
-"""Displacement along the approach that no check before it shows [m]."""
-FLAT, STEEPER = 0.014, 2.0
-"""Speed at which a fingertip lands on a level surface with at most 10 N [m/s], and the power of the surface's cosine
-by which it falls: steeper skin gives way aside. Measured with `benchmarks.bench_approach`."""
+LEVEL, FLAT, STEEPER = 0.002, 0.014, 2.0
+"""Displacement along the approach that no check shows [m]; speed at which a fingertip lands on a level surface with at
+most 10 N [m/s] (`benchmarks.bench_approach`), and the power of the surface's cosine by which it falls."""
 
 
 def landing_speeds(
@@ -49,11 +47,7 @@ def landing_speeds(
     """Return the largest speeds along a straight approach, at equal steps, shape (m,) [m/s].
 
     Where a fingertip is level with skin, or with the top of an obstacle, it may land on it; the flatter, the slower.
-
-    Args:
-        shape, grasp, obstacles: of the hand; where it goes; boxes of the cell.
-        width, length: opening, and length of the approach [m].
-        unseen: displacement across the approach that no check before it shows [m].
+    `width` is the opening [m], `length` of the approach [m], `unseen` the displacement across it that may be there [m].
     """
     T, approach = inverse(grasp.T_base_grasp), grasp.T_base_grasp[:3, 2]
     points, cosines = [np.empty((0, 3))], [np.empty(0)]
@@ -71,8 +65,7 @@ def landing_speeds(
         cosines.append(np.ones(len(top)))
     level = shape.levels(apply(T, np.vstack(points)), width, unseen)
     speeds = FLAT / np.maximum(np.concatenate(cosines), 0.01) ** STEEPER
-    at = np.linspace(length, 0.0, int(length / 1e-3) + 2)
-    near = np.abs(at[:, None] - level) <= LEVEL
+    near = np.abs(np.linspace(length, 0.0, int(length / 1e-3) + 2)[:, None] - level) <= LEVEL
     most: Float64 = np.where(near, speeds, np.inf).min(axis=1)
     return most
 

@@ -7,8 +7,8 @@ import pytest
 
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.executive.clock import ManualClock
-from pomona.tools.simulation.camera import SimCamera
-from pomona.tools.simulation.exposure import STEP, Delivery, Timing
+from pomona.tools.simulation.camera import Delivery, SimCamera
+from pomona.tools.simulation.exposure import STEP, Timing
 
 
 def exposed(clock: ManualClock) -> Frame:
