@@ -155,6 +155,12 @@ def test_it_lands_slowly_on_the_wall_of_a_crate_that_may_have_been_moved():
     assert np.isinf(far[above]).all()
 
 
+def test_an_obstacle_as_large_as_a_hall_takes_no_more_memory_than_a_small_one():
+    floor = Box("floor", transform(None, GRASP.T_base_grasp[:3, 3] + [30.0, 0.0, 0.06]), (40.0, 40.0, 0.01))
+    most = landing_speeds(gripper_shape(ROBOT_MODEL), GRASP, (floor,), GRASP.width, 0.12, 0.001)
+    assert most.min() == pytest.approx(FLAT)
+
+
 def test_an_offset_of_the_sensor_and_a_single_spike_are_no_touch():
     scene = at_pre_grasp()
 

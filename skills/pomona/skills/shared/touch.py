@@ -36,9 +36,9 @@ def load(forces: Float64) -> Float64:
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
 
 
-LEVEL, FLAT, STEEPER = 0.002, 0.014, 2.0
-"""Displacement along the approach that no check shows [m]; speed at which a fingertip lands on a level surface with at
-most 10 N [m/s] (`benchmarks.bench_approach`), and the power of the surface's cosine by which it falls."""
+NEAR, LEVEL, FLAT, STEEPER = 0.25, 0.002, 0.014, 2.0
+"""Reach of the hand across the approach [m], and displacement along it that no check shows [m]; speed at which a tip
+lands on a level surface with 10 N [m/s] (`bench_approach`); power of a surface's cosine by which it falls."""
 
 
 def landing_speeds(
@@ -49,8 +49,7 @@ def landing_speeds(
     Where a fingertip is level with skin, or with the top of an obstacle, it may land on it; the flatter, the slower.
     `width` is the opening [m], `length` of the approach [m], `unseen` the displacement across it that may be there [m].
     """
-    T, approach = inverse(grasp.T_base_grasp), grasp.T_base_grasp[:3, 2]
-    points, cosines = [np.empty((0, 3))], [np.empty(0)]
+    points, cosines, approach = [np.empty((0, 3))], [np.empty(0)], grasp.T_base_grasp[:3, 2]
     for fruit in (grasp.fruit, *grasp.fruit.beside):
         skin = fruit_points(fruit)
         normals = (skin - fruit.T_base_fruit[:3, 3]) @ fruit.T_base_fruit[:3, :3] / fruit.dimensions**2
@@ -58,12 +57,13 @@ def landing_speeds(
         points.append(skin)
         cosines.append(-normals @ fruit.T_base_fruit[:3, :3].T @ approach)
     for box in obstacles:
-        x, y, z = box.half_extents
-        across = (np.linspace(-half, half, int(half / unseen) + 2) for half in (x, y))
-        top = np.stack([each.ravel() for each in np.meshgrid(*across, z)], axis=1)
+        half, below = np.array(box.half_extents), apply(inverse(box.T_base_box), grasp.T_base_grasp[:3, 3])
+        low, high = (np.clip(below + side, -half, half) for side in (-NEAR, NEAR))
+        grid = np.linspace(low, high, int(NEAR / unseen) + 2)
+        top = np.stack([each.ravel() for each in np.meshgrid(grid[:, 0], grid[:, 1], half[2])], axis=1)
         points.append(apply(box.T_base_box, top))
         cosines.append(np.ones(len(top)))
-    level = shape.levels(apply(T, np.vstack(points)), width, unseen)
+    level = shape.levels(apply(inverse(grasp.T_base_grasp), np.vstack(points)), width, unseen)
     speeds = FLAT / np.maximum(np.concatenate(cosines), 0.01) ** STEEPER
     near = np.abs(np.linspace(length, 0.0, int(length / 1e-3) + 2)[:, None] - level) <= LEVEL
     most: Float64 = np.where(near, speeds, np.inf).min(axis=1)
