@@ -17,6 +17,7 @@ LEAVES = sorted(
     for folder in (ROOT / kind).iterdir()
     if folder.is_dir() and folder.name != "__pycache__"
 )
+EMULATORS = {"emulators", "laboratory_emulators"}  # devices that stand in for real ones
 PAGE = 90  # lines of a README of one page: the longest lists 46 files
 MOST = 3000  # lines of a leaf
 # older leaves, whose bounds in scripts/size.json only fall, and the editor: its edits, `pomona lsp` and `pomona fmt`
@@ -51,6 +52,15 @@ def test_a_leaf_has_tests_in_its_place_and_is_small(leaf: Path) -> None:
     assert list((ROOT / "tests" / floor / kind / name).rglob("test_*.py"))
     lines = sum(path.read_text("utf-8").count("\n") for path in leaf.rglob("*.py"))
     assert lines <= LARGER.get(name, MOST)
+
+
+def test_no_device_of_a_real_cell_may_import_a_simulated_one() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+    real = next(each["source_modules"] for each in contracts if each["name"].startswith("Nothing that runs on a real"))
+    devices = {folder.name for folder in LEAVES if folder.parent.name == "devices"}
+    assert {name for name in real if name.startswith("pomona.devices.")} == {
+        f"pomona.devices.{name}" for name in devices - EMULATORS
+    }
 
 
 def test_a_leaf_is_found_by_entry_point(leaf: Path) -> None:

@@ -96,7 +96,6 @@ class ApproveType(Modifier):
 
     key, symbol = "approve", "✋"
     value = takes.Value(Port(bool), known=True)
-    outside_of = "timeout"
 
     def needed(self, at: NodeContext) -> bool:
         return at.literal(self.key) is True

@@ -122,7 +122,6 @@ class DelayType(Modifier):
 
     key, symbol = "delay", "◷"
     value = takes.duration("passes before each start of the node")
-    outside_of = "force"
     other_names = ("Delay",)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
@@ -138,7 +137,6 @@ class RateType(Modifier):
 
     key, symbol = "rate", "♩"
     value = takes.Value(Port(RATE, min=0.001), "starts a second at most")
-    outside_of = "delay"
     other_names = ("RateController",)
 
     def build(self, at: BuildContext) -> Behaviour:
@@ -150,7 +148,6 @@ class RunOnceType(Modifier):
 
     key, symbol = "run_once", "1"
     value = takes.Value(Port(bool), known=True)
-    outside_of = "for_each"
     other_names = ("RunOnce",)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:

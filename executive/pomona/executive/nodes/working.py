@@ -58,7 +58,6 @@ class BreakpointType(Modifier):
 
     key, symbol = "breakpoint", "◉"
     value = takes.Value(Port(str, choices=("before", "after")), known=True)
-    outside_of = "timeout"
 
     def needed(self, at: NodeContext) -> bool:
         return False

@@ -75,7 +75,7 @@ def _folder() -> Path:
 
 def _digest(points: Iterable[EntryPoint]) -> str:
     offered = [(point.name, point.value) for point in points]
-    said = [VERSION, sys.version, sys.prefix, offered, sorted(replacements().items())]
+    said = [VERSION, str(Path(__file__).parents[3]), sys.version, sys.prefix, offered, sorted(replacements().items())]
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
 
 

@@ -6,6 +6,7 @@
 //   ports: "path/name" → { value, writer, t, sentence }, tables: topic → { columns, rows, caption }, images and scenes: topic → { t, node, … }
 //   series: topic → { t: [], values: name → [] }, poses: topic → { t, poses, trace }, bodies: topic → values
 //   spans: [{ path, start, end, status }], marks: [{ t, kind, text }], logs: [{ t, path, text, level }], failures: [{ t, path, reason, next }]
+//   links: device → { state, t }, acts: [operator's], safeStop: its reason or null, hand, attempts: path → [{ number, … }]: see store.js
 // A panel is drawn at each change of the page, so it compares a key before it builds. One word in PANELS adds one.
 import { $, h } from "../dom.js";
 import * as tables from "./tables.js";
