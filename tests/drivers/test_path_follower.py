@@ -96,6 +96,7 @@ def test_stop_and_go_many_times_ends_at_the_end():
     assert np.all(acceleration < 1.1 * LIMITS.acceleration)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).filter(lambda a: max(map(abs, a)) > 0.2),

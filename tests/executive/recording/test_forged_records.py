@@ -116,6 +116,7 @@ def at(event: str, *keys: str | int) -> Place:
     return number, keys
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(place=PLACES, value=FORGED)
 @example(at("RunStarted", "nodes"), cycle("1", "0"))

@@ -181,6 +181,7 @@ def test_without_an_unmapped_object_the_path_stays_as_it_is() -> None:
     assert looking.slowed(looking.standing(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE), 0.03) is None
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.6, 1.5), st.floats(0.0, 2.0 * np.pi), st.floats(0.0, 1.0), st.floats(0.0, TOO_OLD))
 @example(away=0.82, angle=4.6, share=0.0, age=TOO_OLD)
@@ -213,6 +214,7 @@ class IdealWatch(PathWatch):
         return 3
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 1.0), st.integers(0, 10**6))
 def test_while_the_arm_goes_on_a_stop_after_the_next_frame_is_early_enough(share: float, seed: int) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from pomona.drivers.errors import BadTrajectory, MotionRefused
 from pomona.drivers.interfaces import MotionState, SetPoints, StreamedArm
-from tests.drivers.arm_rigs import RIGS, Rig
+from tests.drivers.devices.arm_rigs import RIGS, Rig
 
 WATCHDOG = 0.15
 TICK = 0.02  # between set-points [s]: of a skill

@@ -10,7 +10,7 @@ import pytest
 
 from pomona.drivers.errors import DeviceError
 from pomona.drivers.interfaces import Motion, MotionState
-from tests.drivers.arm_rigs import RIGS, Rig, Says
+from tests.drivers.devices.arm_rigs import RIGS, Rig, Says
 
 LIES: dict[str, Callable[[np.ndarray], Says]] = {
     "nan": lambda _now: lambda q: q * np.nan,
