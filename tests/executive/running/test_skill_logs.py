@@ -169,11 +169,21 @@ def test_a_line_that_cannot_be_shown_is_named() -> None:
 
 
 def test_a_thread_that_hangs_in_the_handler_holds_up_no_other() -> None:
-    logs = SkillLogs()
-    hanging = threading.Thread(target=logs.acquire)  # and never releases
+    logs, hangs, done = SkillLogs(), threading.Event(), threading.Event()
+
+    def hang() -> None:
+        logs.acquire()
+        hangs.set()
+        done.wait(60.0)
+
+    hanging = threading.Thread(target=hang)
     hanging.start()
-    hanging.join()
-    within(5.0, lambda: logs.handle(logging.LogRecord("scale", logging.INFO, "", 1, "150 g", (), None)))
+    try:
+        assert hangs.wait(10.0)
+        within(10.0, lambda: logs.handle(logging.LogRecord("scale", logging.INFO, "", 1, "150 g", (), None)))
+    finally:
+        done.set()
+        hanging.join()
 
 
 def test_last_words_of_a_skill_that_breaks_are_recorded_after_the_safe_stop() -> None:
