@@ -14,9 +14,8 @@ class NotUtf8Error(UnicodeDecodeError):
     """A file that is no text; the text is the reason, and the remedy."""
 
     def __str__(self) -> str:
-        if self.object.startswith((b"\xff\xfe", b"\xfe\xff")):
-            return "it is UTF-16; save it as UTF-8"
-        return f"byte {self.start} is not UTF-8"
+        utf_16 = self.object.startswith((b"\xff\xfe", b"\xfe\xff"))
+        return f"{'it is UTF-16' if utf_16 else f'byte {self.start} is not UTF-8'}; save it as UTF-8"
 
 
 def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
