@@ -11,8 +11,7 @@ from pomona.executive.values.sections import Problem, value
 from pomona.executive.values.units import PIXELS
 
 LARGEST = 100_000  # no image is wider or higher [px]
-
-
+LEAST_FOCAL = 0.1  # of a pinhole camera, as a share of its image's width: it would see 157°
 MOST_OBLONG = 1.25  # no camera's pixels are higher than wide by this factor, or wider than high
 
 
@@ -31,6 +30,8 @@ class IntrinsicsSection:
         for key, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
             if at > size:
                 yield Problem(key, f"it is {at:g} px, outside an image of {size} pixels")
+        if self.fx < LEAST_FOCAL * self.width:
+            yield Problem("fx", f"it is {self.fx:g} px in an image of {self.width} px: is it in mm?")
         if not 1.0 / MOST_OBLONG <= self.fx / self.fy <= MOST_OBLONG:
             yield Problem("fx", f"it is {self.fx:g} px and fy is {self.fy:g} px: a camera's are nearly the same")
 

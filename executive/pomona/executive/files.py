@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings, did_you_mean
 from pomona.executive.values.installation import entry_points, installed_trees
-from pomona.executive.values.plain_text import exists, is_file, not_utf8, read_plain_text
+from pomona.executive.values.plain_text import NotUtf8Error, exists, is_file, read_plain_text
 
 
 def find_tree(name: str) -> Path:
@@ -34,10 +34,10 @@ def read_text(path: Path) -> str:
     """Return a text file. Raises UsageError: it cannot be read, or is not UTF-8."""
     try:
         return read_plain_text(path)
-    except UnicodeDecodeError as error:
+    except NotUtf8Error as error:
         before = error.object[: error.start]
         place = f"{path}:{before.count(10) + 1}:{len(before) - before.rfind(10)}"
-        raise UsageError(f"{place}: not a text file ({not_utf8(error)})") from error
+        raise UsageError(f"{place}: not a text file ({error})") from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
 

@@ -18,6 +18,7 @@ from pomona.executive.running.events import Event, Logged, RunEnded, SafeStopped
 from pomona.executive.running.traces import MOST_LOGGED, SkillLogs
 from pomona.executive.skill import POLLED, Interrupted, Skill, Work
 from pomona.executive.terminal.explain import MOST_LINES, explain
+from pomona.executive.values.processes import within
 from pomona.tools.library.difference import first_difference
 
 log = logging.getLogger("somebody.elses.package")
@@ -165,6 +166,24 @@ def test_a_line_that_cannot_be_shown_is_named() -> None:
     (line,) = logs.take(0.5, 25)
     assert (line.t, line.tick, line.node) == (0.5, 25, "t/Weigh")
     assert line.text.startswith("'%d apples' cannot be shown: ")
+
+
+def test_a_thread_that_hangs_in_the_handler_holds_up_no_other() -> None:
+    logs, hangs, done = SkillLogs(), threading.Event(), threading.Event()
+
+    def hang() -> None:
+        logs.acquire()
+        hangs.set()
+        done.wait(60.0)
+
+    hanging = threading.Thread(target=hang)
+    hanging.start()
+    try:
+        assert hangs.wait(10.0)
+        within(10.0, lambda: logs.handle(logging.LogRecord("scale", logging.INFO, "", 1, "150 g", (), None)))
+    finally:
+        done.set()
+        hanging.join()
 
 
 def test_last_words_of_a_skill_that_breaks_are_recorded_after_the_safe_stop() -> None:

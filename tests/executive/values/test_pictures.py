@@ -112,8 +112,8 @@ def test_a_file_that_is_no_picture_is_refused_with_its_reason(content: bytes, re
 
 def test_a_file_that_cannot_be_opened_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     os.mkfifo(tmp_path / "pipe.png")
-    for name in ("none.png", "pipe.png", ""):
-        with pytest.raises(UnusablePicture, match="there is no such file"):
+    for name, reason in (("none.png", "there is no such file"), ("pipe.png", "is no file"), ("", "is no file")):
+        with pytest.raises(UnusablePicture, match=reason):
             read_picture(tmp_path / name)
     write_picture(tmp_path / "a.png", RGB)
     monkeypatch.setattr(pictures, "MOST_BYTES", 16)

@@ -25,6 +25,8 @@ except ImportError as error:
 NOT_ROS = (AttributeError, TypeError, ValueError, IndexError)
 """A bag brings its own types: one that bears a name of ROS may have other fields."""
 
+MCAP = b"\x89MCAP0\r\n"  # both ends of an .mcap
+BEGINNINGS = {".mcap": MCAP, ".db3": b"SQLite format 3\0", ".bag": b"#ROSBAG V"}
 FILES = (".mcap", ".db3")  # endings of the files in the folder of a bag of ROS 2
 
 
@@ -105,7 +107,9 @@ class Bag:
         except (KeyboardInterrupt, SystemExit, UnusableFrames):
             raise
         except BaseException as error:
-            raise UnusableFrames(self.path, f"{wrong}: {str(error) or type(error).__name__}") from error
+            reason = " ".join(str(error).split()) or type(error).__name__
+            index = "; `ros2 bag reindex` writes metadata.yaml anew" if self.path.is_dir() else ""
+            raise UnusableFrames(self.path, f"{wrong}: {reason:.200}{index}") from error
 
 
 def why(error: Exception) -> str:
@@ -117,9 +121,7 @@ def why(error: Exception) -> str:
 
 def _check_kind(path: Path) -> None:
     if path.is_file():
-        with path.open("rb") as stream:
-            if is_lfs_pointer(stream.read(64)):
-                raise UnusableFrames(path, "is a pointer of Git LFS; `git lfs pull` fetches the bag")
+        _check_file(path)
         if path.suffix != path.suffix.lower():
             raise UnusableFrames(path, f"ends with {path.suffix}: rename it to end with {path.suffix.lower()}")
         return
@@ -127,6 +129,26 @@ def _check_kind(path: Path) -> None:
     if parts and not (path / "metadata.yaml").is_file():
         remedy = f"`ros2 bag reindex` writes it; or name one of its files, such as {parts[0].name}"
         raise UnusableFrames(path, f"is a bag without metadata.yaml, of a recorder that was cut off: {remedy}")
+    for part in parts:
+        _check_file(part)
+
+
+def _check_file(path: Path) -> None:
+    """Refuse a file that is no bag, or not a whole one, before the reader gives its own words for that."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(64)
+        stream.seek(max(size - len(MCAP), 0))
+        tail = stream.read()
+    if is_lfs_pointer(head):
+        raise UnusableFrames(path, "is a pointer of Git LFS; `git lfs pull` fetches the bag")
+    if not size:
+        raise UnusableFrames(path, "is empty")
+    begins = BEGINNINGS.get(path.suffix.lower(), b"")
+    if not head.startswith(begins):
+        raise UnusableFrames(path, f"is no bag: its beginning is not that of {path.suffix.lower()}")
+    if begins == MCAP and (tail != MCAP or size < 2 * len(MCAP)):
+        raise UnusableFrames(path, "is cut off: `mcap recover` saves the messages that it holds")
 
 
 @cache

@@ -126,7 +126,8 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
 def _check_type(bag: Bag, topic: str, kinds: Sequence[str]) -> None:
     found = bag.topics.get(topic)
     if found is None:
-        there = ", ".join(f"{name} ({kind})" for name, kind in sorted(bag.topics.items())) or "nothing"
+        seen = {name: kind for name, kind in bag.topics.items() if kind in (IMAGE, COMPRESSED, INFO)} or bag.topics
+        there = ", ".join(f"{name} ({kind})" for name, kind in sorted(seen.items())) or "nothing"
         raise UnusableFrames(bag.path, f"has no topic {topic}; it has {there}")
     if found not in kinds:
         raise UnusableFrames(bag.path, f"{topic} is {found}, not {' or '.join(kinds)}")

@@ -12,7 +12,7 @@ from pomona.executive.language.model import Declared, Definition, Document, Tree
 from pomona.executive.language.read_node import NodeReader, is_word
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.findings import Edit, Finding, Findings, Source, Spot, few_hints
-from pomona.executive.values.plain_text import not_utf8, read_plain_text
+from pomona.executive.values.plain_text import NotUtf8Error, read_plain_text
 from pomona.executive.values.yaml_errors import moved
 from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
 
@@ -54,8 +54,8 @@ def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Documen
 def _load(path: Path, shown: str, findings: Findings, where: YamlNode | None = None) -> str | None:
     try:
         return read_plain_text(path)
-    except UnicodeDecodeError as error:
-        problem = f"no text file ({not_utf8(error)})"
+    except NotUtf8Error as error:
+        problem = f"no text file ({error})"
     except (OSError, ValueError) as error:
         problem = (getattr(error, "strerror", None) or str(error)).lower()
     message = f"{shown} cannot be read: {problem}"

@@ -126,10 +126,6 @@ class SkillLogs(logging.Handler):
         self._lines = deque[tuple[str, str, str]]()
         self._counts, self._until = Counter[str](), 0.0
 
-    def createLock(self) -> None:
-        """Make no lock: a thread that hangs while it logs must not hold up the tick."""
-        self.lock = None
-
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
         """Take INFO lines in here. Warnings go on to the error stream, as without this handler."""
@@ -143,8 +139,8 @@ class SkillLogs(logging.Handler):
             _set_level(root, level)
             root.handlers = [handler for handler in root.handlers if handler not in handlers]
 
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line of a skill; never raises."""
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Keep a line of a skill; never raises. No lock: a thread that hangs as it logs must not hold up the tick."""
         node = POLLED.get()
         self._counts[node] += bool(node)
         if node and self._counts[node] <= MOST_LOGGED:
@@ -154,6 +150,7 @@ class SkillLogs(logging.Handler):
             except Exception as error:  # of the caller's arguments: a log must not end a run
                 text = f"{record.msg!r:.60} cannot be shown: {sentence_of(error)}"
             self._lines.append((node, record.levelname, shortened(text)))
+        return True
 
     def take(self, t: float, tick: int, last: bool = False) -> Iterator[Logged]:
         """Yield the lines since the last call; once a second, and at last, also how many were left out."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from pomona.executive.values.findings import Finding, Findings, Source, did_you_mean
 from pomona.executive.values.kinds import Schema
-from pomona.executive.values.plain_text import is_file, not_utf8, read_plain_text
+from pomona.executive.values.plain_text import is_file, read_plain_text
 from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar, read_yaml, shape_of
 
 MAX_INCLUDES = 8  # a file may include one that includes another, so deep
@@ -128,8 +128,6 @@ class _Opener:
     def _text(self, path: Path, included_at: YamlScalar | None) -> str | None:
         try:
             text = self.texts[str(path)] if str(path) in self.texts else read_plain_text(path)
-        except UnicodeDecodeError as error:
-            problem = f"is no text file ({not_utf8(error)})"
         except (OSError, ValueError) as error:
             problem = f"cannot be read: {getattr(error, 'strerror', None) or error}"
         else:

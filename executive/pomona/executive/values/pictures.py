@@ -105,7 +105,7 @@ def is_lfs_pointer(content: bytes) -> bool:
 def _content(path: Path) -> bytes:
     try:
         if not path.is_file():  # a pipe would be waited for
-            raise UnusablePicture("there is no such file")
+            raise UnusablePicture("is no file" if path.exists() else "there is no such file")
         if path.stat().st_size > MOST_BYTES:
             raise UnusablePicture(f"is larger than {MOST_BYTES >> 30} GiB")
         return path.read_bytes()

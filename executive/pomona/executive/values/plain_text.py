@@ -10,11 +10,19 @@ from pathlib import Path
 MOST_BYTES = 16 * 1024 * 1024  # of a file: four for each character of a Groot2 project of 4 Mi characters
 
 
+class NotUtf8Error(UnicodeDecodeError):
+    """A file that is no text; the text is the reason, and the remedy."""
+
+    def __str__(self) -> str:
+        utf_16 = self.object.startswith((b"\xff\xfe", b"\xfe\xff"))
+        return f"{'it is UTF-16' if utf_16 else f'byte {self.start} is not UTF-8'}; save it as UTF-8"
+
+
 def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
     """Read the text of a file or of the target of a link, without a byte order mark; lines end with "\\n".
 
     Raises:
-        UnicodeDecodeError: it is not UTF-8.
+        NotUtf8Error: it is not UTF-8.
         OSError: it is not a file, is longer than `most` bytes, or cannot be opened; `strerror` holds the reason.
         ValueError: the path holds a character that no path may.
     """
@@ -24,7 +32,10 @@ def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
     with path.open(encoding="utf-8-sig") as stream:
         if path.stat().st_size > most:
             raise OSError(errno.EFBIG, f"Larger than {most // 1024} KiB")
-        return stream.read(most)
+        try:
+            return stream.read(most)
+        except UnicodeDecodeError as error:
+            raise NotUtf8Error(*error.args) from None
 
 
 class NoTableError(ValueError):
@@ -39,8 +50,8 @@ def read_table(path: Path, needed: Sequence[str], most: int = MOST_BYTES) -> lis
     try:
         reader = csv.DictReader(read_plain_text(path, most).split("\n"))
         rows = [(reader.line_num, row) for row in reader]
-    except UnicodeDecodeError as error:
-        raise NoTableError(f"is no table: {not_utf8(error)}") from error
+    except NotUtf8Error as error:
+        raise NoTableError(f"is no table: {error}") from error
     except OSError as error:
         raise NoTableError(f"cannot be read: {error.strerror}") from error
     except csv.Error as error:
@@ -55,13 +66,6 @@ def read_table(path: Path, needed: Sequence[str], most: int = MOST_BYTES) -> lis
     if twice:
         raise NoTableError(f"has the column {', '.join(twice)} twice")
     return rows
-
-
-def not_utf8(error: UnicodeDecodeError) -> str:
-    """Return the reason why a file is no text, and the remedy."""
-    if error.object.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "it is UTF-16; save it as UTF-8"
-    return f"byte {error.start} is not UTF-8"
 
 
 def is_file(path: Path) -> bool:

@@ -130,7 +130,7 @@ class Composer:
         get()  # stream start
         event = get()
         if isinstance(event, yaml.StreamEndEvent):
-            hint = "begin it with 'pomona: 1'"
+            hint = "begin it with 'pomona: 1'" if self.what == "a tree file" else ""
             self.findings.error(self._scalar_at(event), "empty", f"the file is empty, {self.what} is a mapping", hint)
             return None
         root = self.node(get(), 0)

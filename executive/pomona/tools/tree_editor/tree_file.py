@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.executive.errors import PomonaError, UsageError
-from pomona.executive.values.plain_text import not_utf8
+from pomona.executive.values.plain_text import NotUtf8Error
 from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
 
 MOST_BYTES = 4 * MAX_CHARACTERS  # of a file: a character of UTF-8 has four bytes at most
@@ -94,7 +94,7 @@ class EditedFile:
             data = self._bytes()
             written = data.decode("utf-8")
         except UnicodeDecodeError as error:
-            return DiskText(problem=f"not a text file ({not_utf8(error)})", readable=False)
+            return DiskText(problem=f"not a text file ({NotUtf8Error(*error.args)})", readable=False)
         except OSError as error:
             return DiskText(problem=f"cannot be read: {error.strerror}", readable=False)
         stamp = hashlib.sha256(data).hexdigest()

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pomona.skills.perception import CompactDetector, DetectorOptions, FoundFruit
     from pomona.tools.box_detectors.box_model import ScoredBox
 
+BESIDE = (".txt", ".json", ".xml", ".csv", ".yaml", ".yml", ".md", ".npy")  # labels and notes, beside pictures
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
@@ -113,7 +114,16 @@ def _files(given: Sequence[Path]) -> Iterator[Path]:
         below = sorted({file.parent for file in path.glob("*/*") if _is_picture(file.name)})
         if below:
             sys.stderr.write(f"{path}: pictures of the folders in it are not searched: {', '.join(map(str, below))}\n")
+        others = sorted(file.name for file in path.iterdir() if file.is_file() and not _is_expected(file.name))
+        if others:
+            more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+            sys.stderr.write(f"{path}: not searched, expected {', '.join(ENDINGS)}: {', '.join(others[:3])}{more}\n")
         yield from inside
+
+
+def _is_expected(name: str) -> bool:
+    """Return True for a picture, and for what lies beside pictures: depth, labels, notes and hidden files."""
+    return _is_picture(name) or name.startswith(".") or name.lower().endswith((*BESIDE, DEPTH))
 
 
 def _is_picture(name: str) -> bool:

@@ -64,7 +64,10 @@ def read_labels(
     Raises BadPhotographs: as of `read_photographs`.
     """
     if place.suffix.lower() == ".json" and place.is_file():
-        return tuple(_all_checked(_coco(place, _json(place), place.parent, fruit), progress))
+        content = _json(place)
+        if not isinstance(content, dict):
+            raise BadPhotographs(place, "is no COCO file, expected images, annotations and categories")
+        return tuple(_all_checked(_coco(place, content, place.parent, fruit), progress))
     return tuple(_all_checked(_labelled(place, fruit), progress))
 
 
@@ -85,8 +88,11 @@ def _labelled(folder: Path, fruit: str) -> list[Labelled]:
 
 
 def _all_checked(labelled: list[Labelled], progress: Callable[[int, int], None] | None) -> list[Photograph]:
-    photographs = []
+    photographs, says = [], dict[Path, str]()
     for number, item in enumerate(labelled):
+        if item.path in says:
+            raise BadPhotographs(Path(item.says), f"labels {item.path.name}, as {says[item.path]} does: expected one")
+        says[item.path] = item.says
         photographs.append(_checked(item))
         if progress is not None:
             progress(number + 1, len(labelled))
@@ -151,6 +157,8 @@ def _checked(item: Labelled) -> Photograph:
     for k in range(len(boxes)):
         if not np.isfinite(boxes[k]).all() or (boxes[k, 2:] <= 0.0).any():
             raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height")
+        if not item.parts and (high[k] <= 1.0).all():
+            raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in parts of the picture, expected pixels")
         if (low[k] < -SLACK).any() or (high[k] > limits + SLACK).any():
             x, y, w, h = boxes[k]
             raise BadPhotographs(
@@ -205,7 +213,8 @@ def _yolo_folders(folder: Path) -> list[tuple[Path, Path]]:
 
 def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list[Labelled]:
     """`images/` beside `labels/`, either with the splits as folders in them or inside folders of the splits."""
-    wanted = _wanted(folder, fruit)
+    names = _names(folder)
+    wanted = None if names is None else _class_of(*names, fruit)
     items, seen = [], set()
     for labels, images in places:
         texts = {
@@ -218,6 +227,8 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
             text = (labels / name).with_name(f"{name.name}.txt")
             item = Labelled(pictures[name], str(text), split, parts=True)
             for line, kind, box in _yolo_lines(text):
+                if names is not None and kind not in names[1]:
+                    raise BadPhotographs(text, f"line {line}: the class {kind} has no name in {names[0]}")
                 seen.add(kind)
                 if wanted is None or kind == wanted:
                     item.add(box, f"line {line}")
@@ -268,20 +279,34 @@ def _yolo_lines(path: Path) -> Iterator[tuple[int, int, tuple[float, float, floa
             raise BadPhotographs(path, f"line {number}: expected class, x, y, w, h, not {len(values) + 1} numbers")
 
 
-def _wanted(folder: Path, fruit: str) -> int | None:
-    """Return the number of the fruit's class by `data.yaml` or `classes.txt`; None where there are no names."""
+def _names(folder: Path) -> tuple[Path, dict[int, str]] | None:
+    """Return the names of classes by their number, and the file that gives them; None where there is none.
+
+    Raises BadPhotographs: a file cannot be read, or two contradict each other.
+    """
     places = ("data.yaml", "data.yml", CLASSES, f"labels/{CLASSES}")
-    described = next((p for n in places if (p := folder / n).is_file()), None)
-    if described is None:
+    found = {path: _names_in(path) for name in places if (path := folder / name).is_file()}
+    if not found:
         return None
+    first, names = next(iter(found.items()))
+    for path, others in found.items():
+        if others != names:
+            raise BadPhotographs(path, f"names other classes than {first}: expected one of them")
+    return first, names
+
+
+def _names_in(path: Path) -> dict[int, str]:
     try:
-        text = read_plain_text(described)
-        names = text.split("\n") if described.suffix == ".txt" else yaml.safe_load(text)["names"]
+        text = read_plain_text(path)
+        names = text.split("\n") if path.suffix == ".txt" else yaml.safe_load(text)["names"]
         pairs = names.items() if isinstance(names, dict) else enumerate(names)
-        by_number = {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
-    except (OSError, yaml.YAMLError, RecursionError, KeyError, TypeError, ValueError):
-        raise BadPhotographs(described, "does not name the classes: names: [apple]") from None
-    return _class_of(described, by_number, fruit)
+        return {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
+    except (yaml.MarkedYAMLError, UnicodeDecodeError, OSError) as error:
+        mark = getattr(error, "problem_mark", None)
+        reason = f"no YAML, at line {mark.line + 1}" if mark is not None else str(error)
+        raise BadPhotographs(path, f"cannot be read: {reason}") from None
+    except (yaml.YAMLError, RecursionError, KeyError, TypeError, ValueError):
+        raise BadPhotographs(path, "does not name the classes: names: [apple]") from None
 
 
 def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
@@ -309,31 +334,65 @@ def _json(path: Path) -> Any:
     try:
         return json.loads(read_plain_text(path, MOST_JSON))
     except (OSError, ValueError, RecursionError) as error:
-        raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
+        raise BadPhotographs(path, f"is no JSON: {error}") from error
 
 
-def _coco(path: Path, content: Any, folder: Path, fruit: str) -> list[Labelled]:
-    try:
-        images, annotations, categories = (content[key] for key in ("images", "annotations", "categories"))
-        wanted = _class_of(path, {int(c["id"]): str(c["name"]) for c in categories}, fruit)
-        words = *path.stem.replace("-", "_").split("_"), path.parent.name if path.parent != folder else ""
-        split = next((word for word in words if _is_split(word)), "")
-        items = {}
-        for image in images:
-            size = int(image["width"]), int(image["height"])
-            items[image["id"]] = Labelled(
-                _picture(folder, path, str(image["file_name"]).replace("\\", "/")), str(path), split, size=size
-            )
-        for number, annotation in enumerate(annotations):
-            if int(annotation["category_id"]) != wanted:
-                continue
-            if annotation["image_id"] not in items:
-                raise BadPhotographs(path, f"annotation {number} is of a picture that is not in images")
-            x, y, w, h = (float(v) for v in annotation["bbox"])
-            items[annotation["image_id"]].add((x, y, w, h), f"annotation {number}", bool(annotation.get("iscrowd")))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
+def _coco(path: Path, content: dict[str, Any], folder: Path, fruit: str) -> list[Labelled]:
+    categories = _entries(path, content, "categories")
+    names = {_whole(path, at, entry, "id"): _text(path, at, entry, "name") for at, entry in categories}
+    wanted = _class_of(path, names, fruit)
+    words = *path.stem.replace("-", "_").split("_"), path.parent.name if path.parent != folder else ""
+    split = next((word for word in words if _is_split(word)), "")
+    items = dict[str, Labelled]()
+    for at, image in _entries(path, content, "images"):
+        number, name = _text(path, at, image, "id"), _text(path, at, image, "file_name").replace("\\", "/")
+        if number in items:
+            raise BadPhotographs(path, f"{at}: another picture has the id {number}")
+        size = _whole(path, at, image, "width"), _whole(path, at, image, "height")
+        items[number] = Labelled(_picture(folder, path, name), str(path), split, size=size)
+    for at, annotation in _entries(path, content, "annotations"):
+        kind, number = _whole(path, at, annotation, "category_id"), _text(path, at, annotation, "image_id")
+        if kind not in names:
+            raise BadPhotographs(path, f"{at}: its category {kind} is not in categories")
+        if number not in items:
+            raise BadPhotographs(path, f"{at}: its picture {number} is not in images")
+        if kind == wanted:
+            items[number].add(_box(path, at, annotation), at, bool(annotation.get("iscrowd")))
     return list(items.values())
+
+
+def _entries(path: Path, content: dict[str, Any], key: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the place and the content of each entry of a list of a COCO file."""
+    entries = content.get(key)
+    if not isinstance(entries, list):
+        raise BadPhotographs(path, f"has no list of {key}, expected COCO's images, annotations and categories")
+    for number, entry in enumerate(entries):
+        at = f"{key.replace('ies', 'ys')[:-1]} {number}"
+        if not isinstance(entry, dict):
+            raise BadPhotographs(path, f"{at}: expected names with values")
+        yield at, entry
+
+
+def _text(path: Path, at: str, entry: dict[str, Any], key: str) -> str:
+    value = entry.get(key)
+    if not isinstance(value, str | int):
+        raise BadPhotographs(path, f"{at}: has no {key}")
+    return str(value)
+
+
+def _whole(path: Path, at: str, entry: dict[str, Any], key: str) -> int:
+    try:
+        return int(_text(path, at, entry, key))
+    except ValueError:
+        raise BadPhotographs(path, f"{at}: its {key} is no whole number") from None
+
+
+def _box(path: Path, at: str, entry: dict[str, Any]) -> tuple[float, float, float, float]:
+    try:
+        x, y, w, h = (float(value) for value in entry["bbox"])
+    except (KeyError, TypeError, ValueError):
+        raise BadPhotographs(path, f"{at}: has no bbox of four numbers: x, y, w, h") from None
+    return x, y, w, h
 
 
 def _picture(folder: Path, described: Path, name: str) -> Path:

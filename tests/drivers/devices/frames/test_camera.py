@@ -219,6 +219,18 @@ def test_pixels_twice_as_high_as_wide_are_refused(cell: Path, folder: Path, foca
         connect_folder(cell, folder)
 
 
+def test_a_focal_length_in_millimetres_is_refused(cell: Path, folder: Path) -> None:
+    (folder / "intrinsics.yaml").write_text(INTRINSICS.replace("600 px", "3.6 px").replace("601 px", "3.6 px"))
+    with pytest.raises(CellFileError, match=r"fx: it is 3\.6 px in an image of 40 px: is it in mm\?"):
+        connect_folder(cell, folder)
+
+
+def test_an_empty_file_of_intrinsics_is_no_empty_tree(cell: Path, folder: Path) -> None:
+    (folder / "intrinsics.yaml").write_text("")
+    with pytest.raises(CellFileError, match="the file is empty, a file of intrinsics is a mapping\n"):
+        connect_folder(cell, folder)
+
+
 def test_a_macs_hidden_file_is_no_frame(cell: Path, folder: Path) -> None:
     for name in ("a_color.png", "a_depth_mm.png"):
         (folder / f"._{name}").write_bytes(b"Mac OS X")

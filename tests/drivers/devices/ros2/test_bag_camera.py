@@ -309,13 +309,34 @@ def test_no_bag_or_half_a_bag_is_refused(cell: Path) -> None:
         open_bag(cell, "elsewhere")
     bag = write(cell.parent / "bag", two())
     (bag / "metadata.yaml").write_text("[")
-    with pytest.raises(CellFileError, match="is no bag that can be read"):
+    with pytest.raises(CellFileError, match=r"is no bag that can be read: .*; `ros2 bag reindex` writes"):
         open_bag(cell, bag)
     whole = (bag / "bag.mcap").read_bytes()
-    for part in (b"", whole[:20], whole[: len(whole) // 2]):
-        (cell.parent / "part.mcap").write_bytes(part)
-        with pytest.raises(CellFileError, match=r"part\.mcap"):
-            open_bag(cell, cell.parent / "part.mcap")
+    for part, words in (
+        (b"", "is empty"),
+        (whole[:8], r"is cut off: `mcap recover`"),
+        (whole[:20], r"is cut off: `mcap recover`"),
+        (whole[: len(whole) // 2], r"is cut off: `mcap recover`"),
+        (b"hello", r"is no bag: its beginning is not that of \.mcap"),
+        (b"version https://git-lfs.github.com/spec/v1", r"is a pointer of Git LFS"),
+    ):
+        for place, named in ((cell.parent / "part.mcap", cell.parent / "part.mcap"), (bag / "bag.mcap", bag)):
+            place.write_bytes(part)
+            with pytest.raises(CellFileError, match=rf"{place.name}: {words}"):
+                open_bag(cell, named)
+
+
+@pytest.mark.parametrize("name", ["part.db3", "part.bag"])
+def test_a_file_that_only_bears_the_name_of_a_bag_is_refused(cell: Path, name: str) -> None:
+    (cell.parent / name).write_bytes(b"hello")
+    with pytest.raises(CellFileError, match="is no bag: its beginning is not that of"):
+        open_bag(cell, cell.parent / name)
+
+
+def test_of_a_bag_with_pictures_only_their_topics_are_listed(cell: Path) -> None:
+    bag = write(cell.parent / "bag", [("/other", 1, image(colour(), "rgb8")), ("/words", 1, TEXT)])
+    with pytest.raises(CellFileError, match=r"has no topic /colour; it has /other \(sensor_msgs/msg/Image\)\n"):
+        open_bag(cell, bag)
 
 
 def test_a_bag_without_metadata_or_message_index_is_refused_with_the_remedy(cell: Path) -> None:

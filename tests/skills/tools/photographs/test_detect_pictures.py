@@ -225,6 +225,16 @@ def test_folders_in_a_folder_are_named_and_not_searched(
     assert f"not searched: {pictures / 'more'}" in capsys.readouterr().err
 
 
+def test_files_that_may_be_pictures_and_are_not_searched_are_named(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a.gif", "b.dng", "c.exr", "d.JP2", "notes.txt", "labels.json", ".hidden.gif"):
+        (pictures / name).write_bytes(b"")
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "not searched" in line)
+    assert line.endswith(".avif: a.gif, b.dng, c.exr and 1 more")
+
+
 def test_an_empty_folder_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(tmp_path, "--out", tmp_path / "out") == 2
     assert "holds no pictures" in capsys.readouterr().err

@@ -160,6 +160,27 @@ def _remove(name: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).unlink()
 
 
+def _encode(name: str, encoding: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text((folder / name).read_text(), encoding=encoding)
+
+
+def _change(key: str, number: int = 0, **values: object) -> Callable[[Path], object]:
+    """Change an entry of the COCO file of the photographs to learn from."""
+
+    def change(folder: Path) -> None:
+        path = folder / "annotations" / "instances_train.json"
+        content = json.loads(path.read_text())
+        content[key][number] |= values
+        path.write_text(json.dumps(content))
+
+    return change
+
+
+def _twice(folder: Path) -> None:
+    path = folder / "annotations" / "instances_train.json"
+    path.with_name("instances_train_copy.json").write_text(path.read_text())
+
+
 MISTAKES = [
     (tables, _remove("fruit.csv"), r"fruit\.csv: no such file"),
     (tables, _remove("images.csv"), r"images\.csv: no such file"),
@@ -211,8 +232,28 @@ MISTAKES = [
     (yolo, _append("train/labels/a_0.txt", "\n\n1 0.9 0.5\n"), r"a_0\.txt: line 6: expected class"),
     (yolo, _append("train/labels/a_0.txt", "nan 0.5 0.5 0.1 0.1\n"), r"line 4: the class nan is no whole number"),
     (yolo, _append("train/labels/a_0.txt", "0.7 0.5 0.5 0.1 0.1\n"), r"line 4: the class 0\.7 is no whole number"),
-    (coco, _write("annotations/instances_val.json", "{"), r"instances_val\.json: is no COCO file"),
-    (coco, _write("annotations/instances_val.json", '{"images": []}'), r"is no COCO file: KeyError 'annotations'"),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "9 0.5 0.5 0.1 0.1\n"),
+        r"a_0\.txt: line 4: the class 9 has no name in .*data\.yaml",
+    ),
+    (yolo, _write("classes.txt", "apple\nleaf\n"), r"classes\.txt: names other classes than .*data\.yaml"),
+    (yolo, _write("data.yaml", "names: [apple\n"), r"data\.yaml: cannot be read: no YAML, at line 2"),
+    (yolo, _encode("data.yaml", "utf-16"), r"data\.yaml: cannot be read: it is UTF-16; save it as UTF-8"),
+    (yolo, _encode("train/labels/a_0.txt", "utf-16"), r"a_0\.txt: is no text: it is UTF-16; save it as UTF-8"),
+    (tables, _append("fruit.csv", "a_0.jpg,0.2,0.2,0.1,0.1\n"), r"line 7: the box is in parts of the picture"),
+    (coco, _write("annotations/instances_val.json", "{"), r"instances_val\.json: is no JSON: Expecting"),
+    (coco, _write("annotations/instances_val.json", '{"images": []}'), r"has no list of categories, expected COCO's"),
+    (coco, _twice, r"copy\.json: labels a_0\.jpg, as .*instances_train\.json does"),
+    (coco, _change("annotations", bbox=[0.1, 0.1, 0.2, 0.2]), r"annotation 0: the box is in parts of the picture"),
+    (coco, _change("annotations", bbox=[1, 2, 3]), r"annotation 0: has no bbox of four numbers: x, y, w, h"),
+    (coco, _change("annotations", bbox=None), r"annotation 0: has no bbox of four numbers"),
+    (coco, _change("annotations", category_id=99), r"annotation 0: its category 99 is not in categories"),
+    (coco, _change("annotations", image_id=99), r"annotation 0: its picture 99 is not in images"),
+    (coco, _change("annotations", image_id=None), r"annotation 0: has no image_id"),
+    (coco, _change("images", 1, id=0), r"image 1: another picture has the id 0"),
+    (coco, _change("images", width="wide"), r"image 0: its width is no whole number"),
+    (coco, _change("categories", name=None), r"category 0: has no name"),
     (coco, _remove("images/b_0.jpg"), r"b_0\.jpg: is labelled in .*instances_val\.json, but there is no such picture"),
     (coco, lambda folder: draw(folder / "images" / "b_0.jpg", [], 300), r"b_0\.jpg: is 300 × 300, .*says 240 × 240"),
 ]
