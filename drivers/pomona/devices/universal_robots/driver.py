@@ -196,7 +196,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
             self._heard_at = now
         problem = stopped(session.whole("safety_mode"), session.whole("robot_mode"))
         if not problem and session.whole(ENDED) == 2:
-            problem = "ran out of knots: the computer or the connection was delayed, and the arm has stopped"
+            problem = "got a knot too late: the computer or the connection was delayed, and the arm has stopped"
         problem = problem or interrupted(session.whole("runtime_state"))
         if not problem and now - self._heard_at > UNHEARD + BEAT:
             problem = "another program has replaced this one on the controller; one of them only can move the arm"

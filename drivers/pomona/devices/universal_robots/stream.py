@@ -95,7 +95,7 @@ class KnotStream:
         while len(self._taken) > 1 and self._taken[0].time < playing:
             self._taken.popleft()
         if not self._waiting:
-            self._brake(playing)
+            self._brake(playing if self._began is None else max(playing, now - self._began))
             if self._left(now) < self._lead:
                 self._extend(now)
         return self._waiting[0] if self._waiting else None
