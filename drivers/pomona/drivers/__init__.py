@@ -85,7 +85,7 @@ if TYPE_CHECKING:
         StreamingArm as StreamingArm,
         words as words,
     )
-    from pomona.drivers.path_motion import PathFollower as PathFollower, PathMotion as PathMotion, Phase as Phase
+    from pomona.drivers.path_motion import PathFollower as PathFollower, PathMotion as PathMotion
     from pomona.drivers.robot_file import ArmFile as ArmFile, read_limits as read_limits
     from pomona.drivers.rolling_path import (
         POINT_PERIOD as POINT_PERIOD,
@@ -144,7 +144,7 @@ PUBLIC = {
     ),
     "motion_supervisor": "Supervision",
     "path_arm": "AT_REST PathArm SetPointStream StreamingArm words",
-    "path_motion": "PathFollower PathMotion Phase",
+    "path_motion": "PathFollower PathMotion",
     "pomona.executive.cell.cell": "Cell",
     "pomona.executive.cell.cell_file": "read_cell_file",
     "pomona.executive.cell.connect": "load_cell",

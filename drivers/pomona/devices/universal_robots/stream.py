@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pomona.devices.universal_robots.options import UrFile
-from pomona.drivers import KnotMaker, MotionState, PathFollower, PathMotion, Phase, StreamedMotion
+from pomona.drivers import KnotMaker, MotionState, PathFollower, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # period of stepping the path here [s]
 CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
 SURE = 0.02  # a knot is in the script within this time: two cycles of a CB3, and the network [s]
+JOINED = 3  # knots of which the last alone is sent when a motion brakes: the script needs the next one later
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,47 +96,48 @@ class KnotStream:
         while len(self._taken) > 1 and self._taken[0].time < playing:
             self._taken.popleft()
         if not self._waiting:
-            self._brake(playing if self._began is None else max(playing, now - self._began))
-            if self._left(now) < self._lead:
-                self._extend(now)
+            braked = self._brake(playing if self._began is None else max(playing, now - self._began))
+            if braked or self._left(now) < self._lead:
+                self._extend(now, JOINED if braked else 1)
         return self._waiting[0] if self._waiting else None
 
     def _left(self, now: float) -> float:
         """Return for how long the script plays what it has [s]; negative when it has played all."""
         return -1.0 if self._began is None else self._began + self._time - now
 
-    def _brake(self, playing: float) -> None:
+    def _brake(self, playing: float) -> bool:
         """Let a motion that was stopped brake from the first knot that is not due within `SURE`; once."""
-        motion = self._maker.motion
-        stopped = motion.phase is Phase.BRAKING and motion.state is MotionState.RUNNING
-        if self._braked or not stopped or not isinstance(motion, PathMotion):
-            return
+        motion, taken = self._maker.motion, self._taken
+        stopped = motion.phase.name == "BRAKING" and motion.state is MotionState.RUNNING
+        if self._braked or not stopped or not taken:
+            return False
         self._braked = True
-        while len(self._taken) > 1 and self._taken[-2].time > playing + SURE:
-            self._taken.pop()
-        last = self._taken[-1] if self._taken else None
-        if last is not None and last.braking is not None:
-            self._time, self._maker.q_last = last.time, last.q
-            motion.come_to_rest(last.braking)
+        while len(taken) > 1 and taken[-2].time > playing + SURE:
+            taken.pop()
+        if not isinstance(motion, PathMotion) or taken[-1].braking is None:
+            return False
+        self._time, self._maker.q_last = taken[-1].time, taken[-1].q
+        motion.come_to_rest(taken[-1].braking)
+        return True
 
-    def _extend(self, now: float) -> None:
-        """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew.
+    def _extend(self, now: float, joined: int) -> None:
+        """Add the next knot, or the last of some, unless the set-point rests.
 
-        It begins with two knots, since the script counts no time with one alone.
+        An arm that has rested, as after a pause, begins anew: with two knots, since the script counts no time with one.
         """
         left, before = self._left(now), self.q_last
         rested = left < 0.0
         first = self._knot(0.0, before, np.zeros_like(before))
-        knot = self._maker.next(now + (CUSHION if rested else left))
-        if knot is None:
+        due = now + (CUSHION if rested else left)
+        knots = [knot for _ in range(joined) if (knot := self._maker.next(due)) is not None]
+        if not knots:
             return
         if rested:
             self._began, self._time = None, 0.0
             self._taken.clear()
             self._waiting.append(first)
-        elapsed, q, qd = knot
-        self._time += elapsed
-        self._waiting.append(self._knot(self._time, q, qd))
+        self._time += sum(elapsed for elapsed, _, _ in knots)
+        self._waiting.append(self._knot(self._time, *knots[-1][1:]))
 
     def _knot(self, time: float, q: Float64, qd: Float64) -> Knot:
         motion = self._maker.motion
