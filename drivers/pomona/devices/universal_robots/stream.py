@@ -96,9 +96,13 @@ class KnotStream:
         while len(self._taken) > 1 and self._taken[0].time < playing:
             self._taken.popleft()
         if not self._waiting:
-            braked = self._brake(playing if self._began is None else max(playing, now - self._began))
-            if braked or self._left(now) < self._lead:
-                self._extend(now, JOINED if braked else 1)
+            if self._brake(playing if self._began is None else max(playing, now - self._began)):
+                self._extend(now, JOINED)
+                if not self._waiting:  # it rests there at once
+                    self._time += JOINED * PERIOD
+                    self._waiting.append(self._knot(self._time, self.q_last, np.zeros_like(self.q_last)))
+            elif self._left(now) < self._lead:
+                self._extend(now, 1)
         return self._waiting[0] if self._waiting else None
 
     def _left(self, now: float) -> float:

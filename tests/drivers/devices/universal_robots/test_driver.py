@@ -229,6 +229,24 @@ def test_a_computer_that_is_held_up_for_50_ms_does_not_disturb_a_stop(after: flo
         assert np.abs(np.diff(way, n=2, axis=0)).max() / 0.002**2 < 1.05 * LIMITS.acceleration[0]
 
 
+@pytest.mark.parametrize("after", [0.02, 0.05, 0.1, 0.15])
+def test_a_stop_just_after_a_pause_moves_no_further_than_from_there(after: float) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = moving(cell, arm)
+    arm.pause()
+    serve(arm, cell, 1.0)
+    arm.resume()
+    serve(arm, cell, after)
+    motion.stop()
+    began = cell.joints.measured()[0]
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert motion.state is MotionState.STOPPED
+    assert_never_resumes(cell, arm)
+    assert np.abs(cell.joints.measured()[0] - began).max() < 0.03
+    arm.check()
+
+
 HARD = {
     "protective": "protective stop",
     "e_stop": "emergency stop",
