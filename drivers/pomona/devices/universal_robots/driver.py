@@ -41,10 +41,11 @@ from pomona.drivers import (
 from pomona.executive import Clock, Float64
 
 TAKEN, ENDED, ECHO = (f"output_int_register_{i}" for i in (24, 25, 26))
-"""Of the script: its newest knot; why it has ended (1: commanded, 2: out of knots); the newest beat."""
+"""Of the script: its newest knot; why it has ended (1: commanded, 2: no knot in time); the newest beat."""
+PLAYED = "output_double_register_24"  # time of the motion at which the script is [s]
 OUTPUTS = (
     *("actual_q", "actual_qd", "robot_mode", "safety_mode", "runtime_state", "robot_status_bits"),
-    *("target_speed_fraction", TAKEN, ENDED, ECHO),
+    *("target_speed_fraction", TAKEN, ENDED, ECHO, PLAYED),
 )
 INPUTS = (*(f"input_int_register_{i}" for i in (24, 25, 26)), *(f"input_double_register_{i}" for i in range(24, 37)))
 """For the script: command, number of a knot, beat; its time, six joints, six speeds. RTDE clients own 24 to 47."""
@@ -195,7 +196,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
             self._heard_at = now
         problem = stopped(session.whole("safety_mode"), session.whole("robot_mode"))
         if not problem and session.whole(ENDED) == 2:
-            problem = "ran out of knots: the computer or the connection was delayed, and the arm has stopped"
+            problem = "got a knot too late: the computer or the connection was delayed, and the arm has stopped"
         problem = problem or interrupted(session.whole("runtime_state"))
         if not problem and now - self._heard_at > UNHEARD + BEAT:
             problem = "another program has replaced this one on the controller; one of them only can move the arm"
@@ -216,7 +217,8 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
             self._write(session)
 
     def _pump(self, session: RtdeSession, stream: KnotStream) -> None:
-        knot = stream.pump(session.whole(TAKEN))
+        playing = session.number(PLAYED) + self._clock.now() - session.heard_at
+        knot = stream.pump(session.whole(TAKEN), playing)
         if knot is not None and stream.number != self._knot[0]:
             self._knot = [stream.number, knot.time, *knot.q.tolist(), *knot.qd.tolist()]
             self._write(session)

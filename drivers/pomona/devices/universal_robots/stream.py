@@ -1,7 +1,7 @@
 """Gives a motion to the resident script knot by knot, a moment ahead of the arm.
 
-The script keeps a ring of knots and joins them by cubics. Knots in the ring cannot be changed, so it is kept short
-(`lead`): a stop on the path takes effect behind them.
+The script keeps a ring of knots for `lead` and joins them by cubics. When a motion along a path is stopped, the knots
+of its braking take the place of those that the arm does not need within `SURE`.
 """
 
 from __future__ import annotations
@@ -13,20 +13,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from pomona.devices.universal_robots.options import UrFile
-from pomona.drivers import KnotMaker, PathMotion, StreamedMotion
+from pomona.drivers import KnotMaker, MotionState, PathFollower, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # period of stepping the path here [s]
 CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
+SURE = 0.02  # a knot is in the script within this time: two cycles of a CB3, and the network [s]
+JOINED = 3  # knots of which the last alone is sent when a motion brakes: the script needs the next one later
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Knot:
-    """Joints [rad] and their speeds [rad/s], shape (6,), at a time since the motion began or went on [s]."""
+    """Joints [rad] and their speeds [rad/s], shape (6,), at a time since the motion began or went on [s].
+
+    Attributes:
+        braking: how a motion along a path comes to rest from here.
+    """
 
     time: float
     q: Float64
     qd: Float64
+    braking: PathFollower | None
 
 
 class KnotStream:
@@ -54,8 +61,10 @@ class KnotStream:
         self._clock, self._lead, self._commanded = clock, options.lead, commanded
         self._maker = KnotMaker(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
         self._time = 0.0  # of the newest knot [s]
+        self._braked = False
         self._began: float | None = None  # when the script plays the time 0; None until it has taken that knot
         self._waiting: deque[Knot] = deque()
+        self._taken: deque[Knot] = deque()  # by the script, which has not passed them all
 
     @property
     def q_last(self) -> Float64:
@@ -72,35 +81,68 @@ class KnotStream:
         """Whether the script must have played everything that was sent."""
         return not self._waiting and self._left(self._clock.now()) <= 0.0
 
-    def pump(self, taken: int) -> Knot | None:
-        """Take note that the script has taken the knot `taken`; return the one that it shall have now, if any."""
+    def pump(self, taken: int, playing: float) -> Knot | None:
+        """Take note that the script has taken the knot `taken`; return the one that it shall have now, if any.
+
+        `playing`: time of the motion at which the script is now [s].
+        """
         now = self._clock.now()
         if self._waiting and taken == self.number:
             knot = self._waiting.popleft()
+            self._taken.append(knot)
             self._began = now + CUSHION if self._began is None else self._began
             self.number, self.sent = self.number + 1, self.sent + 1
             self._commanded(self._began + knot.time, knot.q)
-        if not self._waiting and self._left(now) < self._lead:
-            self._extend(now)
+        while len(self._taken) > 1 and self._taken[0].time < playing:
+            self._taken.popleft()
+        if not self._waiting:
+            if self._brake(playing if self._began is None else max(playing, now - self._began)):
+                self._extend(now, JOINED)
+                if not self._waiting:  # it rests there at once
+                    self._time += JOINED * PERIOD
+                    self._waiting.append(self._knot(self._time, self.q_last, np.zeros_like(self.q_last)))
+            elif self._left(now) < self._lead:
+                self._extend(now, 1)
         return self._waiting[0] if self._waiting else None
 
     def _left(self, now: float) -> float:
         """Return for how long the script plays what it has [s]; negative when it has played all."""
         return -1.0 if self._began is None else self._began + self._time - now
 
-    def _extend(self, now: float) -> None:
-        """Add the next knot, unless the set-point rests; an arm that has rested, as after a pause, begins anew.
+    def _brake(self, playing: float) -> bool:
+        """Let a motion that was stopped brake from the first knot that is not due within `SURE`; once."""
+        motion, taken = self._maker.motion, self._taken
+        stopped = motion.phase.name == "BRAKING" and motion.state is MotionState.RUNNING
+        if self._braked or not stopped or not taken:
+            return False
+        self._braked = True
+        while len(taken) > 1 and taken[-2].time > playing + SURE:
+            taken.pop()
+        if not isinstance(motion, PathMotion) or taken[-1].braking is None:
+            return False
+        self._time, self._maker.q_last = taken[-1].time, taken[-1].q
+        motion.come_to_rest(taken[-1].braking)
+        return True
 
-        It begins with two knots, since the script counts no time with one alone.
+    def _extend(self, now: float, joined: int) -> None:
+        """Add the next knot, or the last of some, unless the set-point rests.
+
+        An arm that has rested, as after a pause, begins anew: with two knots, since the script counts no time with one.
         """
         left, before = self._left(now), self.q_last
         rested = left < 0.0
-        knot = self._maker.next(now + (CUSHION if rested else left))
-        if knot is None:
+        first = self._knot(0.0, before, np.zeros_like(before))
+        due = now + (CUSHION if rested else left)
+        knots = [knot for _ in range(joined) if (knot := self._maker.next(due)) is not None]
+        if not knots:
             return
         if rested:
             self._began, self._time = None, 0.0
-            self._waiting.append(Knot(0.0, before, np.zeros_like(before)))
-        elapsed, q, qd = knot
-        self._time += elapsed
-        self._waiting.append(Knot(self._time, q, qd))
+            self._taken.clear()
+            self._waiting.append(first)
+        self._time += sum(elapsed for elapsed, _, _ in knots)
+        self._waiting.append(self._knot(self._time, *knots[-1][1:]))
+
+    def _knot(self, time: float, q: Float64, qd: Float64) -> Knot:
+        motion = self._maker.motion
+        return Knot(time, q, qd, motion.braking() if isinstance(motion, PathMotion) else None)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Workspace
 from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import inverse
 from pomona.skills.motion.collision import CollisionWorld, Margins, RobotShape
 from pomona.skills.motion.robot import RobotModel, inverse_kinematics
 
@@ -19,6 +20,7 @@ OFTEN = (
 DRAWS = 128  # postures that are tried for it
 OBSERVE, HOME = "observe", "home"  # poses that no cell can be without
 TRIED = 12  # postures of the first pose from which the others are reached
+VIEW = 0.48  # half of the width of a camera's view, beside which no part of the arm shall stand [rad]
 ROOM = 0.01  # least distance of a joint to its limits [rad]: a hundred times the rounding of a written pose
 
 
@@ -72,16 +74,17 @@ def _apart(one: Float64, other: Float64) -> float:
 def reach(model: RobotModel, workspace: Workspace, wanted: Mapping[str, Sequence[Float64]]) -> Reached:
     """Return free postures with the flange at poses T_base_tool0, all near to each other.
 
-    Of each pose the first of its alternatives is taken that can be reached. The posture of the first pose is the one
-    from which most others are reached, by the shortest ways.
+    Where the camera observes, the arm itself stands out of its view, or as far out as it can. Of each pose the first of
+    its alternatives is taken that can be reached. The posture of the first pose is the one from which most others are
+    reached, by the shortest ways.
     """
     world = CollisionWorld.build(model, workspace)
     first, *others = wanted
     best, least = Reached({}, tuple(wanted)), (len(wanted) + 1, np.inf)
-    for q in _free(model, world, wanted[first][0])[:TRIED]:
+    for q in _free(model, world, first, wanted[first][0])[:TRIED]:
         postures, far = {first: q}, 0.0
         for name in others:
-            near = next((found[0] for T in wanted[name] if len(found := _free(model, world, T, q))), None)
+            near = next((found[0] for T in wanted[name] if len(found := _free(model, world, name, T, q))), None)
             if near is not None:
                 postures[name] = near
                 far += float(np.abs(near - q).max())
@@ -91,7 +94,9 @@ def reach(model: RobotModel, workspace: Workspace, wanted: Mapping[str, Sequence
     return best
 
 
-def _free(model: RobotModel, world: CollisionWorld, T_base_tool0: Float64, near: Float64 | None = None) -> Float64:
+def _free(
+    model: RobotModel, world: CollisionWorld, name: str, T_base_tool0: Float64, near: Float64 | None = None
+) -> Float64:
     """Return the free postures of a pose: the nearest first, or those far from everything and from their limits.
 
     Joints are turned by whole turns towards `near`, or towards the middle of their ranges.
@@ -106,4 +111,18 @@ def _free(model: RobotModel, world: CollisionWorld, T_base_tool0: Float64, near:
     free: Float64 = inside[clear >= 0.0]
     if near is None:
         free = free[np.argsort(-(clear + 0.1 * np.minimum(room[room >= ROOM], 1.0))[clear >= 0.0])]
+    if name.startswith(OBSERVE) and len(free):
+        shape = RobotShape.of(model)
+        seen = np.minimum([view(model, shape, q) for q in free], VIEW)
+        free = free[seen >= seen.max()]
     return free
+
+
+def view(model: RobotModel, shape: RobotShape, q: Float64) -> float:
+    """Return the smallest angle between the camera's axis and a part before the hand, in a posture (dof,) [rad]."""
+    T_camera_base = inverse(model.fk(q) @ model.frame("camera"))
+    parts = [geom for geom, link in enumerate(shape.arrays.links) if link < model.dof]
+    spheres = np.vstack([shape.spheres_of(geom, q, model.width_max) for geom in parts])
+    centres = spheres[:, :3] @ T_camera_base[:3, :3].T + T_camera_base[:3, 3]
+    half = np.arcsin(np.minimum(spheres[:, 3] / np.linalg.norm(centres, axis=1), 1.0))
+    return float((np.arctan2(np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]) - half).min())

@@ -144,6 +144,109 @@ def test_a_stop_brakes_on_the_path_and_a_pause_goes_on() -> None:
     arm.check()
 
 
+def stopped_after(
+    seconds: float, late: float = 0.0, held: tuple[float, float] = (0.0, 0.0), **options: Any
+) -> tuple[Cell, UrArm, Motion, np.ndarray]:
+    """An arm that was stopped at a time after its start, and where it went from then on, (cycles, 6) [rad].
+
+    The network holds all messages to the controller for `late` from the stop on, or the computer is held up after
+    `held[0]` for `held[1]` [s].
+    """
+    cell = Cell()
+    arm = connected(cell, **options)
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, seconds)
+    way = [cell.joints.measured()[0]]
+    drive, rtde, free, sent = cell.joints.drive, cell.opened[0], cell.clock.now() + late, list[bytes]()
+    send, advance = rtde.send, cell.controller.advance
+
+    def deliver(now: float) -> None:
+        while sent and free <= now:
+            send(sent.pop(0))
+        advance(now)
+
+    cell.joints.drive = lambda q, qd: (way.append(q), drive(q, qd))[1]  # type: ignore[method-assign]
+    cell.controller.advance = deliver  # type: ignore[method-assign]
+    rtde.send = sent.append  # type: ignore[method-assign]
+    motion.stop()
+    serve(arm, cell, held[0])
+    cell.let_pass(held[1])
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    return cell, arm, motion, np.array(way)
+
+
+def test_a_stop_does_not_wait_for_knots_that_were_sent() -> None:
+    ways = []
+    for lead in (0.12, 0.5):
+        _, _, motion, way = stopped_after(0.6, lead=lead)
+        assert motion.state is MotionState.STOPPED
+        speed = np.linalg.norm(np.diff(way, axis=0), axis=1)
+        slower = int(np.argmax(speed < 0.97 * speed[:10].max()))
+        assert 0.002 * slower < 0.1  # the servo's lag included; it was 0.18 s with a lead of 0.12 s
+        ways.append(np.linalg.norm(way[-1] - way[0]))
+    assert ways[1] == pytest.approx(ways[0], rel=0.05)
+
+
+@pytest.mark.parametrize("seconds", np.linspace(0.0, 1.25, 26))
+def test_a_stop_at_any_time_brakes_on_the_path_within_the_limits(seconds: float) -> None:
+    cell, arm, motion, way = stopped_after(seconds)
+    assert motion.state in (MotionState.STOPPED, MotionState.DONE)
+    arm.check()
+    done = (way - START) / CHANGE
+    assert np.ptp(done, axis=1).max() < 1e-3
+    acceleration = np.diff(way, n=2, axis=0) / 0.002**2 if len(way) > 2 else np.zeros(1)
+    assert np.abs(acceleration).max() < 1.05 * LIMITS.acceleration[0]
+    assert_never_resumes(cell, arm)
+    second = arm.follow(swing(arm.state().q, -0.5 * CHANGE))
+    serve(arm, cell, 2.0, lambda: second.settled)
+    assert second.state is MotionState.DONE
+
+
+def test_a_knot_that_comes_when_the_arm_is_beyond_the_one_before_stops_the_arm() -> None:
+    cell, arm, motion, way = stopped_after(0.6, late=0.07)
+    assert (motion.state, cell.controller.program) == (MotionState.FAILED, None)
+    with pytest.raises(DeviceFault, match="got a knot too late"):
+        arm.check()
+    assert np.abs(np.diff(way, n=2, axis=0)).max() / 0.002**2 < 80.0  # as the stop of a script
+    assert_never_resumes(cell, arm)
+
+
+@pytest.mark.parametrize("late", [0.002, 0.008, 0.016])
+def test_a_network_that_is_held_up_for_a_moment_does_not_disturb_a_stop(late: float) -> None:
+    for seconds in (0.3, 0.45, 0.608, 0.9):
+        cell, arm, motion, way = stopped_after(seconds, late=late)
+        assert (motion.state, cell.controller.program) == (MotionState.STOPPED, "pomona")
+        arm.check()
+        assert np.abs(np.diff(way, n=2, axis=0)).max() / 0.002**2 < 1.05 * LIMITS.acceleration[0]
+
+
+@pytest.mark.parametrize("after", [0.002, 0.01, 0.02, 0.04, 0.08])
+def test_a_computer_that_is_held_up_for_50_ms_does_not_disturb_a_stop(after: float) -> None:
+    for seconds in (0.3, 0.45, 0.608, 0.9):
+        cell, arm, motion, way = stopped_after(seconds, held=(after, 0.05))
+        assert (motion.state, cell.controller.program) == (MotionState.STOPPED, "pomona")
+        arm.check()
+        assert np.abs(np.diff(way, n=2, axis=0)).max() / 0.002**2 < 1.05 * LIMITS.acceleration[0]
+
+
+@pytest.mark.parametrize("after", [0.02, 0.05, 0.1, 0.15])
+def test_a_stop_just_after_a_pause_moves_no_further_than_from_there(after: float) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = moving(cell, arm)
+    arm.pause()
+    serve(arm, cell, 1.0)
+    arm.resume()
+    serve(arm, cell, after)
+    motion.stop()
+    began = cell.joints.measured()[0]
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert motion.state is MotionState.STOPPED
+    assert_never_resumes(cell, arm)
+    assert np.abs(cell.joints.measured()[0] - began).max() < 0.03
+    arm.check()
+
+
 HARD = {
     "protective": "protective stop",
     "e_stop": "emergency stop",

@@ -16,11 +16,11 @@ from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import installed_trees
-from pomona.skills.motion.collision import CollisionWorld
+from pomona.skills.motion.collision import CollisionWorld, RobotShape
 from pomona.skills.motion.robot import RobotModel
 from pomona.tools.own_arm.arm_urdf import read_arm
 from pomona.tools.own_arm.flange import choose_flange
-from pomona.tools.own_arm.poses import ROOM, reach
+from pomona.tools.own_arm.poses import ROOM, VIEW, reach, view
 
 JOINTS = (  # of an arm as large as a UR5e: place in the link before it, axis, radius and end of its tube [m]
     ("pan", "0 0 0.16", "0 0 1", 0.06, (0.0, 0.0, -0.03)),
@@ -104,6 +104,45 @@ def test_no_pose_is_at_a_limit_so_rounding_keeps_it_inside(cell):
     tight = dataclasses.replace(arm, lower=lower)
     found = reach(tight, written.workspace, {"observe": [arm.fk(observe)]}).postures["observe"]
     assert np.all((lower + ROOM <= found) & (found <= arm.upper - ROOM))
+
+
+def hits_itself(path: Path, q: np.ndarray, angle: float) -> bool:
+    """Whether a ray of the camera within an angle of its axis [rad] meets a link before the hand."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[: len(q)] = q
+    mujoco.mj_forward(model, data)
+    eye, found = data.site("camera"), np.zeros(1, np.int32)
+    links = {"base", *(f"{name}_link" for name, *_ in JOINTS[:-1])}
+    for tilt in np.linspace(0.0, angle, 6):
+        for turn in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
+            ray = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
+            ray = eye.xmat.reshape(3, 3) @ ray
+            far = mujoco.mj_ray(model, data, eye.xpos, ray, None, 1, model.site("camera").bodyid[0], found)
+            if far >= 0.0 and model.body(model.geom_bodyid[found[0]]).name in links:
+                return True
+    return False
+
+
+def test_where_the_camera_observes_the_arm_stands_out_of_its_view(cell):
+    written = read_cell_file(cell)
+    path = written.section.world.values.robot
+    arm = RobotModel.load(path)
+    shape, world = RobotShape.of(arm), CollisionWorld.build(arm, written.workspace)
+    drawn = np.random.default_rng(5).uniform(-np.pi, np.pi, (3000, arm.dof))
+    free = drawn[world.free(drawn, arm.width_max)]
+    hidden = [q for q in free if view(arm, shape, q) < 0.0][:6]
+    assert len(hidden) == 6
+    better = 0
+    for q in hidden:
+        pose = [arm.fk(q)]
+        found = reach(arm, written.workspace, {"observe": pose}).postures["observe"]
+        assert view(arm, shape, found) >= view(arm, shape, q) - 1e-6
+        if view(arm, shape, found) >= VIEW:
+            better += 1
+            assert not hits_itself(path, found, VIEW)
+    assert better > 0
+    assert not hits_itself(path, written.workspace.poses["observe"], VIEW)
 
 
 def test_a_joint_of_two_turns_stays_near_the_middle_of_its_range(cell):
