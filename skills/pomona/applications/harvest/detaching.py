@@ -279,8 +279,7 @@ class DetachController:
         self._work, self._highest = 0.0, -np.inf  # of the hand on the held fruit [J]; its highest place so far [m]
         self._ending: DetachProblem | None = None
         self._test = StemTest()
-        self._seemed_free = self._came = False  # by its load; in a test of the stem
-        self._pulls_down = False  # where the arm reaches no further outwards
+        self._seemed_free = self._came = self._pulls_down = False  # by its load; in a test of the stem; at the reach's end
         self._press = np.zeros(2)
         self._motor: float | None = None
         self._gain = 1.0  # true over reported force of the pads
@@ -512,9 +511,7 @@ class DetachController:
         A fruit that bears no part of the pull for longer may have another weight than its size makes likely.
         """
         s = self.settings
-        in_time = (
-            max(self._path, s.slowest * self._time) < 2.0 * s.patience
-        )  # a load that comes and goes would be judged for ever
+        in_time = max(self._path, s.slowest * self._time) < 2.0 * s.patience  # a load that comes and goes has an end
         turned = self._furthest > s.first_break
         unloaded = in_time and turned and press.min() > s.touch and self.stem_force < self._broken_force
         self._quiet = self._quiet + dt if unloaded else 0.0
