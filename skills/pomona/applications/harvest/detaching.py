@@ -279,7 +279,7 @@ class DetachController:
         self._work, self._highest = 0.0, -np.inf  # of the hand on the held fruit [J]; its highest place so far [m]
         self._ending: DetachProblem | None = None
         self._test = StemTest()
-        self._seemed_free = self._came = self._pulls_down = False  # by its load; in a test of the stem; at the reach's end
+        self._seemed_free = self._came = self._pulls_down = False  # by load; in a test; as the reach ends
         self._press = np.zeros(2)
         self._motor: float | None = None
         self._gain = 1.0  # true over reported force of the pads
