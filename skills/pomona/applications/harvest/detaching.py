@@ -279,7 +279,7 @@ class DetachController:
         self._work, self._highest = 0.0, -np.inf  # of the hand on the held fruit [J]; its highest place so far [m]
         self._ending: DetachProblem | None = None
         self._test = StemTest()
-        self._seemed_free = self._came = False  # by its load; in a test of the stem
+        self._seemed_free = self._came = self._pulls_down = False  # by load; in a test; as the reach ends
         self._press = np.zeros(2)
         self._motor: float | None = None
         self._gain = 1.0  # true over reported force of the pads
@@ -385,6 +385,8 @@ class DetachController:
             self._end(None)
         elif self.phase is DetachPhase.LET_BACK:
             self._end(self._ending)
+        elif self.phase is DetachPhase.TEST and not self._pulls_down:
+            self._pulls_down, self._test, self._p_phase = True, StemTest(), self._p_aimed
         elif self.phase is DetachPhase.TEST:
             self._finish(DetachProblem("STEM_UNCLEAR", f"{message}; the fruit may be off the tree; the grip is kept"))
         elif self.phase is DetachPhase.LEAVE:
@@ -509,9 +511,7 @@ class DetachController:
         A fruit that bears no part of the pull for longer may have another weight than its size makes likely.
         """
         s = self.settings
-        in_time = (
-            max(self._path, s.slowest * self._time) < 2.0 * s.patience
-        )  # a load that comes and goes would be judged for ever
+        in_time = max(self._path, s.slowest * self._time) < 2.0 * s.patience  # a load that comes and goes has an end
         turned = self._furthest > s.first_break
         unloaded = in_time and turned and press.min() > s.touch and self.stem_force < self._broken_force
         self._quiet = self._quiet + dt if unloaded else 0.0
@@ -619,7 +619,8 @@ class DetachController:
             return self._speed_back * outwards / float(np.linalg.norm(outwards)), np.zeros(3)
         if self.phase is DetachPhase.TEST:
             self._turn(dt, 0.0)
-            return self._tested(dt, force, outwards / float(np.linalg.norm(outwards))), np.zeros(3)
+            way = np.array([0.0, 0.0, -1.0]) if self._pulls_down else outwards / float(np.linalg.norm(outwards))
+            return self._tested(dt, force, way), np.zeros(3)
         pull = s.pull * min(since / s.pull_time, 1.0) if self.phase is DetachPhase.DRAW else s.pull
         if self.phase is DetachPhase.LET_BACK:
             pull = 0.0
@@ -647,7 +648,7 @@ class DetachController:
         return _shortened(s.admittance * (pull * outwards - force), s.speed_max), self._lever
 
     def _tested(self, dt: float, force: Float64, outwards: Float64) -> Float64:
-        """Pull at the fruit, and let it go only if the stem pulls back.
+        """Pull at the fruit that way, and let it go only if the stem pulls back.
 
         A fruit that comes along over the whole way, with its weight on the pads, is off the tree: a branch pulls back.
         """
@@ -749,7 +750,7 @@ class DetachController:
             self._finish(problem)
             return
         self._ending, self._speed_back = problem, 0.0
-        self._test = StemTest()
+        self._test, self._pulls_down = StemTest(), False
         self._enter(DetachPhase.TEST)
 
     def _finish(self, problem: DetachProblem | None) -> None:

@@ -127,21 +127,21 @@ def build_wall_model(
 
 
 def _add_trunk(mujoco: Any, spec: Any, wall: Wall) -> Any:
-    """Trunk, wires and ground: they do not move."""
+    """Trunk, wires and ground. A wire gives way across its line, whole, as a stretched one does at its middle."""
     x, y, radius = wall.trunk
     ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, pos=[0.0, 0.0, wall.ground])
     ground.size, ground.rgba, ground.contype, ground.conaffinity = [4.0, 4.0, 0.1], [0.25, 0.30, 0.14, 1.0], 1, 3
     trunk = spec.worldbody.add_body(name="trunk")
     _capsule(trunk, "trunk", [x, y, wall.ground], [x, y, wall.trunk_top], radius, wall.numbers.wood_friction)
+    numbers = wall.numbers
+    damping = 2.0 * numbers.wood_damping * np.sqrt(numbers.wire_stiffness * numbers.wire_mass)
     for i, wire in enumerate(wall.wires):
-        rod = _capsule(
-            spec.worldbody,
-            f"wire_{i}",
-            [-1.5, wire.y, wire.z],
-            [1.5, wire.y, wire.z],
-            wall.numbers.wire_diameter / 2,
-            0.3,
-        )
+        body = spec.worldbody.add_body(name=f"trellis_{i}", pos=[0.0, wire.y, wire.z], gravcomp=1.0)
+        for axis, direction in (("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])):
+            joint = body.add_joint(name=f"trellis_{i}_{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=direction)
+            joint.stiffness[0], joint.damping[0] = numbers.wire_stiffness, damping
+        radius = numbers.wire_diameter / 2.0
+        rod = _capsule(body, f"wire_{i}", [-1.5, 0.0, 0.0], [1.5, 0.0, 0.0], radius, 0.3, numbers.wire_mass)
         rod.rgba = [0.55, 0.55, 0.56, 1.0]
     return trunk
 

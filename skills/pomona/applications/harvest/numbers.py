@@ -13,6 +13,7 @@ from pomona.executive import (
     ANGLE,
     FORCE,
     LENGTH,
+    MASS,
     PRESSURE,
     RATE,
     SPEED,
@@ -67,6 +68,8 @@ class WallNumbers:
     spur_diameter: Range = value(_lengths())
     wire_spacing: float = value(Measure(LENGTH))
     wire_diameter: float = value(Measure(LENGTH))
+    wire_stiffness: float = value(Measure(STIFFNESS))
+    wire_mass: float = value(Measure(MASS))
     fruit_density: float = value(Measure(DENSITY))
     fruit_diameter: Range = value(_lengths())
     fruit_height: Range = value(Span(_share))

@@ -77,6 +77,9 @@ class StemTest:
         if self._stage is _Stage.AFTER:
             before, there, after = self._means
             self.rise = there - 0.5 * (before + after)
+            if self.rise <= HOLDS and self.furthest <= FURTHEST:
+                self._stage, self._since, self._sum, self.furthest = _Stage.BEFORE, 0.0, 0.0, 0.0
+                return  # a jolt had ended the pull: once more
             self.holds = self.rise > HOLDS
         self._next()
 

@@ -530,6 +530,50 @@ def test_pads_that_read_too_little_are_not_closed_while_the_motor_presses():
     assert max(presses) < 1.15 * BRUISE_FORCE
 
 
+def tested_at_the_edge(stem, edges):
+    """Give up while the hand draws; in the test of the stem the arm reaches no further, `edges` times."""
+    control, lowest = controller(stem), []
+    while control.phase is not DetachPhase.DONE and stem.time < 60.0:
+        if control.phase is DetachPhase.ROLL:
+            control.give_up("JAMMED", "something holds the arm")
+        if control.phase is DetachPhase.TEST:
+            lowest.append(stem.T[2, 3])
+            if edges and len(lowest) % 25 == 24:
+                edges -= 1
+                control.give_up("OUT_OF_REACH", "the arm reaches no further in this posture")
+        stem.step(control)
+    return control, lowest
+
+
+def test_where_the_arm_reaches_no_further_outwards_the_stem_is_tested_downwards():
+    stem = Stem(STRONG, bending=0.01)
+    control, heights = tested_at_the_edge(stem, 1)
+    assert control.problem.code == "JAMMED"
+    assert max(heights) - min(heights) > 5e-3
+    assert stem.width > DIAMETER
+
+
+def test_where_the_arm_reaches_neither_way_the_grip_is_kept():
+    stem = Stem(STRONG, bending=0.01)
+    control, _ = tested_at_the_edge(stem, 2)
+    assert control.problem.code == "STEM_UNCLEAR"
+    assert stem.width < DIAMETER
+
+
+def test_a_free_fruit_comes_along_downwards_too():
+    stem = Stem(STRONG, bending=0.01)
+    control = controller(stem)
+    while control.phase is not DetachPhase.DONE and stem.time < 60.0:
+        if control.phase is DetachPhase.ROLL:
+            control.give_up("JAMMED", "something holds the arm")
+        if control.phase is DetachPhase.TEST and stem.broken is None:
+            stem.broken = stem.time
+            control.give_up("OUT_OF_REACH", "the arm reaches no further in this posture")
+        stem.step(control)
+    assert control.problem is None
+    assert stem.width < DIAMETER
+
+
 def test_a_hand_that_only_turns_while_it_leaves_a_fruit_is_done_all_the_same():
     stem = Stem()
     stem.gone = True

@@ -5,7 +5,7 @@ from pomona.drivers.errors import CellFileError
 
 from .conftest import NUMBERS
 
-FROZEN = "23f4d04c376ffbbe"
+FROZEN = "037cf4fb8ac24e0c"
 """Digest of the numbers that the skills are tuned for. Change it only with a new comparison with the measured pulls in
 docs/evidence.
 """

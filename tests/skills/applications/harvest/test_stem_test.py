@@ -54,6 +54,13 @@ def test_the_pull_ends_at_a_small_force_and_the_hand_goes_home() -> None:
     assert ways[-1] < 2e-3
 
 
+@pytest.mark.parametrize("stiffness", [0.0, 60.0])
+def test_a_jolt_that_ends_the_pull_is_no_result(stiffness: float) -> None:
+    test = pulled(lambda t, x: stiffness * x + 6.0 * (0.21 < t < 0.23))
+    assert test.holds is (stiffness > 0.0)
+    assert test.furthest > 0.02
+
+
 def test_a_hand_that_never_gets_there_ends_without_a_result() -> None:
     test = StemTest()
     for _ in range(2000):
