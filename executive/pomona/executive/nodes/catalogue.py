@@ -28,8 +28,8 @@ BUILTIN: tuple[type[NodeType], ...] = (
     SequenceType, ReactiveSequenceType, SequenceWithMemoryType, FallbackType, ReactiveFallbackType, ParallelType,
     IfType, ReactiveIfType, SwitchType,
     CheckType, WaitUntilType, WaitType, SetType, AskType, SucceedType, FailType,
-    SpeedType, TimeoutType, ApproveType, BreakpointType, InvertType, ForceType, DelayType, RateType, RetryType, RepeatType,
-    ForEachType, RunOnceType, GuardType, WhenType, DisabledType,
+    SpeedType, TimeoutType, ApproveType, BreakpointType, InvertType, ForceType, DelayType, RateType, RetryType,
+    RepeatType, ForEachType, RunOnceType, GuardType, WhenType, DisabledType,
 )  # fmt: skip
 """Modifiers stand in the order in which they wrap, from the inside to the outside."""
 
