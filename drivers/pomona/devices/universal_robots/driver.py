@@ -47,8 +47,9 @@ OUTPUTS = (
     *("actual_q", "actual_qd", "robot_mode", "safety_mode", "runtime_state", "robot_status_bits"),
     *("target_speed_fraction", TAKEN, ENDED, ECHO, PLAYED),
 )
-INPUTS = (*(f"input_int_register_{i}" for i in (24, 25, 26)), *(f"input_double_register_{i}" for i in range(24, 37)))
-"""For the script: command, number of a knot, beat; its time, six joints, six speeds. RTDE clients own 24 to 47."""
+INPUTS = (*(f"input_int_register_{i}" for i in (24, 25, 26)), *(f"input_double_register_{i}" for i in range(24, 38)))
+"""For the script: command, number of a knot, beat; its time, six joints, six speeds, the time of the knot before it.
+RTDE clients own 24 to 47."""
 FOLLOW, STOP = 1, 2  # commands to the script
 BEAT = 0.02  # period of the heart beat [s]; without it for 100 ms the controller ends the script
 UNHEARD = 0.06  # a beat that the script has not repeated after this time shows that another program runs [s]
@@ -83,7 +84,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         self._open_port, self.lead = open_port, options.lead
         self._dashboard = UrDashboard(name, lambda: open_port("dashboard"), clock)
         self._command, self._beat, self._beat_at, self._heard_at = STOP, 0, -np.inf, 0.0
-        self._knot: list[float] = [0, *([0.0] * 13)]
+        self._knot: list[float] = [0, *([0.0] * 14)]
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -114,7 +115,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
 
     def _end_own_script(self, session: RtdeSession) -> None:
         """End a script of ours, here or of a process that has ended. Raises DeviceFault: another program runs."""
-        self._command, self._knot = STOP, [0, *([0.0] * 13)]
+        self._command, self._knot = STOP, [0, *([0.0] * 14)]
         other = "another program runs on it, or is paused there; stop that one at the pendant first"
         self._await(session, lambda: session.whole("runtime_state") == STOPPED, UNLOCKED, other)
 
@@ -220,7 +221,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         playing = session.number(PLAYED) + self._clock.now() - session.heard_at
         knot = stream.pump(session.whole(TAKEN), playing)
         if knot is not None and stream.number != self._knot[0]:
-            self._knot = [stream.number, knot.time, *knot.q.tolist(), *knot.qd.tolist()]
+            self._knot = [stream.number, knot.time, *knot.q.tolist(), *knot.qd.tolist(), knot.after]
             self._write(session)
 
     def _write(self, session: RtdeSession) -> None:

@@ -27,10 +27,12 @@ class Knot:
     """Joints [rad] and their speeds [rad/s], shape (6,), at a time since the motion began or went on [s].
 
     Attributes:
+        after: time of the knot that it follows [s]; the script drops those between them.
         braking: how a motion along a path comes to rest from here.
     """
 
     time: float
+    after: float
     q: Float64
     qd: Float64
     braking: PathFollower | None
@@ -99,8 +101,7 @@ class KnotStream:
             if self._brake(playing if self._began is None else max(playing, now - self._began)):
                 self._extend(now, JOINED)
                 if not self._waiting:  # it rests there at once
-                    self._time += JOINED * PERIOD
-                    self._waiting.append(self._knot(self._time, self.q_last, np.zeros_like(self.q_last)))
+                    self._append(JOINED * PERIOD, self.q_last, np.zeros_like(self.q_last))
             elif self._left(now) < self._lead:
                 self._extend(now, 1)
         return self._waiting[0] if self._waiting else None
@@ -129,9 +130,8 @@ class KnotStream:
 
         An arm that has rested, as after a pause, begins anew: with two knots, since the script counts no time with one.
         """
-        left, before = self._left(now), self.q_last
+        left, before, braking = self._left(now), self.q_last, self._braking()
         rested = left < 0.0
-        first = self._knot(0.0, before, np.zeros_like(before))
         due = now + (CUSHION if rested else left)
         knots = [knot for _ in range(joined) if (knot := self._maker.next(due)) is not None]
         if not knots:
@@ -139,10 +139,13 @@ class KnotStream:
         if rested:
             self._began, self._time = None, 0.0
             self._taken.clear()
-            self._waiting.append(first)
-        self._time += sum(elapsed for elapsed, _, _ in knots)
-        self._waiting.append(self._knot(self._time, *knots[-1][1:]))
+            self._append(0.0, before, np.zeros_like(before), braking)
+        self._append(sum(elapsed for elapsed, _, _ in knots), *knots[-1][1:], self._braking())
 
-    def _knot(self, time: float, q: Float64, qd: Float64) -> Knot:
+    def _append(self, elapsed: float, q: Float64, qd: Float64, braking: PathFollower | None = None) -> None:
+        before, self._time = self._time, self._time + elapsed
+        self._waiting.append(Knot(self._time, before, q, qd, braking))
+
+    def _braking(self) -> PathFollower | None:
         motion = self._maker.motion
-        return Knot(time, q, qd, motion.braking() if isinstance(motion, PathMotion) else None)
+        return motion.braking() if isinstance(motion, PathMotion) else None

@@ -530,7 +530,7 @@ def test_pads_that_read_too_little_are_not_closed_while_the_motor_presses():
     assert max(presses) < 1.15 * BRUISE_FORCE
 
 
-def tested_at_the_edge(stem, edges):
+def at_the_edge(stem, edges):
     """Give up while the hand draws; in the test of the stem the arm reaches no further, `edges` times."""
     control, lowest = controller(stem), []
     while control.phase is not DetachPhase.DONE and stem.time < 60.0:
@@ -547,7 +547,7 @@ def tested_at_the_edge(stem, edges):
 
 def test_where_the_arm_reaches_no_further_outwards_the_stem_is_tested_downwards():
     stem = Stem(STRONG, bending=0.01)
-    control, heights = tested_at_the_edge(stem, 1)
+    control, heights = at_the_edge(stem, 1)
     assert control.problem.code == "JAMMED"
     assert max(heights) - min(heights) > 5e-3
     assert stem.width > DIAMETER
@@ -555,7 +555,7 @@ def test_where_the_arm_reaches_no_further_outwards_the_stem_is_tested_downwards(
 
 def test_where_the_arm_reaches_neither_way_the_grip_is_kept():
     stem = Stem(STRONG, bending=0.01)
-    control, _ = tested_at_the_edge(stem, 2)
+    control, _ = at_the_edge(stem, 2)
     assert control.problem.code == "STEM_UNCLEAR"
     assert stem.width < DIAMETER
 
