@@ -24,7 +24,7 @@ class Ft300File:
     """A Robotiq FT 300 or FT 300-S between flange and hand, on a serial line of its own."""
 
     port: str = value(Text(), help="its serial port, of a USB adapter for RS-485")
-    mass: float = value(CARRIED, help="that it carries: hand, camera and fruit")
+    mass: float = value(CARRIED, help="mass that it carries: hand, camera and fruit")
     least: float = value(
         Measure(FORCE, "0.1 N", "50 N"), "0.5 N", "smallest lasting change that is no error: measure it"
     )
@@ -40,7 +40,7 @@ class UrForceFile:
     """The force/torque sensor of a Universal Robots e-series, UR20 or UR30, read by RTDE."""
 
     address: str = value(HOST, help="HOST of the controller")
-    mass: float = value(CARRIED, help="that it carries: hand, camera and fruit")
+    mass: float = value(CARRIED, help="mass that it carries: hand, camera and fruit")
     least: float = value(Measure(FORCE, "0.1 N", "50 N"), "4 N", "smallest lasting change that is no error: measure it")
     rate: float = value(Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "samples per second")
     silence: float = value(Measure(TIME, "20 ms", "1 s"), "60 ms", "without a sample for this long it is lost")

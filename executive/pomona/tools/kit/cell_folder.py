@@ -189,6 +189,8 @@ def _words(chosen: list[CellPiece]) -> dict[str, str]:
         "twin": [(piece.role, piece.twin or f"include: cell.yaml#devices/{piece.role}") for piece in chosen],
         "simulated": [(piece.role, piece.simulated) for piece in chosen],
     }
+    if len(chosen) < 3:  # the emulated world shows a camera
+        blocks["simulated"].append(("camera", "include: sim.yaml#devices/camera"))
     return {
         "addresses": _lines(
             _option(piece.role, piece.address, piece.address_help) for piece in chosen if piece.address

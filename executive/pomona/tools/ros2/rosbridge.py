@@ -51,7 +51,7 @@ class RosbridgePeer:
         self._queue: deque[str] = deque(maxlen=QUEUE)
         try:
             self._socket: ClientConnection | None = self._connected()
-        except (OSError, WebSocketException) as error:
+        except (OSError, ValueError, WebSocketException) as error:  # a port beyond 65535 is a value
             raise UsageError(f"no rosbridge at {address}: {error or type(error).__name__}") from error
         self._threads = [threading.Thread(target=run, daemon=True) for run in (self._listen, self._speak)]
         for thread in self._threads:

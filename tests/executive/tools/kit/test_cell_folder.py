@@ -58,6 +58,8 @@ def test_a_cell_without_a_camera_passes_the_check(tmp_path, capsys):
     assert len(files) == 3
     assert main(["check", *files]) == 0
     assert f"next: pomona check {tmp_path}/bench/emulated.yaml" in capsys.readouterr().err
+    assert main(["doctor", "--cell", str(tmp_path / "bench" / "emulated.yaml")]) in (0, 1)
+    assert "KeyError" not in "".join(capsys.readouterr())
 
 
 def test_the_next_three_commands_and_the_calibrations_that_are_due_are_named(tmp_path, capsys):

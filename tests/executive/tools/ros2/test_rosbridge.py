@@ -123,9 +123,10 @@ def test_a_server_of_ros_1_gets_its_own_names_of_time_and_its_images_come_in_bas
         peer.close()
 
 
-def test_no_rosbridge_is_one_line_before_anything_moves() -> None:
-    with pytest.raises(UsageError, match=r"no rosbridge at ws://127\.0\.0\.1:1"):
-        RosbridgePeer("ws://127.0.0.1:1")
+@pytest.mark.parametrize("address", ["ws://127.0.0.1:1", "ws://127.0.0.1:99999", "ws://a b:9090", "ws://"])
+def test_no_rosbridge_is_one_line_before_anything_moves(address: str) -> None:
+    with pytest.raises(UsageError, match=f"no rosbridge at {address}: "):
+        RosbridgePeer(address)
 
 
 def test_after_a_lost_server_it_subscribes_again_and_sends_nothing_that_waited(server: Server) -> None:
