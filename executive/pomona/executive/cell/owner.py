@@ -21,6 +21,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import select
 import socket
 import threading
@@ -109,10 +110,10 @@ class Address(ScalarKind[tuple[str, int]]):
         self.port = port
 
     def parse(self, text: str) -> tuple[str, int]:
-        host, _, port = text.strip().rpartition(":") if ":" in text else (text.strip(), "", "")
-        if not host or (port and not (port.isascii() and port.isdigit() and 0 < int(port) < 65536)):
-            raise Unfit(f"'{text}' is not an address: write HOST or HOST:PORT")
-        return host, int(port) if port else self.port
+        found = re.fullmatch(r"([\w.-]+|\[[0-9a-fA-F:.]+(?:%\w+)?\])(?::(\d{1,5}))?", text.strip(), re.ASCII)
+        if found is None or not 0 < int(found[2] or 1) < 65536:
+            raise Unfit(f"'{text}' is not an address: write HOST, HOST:PORT or [IPv6]:PORT")
+        return found[1].strip("[]"), int(found[2] or self.port)
 
     def plain_schema(self) -> Schema:
         return {"type": "string", "examples": [f"192.168.1.2:{self.port}"]}
