@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from pomona.devices.universal_robots.links import LENGTHS, other_model
 from pomona.drivers import ArmFile
 from pomona.executive import RATE, TIME, Flag, Measure, Problem, Text, value
 
@@ -30,6 +31,7 @@ class UrFile(ArmFile):
         return (f"{self.address}:{PORTS['rtde']}",)
 
     def problems(self) -> Iterator[Problem]:
-        yield from ArmFile.problems(self)
+        unusable = list(ArmFile.problems(self))
+        yield from unusable or other_model(self.robot, LENGTHS, self.model)
         if self.lead >= 30 * self.point_period:
             yield Problem("lead", "the controller keeps 30 points: a longer 'point_period' or a shorter 'lead' fits")

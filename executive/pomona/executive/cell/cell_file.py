@@ -197,8 +197,8 @@ def outline_cell(path: Path, findings: Findings) -> Outline | None:
 def _misfits(section: CellSection, workspace: Any) -> Iterator[tuple[Placed[Any], Problem]]:
     """Yield the conflicts of a device with this cell; its own section is valid."""
     above: dict[str, Any] = {}
-    said: dict[str, Any] = {}
     lines: dict[str, str] = {}
+    said = {name: device.values for name, device in section.devices.items()}
     world = section.world
     if world is not None and not hasattr(world.driver.device, "truth"):
         yield world.placed, Problem("driver", "it simulates no world")
@@ -214,7 +214,7 @@ def _misfits(section: CellSection, workspace: Any) -> Iterator[tuple[Placed[Any]
         if isinstance(options, Fitting):
             for problem in options.fits(Surroundings(workspace, above, said)):
                 yield device.placed, problem
-        above[name], said[name] = device.driver.device, options
+        above[name] = device.driver.device
 
 
 def _facts(section: CellSection) -> Iterator[object]:

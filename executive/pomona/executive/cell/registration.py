@@ -108,7 +108,7 @@ class Settings(Generic[Options]):
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Surroundings of a device in its cell file: the workspace, and the devices above it and their options by name."""
+    """Surroundings of a device in its cell file: workspace, devices above it, and all devices' options, by name."""
 
     workspace: Any = None
     above: Mapping[str, type[Device]] = field(default_factory=dict)
