@@ -275,7 +275,7 @@ SENSOR = "  force:\n    driver: robotiq-ft300\n    mass: 1.5 kg\n    port: /dev/
 def test_two_devices_on_one_serial_line_are_refused_by_any_of_its_names(judge, tmp_path):
     assert judge(REAL + SENSOR) == []
     (found,) = judge(REAL + SENSOR.replace("USB1", "USB0"))
-    assert (found.line, found.is_error) == (17, True)
+    assert (found.line, found.severity) == (17, "error")
     assert "devices.force.port: 'gripper' is on /dev/ttyUSB0 already; a serial line has one device" in found.message
     name = tmp_path / "by-id"
     name.symlink_to("/dev/ttyUSB0")
@@ -314,7 +314,7 @@ def test_a_description_with_other_fingers_is_found_in_any_order(judge, first, ol
         text = text[:arm] + text[gripper:] + text[arm:gripper]
     (found,) = judge(text)
     assert words in found.message
-    assert found.is_error == error
+    assert (found.severity == "error") == error
     assert found.hint
 
 
