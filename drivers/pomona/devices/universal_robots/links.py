@@ -14,19 +14,19 @@ import numpy as np
 from pomona.drivers import read_spec
 from pomona.executive import Float64, Problem
 
-OFF = 0.02  # a distance that differs by more is another arm's [m]
+DOUBT, OFF = 0.01, 0.02  # a distance that differs by more is doubtful; another arm's [m]
 PARALLEL = 0.1  # sine of the angle below which two axes count as parallel: 6°
 
 LENGTHS = {
-    "ur3": (0.0, 0.24365, 0.21325, 0.0, 0.0),
     "ur3e": (0.0, 0.24355, 0.2132, 0.0, 0.0),
-    "ur5": (0.0, 0.425, 0.39225, 0.0, 0.0),
     "ur5e": (0.0, 0.425, 0.3922, 0.0, 0.0),
-    "ur10": (0.0, 0.612, 0.5723, 0.0, 0.0),
     "ur10e": (0.0, 0.6127, 0.57155, 0.0, 0.0),
     "ur16e": (0.0, 0.4784, 0.36, 0.0, 0.0),
     "ur20": (0.0, 0.862, 0.7287, 0.0, 0.0),
     "ur30": (0.0, 0.637, 0.5037, 0.0, 0.0),
+    "ur3": (0.0, 0.24365, 0.21325, 0.0, 0.0),
+    "ur5": (0.0, 0.425, 0.39225, 0.0, 0.0),
+    "ur10": (0.0, 0.612, 0.5723, 0.0, 0.0),
 }
 """By model [m]: `default_kinematics.yaml` of UR's package of descriptions. It has no UR7e, UR12e, UR15 and UR18."""
 
@@ -59,15 +59,16 @@ def other_model(robot: Path, lengths: Mapping[str, tuple[float, ...]], model: st
     if model not in lengths:
         return
     found = axis_distances(robot, len(lengths[model]) + 1)
-    if not _alike(found, lengths[model]):
-        named = next((name for name, of in lengths.items() if _alike(found, of)), "")
+    if not _alike(found, lengths[model], DOUBT):
+        named = next((name for name, of in lengths.items() if _alike(found, of, DOUBT)), "")
         shape = f"{_shown(found)} mm apart, as in a {named}" if named else f"{_shown(found)} mm apart"
         words = f"{robot} is no description of a {model}: its joints' axes are {shape}, not {_shown(lengths[model])} mm"
-        yield Problem("robot", words, f"give that of a {model}" + (f", or 'model: {named}'" if named else ""))
+        hint = f"give that of a {model}" + (f", or 'model: {named}'" if named else "")
+        yield Problem("robot", words, hint, warning=_alike(found, lengths[model], OFF))
 
 
-def _alike(found: Float64, of: tuple[float, ...]) -> bool:
-    return len(found) == len(of) and bool(np.all(np.abs(found - of) <= OFF))
+def _alike(found: Float64, of: tuple[float, ...], within: float) -> bool:
+    return len(found) == len(of) and bool(np.all(np.abs(found - of) <= within))
 
 
 def _shown(lengths: Float64 | tuple[float, ...]) -> str:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pomona.devices.universal_robots.links import other_model
-from pomona.drivers import ArmFile
+from pomona.drivers import Address, ArmFile
 from pomona.executive import TIME, Flag, Measure, Problem, Text, value
 
-HOST = Text(pattern=r"[\w.-]+", words="a host: its name or IPv4 address alone, since the ports are fixed")
+HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
 PORTS = {"command": 502, "report": 30003}
 LENGTHS = {
     "xarm5": (0.0, 0.2895, 0.3512, 0.076),

@@ -105,15 +105,17 @@ class Address(ScalarKind[tuple[str, int]]):
     """HOST or HOST:PORT, as (host, port)."""
 
     words = "an address: HOST or HOST:PORT"
+    OCTET = r"(?:25[0-5]|2[0-4]\d|1?\d?\d)"  # of an IPv4 address, 0 to 255
+    HOST = rf"((?:{OCTET}\.){{3}}{OCTET}|(?![\d.]+(?::|$))[\w.-]+)"  # that address, or a name
 
     def __init__(self, port: int) -> None:
         self.port = port
 
     def parse(self, text: str) -> tuple[str, int]:
-        found = re.fullmatch(r"([\w.-]+|\[[0-9a-fA-F:.]+(?:%\w+)?\])(?::(\d{1,5}))?", text.strip(), re.ASCII)
-        if found is None or not 0 < int(found[2] or 1) < 65536:
+        found = re.fullmatch(rf"({self.HOST}|\[[0-9a-fA-F:.]+(?:%\w+)?\])(?::(?P<port>\d{{1,5}}))?", text.strip(), re.A)
+        if found is None or not 0 < int(found["port"] or 1) < 65536:
             raise Unfit(f"'{text}' is not an address: write HOST, HOST:PORT or [IPv6]:PORT")
-        return found[1].strip("[]"), int(found[2] or self.port)
+        return found[1].strip("[]"), int(found["port"] or self.port)
 
     def plain_schema(self) -> Schema:
         return {"type": "string", "examples": [f"192.168.1.2:{self.port}"]}

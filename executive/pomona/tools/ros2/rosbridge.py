@@ -21,6 +21,7 @@ import numpy as np
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
+from pomona.executive.cell.owner import Address
 from pomona.executive.errors import UsageError
 from pomona.executive.values.kinds import Text
 from pomona.tools.ros2.peer import Ros2Peer
@@ -29,7 +30,7 @@ from pomona.tools.ros2.types import coder, typestore
 logger = logging.getLogger(__name__)
 
 SCHEMES = ("ws://", "wss://")
-_HOST = r"([\w.-]+|\[[0-9a-fA-F:.]+\])"
+_HOST = rf"({Address.HOST}|\[[0-9a-fA-F:.]+\])"
 _PORT = r":(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 WAY = Text(
     pattern=rf"(wss?://{_HOST}({_PORT})?(/\S*)?|{_HOST}{_PORT})",

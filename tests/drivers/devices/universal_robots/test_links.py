@@ -79,3 +79,11 @@ def test_neither_frames_nor_posture_change_the_distances(tmp_path: Path, seed: i
     links = [(0, right, 0.1807), (-0.6127, 0, 0), (-0.57155, 0, 0.17415), (0, right, 0.11985), (0, -right, 0.11655)]
     path = arm_of(tmp_path, [*links, (0, 0, 0)], np.random.default_rng(seed))
     assert axis_distances(path, 6) == pytest.approx(LENGTHS["ur10e"], abs=1e-6)
+
+
+@pytest.mark.parametrize(("longer", "found"), [(0.005, []), (0.015, [True]), (0.03, [False])])
+def test_a_calibrated_arm_passes_a_doubtful_one_is_a_warning(tmp_path: Path, longer: float, found: list[bool]) -> None:
+    right = np.pi / 2.0
+    links = [(0, right, 0.16), (-0.425 - longer, 0.001, 0), (-0.3922, -0.001, 0.13), (0, right, 0.1), (0, -right, 0.1)]
+    path = arm_of(tmp_path, [*links, (0, 0, 0)], np.random.default_rng(1))
+    assert [problem.warning for problem in other_model(path, LENGTHS, "ur5e")] == found
