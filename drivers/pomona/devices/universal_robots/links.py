@@ -62,9 +62,10 @@ def other_model(robot: Path, lengths: Mapping[str, tuple[float, ...]], model: st
     if not _alike(found, lengths[model], DOUBT):
         named = next((name for name, of in lengths.items() if _alike(found, of, DOUBT)), "")
         shape = f"{_shown(found)} mm apart, as in a {named}" if named else f"{_shown(found)} mm apart"
-        words = f"{robot} is no description of a {model}: its joints' axes are {shape}, not {_shown(lengths[model])} mm"
+        doubtful = _alike(found, lengths[model], OFF)
+        words = f"{robot} {'may be' if doubtful else 'is'} no description of a {model}: its joints' axes are {shape}"
         hint = f"give that of a {model}" + (f", or 'model: {named}'" if named else "")
-        yield Problem("robot", words, hint, warning=_alike(found, lengths[model], OFF))
+        yield Problem("robot", f"{words}, not {_shown(lengths[model])} mm", hint, warning=doubtful)
 
 
 def _alike(found: Float64, of: tuple[float, ...], within: float) -> bool:

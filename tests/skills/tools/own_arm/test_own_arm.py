@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import io
 import json
 import re
 from pathlib import Path
@@ -64,11 +66,25 @@ def urdf(*, mass: str = "2", flange: str = "tool0", kind: str = "revolute", more
 
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     folder = tmp_path_factory.mktemp("arms")
     (folder / "My-Arm.urdf").write_text(urdf())
-    assert main(["new", "arm", str(folder / "My-Arm.urdf"), "--into", str(folder)]) == 0
-    return folder / "my_arm" / "cell.yaml"
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        assert main(["new", "arm", str(folder / "My-Arm.urdf"), "--into", str(folder)]) == 0
+    return folder / "my_arm" / "cell.yaml", said.getvalue()
+
+
+@pytest.fixture(scope="module")
+def cell(made: tuple[Path, str]) -> Path:
+    return made[0]
+
+
+def test_it_prints_what_it_is_doing_before_it_takes_time(made):
+    first, second, *following = made[1].splitlines()
+    assert first.startswith("reading ")
+    assert first.endswith("My-Arm.urdf")
+    assert second.startswith("6 joints up to 'tool0'; trying where the hand wsg32 reaches")
+    assert following[0].startswith("next: pomona check")
 
 
 @pytest.mark.slow
