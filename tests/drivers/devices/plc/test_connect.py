@@ -116,7 +116,7 @@ def test_another_protocol_at_the_port_is_one_line_with_its_likely_causes(tmp_pat
     line = refusal(tmp_path, USUAL, rig)
     assert ":2:10:" in line
     assert "is no Modbus frame" in line
-    remedy = next(part for part in line.split("\n") if "does another protocol answer on port 502?" in part)
+    remedy = line[line.index("does another protocol answer on port 502?") :].splitlines()[0]
     assert "'unit'" in remedy
     assert len(remedy.split()) <= 25
 
