@@ -56,9 +56,9 @@ def examine(
         yield ReportLine("cell file", True, f"{path} ({cell.kind})")
         doubts = Findings()
         judge_cell_file(path, doubts, overrides)
-        for found in doubts.sorted():
-            if found.severity == "warning":
-                yield ReportLine("cell file", False, f"{place_of(found)}: {found.message}", found.hint)
+        for doubt in doubts.sorted():
+            if doubt.severity == "warning":
+                yield ReportLine("cell file", False, f"{place_of(doubt)}: {doubt.message}", doubt.hint)
         for name, refused in missing.items():
             yield from _refused(name, refused)
         rates = _watch(cell)
