@@ -86,7 +86,7 @@ if TYPE_CHECKING:
         words as words,
     )
     from pomona.drivers.path_motion import PathFollower as PathFollower, PathMotion as PathMotion
-    from pomona.drivers.robot_file import ArmFile as ArmFile, read_limits as read_limits
+    from pomona.drivers.robot_file import ArmFile as ArmFile, read_limits as read_limits, read_spec as read_spec
     from pomona.drivers.rolling_path import (
         POINT_PERIOD as POINT_PERIOD,
         OutOfSetPointsError as OutOfSetPointsError,
@@ -151,7 +151,7 @@ PUBLIC = {
     "pomona.executive.cell.device": "Device FaultSwitch World",
     "pomona.executive.cell.owner": "Address Link Malformed Nonsense Owner TcpLink Watchdog raise_priority tcp_opener",
     "pomona.executive.cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
-    "robot_file": "ArmFile read_limits",
+    "robot_file": "ArmFile read_limits read_spec",
     "rolling_path": "OutOfSetPointsError POINT_PERIOD RollingPath SetPoint",
     "services": "ConnectContext",
     "streamed_motion": "StreamedMotion",

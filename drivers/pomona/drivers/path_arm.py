@@ -60,8 +60,7 @@ class PathArm(Device, ABC):
     outlives = True
     stops_when_told: ClassVar[bool] = False
     """Whether the controller has a command that stops the arm at its place. Such an arm is checked and stopped also
-    while its joint feedback is implausible; any other brakes on its path then.
-    """
+    while its joint feedback is implausible; any other brakes on its path then."""
 
     def __init__(
         self, name: str, clock: Clock, description: Path, limits: ArmLimits, supervision: Supervision, period: float

@@ -69,8 +69,7 @@ def _changed(path: Path) -> int:
 
 MOST = {"arm_velocity": 50.0, "arm_acceleration": 5e3, "arm_jerk": 1e6}
 """Upper bounds of an arm's limits [rad/s, rad/s², rad/s³]: the quickest small ones turn their wrists at 20 rad/s.
-Higher values are in degrees or invalid, and would disable the checks.
-"""
+Higher values are in degrees or invalid, and would disable the checks."""
 WIDEST = 100.0  # no joint turns further from its zero [rad]: 16 turns
 
 

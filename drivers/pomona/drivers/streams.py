@@ -27,8 +27,7 @@ FEW = 5  # minimum run of bad samples before a fault: fewer may be a stall of th
 EARLY = 0.005  # stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]
 WINDOW, FEW_GAPS, IN_BITS = 6, 4, 0.4
 """Limit of an intermittent stream: within this multiple of the silence allowed, this number of gaps of half of it or
-more that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip.
-"""
+more that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip."""
 FEW_FRAMES, EARLY_FRAME = 2, 0.020  # the same of cameras, whose clocks are followed to a few milliseconds [s]
 
 

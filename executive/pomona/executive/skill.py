@@ -203,8 +203,7 @@ class Skill(py_trees.behaviour.Behaviour):
     renamed_failures: ClassVar[Mapping[str, str]] = {}
     own_speed: ClassVar[bool] = False
     """Whether its motions keep their own speed, independent of the operator's and the tree's: its measurement depends
-    on the speed.
-    """
+    on the speed."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

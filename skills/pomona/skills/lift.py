@@ -32,8 +32,7 @@ from pomona.skills.shared.warm_motion import prepare_moving
 
 STILL, STILL_FOR = 1e-4, 0.15
 """A grip is at rest when the fruit has slid by less than the first [m] within the second [s]: twice the noise, and the
-time in which a fruit that slides at 1 mm/s exceeds it.
-"""
+time in which a fruit that slides at 1 mm/s exceeds it."""
 
 
 class Lift(MovingSkill):

@@ -253,3 +253,102 @@ def test_any_yaml_is_a_cell_or_has_findings_with_places(judge, content):
 def test_a_damaged_cell_has_findings_with_places_or_is_a_cell(judge, at, length, inserted):
     found = judge(SIM[:at] + inserted + SIM[at + length :])
     assert all(f.line >= 1 and f.column >= 1 for f in found)
+
+
+REAL = """name: bench
+kind: real
+devices:
+  arm:
+    driver: universal-robots
+    address: 192.168.1.40
+    model: ur5e
+    robot: ../robots/ur5e_hand_e.xml
+  gripper:
+    driver: robotiq
+    model: hand-e
+    port: /dev/ttyUSB0
+    finger_offset: 53 mm
+"""
+SENSOR = "  force:\n    driver: robotiq-ft300\n    mass: 1.5 kg\n    port: /dev/ttyUSB1\n"
+
+
+def test_two_devices_on_one_serial_line_are_refused_by_any_of_its_names(judge, tmp_path):
+    assert judge(REAL + SENSOR) == []
+    (found,) = judge(REAL + SENSOR.replace("USB1", "USB0"))
+    assert (found.line, found.severity) == (17, "error")
+    assert "devices.force.port: 'gripper' is on /dev/ttyUSB0 already; a serial line has one device" in found.message
+    name = tmp_path / "by-id"
+    name.symlink_to("/dev/ttyUSB0")
+    (found,) = judge(REAL + SENSOR.replace("/dev/ttyUSB1", str(name)))
+    assert "'gripper' is on" in found.message
+
+
+def test_two_programs_may_listen_to_one_controller(judge):
+    assert judge(REAL + "  force: {driver: universal-robots-force, address: 192.168.1.40, mass: 1 kg}\n") == []
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [SENSOR, SENSOR.replace("robotiq-ft300", "universal-robots-force").replace("port: /dev/ttyUSB1", "address: h")],
+)
+@pytest.mark.parametrize("mass", ["0 kg", "0 g", "-1 kg", "31 kg"])
+def test_a_wrist_sensor_that_carries_nothing_is_refused(judge, sensor, mass):
+    (found,) = judge(REAL + sensor.replace("1.5 kg", mass))
+    assert found.line == 16
+    assert "must be between 10 g and 30 kg" in found.message
+
+
+@pytest.mark.parametrize("first", ["arm", "gripper"])
+@pytest.mark.parametrize(
+    ("old", "new", "words", "error"),
+    [
+        ("model: hand-e", "model: 2f-140", "open by 50 mm, as a hand-e's; those of a 2f-140 by 140 mm", True),
+        ("model: hand-e", "model: 2f-85", "as a hand-e's; those of a 2f-85 by 85 mm", True),
+        ("finger_offset: 53 mm", "finger_offset: 0 mm", "pads in", False),
+    ],
+)
+def test_a_description_with_other_fingers_is_found_in_any_order(judge, first, old, new, words, error):
+    text = REAL.replace(old, new)
+    if first == "gripper":
+        arm, gripper = text.index("  arm:"), text.index("  gripper:")
+        text = text[:arm] + text[gripper:] + text[arm:gripper]
+    (found,) = judge(text)
+    assert words in found.message
+    assert (found.severity == "error") == error
+    assert found.hint
+
+
+@pytest.mark.parametrize("driver", ["ros2-arm", "ros2-gripper", "ros2-camera"])
+@pytest.mark.parametrize(
+    "address",
+    [
+        "http://10.0.0.1:9090",
+        "ws://",
+        "ws:/10.0.0.1",
+        "ws://:9090",
+        "10.0.0.1:",
+        "10.0.0.1",
+        "::1:7447",
+        "ws://h:99999",
+        "a b:7447",
+        "h:0",
+    ],
+)
+def test_a_way_to_ros_is_judged_before_it_is_tried(judge, driver, address):
+    found = judge(f"name: x\nkind: real\ndevices:\n  it:\n    driver: {driver}\n    address: '{address}'\n")
+    (wrong,) = [one for one in found if "address" in one.message]
+    assert wrong.line == 6
+    assert "is not HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge" in wrong.message
+
+
+@pytest.mark.parametrize(
+    "address", ["127.0.0.1:7447", "[::1]:7447", "robot-1.local:7447", "ws://h", "wss://h:9090/ros", "ws://[::1]:9090"]
+)
+def test_a_right_way_to_ros_passes(judge, address):
+    found = judge(f"name: x\nkind: real\ndevices:\n  it:\n    driver: ros2-gripper\n    address: '{address}'\n")
+    assert not [one for one in found if "address" in one.message]
+
+
+def test_an_address_is_no_recording(judge):
+    (found,) = judge((CELLS / "frames.yaml").read_text(), {"folder": "http://10.0.0.5/stream"})
+    assert "is an address: recorded frames lie on this machine" in found.message

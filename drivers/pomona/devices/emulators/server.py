@@ -79,14 +79,15 @@ class TcpPort:
 
     def __init__(self, emulator: Emulator, host: str = "127.0.0.1", port: int = 0, clients: int = 1) -> None:
         self._emulator, self._clients = emulator, clients
-        self._listener = socket.create_server((host, port))
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._listener = socket.create_server((host, port), family=family)
         self._listener.setblocking(False)
         self._peers: list[_TcpPeer] = []
 
     @property
     def address(self) -> str:
         host, port = self._listener.getsockname()[:2]
-        return f"{host}:{port}"
+        return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
     def readable(self) -> list[int]:
         return [self._listener.fileno(), *(peer.connection.fileno() for peer in self._peers)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -37,7 +37,7 @@ from pomona.drivers import (
     driver,
     folder_depth_model,
 )
-from pomona.executive import Clock, Float64, Section, Text, Whole, value
+from pomona.executive import Clock, Float64, Problem, Section, Text, Whole, value
 
 logger = logging.getLogger(__name__)
 
@@ -152,6 +152,12 @@ class FramesFile:
         None,
         f"how the depth errs, unless {DEPTH_MODEL_FILE} lies in the folder; without it as a D4xx",
     )
+
+    def problems(self) -> Iterator[Problem]:
+        if "://" in self.folder:
+            yield Problem(
+                "folder", f"'{self.folder}' is an address: recorded frames lie on this machine", "save them first"
+            )
 
 
 @driver(FramesCamera, FramesFile)

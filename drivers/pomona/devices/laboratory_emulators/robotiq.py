@@ -34,13 +34,14 @@ class RobotiqEmulator(FaultSwitch):
         activation: 0, 1 while it activates, 3.
         written: registers of the newest command.
         peak: largest force of a finger while it closed [N].
+        units: Modbus addresses at which it answers: all, as the only gripper of a line whose cell file may name any.
     """
 
     known_faults = ("silent", "noise", "hot", "inactive", "frozen", "stuck")
 
     def __init__(self, fingers: Gripper, model: str = "hand-e", activated: bool = True) -> None:
         super().__init__()
-        self.rtu, self.urcap = _RtuPort(self), _UrcapPort(self)
+        self.rtu, self.urcap, self.units = _RtuPort(self), _UrcapPort(self), range(1, 248)
         self.activation = 3 if activated else 0
         self.written = bytearray([int(activated), 0, 0, 0, 0, 0])
         self.object, self.peak, self.now = THERE, 0.0, 0.0
@@ -172,7 +173,7 @@ class _RtuPort(_LinePort):
         found = []
         while len(buffer) >= 8:
             size = {16: 9 + buffer[6], 23: 13 + buffer[10] if len(buffer) > 10 else 99}.get(buffer[1], 8)
-            if buffer[0] != SLAVE or buffer[1] not in (3, 4, 6, 16, 23):
+            if buffer[0] not in self._gripper.units or buffer[1] not in (3, 4, 6, 16, 23):
                 del buffer[0]
                 continue
             if len(buffer) < size:

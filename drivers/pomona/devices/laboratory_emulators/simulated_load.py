@@ -94,7 +94,7 @@ class LoadOptions:
     """The simulated load sensor between flange and hand."""
 
     noise: float = value(Measure(FORCE, "0 N", "10 N"), "0.1 N", "white, per sample")
-    mass: float = value(Measure(MASS, "0 kg", "30 kg"), "1.5 kg", "mass that it carries: hand, camera and fruit")
+    mass: float = value(Measure(MASS, "10 g", "30 kg"), "1.5 kg", "mass that it carries: hand, camera and fruit")
     least: float = value(Measure(FORCE, "0 N", "50 N"), "0.5 N", "smallest lasting change that is no error of it")
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:

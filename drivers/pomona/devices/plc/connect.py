@@ -22,7 +22,7 @@ from pomona.devices.plc.codec import PORT
 from pomona.devices.plc.driver import ModbusSignals, SignalHeartbeat, UnfitSignal
 from pomona.devices.plc.places import NUMBERS, SignalPlace
 from pomona.devices.plc.signals import SignalNames
-from pomona.drivers import Address, ConnectContext, DeviceError, DeviceLost, Settings, driver, tcp_opener
+from pomona.drivers import Address, ConnectContext, DeviceError, DeviceLost, Nonsense, Settings, driver, tcp_opener
 from pomona.executive import TIME, Flag, MappingOf, Measure, Number, Problem, Section, Text, Whole, value
 
 ADDRESS = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]?\d{1,4})"
@@ -134,12 +134,16 @@ class ModbusSignalsFile:
     def problems(self) -> Iterator[Problem]:
         for name in sorted(self.inputs.keys() & self.outputs.keys()):
             yield Problem("outputs", f"'{name}' is an input already")
+        beats = {"heartbeat.output": self.beat.output, "heartbeat.input": self.beat.input}
         owner: dict[tuple[str, int], str] = {}
-        for name, place in {**self.output_places, "heartbeat": self.beat.output}.items():
-            for at in range(place.first, place.first + place.span.count):
-                other = owner.setdefault((place.area, at), name)
-                if other != name:
-                    yield Problem("outputs", f"'{name}' and '{other}' would both write {place.area} {at}")
+        for name, place in [*beats.items(), *self.input_places.items(), *self.output_places.items()]:
+            there = {(place.area, place.first + i) for i in range(place.span.count)}
+            taken = sorted((*at, owner[at]) for at in there & owner.keys())
+            if taken:
+                area, at, other = taken[0]
+                key = "inputs" if name in self.inputs else "outputs" if name in self.outputs else "heartbeat"
+                yield Problem(key, f"'{name}' and '{other}' both take {area} {at}", "give each a place of its own")
+            owner |= dict.fromkeys(there, name)
 
     def known(self) -> Iterator[object]:
         """Yield the names of the signals, which a check of a tree needs."""
@@ -161,13 +165,17 @@ def connect(settings: Settings[ModbusSignalsFile], context: ConnectContext) -> M
     places = said.input_places, said.output_places
     signals = ModbusSignals(open_client, context.clock, *places, said.beat, said.poll, settings.name)
     signals.outside_stop = f"{outside.__name__}:stop", (host, port, said.unit, signals.safe_writes)
-    other_unit = "unit", "is it the unit's number? a PLC without a gateway is often 1 or 255"
+    unit = "is it the unit's number (without a gateway often 1 or 255), and does that port speak Modbus TCP?"
+    garbage = (
+        f"does another protocol answer on port {port}? Modbus TCP is usually 502; if it is Modbus, is 'unit' right?"
+    )
     return settings.opened(
         signals,
         {
             UnfitSignal: ("inputs", ""),
-            ModbusRefused: other_unit,
-            DeviceLost: other_unit,
+            ModbusRefused: ("unit", unit),
+            Nonsense: ("address", garbage),
+            DeviceLost: ("unit", unit),
             DeviceError: ("heartbeat", ""),
             OSError: ("address", f"is Modbus TCP switched on in the PLC, on port {port}?"),
         },

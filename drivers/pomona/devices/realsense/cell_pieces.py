@@ -20,7 +20,9 @@ rate: 5 Hz
 """,
     simulated="include: sim.yaml#devices/camera",
     due=(
-        "hand_eye.json, the camera's pose: `pomona calibrate hand-eye IMAGES --square 24.5mm --out hand_eye.json`.",
+        "hand_eye.json, the camera's pose: `pomona calibrate hand-eye LOOKS --board 9x6 --square 24.5mm --out "
+        "hand_eye.json`. The folder LOOKS holds ten images of a chessboard or more, poses.json with the flange at each "
+        "and intrinsics.yaml: docs/how_to/calibrate.md.",
         "Depth errors of the camera: `pomona calibrate depth --help`.",
     ),
 )

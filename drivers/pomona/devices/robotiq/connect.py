@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+from pomona.devices.robotiq.codec import SLAVE
 from pomona.devices.robotiq.driver import MODELS, RobotiqGripper, RobotiqOptions
+from pomona.devices.robotiq.fingers import other_fingers
 from pomona.devices.robotiq.session import RobotiqSession, RtuSession, UrcapSession
 from pomona.devices.suntouch.transport import serial_opener, serial_ports
 from pomona.drivers import (
@@ -16,10 +19,11 @@ from pomona.drivers import (
     DeviceLost,
     GripperSupervision,
     Settings,
+    Surroundings,
     driver,
     tcp_opener,
 )
-from pomona.executive import FORCE, LENGTH, TIME, Counts, Flag, Measure, Problem, Section, Text, value
+from pomona.executive import FORCE, LENGTH, TIME, Counts, Flag, Measure, Problem, Section, Text, Whole, value
 
 BAUD = 115200  # of the grippers when they are delivered [bit/s]
 URCAP_PORT = 63352
@@ -34,6 +38,7 @@ class RobotiqFile:
     urcap: tuple[str, int] | None = value(
         Address(URCAP_PORT), None, "HOST of the robot's controller; too slow for closed-loop grips"
     )
+    unit: int = value(Whole(1, 247), str(SLAVE), "its Modbus address on the serial line")
     finger_offset: float = value(
         Measure(LENGTH, "0 mm", "500 mm"), "0 mm", "opening between the pads' faces when the gripper is closed"
     )
@@ -70,12 +75,19 @@ class RobotiqFile:
     def problems(self) -> Iterator[Problem]:
         if (self.port is None) == (self.urcap is None):
             yield Problem("port", "the gripper needs either 'port' or 'urcap'")
+        if self.unit != SLAVE and self.urcap is not None:
+            yield Problem("unit", "behind the URCap a gripper has no Modbus address", "remove 'unit'")
         least, most = MODELS[self.model].forces
         if self.force is not None and not least <= self.force <= most:
             words = f"the fingers of a {self.model} press with {least:g} N at least and {most:g} N at most"
             yield Problem("force", words)
         if self.counts[1] - self.counts[0] < 100:
             yield Problem("counts", "they lie about 227 apart: the open position first")
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        for robot in dict.fromkeys(getattr(said, "robot", None) for said in around.options.values()):
+            if isinstance(robot, Path):
+                yield from other_fingers(robot, self.options)
 
     def known(self) -> Iterator[object]:
         """Yield the limits, which a check of a tree needs."""
@@ -88,7 +100,7 @@ def opener(said: RobotiqFile, context: ConnectContext) -> Callable[[], RobotiqSe
         open_link = tcp_opener(*said.urcap, context.wires)
         return lambda: UrcapSession(open_link(), context.clock)
     open_port = serial_opener(said.port or "", BAUD, context.wires)
-    return lambda: RtuSession(open_port(), context.clock)
+    return lambda: RtuSession(open_port(), context.clock, said.unit)
 
 
 @driver(RobotiqGripper, RobotiqFile)
@@ -97,9 +109,9 @@ def connect(settings: Settings[RobotiqFile], context: ConnectContext) -> Robotiq
     said = settings.values
     options = replace(said.options, activate=said.activate and context.cleared)
     gripper = RobotiqGripper(opener(said, context), context.clock, options)
-    where: tuple[Any, ...] = (said.port, None, 0) if said.urcap is None else (None, *said.urcap)
+    where: tuple[Any, ...] = (said.port, None, 0, said.unit) if said.urcap is None else (None, *said.urcap)
     gripper.outside_stop = "pomona.devices.robotiq.outside:stop", where
-    silent = "port", f"{serial_ports()}; is the gripper powered, with the Modbus address 9?"
+    silent = "port", f"{serial_ports()}; is the gripper powered, with the Modbus address {said.unit} ('unit')?"
     if said.urcap is not None:
         silent = "urcap", "is the Robotiq URCap installed, and no other client connected? is the gripper powered?"
     return settings.opened(gripper, {OSError: silent, DeviceLost: silent, DeviceError: ("model", "")})

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import time
 
-from pomona.devices.robotiq.codec import RobotiqCommand, RobotiqStatus
+from pomona.devices.robotiq.codec import SLAVE, RobotiqCommand, RobotiqStatus
 from pomona.devices.robotiq.session import RobotiqSession, RtuSession, UrcapSession
 from pomona.devices.suntouch.transport import SerialLink
 from pomona.drivers import Malformed, TcpLink
@@ -18,8 +18,8 @@ ANSWER = 0.5  # seconds within which the gripper must answer
 BAUD = 115200
 
 
-def stop(port: str | None, host: str | None, number: int) -> None:
-    """Forbid motion, with the position commanded where the fingers are.
+def stop(port: str | None, host: str | None, number: int, unit: int = SLAVE) -> None:
+    """Forbid motion, with the position commanded where the fingers are; `unit` is the gripper's Modbus address.
 
     Raises OSError, TimeoutError: there is no answer.
     """
@@ -28,7 +28,7 @@ def stop(port: str | None, host: str | None, number: int) -> None:
     if host is not None:
         session = UrcapSession(TcpLink(host, number, ANSWER), clock)
     else:
-        session = RtuSession(SerialLink(port or "", BAUD), clock)
+        session = RtuSession(SerialLink(port or "", BAUD), clock, unit)
     try:
         status = _status(session, None)
         for _ in range(3):  # an answer may be that of an earlier request, which was repeated

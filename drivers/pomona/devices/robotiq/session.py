@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pomona.devices.robotiq.codec import RobotiqCommand, RobotiqStatus, answer, request
+from pomona.devices.robotiq.codec import SLAVE, RobotiqCommand, RobotiqStatus, answer, request
 from pomona.drivers import Link, Malformed
 from pomona.executive import Clock
 
@@ -27,8 +27,9 @@ class RobotiqSession(Protocol):
 class RtuSession:
     """Modbus RTU: one exchange writes the command and reads the status, about 100 a second."""
 
-    def __init__(self, link: Link, clock: Clock) -> None:
-        self._link, self._clock = link, clock
+    def __init__(self, link: Link, clock: Clock, unit: int = SLAVE) -> None:
+        """`unit`: the gripper's Modbus address."""
+        self._link, self._clock, self._unit = link, clock, unit
         self._buffer = bytearray()
         self._asked_at, self._waiting = -1.0, False
 
@@ -36,11 +37,11 @@ class RtuSession:
         now = self._clock.now()
         if now - self._asked_at >= (REPEAT if self._waiting else SPACING):
             self._buffer.clear()
-            self._link.send(request(command))
+            self._link.send(request(command, self._unit))
             self._asked_at, self._waiting = now, True
         self._buffer += self._link.receive(patience)
         try:
-            status = answer(self._buffer)
+            status = answer(self._buffer, self._unit)
         except Malformed:
             self._buffer.clear()  # noise on the line: the request is repeated
             raise

@@ -38,7 +38,7 @@ from pomona.drivers import (
 )
 from pomona.executive import TIME, Clock, Float64, Measure, PathTo, Problem, Section, Text, Words, value
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
-from pomona.tools.ros2.rosbridge import open_peer
+from pomona.tools.ros2.rosbridge import WAY, open_peer
 from pomona.tools.ros2.types import coder
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -232,7 +232,7 @@ class Ros2Arm(PathArm):
 class Ros2ArmFile:
     """An arm behind a joint_trajectory_controller of ros2_control."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
+    address: str = value(WAY, ADDRESS, WAY.words)
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
     joints: tuple[str, ...] = value(Words(), help="the description's joints, by their names in ROS 2")

@@ -30,7 +30,7 @@ from pomona.devices.ros2.images import (
 from pomona.drivers import Arm, ConnectContext, DeviceError, DeviceFault, Settings, driver
 from pomona.executive import TIME, Measure, Text, value
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
-from pomona.tools.ros2.rosbridge import open_peer
+from pomona.tools.ros2.rosbridge import WAY, open_peer
 from pomona.tools.ros2.types import typestore
 
 KEPT = 8  # images of each topic that wait for their partner; of a flood, only the newest
@@ -130,7 +130,7 @@ def _message(raw: bytes, kind: str) -> Any:
 class Ros2CameraFile(MountedCameraFile):
     """A depth camera that is a topic of ROS 2, on the arm or in the cell."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
+    address: str = value(WAY, ADDRESS, WAY.words)
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     colour: str = value(Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image; …/compressed: CompressedImage")
     depth: str = value(Text(), "/camera/aligned_depth_to_color/image_raw", "topic of its depth")

@@ -31,7 +31,7 @@ from pomona.drivers import (
 )
 from pomona.executive import FORCE, LENGTH, SPEED, TIME, Clock, Measure, Number, Problem, Section, Span, Text, value
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
-from pomona.tools.ros2.rosbridge import SCHEMES, RosbridgePeer, open_peer
+from pomona.tools.ros2.rosbridge import SCHEMES, WAY, RosbridgePeer, open_peer
 from pomona.tools.ros2.types import coder
 
 COMMAND, ACTION = "std_msgs/msg/Float64MultiArray", "control_msgs/action/GripperCommand"
@@ -189,7 +189,7 @@ class Ros2Gripper(ParallelGripper):
 class Ros2GripperFile:
     """A parallel gripper behind a forward_command_controller of ros2_control."""
 
-    address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge")
+    address: str = value(WAY, ADDRESS, WAY.words)
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     joint: str = value(Text(), help="name of the gripper's joint in ROS 2")
     scale: float = value(Number(-1e3, 1e3), 1.0, "metres of opening per unit of the joint; two fingers: 2")

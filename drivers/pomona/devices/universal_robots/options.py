@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pomona.drivers import ArmFile
+from pomona.devices.universal_robots.links import LENGTHS, other_model
+from pomona.drivers import Address, ArmFile
 from pomona.executive import RATE, TIME, Flag, Measure, Problem, Text, value
 
-HOST = Text(pattern=r"[\w.-]+", words="a host: its name or IPv4 address alone, since the ports are fixed")
+HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
 PORTS = {"rtde": 30004, "script": 30002, "dashboard": 29999}
 MODELS = ("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur15", "ur18", "ur20", "ur30", "ur3", "ur5", "ur10")
 
@@ -30,6 +31,7 @@ class UrFile(ArmFile):
         return (f"{self.address}:{PORTS['rtde']}",)
 
     def problems(self) -> Iterator[Problem]:
-        yield from ArmFile.problems(self)
+        unusable = list(ArmFile.problems(self))
+        yield from unusable or other_model(self.robot, LENGTHS, self.model)
         if self.lead >= 30 * self.point_period:
             yield Problem("lead", "the controller keeps 30 points: a longer 'point_period' or a shorter 'lead' fits")

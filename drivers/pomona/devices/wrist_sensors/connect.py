@@ -16,7 +16,7 @@ BAUD, FT300_RATE = 19200, 100.0  # of the FT 300 as delivered [bit/s], and of it
 RTDE = PORTS["rtde"]
 UR_RANGE = 200.0  # of the forces that a UR20 measures [N]; smaller arms measure less
 
-CARRIED = Measure(MASS, "0 kg", "30 kg")
+CARRIED = Measure(MASS, "10 g", "30 kg")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pomona.drivers import ArmFile
-from pomona.executive import TIME, Flag, Measure, Text, value
+from pomona.devices.universal_robots.links import other_model
+from pomona.drivers import Address, ArmFile
+from pomona.executive import TIME, Flag, Measure, Problem, Text, value
 
-HOST = Text(pattern=r"[\w.-]+", words="a host: its name or IPv4 address alone, since the ports are fixed")
+HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
 PORTS = {"command": 502, "report": 30003}
-JOINTS = {"xarm5": 5, "xarm6": 6, "xarm7": 7, "lite6": 6, "850": 6}
+LENGTHS = {
+    "xarm5": (0.0, 0.2895, 0.3512, 0.076),
+    "xarm6": (0.0, 0.2895, 0.0775, 0.0, 0.076),
+    "xarm7": (0.0, 0.0, 0.0525, 0.0775, 0.0, 0.076),
+    "lite6": (0.0, 0.2002, 0.087, 0.0, 0.0),
+    "850": (0.0, 0.39, 0.15, 0.0, 0.0),
+}
+"""By model: distances between the axes of successive joints [m], of `default_kinematics.yaml` in `xarm_description`."""
+JOINTS = {model: len(lengths) + 1 for model, lengths in LENGTHS.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,3 +41,7 @@ class XArmFile(ArmFile):
     @property
     def dof(self) -> int:
         return JOINTS[self.model]
+
+    def problems(self) -> Iterator[Problem]:
+        unusable = list(ArmFile.problems(self))
+        yield from unusable or other_model(self.robot, LENGTHS, self.model)

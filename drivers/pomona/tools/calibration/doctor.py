@@ -21,9 +21,10 @@ from pomona.drivers.interfaces import (
     WrenchSensor,
 )
 from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.device import Device
-from pomona.executive.values.findings import place_of
+from pomona.executive.values.findings import Findings, place_of
 from pomona.executive.values.sentences import ReportLine
 from pomona.tools.library.index import records_in
 from pomona.tools.library.record_checks import check_records
@@ -53,6 +54,11 @@ def examine(
         return
     try:
         yield ReportLine("cell file", True, f"{path} ({cell.kind})")
+        doubts = Findings()
+        judge_cell_file(path, doubts, overrides)
+        for doubt in doubts.sorted():
+            if doubt.severity == "warning":
+                yield ReportLine("cell file", False, f"{place_of(doubt)}: {doubt.message}", doubt.hint)
         for name, refused in missing.items():
             yield from _refused(name, refused)
         rates = _watch(cell)

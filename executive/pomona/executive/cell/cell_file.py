@@ -10,6 +10,7 @@ devices:
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -196,6 +197,8 @@ def outline_cell(path: Path, findings: Findings) -> Outline | None:
 def _misfits(section: CellSection, workspace: Any) -> Iterator[tuple[Placed[Any], Problem]]:
     """Yield the conflicts of a device with this cell; its own section is valid."""
     above: dict[str, Any] = {}
+    lines: dict[str, str] = {}
+    said = {name: device.values for name, device in section.devices.items()}
     world = section.world
     if world is not None and not hasattr(world.driver.device, "truth"):
         yield world.placed, Problem("driver", "it simulates no world")
@@ -204,8 +207,12 @@ def _misfits(section: CellSection, workspace: Any) -> Iterator[tuple[Placed[Any]
         if device.driver.device.outlives and section.kind not in OUTLIVED:
             words = f"it moves a device outside this process: the cell's kind is real or emulated, not {section.kind}"
             yield device.placed, Problem("driver", words)
+        for wire in options.wires if isinstance(options, Wired) else ():
+            other = lines.setdefault(os.path.realpath(wire), name) if wire.startswith("/") else name
+            if other != name:
+                yield device.placed, Problem("port", f"'{other}' is on {wire} already; a serial line has one device")
         if isinstance(options, Fitting):
-            for problem in options.fits(Surroundings(workspace, above)):
+            for problem in options.fits(Surroundings(workspace, above, said)):
                 yield device.placed, problem
         above[name] = device.driver.device
 

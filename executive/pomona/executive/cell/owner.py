@@ -21,6 +21,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import select
 import socket
 import threading
@@ -104,15 +105,17 @@ class Address(ScalarKind[tuple[str, int]]):
     """HOST or HOST:PORT, as (host, port)."""
 
     words = "an address: HOST or HOST:PORT"
+    OCTET = r"(?:25[0-5]|2[0-4]\d|1?\d?\d)"  # of an IPv4 address, 0 to 255
+    HOST = rf"((?:{OCTET}\.){{3}}{OCTET}|(?![\d.]+(?::|$))[\w.-]+)"  # that address, or a name
 
     def __init__(self, port: int) -> None:
         self.port = port
 
     def parse(self, text: str) -> tuple[str, int]:
-        host, _, port = text.strip().rpartition(":") if ":" in text else (text.strip(), "", "")
-        if not host or (port and not (port.isascii() and port.isdigit() and 0 < int(port) < 65536)):
-            raise Unfit(f"'{text}' is not an address: write HOST or HOST:PORT")
-        return host, int(port) if port else self.port
+        found = re.fullmatch(rf"({self.HOST}|\[[0-9a-fA-F:.]+(?:%\w+)?\])(?::(?P<port>\d{{1,5}}))?", text.strip(), re.A)
+        if found is None or not 0 < int(found["port"] or 1) < 65536:
+            raise Unfit(f"'{text}' is not an address: write HOST, HOST:PORT or [IPv6]:PORT")
+        return found[1].strip("[]"), int(found["port"] or self.port)
 
     def plain_schema(self) -> Schema:
         return {"type": "string", "examples": [f"192.168.1.2:{self.port}"]}

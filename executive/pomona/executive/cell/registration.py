@@ -108,10 +108,11 @@ class Settings(Generic[Options]):
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Surroundings of a device in its cell file: the workspace, and the devices above it by name."""
+    """Surroundings of a device in its cell file: workspace, devices above it, and all devices' options, by name."""
 
     workspace: Any = None
     above: Mapping[str, type[Device]] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def has(self, device: type[Device]) -> bool:
         """Return True if a device of this class stands above."""

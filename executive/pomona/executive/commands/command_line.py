@@ -121,8 +121,7 @@ COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
 
 An entry point has its subcommand's name and is loaded only for that command, since the imports of all take seconds. Its
-help is read from its source, from the call `add_parser("name", help="…")`.
-"""
+help is read from its source, from the call `add_parser("name", help="…")`."""
 
 ELSEWHERE = (
     "calibrate",

@@ -165,8 +165,15 @@ def _pieces() -> dict[str, CellPiece]:
 def _choose(pieces: Mapping[str, CellPiece], role: str, word: str, option: str) -> CellPiece:
     known = {name: piece for name, piece in pieces.items() if piece.role == role}
     if word not in known:
-        raise UsageError(f"{option}: no '{word}' is known here ({choose(word, known)}). Nothing was written.")
+        other = _other() if role == "arm" and word.lower() not in known else ""
+        raise UsageError(f"{option}: no '{word}' is known here ({choose(word, known)}{other}). Nothing was written.")
     return known[word]
+
+
+def _other() -> str:
+    """Return the way to arms that no description is shipped of; empty where nothing makes one."""
+    there = entry_points(group="pomona.new_from_file", name="arm")
+    return "; any other arm: `pomona new arm ITS.urdf` makes its robot.xml and a simulated cell" if there else ""
 
 
 def _robot(arm: str, hand: str) -> Path:
@@ -174,11 +181,10 @@ def _robot(arm: str, hand: str) -> Path:
 
 
 def _possible(pieces: Mapping[str, CellPiece]) -> str:
-    """Return the arms and hands that a shipped description has, and where others come from."""
+    """Return the arms and hands that a shipped description has, and the way to others."""
     arms, hands = ([name for name, piece in pieces.items() if piece.role == role] for role in ("arm", "gripper"))
     pairs = [f"--arm {arm} --hand {hand}" for arm in arms for hand in hands if _robot(arm, hand).is_file()]
-    other = " (others: pomona robot import)" if entry_points(group="pomona.commands", name="robot") else ""
-    return f"possible are {'; '.join(pairs)}{other}. Nothing was written."
+    return f"possible are {'; '.join(pairs)}{_other()}. Nothing was written."
 
 
 def _words(chosen: list[CellPiece]) -> dict[str, str]:

@@ -21,13 +21,22 @@ import numpy as np
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
+from pomona.executive.cell.owner import Address
 from pomona.executive.errors import UsageError
+from pomona.executive.values.kinds import Text
 from pomona.tools.ros2.peer import Ros2Peer
 from pomona.tools.ros2.types import coder, typestore
 
 logger = logging.getLogger(__name__)
 
 SCHEMES = ("ws://", "wss://")
+_HOST = rf"({Address.HOST}|\[[0-9a-fA-F:.]+\])"
+_PORT = r":(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
+WAY = Text(
+    pattern=rf"(wss?://{_HOST}({_PORT})?(/\S*)?|{_HOST}{_PORT})",
+    words="HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge",
+)
+"""Kind of a value in a cell file that names the way to the nodes of ROS."""
 QUEUE = 16  # messages that wait to be sent; of more, the oldest are dropped
 LARGEST = 32 * 2**20  # longest message that is read [bytes]: an image of 4 megapixels in base64
 DEADLINE, RETRY = 2.0, 0.5  # of a connection, and the pause before the next try [s]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -38,8 +39,11 @@ def begin_arm(file: Path, into: Path, options: argparse.Namespace) -> tuple[list
         raise UsageError(f"{file}: there is no such file. Nothing was written.")
     if folder.exists():
         raise UsageError(f"{folder} is there already. Nothing was written.")
+    sys.stderr.write(f"reading {file}\n")
     arm = read_arm(file, options.flange)
     sim = read_cell_file(installed_trees() / "cells" / "sim.yaml")
+    words = f"{arm.dof} joints up to '{arm.flange}'; trying where the hand {hand} reaches the poses of the cell sim"
+    sys.stderr.write(f"{words}: up to a minute\n")
     try:
         fitted = fit(arm, hand, sim)
     except RobotError as error:

@@ -52,7 +52,31 @@ def refusal(folder: Path, text: str, rig: PlcRig | None = None) -> str:
         ("discrete 1", "discrete 65536", ":5:15: .*an address from 0 to 65535"),
         ("discrete 1", "relay 1", r":5:15: .*an area \(coil, discrete, holding, input\)"),
         ("{at: coil 1}", "{at: discrete 1}", r":7:15: .*an area that can be written \(coil, holding\)"),
-        ("{at: coil 1}", "{at: coil 0}", "'heartbeat' and 'ready' would both write coil 0"),
+        ("{at: coil 1}", "{at: coil 0}", ":7:3: .*'ready' and 'heartbeat.output' both take coil 0"),
+        ("{at: coil 1}", "{at: coil 1}\n  busy: {at: coil 1}", "'busy' and 'ready' both take coil 1"),
+        (
+            "{at: discrete 1}",
+            "{at: discrete 1}\n  stop: {at: discrete 1}",
+            ":5:3: .*'stop' and 'start' both take discrete 1",
+        ),
+        ("{at: discrete 1}", "{at: input 9}\n  m: {at: input 8, type: float32}", "'m' and 'start' both take input 9"),
+        (
+            "{at: discrete 1}",
+            "{at: holding 4, type: float32}\n  m: {at: holding 5, type: int32}",
+            "both take holding 5",
+        ),
+        ("{at: discrete 1}", "{at: coil 1}", "'ready' and 'start' both take coil 1"),
+        ("input: discrete 0", "input: coil 0", ":3:12: .*'heartbeat.input' and 'heartbeat.output' both take coil 0"),
+        ("input: discrete 0", "input: coil 1", "'ready' and 'heartbeat.input' both take coil 1"),
+        (
+            "address: 127.0.0.86",
+            "address: '127.0.0.86:'",
+            r":2:10: .*is not an address: write HOST, HOST:PORT or \[IPv6\]",
+        ),
+        ("address: 127.0.0.86", "address: '::1'", "is not an address"),
+        ("address: 127.0.0.86", "address: '[::1'", "is not an address"),
+        ("address: 127.0.0.86", "address: http://127.0.0.86", "is not an address"),
+        ("address: 127.0.0.86", "address: 127.0.0.86:65536", "is not an address"),
         ("{at: coil 1}", "{at: coil 1, safe: 2}", ":7:29: .*no value of a switch"),
         ("{at: coil 1}", "{at: holding 1, type: uint8}", ":7:32: .*cannot be 'uint8'"),
         ("ready:", "start:", "'start' is an input already"),
@@ -83,6 +107,36 @@ def test_a_wrong_unit_is_one_line_at_the_unit(tmp_path: Path) -> None:
     silent = PlcRig()
     silent.plc.inject_fault("silent")
     assert "does not answer as unit 7 within 200 ms" in refusal(tmp_path, USUAL + "unit: 7\n", silent)
+
+
+@pytest.mark.parametrize("banner", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"SSH-2.0-OpenSSH_9.2\r\n"])
+def test_another_protocol_at_the_port_is_one_line_with_its_likely_causes(tmp_path: Path, banner: bytes) -> None:
+    rig = PlcRig()
+    rig.plc.received = lambda peer, chunk: peer.send(banner)  # type: ignore[method-assign]
+    line = refusal(tmp_path, USUAL, rig)
+    assert ":2:10:" in line
+    assert "is no Modbus frame" in line
+    remedy = line[line.index("does another protocol answer on port 502?") :].splitlines()[0]
+    assert "'unit'" in remedy
+    assert len(remedy.split()) <= 25
+
+
+@pytest.mark.realtime
+def test_a_plc_is_reached_by_ipv6(tmp_path: Path) -> None:
+    plc, done = PlcEmulator(), threading.Event()
+    port = TcpPort(plc, "::1", clients=2)
+    server = Server([port], [plc], time.monotonic)
+    thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)
+    thread.start()
+    try:
+        said = settings(tmp_path, USUAL.replace("127.0.0.86", f"'{port.address}'") + "silence: 500 ms\n")
+        assert said.values.address[0] == "::1"
+        signals = leaf.connect(said, ConnectContext(tmp_path / "plc.yaml", SystemClock(), 0))
+        assert signals.link() == "ok"
+        signals.close()
+    finally:
+        done.set()
+        thread.join(5.0)
 
 
 def test_what_the_plc_refuses_is_one_line_at_its_list(tmp_path: Path) -> None:

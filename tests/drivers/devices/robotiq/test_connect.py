@@ -65,11 +65,33 @@ def test_it_moves_over_its_wire_and_is_stopped_from_outside(tmp_path: Path, way:
         assert not gripper.written[0] & 8
 
 
+@pytest.mark.realtime
+def test_a_gripper_at_another_modbus_address_is_served_and_stopped_there(tmp_path: Path) -> None:
+    gripper = RobotiqEmulator(FreeGripper(time.monotonic, 0.068))
+    gripper.units = range(12, 13)
+    with served(gripper, PtyPort(gripper.rtu, tmp_path / "gripper")) as address:
+        with pytest.raises(CellFileError, match="does not answer"):
+            open_gripper(tmp_path, f"model: hand-e\nport: '{address}'")
+        hand = open_gripper(tmp_path, f"model: hand-e\nport: '{address}'\nunit: 12\nsilence: 2 s")
+        assert hand.state().width == pytest.approx(0.05, abs=0.02)
+        assert hand.outside_stop is not None
+        hand.close()
+        gripper.written[0] |= 8
+        outside.stop(*hand.outside_stop[1])
+        assert not gripper.written[0] & 8
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("model: hand-e\nport: /dev/nothing", r"(?s):3:7: .*cannot be reached.*Modbus address 9"),
         ("model: hand-e\nurcap: 127.0.0.86", r"(?s):3:8: .*URCap installed"),
+        ("model: hand-e\nport: /dev/nothing\nunit: 12", r"(?s):3:7: .*Modbus address 12"),
+        ("model: hand-e\nport: /dev/x\nunit: 0", r":4:7: .*between 1 and 247"),
+        ("model: hand-e\nport: /dev/x\nunit: 248", r":4:7: .*between 1 and 247"),
+        ("model: hand-e\nport: /dev/x\nunit: 9.5", "whole number"),
+        ("model: hand-e\nurcap: 127.0.0.86\nunit: 12", r"(?s):4:7: .*no Modbus address.*remove 'unit'"),
+        ("model: hand-e\nurcap: '127.0.0.86:'", "is not an address"),
         ("model: hand-f\nport: /dev/x", "did you mean 'hand-e'"),
         ("model: hand-e", "either 'port' or 'urcap'"),
         ("model: 2f-140\nport: /dev/x\nforce: 5 N", "press with 10 N at least and 125 N at most"),

@@ -87,6 +87,10 @@ def test_it_moves_over_tcp_and_is_stopped_from_outside(tmp_path: Path) -> None:
         (f"address: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 10 ms\nlead: 400 ms", "keeps 30 points"),
         ("address: h\nmodel: ur5e\nrobot: nothing.xml", "does not exist"),
         (f"address: h\nmodel: ur5e\nrobot: {ROBOT.with_name('sia5f_wsg32.xml')}", "needs 6 positive numbers"),
+        (f"address: h\nmodel: ur10e\nrobot: {ROBOT}", r":4:8: .*no description of a ur10e: .*as in a ur5e, not 0, 613"),
+        (f"address: h\nmodel: ur16e\nrobot: {ROBOT}", r":4:8: .*; give that of a ur16e, or 'model: ur5e'"),
+        (f"address: h\nmodel: ur5e\nrobot: {ROBOT.with_name('xarm6_hand_e.xml')}", "0, 289, 78, 0, 76 mm apart, not 0"),
+        (f"address: '[::1]'\nmodel: ur5e\nrobot: {ROBOT}", r":2:10: .*is not a host"),
     ],
 )
 def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, text: str, words: str) -> None:

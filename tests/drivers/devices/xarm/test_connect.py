@@ -81,6 +81,9 @@ def test_it_moves_over_tcp_and_is_stopped_from_outside(tmp_path: Path) -> None:
         ("address: h\nmodel: xarm6\nrobot: nothing.xml", "does not exist"),
         (f"address: h\nmodel: xarm6\nrobot: {ROBOT.with_name('sia5f_wsg32.xml')}", "needs 6 positive numbers"),
         (f"address: h\nmodel: xarm7\nrobot: {ROBOT}", "joints"),
+        (f"address: h\nmodel: lite6\nrobot: {ROBOT}", r"(?s):4:8: .*no description of a lite6: .*'model: xarm6'"),
+        (f"address: h\nmodel: '850'\nrobot: {ROBOT.with_name('ur5e_hand_e.xml')}", "no description of a 850"),
+        (f"address: h\nmodel: xarm6\nrobot: {ROBOT.with_name('ur5e_hand_e.xml')}", "0, 425, 392, 0, 0 mm apart, not 0"),
     ],
 )
 def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, text: str, words: str) -> None:

@@ -12,6 +12,7 @@ from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.device import Device
 from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sentences import ReportLine
 from pomona.tools.calibration.command_doctor import add, find_cell
 from pomona.tools.calibration.doctor import _device, _Watched, examine
@@ -65,6 +66,19 @@ def test_records_of_the_cell_are_looked_over_under_its_name(
     (run / EVENTS_FILE).touch()
     assert not by_name(examine(frames_cell, None, run.parent))["camera of bench"].ok
     assert asked == [([run], "bench")]
+
+
+def test_a_doubtful_value_of_the_cell_file_is_reported_with_its_place(tmp_path: Path) -> None:
+    robot = installed_trees() / "robots" / "ur5e_hand_e.xml"
+    path = tmp_path / "cell.yaml"
+    path.write_text(
+        "kind: real\nclock: manual\ndevices:\n"
+        f"  arm: {{driver: universal-robots, address: 127.0.0.81, model: ur5e, robot: {robot}}}\n"
+        "  gripper: {driver: robotiq, model: hand-e, port: /dev/nothing}\n"
+    )
+    doubts = [check for check in examine(path) if check.name == "cell file" and not check.ok]
+    assert [":5:" in doubt.found and "53 mm apart, and here 0 mm" in doubt.found for doubt in doubts] == [True]
+    assert "both must agree" in doubts[0].advice
 
 
 def test_an_unusable_cell_file_is_one_line_with_its_place(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import mujoco
@@ -71,7 +71,14 @@ def test_the_next_three_commands_and_the_calibrations_that_are_due_are_named(tmp
         f"pomona doctor --cell {tmp_path}/bench/cell.yaml",
     ]
     page = (tmp_path / "bench" / "README.md").read_text("utf-8")
-    for due in ("pomona calibrate hand-eye", "finger_offset", "`workspace`", "pomona doctor --cell cell.yaml"):
+    for due in (
+        "pomona calibrate hand-eye LOOKS",
+        "poses.json",
+        "intrinsics.yaml",
+        "finger_offset",
+        "`workspace`",
+        "pomona doctor --cell cell.yaml",
+    ):
         assert due in page
 
 
@@ -89,7 +96,10 @@ def test_the_composed_robot_is_the_shipped_one_in_one_file(arm, hand, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--arm", "ur5", "--hand", "hand-e"), "--arm: no 'ur5' is known here (did you mean 'ur5e'?)"),
+        (
+            ("--arm", "ur5", "--hand", "hand-e"),
+            "--arm: no 'ur5' is known here (did you mean 'ur5e'?; any other arm: `pomona new arm ITS.urdf`",
+        ),
         (("--arm", "ur5e", "--hand", "ur5e"), "--hand: no 'ur5e' is known here (known: hand-e, wsg32)"),
         (("--arm", "ur5e", "--hand", "hand-e", "--camera", "d455"), "--camera: no 'd455' is known here (did"),
         (
@@ -109,14 +119,21 @@ def test_what_cannot_be_written_is_refused_in_one_line(words, said, tmp_path, ca
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_that_imports_robots_is_named_where_it_is_installed(tmp_path, capsys, monkeypatch):
-    def points(**selection):
-        command = EntryPoint("robot", "own:add", "pomona.commands")
-        return [command] if selection.get("name") == "robot" else entry_points(**selection)
-
-    monkeypatch.setattr(cell_folder, "entry_points", points)
-    assert new(tmp_path, "--arm", "xarm6", "--hand", "wsg32") == 2
-    assert "(others: pomona robot import)" in capsys.readouterr().err
+def test_an_arm_that_is_not_shipped_gets_the_way_to_its_own_description(tmp_path, capsys, monkeypatch):
+    for word, near in (("ur10e", "did you mean 'ur5e'?"), ("UR10e", "ur5e"), ("fr3", "known: sia5f, ur5e, xarm6")):
+        assert new(tmp_path, "--arm", word, "--hand", "hand-e") == 2
+        said = capsys.readouterr().err
+        assert near in said
+        assert "any other arm: `pomona new arm ITS.urdf`" in said
+    assert new(tmp_path, "--arm", "UR5e", "--hand", "hand-e") == 2
+    said = capsys.readouterr().err
+    assert "did you mean 'ur5e'?" in said
+    assert "new arm" not in said
+    monkeypatch.setattr(
+        cell_folder, "entry_points", lambda **of: [] if "from_file" in of["group"] else entry_points(**of)
+    )
+    assert new(tmp_path, "--arm", "xarm6", "--hand", "wsg32") == 2  # the executive alone makes no arm
+    assert "new arm" not in capsys.readouterr().err
 
 
 def test_a_folder_that_exists_and_a_wrong_name_are_refused(tmp_path, capsys):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import io
 import json
 import re
 from pathlib import Path
@@ -64,11 +66,25 @@ def urdf(*, mass: str = "2", flange: str = "tool0", kind: str = "revolute", more
 
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     folder = tmp_path_factory.mktemp("arms")
     (folder / "My-Arm.urdf").write_text(urdf())
-    assert main(["new", "arm", str(folder / "My-Arm.urdf"), "--into", str(folder)]) == 0
-    return folder / "my_arm" / "cell.yaml"
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        assert main(["new", "arm", str(folder / "My-Arm.urdf"), "--into", str(folder)]) == 0
+    return folder / "my_arm" / "cell.yaml", said.getvalue()
+
+
+@pytest.fixture(scope="module")
+def cell(made: tuple[Path, str]) -> Path:
+    return made[0]
+
+
+def test_it_prints_what_it_is_doing_before_it_takes_time(made):
+    first, second, *following = made[1].splitlines()
+    assert first.startswith("reading ")
+    assert first.endswith("My-Arm.urdf")
+    assert second.startswith("6 joints up to 'tool0'; trying where the hand wsg32 reaches")
+    assert following[0].startswith("next: pomona check")
 
 
 @pytest.mark.slow
@@ -180,7 +196,9 @@ def test_another_shipped_hand_is_bolted_on(tmp_path):
 def test_a_second_time_nothing_is_overwritten(cell, capsys):
     before = cell.read_bytes()
     assert main(["new", "arm", str(cell.parents[1] / "My-Arm.urdf"), "--into", str(cell.parents[1])]) == 2
-    assert "there already. Nothing was written" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "there already. Nothing was written" in said
+    assert "reading" not in said
     assert cell.read_bytes() == before
 
 

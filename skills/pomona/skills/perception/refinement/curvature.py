@@ -25,8 +25,7 @@ _TRIMMED = 3.0  # distance of outliers from the fitted surface, in standard devi
 
 _CLEARLY_CURVED = 0.1
 """Ratio of the model's curvatures in its two directions below which the flatter one is not checked: at 0.3 seven of 50
-half-hidden apples were not checked, at 0.1 two.
-"""
+half-hidden apples were not checked, at 0.1 two."""
 
 
 class Curvature(NamedTuple):

@@ -168,8 +168,7 @@ _MOST_THROUGH = 0.1  # ratio of a stretched model that may be seen through, by t
 
 _UNSEEN_DOUBT = 0.6
 """If a fruit is half hidden, the mean sizes of the stretched and the scaled model differ by errors of the former: the
-dimensions' uncertainty is this factor times the difference, times the hidden over the visible ratio.
-"""
+dimensions' uncertainty is this factor times the difference, times the hidden over the visible ratio."""
 
 _FLAT, _CURVED, _SURELY = 0.2, 0.5, 2.0
 _SMOOTH = 0.9

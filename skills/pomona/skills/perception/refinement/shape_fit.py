@@ -464,8 +464,7 @@ def _points(cloud: Cloud) -> Points:
 _UNMODELLED = np.array([0.01, 0.01, 0.01, 0.003, 0.012, 0.003])
 _UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])
 """Standard deviations of position and dimensions from form errors of a stretched model (lobes, dents, one shoulder
-higher than the other, the turn about the axis), relative to the mean dimension; over the visible ratio of the fruit.
-"""
+higher than the other, the turn about the axis), relative to the mean dimension; over the visible ratio of the fruit."""
 
 
 def covariance_of(fit: ShapeFit, dimensions: Float64, whole: float, seen: float, doubt: float) -> Float64:

@@ -1,0 +1,76 @@
+"""Whether a robot's description is that of a model: the distances between the axes of its successive joints.
+
+Neither frames, names nor the posture change these distances, and calibrated arms differ by a few millimetres. Within a
+vendor's models one distance at least differs by 53 mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from pomona.drivers import read_spec
+from pomona.executive import Float64, Problem
+
+DOUBT, OFF = 0.01, 0.02  # a distance that differs by more is doubtful; another arm's [m]
+PARALLEL = 0.1  # sine of the angle below which two axes count as parallel: 6°
+
+LENGTHS = {
+    "ur3e": (0.0, 0.24355, 0.2132, 0.0, 0.0),
+    "ur5e": (0.0, 0.425, 0.3922, 0.0, 0.0),
+    "ur10e": (0.0, 0.6127, 0.57155, 0.0, 0.0),
+    "ur16e": (0.0, 0.4784, 0.36, 0.0, 0.0),
+    "ur20": (0.0, 0.862, 0.7287, 0.0, 0.0),
+    "ur30": (0.0, 0.637, 0.5037, 0.0, 0.0),
+    "ur3": (0.0, 0.24365, 0.21325, 0.0, 0.0),
+    "ur5": (0.0, 0.425, 0.39225, 0.0, 0.0),
+    "ur10": (0.0, 0.612, 0.5723, 0.0, 0.0),
+}
+"""By model [m]: `default_kinematics.yaml` of UR's package of descriptions. It has no UR7e, UR12e, UR15 and UR18."""
+
+
+def axis_distances(robot: Path, dof: int) -> Float64:
+    """Return the distance between each joint's axis and the next one's, shape (dof - 1,) [m].
+
+    Parallel axes: from the next joint's place. Raises UnusableRobotFile.
+    """
+    import mujoco  # takes a moment
+
+    model = read_spec(robot).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    driven = [i for i in range(model.nu) if model.actuator(i).name != "gripper"]
+    joints = np.sort(model.actuator_trnid[driven, 0])[:dof]
+    along, between = data.xaxis[joints], np.diff(data.xanchor[joints], axis=0)
+    normal = np.cross(along[:-1], along[1:])
+    sine = np.linalg.norm(normal, axis=1)
+    skew = np.abs(np.einsum("ij,ij->i", normal, between)) / np.maximum(sine, PARALLEL)
+    apart: Float64 = np.where(sine < PARALLEL, np.linalg.norm(np.cross(along[:-1], between), axis=1), skew)
+    return apart
+
+
+def other_model(robot: Path, lengths: Mapping[str, tuple[float, ...]], model: str) -> Iterator[Problem]:
+    """Yield the problem of a description that is not that of `model`; one without known lengths is not compared.
+
+    Raises UnusableRobotFile.
+    """
+    if model not in lengths:
+        return
+    found = axis_distances(robot, len(lengths[model]) + 1)
+    if not _alike(found, lengths[model], DOUBT):
+        named = next((name for name, of in lengths.items() if _alike(found, of, DOUBT)), "")
+        shape = f"{_shown(found)} mm apart, as in a {named}" if named else f"{_shown(found)} mm apart"
+        doubtful = _alike(found, lengths[model], OFF)
+        words = f"{robot} {'may be' if doubtful else 'is'} no description of a {model}: its joints' axes are {shape}"
+        hint = f"give that of a {model}" + (f", or 'model: {named}'" if named else "")
+        yield Problem("robot", f"{words}, not {_shown(lengths[model])} mm", hint, warning=doubtful)
+
+
+def _alike(found: Float64, of: tuple[float, ...], within: float) -> bool:
+    return len(found) == len(of) and bool(np.all(np.abs(found - of) <= within))
+
+
+def _shown(lengths: Float64 | tuple[float, ...]) -> str:
+    return ", ".join(f"{1e3 * length:.0f}" for length in lengths)
