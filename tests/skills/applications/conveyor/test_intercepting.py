@@ -8,6 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.applications.conveyor.intercepting import (
     ABOVE,
+    SINKING,
     InterceptPlan,
     NoPick,
     ReadyHand,
@@ -58,7 +59,10 @@ def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_sp
     assert velocity(pick.t0) == pytest.approx(np.zeros(3), abs=1e-3)
     over = pick.t0 + pick.reach
     assert pick.pose(over, place)[:3, 3] - place(over)[0] == pytest.approx([0.0, 0.0, ABOVE], abs=1e-9)
-    assert velocity(over) == pytest.approx([speed, 0.0, 0.0], abs=2e-3)
+    sinks = -SINKING * ABOVE / pick.descent
+    assert velocity(over) == pytest.approx([speed, 0.0, sinks], abs=2e-3)
+    h = -h  # and so it comes there
+    assert velocity(over) == pytest.approx([speed, 0.0, sinks], abs=2e-3)
     assert pick.pose(pick.arrival, place)[:3, 3] == pytest.approx(place(pick.arrival)[0], abs=1e-9)
     assert velocity(pick.arrival + 0.1) == pytest.approx([speed, 0.0, 0.0], abs=1e-6)
     assert 0.0 < pick.share <= 0.8
