@@ -44,8 +44,8 @@ def record_touches(
     T_base_tcp[:3, 3] -= carried
     camera = fruit.T_base_camera, fruit.frame.T_mount_camera, fruit.frame.q is not None
     shape = fruit.dimensions, skin_along(fruit_points(fruit), T_base_tcp), None if seen is None else seen.planes
-    poses = T_base_tcp, fruit.T_base_fruit
-    skill.publish(TOPIC, PickTouches(fruit.fruit.name, left, right, closed, *poses, *camera, *shape, landed))
+    name, T_base_fruit = fruit.fruit.name, fruit.T_base_fruit
+    skill.publish(TOPIC, PickTouches(name, left, right, closed, T_base_tcp, T_base_fruit, *camera, *shape, landed))
 
 
 def record_landing(skill: Skill, fruit: MeasuredFruit, finger: str, force: float) -> None:
