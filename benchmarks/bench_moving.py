@@ -53,9 +53,9 @@ class BeltOutcomes:
     """Outcomes of all fruit at one speed."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
-    slip: list[float] = field(default_factory=list)
-    time: list[float] = field(default_factory=list)
-    peak: list[float] = field(default_factory=list)
+    slip: list[float] = field(default_factory=list)  # [mm]
+    time: list[float] = field(default_factory=list)  # from setting off to a fruit that is held at rest [s]
+    peak: list[float] = field(default_factory=list)  # of one pad [N]
     collisions: int = 0
 
     @property
@@ -79,7 +79,7 @@ class BeltOutcomes:
         return (
             f"{speed:4.2f} m/s  picked {picked} of {accepted} accepted ({100 * low:.0f} to {100 * high:.0f} %) "
             f"of {self.reachable} reachable  "
-            f"slip {slip} mm  pad {force} N  {took} s  hit {self.collisions}  {others}"
+            f"slip {slip} mm  pad {force} N  set off to held {took} s  hit {self.collisions}  {others}"
         )
 
 
@@ -93,6 +93,7 @@ class Bench:
         world = self.cell.devices["world"]
         assert isinstance(world, ConveyorWorld)
         self.world = world
+        self.set_off: float | None = None  # when the hand set off for its fruit [s]
         self.kind = world.built.fruits[0].model.name
         began = self.drive(Track(), fruit=self.kind)
         if began.reason is not None:
@@ -101,9 +102,15 @@ class Bench:
 
     def drive(self, skill: Skill, **inputs: object) -> SkillEnd:
         """Drive a skill on the cell; it is looked after in each tick."""
-        return drive(
-            skill, inputs, self.devices, clock=self.cell.clock, period=TICK, each_tick=lambda _: self.cell.check()
-        )
+
+        def tick(_: int) -> None:
+            self.cell.check()
+            if not skill.feedback_message.startswith("reaching"):
+                return
+            self.set_off = self.cell.clock.now() if self.set_off is None else self.set_off
+
+        self.set_off = None
+        return drive(skill, inputs, self.devices, clock=self.cell.clock, period=TICK, each_tick=tick)
 
     def one(self, tried: BeltOutcomes) -> str:
         """Try the next fruit, and make room for another one; returns the outcome."""
@@ -119,10 +126,10 @@ class Bench:
         outcome = end.reason.code if end.reason is not None else "picked" if lifted else "NOT_LIFTED"
         at_first = target.place[0] - target.speed * waited.duration
         outcome = PASSED if outcome in BEFORE and at_first > END - LEAD * target.speed else outcome
-        if outcome == "picked":
+        if outcome == "picked" and self.set_off is not None:
             tried.slip.append(1e3 * lifted[-1].slip)
             tried.peak.append(lifted[-1].peak)
-            tried.time.append(end.duration)
+            tried.time.append(self.cell.clock.now() - self.set_off)
         self._put_away([fate.number for fate in lifted])
         return outcome
 

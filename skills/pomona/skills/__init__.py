@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         vertical_way as vertical_way,
     )
     from pomona.skills.shared.touch import Touch as Touch
+    from pomona.skills.shared.touch_view import record_touches as record_touches
     from pomona.skills.shared.warm_motion import prepare_moving as prepare_moving
     from pomona.skills.shared.yielding import YieldingFingers as YieldingFingers
 
@@ -52,6 +53,7 @@ PUBLIC = {
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",
     "shared.touch": "Touch",
+    "shared.touch_view": "record_touches",
     "shared.planning": "usable_field",
     "shared.warm_motion": "prepare_moving",
     "shared.yielding": "YieldingFingers",

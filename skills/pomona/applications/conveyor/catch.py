@@ -13,7 +13,8 @@ from pomona.applications.conveyor.intercepting import CLOSING, InterceptPlan, Re
 from pomona.applications.conveyor.moving_grip import FIRST_BIAS
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.drivers import Arm, MotionState, Workspace
-from pomona.executive import Float64, SkillFailure
+from pomona.executive import Float64, Skill, SkillFailure
+from pomona.skills import record_touches
 from pomona.skills.grip import Hold
 from pomona.skills.motion import Grasp, arm_space
 from pomona.skills.perception import MeasuredFruit
@@ -134,6 +135,12 @@ class Catch:
         above = T_base_tcp.copy()
         above[2, 3] += 0.1
         return Grasp(0, 0.0, 0.0, above, T_base_tcp, width, q[None], 0.0, 0.0, fruit)
+
+    def note_touches(self, skill: Skill, hold: Hold, now: float) -> None:
+        """Record the pads' touches beside the fruit as it was seen, carried by the belt until `now` [s]."""
+        fruit = self.track.measured
+        carried = self._tracks.place(self.track, now)[0] - fruit.T_base_fruit[:3, 3]
+        record_touches(skill, fruit, hold.first_touches, carried=carried)
 
     def _lead(self) -> None:
         speed = self._tracks.travel.speed

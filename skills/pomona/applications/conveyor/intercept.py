@@ -12,7 +12,7 @@ from pomona.applications.conveyor.catch import Catch, ready_hand, require_grip, 
 from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, end_pick
 from pomona.applications.conveyor.intercepting import InterceptPlan
-from pomona.applications.conveyor.moving_grip import grip_settings
+from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.drivers import (
@@ -36,7 +36,7 @@ class Caught(Outputs):
 
     hold: Annotated[Hold, Port(help="grip that continues")]
     grasp: Annotated[Grasp, Port(help="grasp by which the fruit is held")]
-    width: Annotated[Length, Port(help="width of the fruit between the pads")]
+    width: Annotated[Length, Port(help="width of the fruit where the pads touched it")]
 
 
 class Intercept(BeltSkill):
@@ -94,12 +94,15 @@ class Intercept(BeltSkill):
                 catch.reach()
                 yield f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
             hold = Hold(gripper, self.device(ForceSensor), GripController(settings), self.clock.now).under(gripper)
-            while hold.phase is not GripPhase.HOLDING:
-                self.look(tracks, search=False)
-                catch.close(self.clock.now())
-                self._carry(hold)
-                catch.require_contact(self.clock.now())
-                yield f"{hold.phase.value}, {hold.reading.f_n:.1f} N"
+            try:
+                while hold.phase is not GripPhase.HOLDING:
+                    self.look(tracks, search=False)
+                    catch.close(self.clock.now())
+                    self._carry(hold)
+                    catch.require_contact(self.clock.now())
+                    yield f"{hold.phase.value}, {hold.reading.f_n:.1f} N"
+            finally:
+                catch.note_touches(self, hold, self.clock.now())
             grasp = catch.grasp(arm.state().q, gripper.state().width)
             yield from stream.rise(height, partial(self._carry, hold))
         except GeneratorExit:
@@ -113,7 +116,7 @@ class Intercept(BeltSkill):
             raise
         self._carry(hold)
         show_grip(self, hold, everything=True)
-        return Caught(hold, grasp, gripper.state().width)
+        return Caught(hold, grasp, felt_width(hold) or gripper.state().width)
 
     def _plan(
         self, target: ComingFruit, tracks: BeltWatch, stream: HandStream, sure: float, height: float
@@ -123,8 +126,7 @@ class Intercept(BeltSkill):
         grip = FruitWidth.of(target, tracks.tracks.belt.direction)
         opening = grip.opening(gripper.limits.width_max)
         if opening is None:
-            words = f"the fruit is {1e3 * grip.width:.0f} mm wide; nothing has moved"
-            raise self.failure("TOO_WIDE", words, width=grip.width)
+            raise self.failure("TOO_WIDE", f"the fruit is {1e3 * grip.width:.0f} mm wide; nothing has moved")
         hand = ready_hand(stream, arm, self.device(Workspace), opening, height)
         choice = PickChoice(hand, tracks, grip, opening, sure)
         while True:

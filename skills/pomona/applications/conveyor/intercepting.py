@@ -8,6 +8,7 @@ way, of the time of closing and of the lift lie within their limits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,16 +23,22 @@ from pomona.skills.motion import RobotModel, nearest_solution
 Place = Callable[[float], tuple[Float64, Float64]]
 """Where a fruit is at a time [s], and its velocity: base frame, shape (3,) each [m], [m/s]."""
 
-ABOVE = 0.10
-"""Height over the grasp at which the hand has matched the fruit's speed [m]."""
+ABOVE = 0.08
+"""Height over the grasp at which the hand has matched the fruit's speed along the belt [m]."""
+SINKING = 1.875
+"""Speed at which it sinks there, in heights per time of the descent: the middle of a polynomial from rest to rest, so
+that the descent needs half the acceleration of one that begins at rest."""
 REACHES = tuple(float(reach) for reach in np.arange(0.45, 1.55, 0.1))
 """Times of the reach that are tried [s]."""
-DESCENTS = (0.45, 0.6)
-"""Times of the descent that are tried [s]: 100 mm in 0.45 s take 1.3 m/s² and 0.42 m/s."""
-CLOSING = 1.0
-"""Time at the fruit for which reach is kept [s]: closing took 0.7 s (median) to 0.9 s in 200 picks."""
-LIFT_TIME, RIDE, SLOWING = 0.75, 0.10, 0.5
-"""Times of the lift, of its part with the belt's speed, and until the hand has no speed along the belt [s]."""
+DESCENTS = (0.3, 0.4)
+"""Times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s."""
+CLOSING = 0.85
+"""Time at the fruit for which reach is kept [s]: closing took 0.7 s (median) to 0.9 s in 200 picks, of which 0.15 s are
+now before the arrival."""
+LIFTS = 2.0
+"""Largest acceleration of a lift [m/s²], as of a fruit that is carried."""
+RIDE, SLOWING = 0.10, 0.5
+"""Times of the lift with the belt's speed, and then until the hand has no speed along the belt [s]."""
 SAMPLES = 24
 """Postures of the way that are checked, and a few more at the fruit and during the lift."""
 SHARE = 0.8
@@ -106,12 +113,17 @@ class Rise:
     @property
     def end(self) -> float:
         """When the hand rests [s]."""
-        return self.t0 + max(LIFT_TIME, RIDE + SLOWING)
+        return self.t0 + max(self._lift, RIDE + SLOWING)
+
+    @property
+    def _lift(self) -> float:
+        """Time of the lift [s], a polynomial of fifth order from rest to rest."""
+        return math.sqrt(5.774 * self.height / LIFTS)
 
     def pose(self, t: float) -> Float64:
         """T_base_tcp at a time, shape (4, 4)."""
         s, T = max(t - self.t0, 0.0), self.T_base_start.copy()
-        u = min(s / LIFT_TIME, 1.0)
+        u = min(s / self._lift, 1.0)
         slowing = min(max(s - RIDE, 0.0), SLOWING)
         ridden = min(s, RIDE) + slowing - slowing**2 / (2.0 * SLOWING)
         T[:3, 3] += self.velocity * np.array([1.0, 1.0, 0.0]) * ridden
@@ -246,10 +258,11 @@ def _pick(
 ) -> InterceptPlan:
     p, v = place(now)
     axis, _ = cv2.Rodrigues(T_base_tcp[:3, :3].T @ R_base_grasp)
-    up, still = np.array([0.0, 0.0, ABOVE]), np.zeros(3)
-    way = _quintic(T_base_tcp[:3, 3] - p - grip, -v, up, still, reach)
+    sinks = np.array([-SINKING * ABOVE / descent])
+    up, down = np.array([0.0, 0.0, ABOVE]), np.array([0.0, 0.0, sinks[0]])
+    way = _quintic(T_base_tcp[:3, 3] - p - grip, -v, up, down, reach)
     turn = _quintic(np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), reach)[:, 0]
-    drop = _quintic(np.array([ABOVE]), np.zeros(1), np.zeros(1), np.zeros(1), descent)[:, 0]
+    drop = _quintic(np.array([ABOVE]), sinks, np.zeros(1), np.zeros(1), descent)[:, 0]
     return InterceptPlan(
         now, reach, descent, grip, way, turn, drop, T_base_tcp[:3, :3].copy(), axis[:, 0], R_base_grasp
     )

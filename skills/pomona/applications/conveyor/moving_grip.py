@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pomona.drivers import ForceSensor, Gripper
-from pomona.skills.grip import ForceLoopSettings, GripSettings, SoftContact, WatchSettings
+from pomona.skills.grip import ForceLoopSettings, GripSettings, Hold, SoftContact, WatchSettings
 from pomona.skills.perception import MeasuredFruit, mass_of
 
-FIRST_BIAS = 0.23
-"""Time before the arrival at which the grip begins to record its bias [s], so that it closes on arrival."""
+EARLY = 0.15
+"""Time before the arrival at which the fingers begin to close [s]: they are 17 mm over their place, and no finger can
+touch before they are there."""
+FIRST_BIAS = 0.23 + EARLY
+"""Time before the arrival at which the grip begins to record its bias [s]."""
 OPENING = 0.018
 """Opening over the fruit's width with which the hand comes down [m]."""
 SLOWS = 0.008
@@ -53,3 +56,9 @@ def grip_settings(
         width_min=limits.width_min,
         rate=sensor.rate,
     )
+
+
+def felt_width(hold: Hold) -> float | None:
+    """Return the width of the fruit between the pads when both had touched it [m]; None: they did not."""
+    left, right = hold.first_touches
+    return None if left is None or right is None else min(left.width, right.width)

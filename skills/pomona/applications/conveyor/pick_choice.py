@@ -27,7 +27,7 @@ from pomona.applications.conveyor.moving_grip import OPENING
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.executive import Float64
 
-SURE_UNTIL = 1.6
+SURE_UNTIL = 1.3
 """Time from now on for which a place must be sure before the hand sets off [s]: a usual reach and descent."""
 SOONEST = REACHES[0] + DESCENTS[0] + CLOSING
 """Shortest time from setting off to a closed grip for which reach is kept [s]."""

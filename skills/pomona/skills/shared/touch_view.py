@@ -24,6 +24,7 @@ def record_touches(
     pads: Sequence[PadTouch | None],
     closed: PadTouch | None = None,
     landed: Float64 | None = None,
+    carried: Float64 | float = 0.0,
 ) -> None:
     """Publish the touches of a pick; without a measured fruit, an arm or a touch there is nothing to compare.
 
@@ -32,15 +33,15 @@ def record_touches(
         fruit: as the camera measured it.
         pads: first touches of the left and the right pad.
         closed: where a plain gripper has stopped on the fruit.
-        landed: see `PickTouches`.
+        landed: see `PickTouches`; carried: way of the fruit on a belt since it was measured, shape (3,) [m].
     """
-    arm = skill.optional_device(Arm)
-    left, right = pads
+    arm, (left, right) = skill.optional_device(Arm), pads
     if fruit is None or arm is None or (left is None and right is None and closed is None):
         return
     workspace = skill.optional_device(Workspace)
     seen = None if workspace is None else frame_view(fruit.frame, fruit.T_base_camera, workspace)
     T_base_tcp = RobotModel.load(arm.description).tcp(arm.state().q)
+    T_base_tcp[:3, 3] -= carried
     camera = fruit.T_base_camera, fruit.frame.T_mount_camera, fruit.frame.q is not None
     shape = fruit.dimensions, skin_along(fruit_points(fruit), T_base_tcp), None if seen is None else seen.planes
     name, T_base_fruit = fruit.fruit.name, fruit.T_base_fruit
@@ -53,6 +54,5 @@ def record_landing(skill: Skill, fruit: MeasuredFruit, finger: str, force: float
     robot = RobotModel.load(arm.description)
     T_base_tcp = robot.tcp(arm.state().q)
     way = gripper_shape(robot).way_to(apply(inverse(T_base_tcp), fruit_points(fruit)), width, finger)
-    touch = PadTouch(skill.clock.now(), width, force)
-    pads = (touch, None) if finger == "left" else (None, touch)
-    record_touches(skill, fruit, pads, landed=T_base_tcp[:3, :3] @ way)
+    pads = (PadTouch(skill.clock.now(), width, force), None)
+    record_touches(skill, fruit, pads if finger == "left" else pads[::-1], landed=T_base_tcp[:3, :3] @ way)

@@ -12,7 +12,8 @@ from py_trees.common import Status
 
 from pomona.applications.conveyor.intercept import Intercept
 from pomona.executive import SkillEnd
-from tests.skills.applications.conveyor.belt_rig import MODEL, BeltRig
+from pomona.skills.grip.closing import PickTouches
+from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
 
 
 def code(end: SkillEnd) -> str:
@@ -85,6 +86,30 @@ def test_the_grasp_that_it_gives_holds_the_fruit_at_the_hand() -> None:
     grasp = rig.intercept().outputs["grasp"]
     assert grasp.T_base_grasp[:3, 3] == pytest.approx(grasp.fruit.T_base_fruit[:3, 3], abs=1e-6)
     assert grasp.T_base_grasp[2, 2] == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_the_first_touches_are_recorded_beside_the_fruit_that_the_belt_has_carried_on() -> None:
+    rig = BeltRig(0.3, along=-0.5, aside=0.02)
+    end = rig.intercept()
+    (touches,) = [value for topic, value in end.published if topic == "touches"]
+    assert isinstance(touches, PickTouches)
+    assert touches.left is not None
+    assert touches.right is not None
+    assert touches.left.width == pytest.approx(SIZE[0], abs=1e-3)
+    assert end.outputs["width"] == min(touches.left.width, touches.right.width)
+    assert touches.T_base_fruit[:3, 3] == pytest.approx(rig.target.place, abs=1e-9)  # as it was measured
+    assert touches.T_base_tcp[:2, 3] == pytest.approx(touches.T_base_fruit[:2, 3], abs=2e-3)
+    assert rig.hand()[0, 3] - touches.T_base_tcp[0, 3] > 0.3  # and carried on by the belt since
+    assert touches.skin == pytest.approx([SIZE[0] / 2.0] * 2, abs=3e-3)
+
+
+def test_a_finger_that_touches_alone_is_recorded_as_well() -> None:
+    rig = BeltRig()
+    press(rig, 4.0, 0.0)
+    (touches,) = [value for topic, value in rig.intercept().published if topic == "touches"]
+    assert isinstance(touches, PickTouches)
+    assert touches.left is not None
+    assert touches.right is None
 
 
 def test_a_fruit_that_has_passed_is_out_of_reach_and_nothing_moves() -> None:

@@ -8,6 +8,8 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.applications.conveyor.intercepting import (
     ABOVE,
+    LIFTS,
+    SINKING,
     InterceptPlan,
     NoPick,
     ReadyHand,
@@ -19,6 +21,7 @@ from pomona.applications.conveyor.intercepting import (
     plumb,
     reachable,
 )
+from pomona.skills.motion import nearest_solution
 from pomona.tools.mock.arm import SIA5F_LIMITS
 from tests.skills.applications.conveyor.belt_rig import MODEL, workspace
 
@@ -58,7 +61,10 @@ def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_sp
     assert velocity(pick.t0) == pytest.approx(np.zeros(3), abs=1e-3)
     over = pick.t0 + pick.reach
     assert pick.pose(over, place)[:3, 3] - place(over)[0] == pytest.approx([0.0, 0.0, ABOVE], abs=1e-9)
-    assert velocity(over) == pytest.approx([speed, 0.0, 0.0], abs=2e-3)
+    sinks = -SINKING * ABOVE / pick.descent
+    assert velocity(over) == pytest.approx([speed, 0.0, sinks], abs=2e-3)
+    h = -h  # and so it comes there
+    assert velocity(over) == pytest.approx([speed, 0.0, sinks], abs=2e-3)
     assert pick.pose(pick.arrival, place)[:3, 3] == pytest.approx(place(pick.arrival)[0], abs=1e-9)
     assert velocity(pick.arrival + 0.1) == pytest.approx([speed, 0.0, 0.0], abs=1e-6)
     assert 0.0 < pick.share <= 0.8
@@ -89,6 +95,32 @@ def test_a_rise_starts_with_the_belt_and_ends_at_rest_above(speed: float, height
     assert rise.pose(rise.end)[2, 3] == pytest.approx(height)
     heights = [rise.pose(t)[2, 3] for t in np.linspace(1.0, rise.end, 50)]
     assert (np.diff(heights) >= -1e-12).all()
+
+
+@pytest.mark.parametrize("height", [0.05, 0.15, 0.4])
+def test_a_lift_of_any_height_accelerates_a_fruit_no_more_than_one_that_is_carried(height: float) -> None:
+    rise = Rise(0.0, np.eye(4), np.array([0.3, 0.0, 0.0]), height)
+    t = np.arange(0.0, rise.end, 1e-3)
+    z = np.array([rise.pose(float(each))[2, 3] for each in t])
+    assert np.abs(np.diff(z, 2)).max() / 1e-6 <= LIFTS * 1.01
+
+
+@pytest.mark.parametrize("aside", [-0.045, 0.0, 0.045])
+def test_the_hand_can_set_off_all_along_120_mm_of_a_belt_at_300_mm_a_second_and_descends_within_limits(
+    aside: float,
+) -> None:
+    for x in (-0.48, -0.42, -0.36):
+        place = belt_place(x, 0.3, -0.36 + aside)
+        pick = plan_pick(HAND, 0.0, place, np.zeros(3), (0.0,), ALONG)
+        assert isinstance(pick, InterceptPlan), f"{x}: {pick.reason}"
+        t, q, way = np.arange(0.0, pick.arrival + 0.1, 0.01), HAND.q, []
+        for each in t:
+            solved = nearest_solution(MODEL, pick.pose(float(each), place), q)
+            assert solved is not None
+            q = solved
+            way.append(q)
+        pace = np.abs(np.gradient(np.gradient(np.array(way), 0.01, axis=0), 0.01, axis=0)) / SIA5F_LIMITS.acceleration
+        assert pace.max() < 1.0
 
 
 def test_a_fruit_beyond_the_reach_gives_no_pick_and_no_code_since_another_may_come() -> None:
