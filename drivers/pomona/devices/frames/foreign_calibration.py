@@ -127,4 +127,4 @@ FORMATS: tuple[tuple[str, tuple[str, ...], Callable[[Mapping[str, Any]], str]], 
     ("a file of intrinsics of librealsense", ("fx", "ppx"), _realsense),
     ("a calibration of DepthAI", ("cameraData",), _depthai),
 )
-"""Names, keys at the top by which a file is known, and what becomes of it."""
+"""Names, keys at the top by which a file is known, and the function that gives the words for it."""

@@ -26,7 +26,7 @@ class CalibrationKind:
         return bool(foreign_name(keys)) or HAND_EYE in keys or set(keys) >= FOCAL
 
     def check(self, path: Path, findings: Findings) -> None:
-        """Everything that is wrong with a file; that of another program is named, with what to write instead."""
+        """Everything that is wrong with a file; that of another program is named, with the words to write."""
         text = read_text(path)
         foreign = foreign_calibration(text)
         if foreign is not None:
