@@ -86,7 +86,8 @@ def test_a_place_that_cannot_be_written_is_named_in_one_line(
             ":5:7: error[unknown-skill]: no skill named 'Refien'",
         ),
         ("pomona: 1\ntree: t\nroot:\n  sequence:\n    - Lift: {height: 5}\n", "lacks a unit"),
-        ("\x00\x01", "error["),
+        ("\x00\x01", ":1:1: error[yaml]: not YAML: unacceptable character #x0000"),
+        ("pomona: 1\ntree: bäum\x00\n", ":2:11: error[yaml]: not YAML: unacceptable character #x0000"),
     ],
 )
 def test_a_broken_tree_names_place_and_mistake(

@@ -34,6 +34,8 @@ def test_it_lifts_straight_up_and_still_holds():
     np.testing.assert_allclose(scene.tcp[:3, 3], before[:3, 3] + [0.0, 0.0, 0.15], atol=1e-6)
     np.testing.assert_allclose(scene.tcp[:3, :3], before[:3, :3], atol=1e-6)
     assert outcome.duration < 1.3
+    shown = [view for topic, view in outcome.published if topic == "candidates"]
+    assert [view.meshes for view in shown] == [()]  # the fruit is drawn no more where it was measured
 
 
 def test_the_tool_is_accelerated_gently():

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
 from pomona.executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
 from pomona.executive.skill import Work
+from pomona.executive.views import SceneView
 from pomona.skills.grip.hold import Hold
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
@@ -95,6 +96,7 @@ class Lift(MovingSkill):
         arm = self.device(Arm)
         if not is_held(self, hold):
             raise grip_failure(self, "NOT_HELD", "there is nothing between the fingers to lift", hold)
+        self.publish("candidates", SceneView(caption="the fruit is in the hand"))  # no more where it was measured
         T_base_start = tool_pose(self)
         T_base_goal = T_base_start.copy()
         T_base_goal[2, 3] += height

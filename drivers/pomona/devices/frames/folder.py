@@ -19,8 +19,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.devices.frames.foreign_calibration import foreign_calibration
 from pomona.drivers import DriverError, Intrinsics, IntrinsicsSection, read_section_file
-from pomona.executive import Float64, Section, UnusablePicture, is_rigid, read_picture, read_plain_text, read_plane
+from pomona.executive import (
+    CellFileError,
+    Finding,
+    Float64,
+    Section,
+    UnusablePicture,
+    is_rigid,
+    read_picture,
+    read_plain_text,
+    read_plane,
+)
 
 COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
 DEPTH_SUFFIX = "_depth_mm.png"
@@ -141,6 +152,13 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
     Raises CellFileError: it cannot be used; the text has the place and the reason.
     """
+    try:
+        foreign = foreign_calibration(read_plain_text(path))
+    except (OSError, ValueError):
+        foreign = None  # the reader below has its own words for a file that is no text
+    if foreign is not None:
+        message, hint = f"this is {foreign[0]}, and no file of intrinsics", foreign[1]
+        raise CellFileError([Finding(str(path), 1, 1, "error", "foreign", message, hint)])
     section = Section(IntrinsicsSection)
     return read_section_file(
         path, "a file of intrinsics", lambda file: section.read(file.root, file.reader).intrinsics()

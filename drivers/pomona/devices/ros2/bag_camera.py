@@ -84,7 +84,7 @@ class BagFile:
     every: int = value(Whole(1, 1_000_000), 1, "number of frames of which one is shown")
     colour: str = value(Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image or CompressedImage")
     depth: str = value(Text(), "/camera/aligned_depth_to_color/image_raw", "topic of its depth")
-    info: str = value(Text(), "/camera/color/camera_info", "topic of sensor_msgs/CameraInfo")
+    info: str = value(Text(), "", "topic of sensor_msgs/CameraInfo; without it camera_info beside colour")
     apart: float = value(
         Measure(TIME, "0 s", "1 s"), "20 ms", "colour and depth further apart than this do not belong together"
     )
@@ -111,11 +111,12 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
     try:
         _check_viewer(bag, said)
         for key, kinds in (("colour", (IMAGE, COMPRESSED)), ("depth", (IMAGE, COMPRESSED))):
-            _check_type(bag, getattr(said, key), kinds)
+            _check_type(bag, getattr(said, key), kinds, key)
         key = "bag"
         frames = _pairs(bag, said)[:: said.every]
         key = "info"
-        intrinsics = said.intrinsics.intrinsics() if said.intrinsics else _intrinsics(bag, said.info, said.colour)
+        info = said.info or _info_beside(said.colour)
+        intrinsics = said.intrinsics.intrinsics() if said.intrinsics else _intrinsics(bag, info, said.colour)
         key = "bag"
         frames[0].read(intrinsics)
     except UnusableFrames as error:
@@ -123,12 +124,17 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
     return FramesCamera(frames, intrinsics, context.clock, depth_model=depth_model_of(said.depth_model))
 
 
-def _check_type(bag: Bag, topic: str, kinds: Sequence[str]) -> None:
+def _info_beside(colour: str) -> str:
+    """Return the topic of the CameraInfo beside an image, as image_transport names it."""
+    return f"{colour.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+
+
+def _check_type(bag: Bag, topic: str, kinds: Sequence[str], key: str = "info") -> None:
     found = bag.topics.get(topic)
     if found is None:
         seen = {name: kind for name, kind in bag.topics.items() if kind in (IMAGE, COMPRESSED, INFO)} or bag.topics
         there = ", ".join(f"{name} ({kind})" for name, kind in sorted(seen.items())) or "nothing"
-        raise UnusableFrames(bag.path, f"has no topic {topic}; it has {there}")
+        raise UnusableFrames(bag.path, f"has no topic {topic}; it has {there}; name it with the option '{key}'")
     if found not in kinds:
         raise UnusableFrames(bag.path, f"{topic} is {found}, not {' or '.join(kinds)}")
 

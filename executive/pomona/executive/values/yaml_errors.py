@@ -62,6 +62,8 @@ def report_unreadable(source: Source, error: Any, findings: Findings, modifiers:
     problem = f"not YAML: {context}{error.problem or 'cannot be read'}"
     if _CURVED & set(source.excerpt(line)):
         problem, hint = "curved quotes do not quote in YAML", 'write straight ones: "{name}"'
+    if source.text.startswith("%YAML:1.0"):
+        problem, hint = "this is a file of OpenCV's FileStorage, and no YAML", "name it intrinsics.yaml beside frames"
     findings.error(Spot(source, line, column), "yaml", problem, hint)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from pomona.executive.values.findings import Edit, Findings, Located, Source, did_you_mean
+from pomona.executive.values.findings import Edit, Findings, Located, Source, Spot, did_you_mean
 from pomona.executive.values.yaml_errors import MAX_DEPTH, TOO_DEEP, report_false_spaces, report_unreadable
 
 MAX_CHARACTERS = 512 * 1024
@@ -92,10 +92,9 @@ def read_yaml(
 
     `what` is the kind of file for messages, `modifiers` are words that stand beside a node's type.
     """
-    start = YamlScalar(source, 1, 1, 1, 2, "", True)
     if len(source.text) > MAX_CHARACTERS:
         message = f"the file has {len(source.text) // 1024} KiB; {what} has at most {MAX_CHARACTERS // 1024} KiB"
-        findings.error(start, "too-large", message)
+        findings.error(Spot(source, 1, 1), "too-large", message)
         return None
     if not source.text.isascii() and report_false_spaces(source, findings):
         return None
@@ -108,7 +107,9 @@ def read_yaml(
     except yaml.MarkedYAMLError as error:
         report_unreadable(source, error, findings, modifiers)
     except (yaml.YAMLError, UnicodeError, ValueError) as error:
-        findings.error(start, "yaml", f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}")
+        read = source.text.encode(errors="replace")[: getattr(error, "position", 0)].decode(errors="replace")
+        spot = Spot(source, read.count("\n") + 1, len(read) - read.rfind("\n"))
+        findings.error(spot, "yaml", f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}")
     finally:
         if loader is not None:
             loader.dispose()

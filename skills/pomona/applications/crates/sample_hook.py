@@ -49,7 +49,7 @@ class SampleHook(Skill):
         pulls = [hook.T_base_grasp[:3, 3] + np.outer([0.0, distance], pull_of(hook)) for hook in found.grasps]
         caption = f"{len(found.grasps)} of {len(found.grasps) + len(found.ruled_out)} hooks are free"
         lines = tuple(Line3(pull, "pull", "approach") for pull in pulls)
-        self.publish("hooks", SceneView(lines=lines, meshes=(fruit_mesh(around),), caption=caption))
+        self.publish("candidates", SceneView(lines=lines, meshes=(fruit_mesh(around),), caption=caption))
         if not found.grasps:
             words = f"all {len(found.ruled_out)} hooks are ruled out: {summary(found.ruled_out)}"
             raise self.failure("NO_CANDIDATE", words)

@@ -48,7 +48,7 @@ class SampleInsert(Skill):
         ways = [np.array([g.T_base_pre_grasp[:3, 3], g.T_base_grasp[:3, 3]]) for g in found.grasps]
         caption = f"{len(found.grasps)} of {len(found.grasps) + len(found.ruled_out)} ways between the neighbours"
         lines = tuple(Line3(way, "insert", "approach") for way in ways)
-        self.publish("inserts", SceneView(lines=lines, meshes=(fruit_mesh(around),), caption=caption))
+        self.publish("candidates", SceneView(lines=lines, meshes=(fruit_mesh(around),), caption=caption))
         if not found.grasps:
             words = f"all {len(found.ruled_out)} inserts are ruled out: {summary(found.ruled_out)}"
             raise self.failure("NO_CANDIDATE", words)

@@ -24,6 +24,7 @@ from pomona.executive import (
 )
 
 TREE, BAGS = "measure_fruit", (".bag", ".db3", ".mcap")
+TOPICS = {"colour": "colour images", "depth": "their depth", "info": "their CameraInfo"}
 
 
 def add(subparsers: Any) -> None:
@@ -37,6 +38,10 @@ def add(subparsers: Any) -> None:
     )
     parser.add_argument("--method", default="uniform", help="refinement of the size: uniform, shape, paper (uniform)")
     parser.add_argument("--every", default="1", metavar="N", help="use every N-th frame (1)")
+    for key, what in TOPICS.items():
+        words = "camera_info beside colour" if key == "info" else "that of realsense2_camera"
+        spelt = [f"--{key}-topic", *(["--color-topic"] if key == "colour" else [])]
+        parser.add_argument(*spelt, dest=key, metavar="TOPIC", help=f"a bag's topic of {what} ({words})")
     parser.add_argument(
         "--no-join", action="store_true", help="each frame without a given camera pose is a separate scene"
     )
@@ -52,6 +57,9 @@ def main(options: argparse.Namespace) -> int:
     if not options.frames.exists():
         raise UsageError(f"{options.frames}: there is no such folder or file")
     bag = _is_bag(options.frames)
+    topics = {key: named for key in TOPICS if (named := getattr(options, key))}
+    if topics and not bag:
+        raise UsageError(f"--{next(iter(topics))}-topic: {options.frames} is no bag, so it has no topics")
     settings = {
         "bag" if bag else "folder": str(options.frames.absolute()),
         "every": options.every,
@@ -61,6 +69,7 @@ def main(options: argparse.Namespace) -> int:
         "method": options.method,
         "join": "false" if options.no_join else "true",
         "out": str(options.out),
+        **topics,
     }
     progress = _Progress()
     order = RunOrder(tree=find_tree(TREE), cell=find_cell("bag" if bag else "frames"), settings=settings)
@@ -107,8 +116,9 @@ def _line(found: Finding, ours: Sequence[str]) -> str:
     if setting == found.path and found.path not in ours:
         return format_finding(found)
     name, _, text = setting.partition("=") if setting != found.path else ("", "", "")
-    option = f"--{name} {text}: " if name not in ("", "folder", "bag") else ""
+    option = f"--{name}{'-topic' if name in TOPICS else ''} {text}: " if name not in ("", "folder", "bag") else ""
     said = re.sub(r"^(?:devices\.)?(?:camera|[A-Z]\w+)(?:\.\w+)?: |^[A-Z]\w+\.", "", found.message)
+    said = re.sub(r"the option '(\w+)'", r"--\1-topic", said)
     return f"{option}{said}" + (f": {found.hint}" if found.hint else "")
 
 

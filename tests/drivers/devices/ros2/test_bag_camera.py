@@ -335,8 +335,18 @@ def test_a_file_that_only_bears_the_name_of_a_bag_is_refused(cell: Path, name: s
 
 def test_of_a_bag_with_pictures_only_their_topics_are_listed(cell: Path) -> None:
     bag = write(cell.parent / "bag", [("/other", 1, image(colour(), "rgb8")), ("/words", 1, TEXT)])
-    with pytest.raises(CellFileError, match=r"has no topic /colour; it has /other \(sensor_msgs/msg/Image\)\n"):
+    words = r"has no topic /colour; it has /other \(sensor_msgs/msg/Image\); name it with the option 'colour'\n"
+    with pytest.raises(CellFileError, match=words):
         open_bag(cell, bag)
+
+
+def test_without_a_name_the_camera_info_beside_the_colour_topic_holds(cell: Path) -> None:
+    names = {"/colour": "/left/image_raw", "/info": "/left/camera_info"}
+    other = ("/right/camera_info", 1, info(fx=900.0))
+    bag = write(cell.parent / "bag", [other, *((names.get(t, t), s, m) for t, s, m in two())])
+    cell.write_text(f"driver: bag\nbag: '{bag}'\ncolour: /left/image_raw\ndepth: /depth\n")
+    camera = connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
+    assert camera.intrinsics.fx == 600.0
 
 
 def test_a_bag_without_metadata_or_message_index_is_refused_with_the_remedy(cell: Path) -> None:

@@ -152,6 +152,28 @@ def test_all_curves_are_in_sight(show: Show, open_page: Callable[..., Any], widt
     assert page.locator("#plots").evaluate("(plots) => plots.scrollWidth <= plots.clientWidth + 1")
 
 
+NAMED = """(length) => { // a run with a name of this length, and the devices of a cell
+    document.getElementById("run").textContent = "n".repeat(length);
+    document.getElementById("kind").textContent = "SIMULATED";
+    document.getElementById("state").textContent = "succeeded";
+    const device = (name) => Object.assign(document.createElement("span"), { className: "link ok", textContent: name });
+    document.getElementById("links").replaceChildren(...["arm", "camera", "fingers", "gripper"].map(device));
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(950, 700), (1024, 768), (1200, 800), (1280, 800), (1920, 1080)])
+def test_safe_stop_stands_beside_the_name_of_the_run_however_long_it_is(
+    show: Show, open_page: Callable[..., Any], width: int, height: int
+) -> None:
+    page = open_page(viewport={"width": width, "height": height})
+    expect(page.locator("#connection")).to_have_text("connected")
+    for length in range(4, 48, 4):
+        page.evaluate(NAMED, length)
+        stop, title = box(page, "#safe-stop"), box(page, ".title")
+        assert stop["y"] < title["y"] + title["height"], length  # in one row
+        assert stop["x"] + stop["width"] > width - 30
+
+
 PICK = """() => { // clicks all over the scene, until something is hit
     const canvas = document.getElementById("scene"), box = canvas.getBoundingClientRect();
     for (let y = 4; y < box.height; y += 6) for (let x = 4; x < box.width; x += 6) {

@@ -140,3 +140,31 @@ def test_after_ctrl_c_the_partial_result_is_printed(
 def test_a_missing_path_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["measure", str(tmp_path / "nothing")]) == 2
     assert "there is no such folder or file" in capsys.readouterr().err
+
+
+def test_topics_of_a_folder_that_is_no_bag_are_refused(frames: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["measure", str(frames), "--color-topic", "/left/image_raw"]) == 2
+    assert capsys.readouterr().err.endswith(f"--colour-topic: {frames} is no bag, so it has no topics\n")
+
+
+def test_a_topic_that_a_bag_lacks_is_refused_with_those_that_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="the extra ros2 is not installed")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "sensor_msgs/msg/Image"
+    stamp = store.types["builtin_interfaces/msg/Time"](0, 1)
+    header = store.types["std_msgs/msg/Header"](stamp, "camera")
+    image = store.types[kind](header, 1, 1, "rgb8", 0, 3, np.zeros(3, np.uint8))
+    monkeypatch.chdir(tmp_path)
+    with rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+        for name in ("/left/image_raw", "/right/image_raw"):
+            there = writer.add_connection(name, kind, typestore=store)
+            writer.write(there, 1, store.serialize_cdr(image, kind))
+    assert main(["measure", "bag"]) == 2
+    said = capsys.readouterr().err
+    assert f"it has /left/image_raw ({kind}), /right/image_raw ({kind}); name it with --colour-topic" in said
+    assert main(["measure", "bag", "--colour-topic", "/left/image_raw"]) == 2
+    assert "name it with --depth-topic" in capsys.readouterr().err

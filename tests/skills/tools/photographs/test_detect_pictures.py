@@ -15,6 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from pomona.executive.running.signals import raising
 from pomona.skills.perception.detection.compact_detector import CompactDetector
@@ -54,6 +55,17 @@ def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, *_: None))
     monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [found(10.0, 0.93), found(80.0, 0.31)])
     return folder
+
+
+@pytest.mark.parametrize("name", ["c.tif", "c.webp", "c.png"])
+def test_of_several_pictures_in_one_file_the_first_is_searched_with_a_word(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    pages = [Image.new("RGB", (160, 120), (10 * k, 90, 90)) for k in range(3)]
+    pages[0].save(pictures / name, save_all=True, append_images=pages[1:])
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    words = f"{pictures / name}: of its 3 pictures the first is searched; store the others in files of their own"
+    assert capsys.readouterr().err == f"pomona detect: {words}\n"
 
 
 def test_a_folder_of_pictures_becomes_a_table_and_pictures_with_boxes(
