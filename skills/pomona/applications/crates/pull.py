@@ -19,7 +19,7 @@ STEP = 3e-3
 """Of a pull, after which the finger gives way [m]."""
 LEAST = 0.3
 """Change of force that shows a fruit at the finger [N]; the fingers' noise is 0.2 N."""
-HITS = 4
+HITS = 15
 """Steps in succession that end at the limit of something that holds the fruit: it starts to roll with a jerk."""
 FLAT = 0.5e-3
 """Height over its lowest point up to which a fruit touches the floor [m]."""
