@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pomona.executive.cell.device import Device, FaultSwitch
+from pomona.executive.cell.errors import DeviceFault
 from pomona.executive.values.arrays import Float64
 from pomona.tools.simulation.gl import load_mujoco
 from pomona.tools.simulation.intruder import Intruder, Reach
@@ -76,6 +77,13 @@ class PhysicsWorld(Device, ABC):
 
     def watch(self) -> None:
         """Observe the world, 100 times a second."""
+
+    def check(self) -> None:
+        """Raise DeviceFault if the physics was unstable: MuJoCo has then put everything back to its beginning."""
+        for kind in (self.mujoco.mjtWarning.mjWARN_BADQVEL, self.mujoco.mjtWarning.mjWARN_BADQACC):
+            if (bad := self.state.warning[kind]).number:
+                body = self.model.body(self.model.dof_bodyid[bad.lastinfo]).name
+                raise DeviceFault("world", f"the simulation became unstable at the body '{body}'; it shows nothing")
 
     def sensor(self, name: str) -> Float64:
         """Return a live view of a sensor's numbers, as many as it has and in its own units, shape (n,)."""

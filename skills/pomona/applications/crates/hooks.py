@@ -154,7 +154,14 @@ def hook_candidates(
         grasps.append(
             Grasp(index, 0.0, turn, T_base_over, T_base_tcp, space.width, q_free, WALL_AIR, 0.0, beside.fruit)
         )
-    return GraspCandidates(tuple(grasps), tuple(ruled_out), attempt)
+    best = max(map(behind, grasps), default=0.0)
+    return GraspCandidates(tuple(each for each in grasps if behind(each) > best - STEP), tuple(ruled_out), attempt)
+
+
+def behind(hook: Grasp) -> float:
+    """Return how far the finger's inner face is behind the fruit's middle at the lowest place [m]."""
+    ahead = float((hook.T_base_grasp[:3, 3] - hook.fruit.T_base_fruit[:3, 3]) @ pull_of(hook))
+    return hook.width / 2.0 - ahead
 
 
 def pull_of(hook: Grasp) -> Float64:

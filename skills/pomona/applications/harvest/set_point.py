@@ -19,6 +19,8 @@ leave the hand next to none, and it would be on its way for ever."""
 HELD, HELD_FOR, STANDS = 0.01, 0.4, 2e-3
 """Distance from its set-point and time at which an arm that stands is held [rad, s]; it stands within the last [rad].
 Set-points pass through the arm within 0.2 to 0.3 s. A supervisor ends the run at 0.02 rad after 0.7 s."""
+AWAY, PASSING = 0.035, 0.3
+"""Distance from every set-point of the last time at which a held arm is left behind [rad, s]: they come back to it."""
 TRIES, MOVED = 2, 0.02
 """How often a set-point comes to an arm that is held at one place, within the second [rad]: a stuck arm looks like one
 that wood holds, and must be found."""
@@ -47,6 +49,7 @@ class HandAim:
         self.held = 0
         self._robot, self._clear, self._cleared = robot, clear, clear(q)
         self._stands, self._held_at, self._off = q, q, 0.0
+        self._passing: list[tuple[float, Float64]] = []
 
     def follow(self, command: DetachCommand, dt: float, most: Float64, speed: float = 1.0) -> float:
         """Move by a command for `dt` [s]: turn and move, else turn alone, else move alone, else stay.
@@ -87,9 +90,12 @@ class HandAim:
         if np.abs(q - self._held_at).max() > MOVED:
             self.held, self._held_at = 0, q.copy()
         self._off = self._off + dt if np.abs(self.q - q).max() > HELD else 0.0
-        if self._off <= HELD_FOR:
+        self._passing = [(age + dt, each) for age, each in self._passing if age < PASSING] + [(0.0, self.q)]
+        left = self._passing[0][0] >= PASSING and min(np.abs(each - q).max() for _, each in self._passing) > AWAY
+        if self._off <= HELD_FOR and not left:
             return False
         self._off = 0.0
+        self._passing = []
         if self.held < TRIES:
             self.held += 1
             self.q, self.T = q.copy(), self._robot.tcp(q)
@@ -97,6 +103,7 @@ class HandAim:
 
 
 def inner_robot(arm: Arm) -> RobotModel:
-    """Return the robot within its joint limits less `LIMIT_MARGIN`."""
-    limits = arm.limits
-    return RobotModel.load(arm.description).with_limits(limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN)
+    """Return the robot within its joint limits less `LIMIT_MARGIN`, and never nearer to them than it stands now."""
+    limits, q = arm.limits, arm.state().q
+    lower, upper = np.minimum(limits.lower + LIMIT_MARGIN, q), np.maximum(limits.upper - LIMIT_MARGIN, q)
+    return RobotModel.load(arm.description).with_limits(lower, upper)

@@ -13,6 +13,8 @@ from pomona.applications.harvest.model import WallModel
 from pomona.applications.harvest.strength import used
 from pomona.executive import Float64
 
+SPINNING = 2e-4
+"""Damping of a free fruit's spin [N·m·s/rad]: without any, rounding errors drove it until the simulation was unstable."""
 HANGS, AT_SPUR, TORN = 0, 1, 2  # how a stem stands: it holds, it came off the spur, it was torn out of the fruit
 
 
@@ -88,11 +90,11 @@ class Stems:
         return broken
 
     def release(self, i: int) -> None:
-        """Make a fruit's joints free of force: it is a free body from now on."""
+        """Make a fruit's joints free of force but for its spin: it is a free body from now on."""
         model, a, b = self.built.model, self.built.stretch[i], self.built.swing[i]
         joints = model.dof_jntid[[a, a + 1, a + 2, b]]
         model.jnt_stiffness[joints] = 0.0
-        model.dof_damping[a : a + 3] = model.dof_damping[b : b + 3] = 0.0
+        model.dof_damping[a : a + 3], model.dof_damping[b : b + 3] = 0.0, SPINNING
         if self.state[i] == TORN:  # the stem is left at the spur, not at the fruit
             for label, alpha in (("stem", 0.0), ("torn", 1.0)):
                 model.geom(f"fruit_{self.built.wall.fruits[i].number}_{label}").rgba[3] = alpha

@@ -7,9 +7,10 @@ import pytest
 
 from pomona.applications.harvest import set_point
 from pomona.applications.harvest.detaching import DetachCommand
-from pomona.applications.harvest.set_point import CRAWL, TRIES, HandAim
+from pomona.applications.harvest.set_point import CRAWL, TRIES, HandAim, inner_robot
 from pomona.skills.motion.robot import RobotModel
-from pomona.tools.mock.arm import ROBOT
+from pomona.tools.mock.arm import ROBOT, MockArm
+from pomona.tools.mock.hand import MockClock
 
 DT = 0.02
 OUTWARDS = DetachCommand(np.array([0.0, 0.04, 0.0]), 0.0, 0.0, np.zeros(3))
@@ -101,3 +102,29 @@ def test_a_set_point_that_creeps_away_from_a_stuck_arm_comes_to_it() -> None:
         if aim.come_to(Q, DT):
             break
     assert aim.held == TRIES
+
+
+def test_a_set_point_that_rolls_away_from_a_held_arm_comes_back_before_the_supervisor_ends_the_run() -> None:
+    """A hand that a branch held in its roll back was 5.6° behind its set-point after 0.3 s (wall 365)."""
+    aim, passed = HandAim(RobotModel.load(ROBOT), Q), [Q] * 15
+    roll = DetachCommand(np.zeros(3), 1.2, 0.0, np.zeros(3))
+    for _ in range(40):
+        aim.follow(roll, DT, np.full(7, 3.0))
+        passed.append(aim.q)
+        assert not aim.come_to(passed[-15], DT)
+    held, ticks = passed[-15], 0
+    while aim.held == 0:
+        aim.follow(roll, DT, np.full(7, 3.0))
+        aim.come_to(held, DT)
+        ticks += 1
+    assert ticks <= 4
+    assert np.array_equal(aim.q, held)
+
+
+def test_a_hand_whose_arm_stands_beside_a_joints_limit_moves_away_from_it() -> None:
+    """A hand closed on a fruit 0.013 rad before a limit and had no solution for any step (wall 364)."""
+    q = np.array([-3.128, -1.571, 1.57, 0.045, -0.006, -0.059, -1.129])
+    aim = HandAim(inner_robot(MockArm(MockClock(), q)), q)
+    aim.follow(OUTWARDS, DT, np.full(7, 3.0))
+    assert aim.beyond == 0.0
+    assert aim.q[0] > q[0]

@@ -12,6 +12,7 @@ from pomona.drivers.gripper_supervisor import GripperSupervision
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
 from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.cell.errors import DeviceFault
 
 from .conftest import TREES
 
@@ -223,3 +224,24 @@ def test_a_cell_that_names_a_wrong_file_of_numbers_is_refused(tmp_path):
     path.write_text(text)
     with pytest.raises(CellFileError, match="numbers"):
         read_cell_file(path)
+
+
+def test_a_free_fruit_that_spins_comes_to_rest_instead_of_making_the_simulation_unstable(cell):
+    """Without damping rounding errors drove a fallen fruit's spin from 20 to 8 000 000 rad/s (wall 362)."""
+    world = cell.devices["world"]
+    put(world, 0, np.array([0.6, -0.3, 1.0]))
+    swing = world.built.swing[0]
+    world.state.qvel[swing : swing + 3] = (380.0, 370.0, 200.0)
+    before = np.linalg.norm(world.state.qvel[swing : swing + 3])
+    for _ in range(25):
+        world.clock.advance(0.02)
+        world.check()
+    assert np.linalg.norm(world.state.qvel[swing : swing + 3]) < before
+
+
+def test_an_unstable_simulation_is_a_fault_of_the_world(cell):
+    world = cell.devices["world"]
+    world.state.qvel[:] = 1e12
+    world.clock.advance(0.02)
+    with pytest.raises(DeviceFault, match=r"unstable at the body '"):
+        world.check()
