@@ -17,8 +17,6 @@ TOUCHING = Manner(0.005, GENTLE, 10.0)
 """Way down beside the fruit: a contact is 5 to 10 N/mm, and the sensors report after 10 to 30 ms."""
 ABOVE = 0.010
 """Height of the fingers' tips over the crown at which they slow down [m]."""
-STARTING = 0.010
-"""Way of the finger on which the fruit begins to roll [m]: as slow as at the touch."""
 OUTER = 3.0
 """Push on the fingers from outside that ends the motion [N], by the motor: within a tick it grows by 2 N at most."""
 
@@ -85,7 +83,7 @@ class Hook(FeelingSkill):
         pull = HookPull(hook, tool_pose(self)[:3, 3], limit)
         for x, place in pull.places(distance):
             hand.forget_change()
-            at_limit = yield from self._felt(self.line_to(place), Manner(speed if x > STARTING else TOUCHING.speed, GENTLE, 10.0), hand, limit)
+            at_limit = yield from self._felt(self.line_to(place), Manner(speed, GENTLE, 10.0), hand, limit)
             pull.off = yield from self._give_way(hand, 0.5 * limit, pull.off)
             pull.off = yield from self._sink(hand, touch, pull.off)
             if pull.ends(x, at_limit, hand.change, hand.present):

@@ -154,8 +154,8 @@ def hook_candidates(
         grasps.append(
             Grasp(index, 0.0, turn, T_base_over, T_base_tcp, space.width, q_free, WALL_AIR, 0.0, beside.fruit)
         )
-    best = max(map(behind, grasps), default=0.0)
-    return GraspCandidates(tuple(each for each in grasps if behind(each) > best - STEP), tuple(ruled_out), attempt)
+    far = [hook for hook in grasps if behind(hook) > behind(grasps[0]) - STEP]  # nearer, it slides over the shoulder
+    return GraspCandidates(tuple(far), tuple(ruled_out), attempt)
 
 
 def behind(hook: Grasp) -> float:

@@ -8,8 +8,7 @@ import numpy as np
 
 from pomona.applications.crates.hooks import pull_of, rolled_height
 from pomona.executive import Float64
-from pomona.skills.motion import Grasp, fruit_points
-from pomona.skills.perception import MeasuredFruit
+from pomona.skills.motion import Grasp
 
 RELIEF = 0.1e-3
 """Way by which a finger gives way at a time [m]: 0.5 to 1 N, less than what holds by friction."""
@@ -19,10 +18,8 @@ STEP = 3e-3
 """Of a pull, after which the finger gives way [m]."""
 LEAST = 0.3
 """Change of force that shows a fruit at the finger [N]; the fingers' noise is 0.2 N."""
-HITS = 15
+HITS = 4
 """Steps in succession that end at the limit of something that holds the fruit: it starts to roll with a jerk."""
-FLAT = 0.5e-3
-"""Height over its lowest point up to which a fruit touches the floor [m]."""
 ENOUGH = 0.015
 """A pull that ended at its force after this distance has made room [m]: a finger is 12 mm thick."""
 
@@ -40,8 +37,7 @@ class HookPull:
         """Begin at a place of the tool, shape (3,) [m]; `limit` is the force that ends a step [N]."""
         self._start, self._along, self._limit = p_start, pull_of(hook), limit
         self._radius = float(hook.fruit.dimensions.min()) / 2.0
-        behind = hook.width / 2.0 - float((p_start - hook.fruit.T_base_fruit[:3, 3]) @ self._along)
-        self._behind = behind + edge_of(hook.fruit, self._along)
+        self._behind = hook.width / 2.0 - float((p_start - hook.fruit.T_base_fruit[:3, 3]) @ self._along)
         self._hits = 0
         self.came = self.off = self.most = 0.0
 
@@ -70,12 +66,3 @@ class HookPull:
             return True
         self.came = self.came if at_limit else x
         return False
-
-
-def edge_of(fruit: MeasuredFruit, along: Float64) -> float:
-    """Return how far in front of its middle a fruit stands on the floor [m]: it rolls over the ring below it first.
-
-    `along` is the direction, a unit vector, shape (3,).
-    """
-    points = fruit_points(fruit) - fruit.T_base_fruit[:3, 3]
-    return float((points[points[:, 2] < points[:, 2].min() + FLAT] @ along).max())

@@ -118,13 +118,8 @@ class Detach(MovingSkill):
             pads.close()
         problem = controller.problem
         if problem is not None:
-            raise self.failure(
-                problem.code,
-                problem.message,
-                roll_rad=round(controller.roll, 3),
-                stem_force_n=round(controller.stem_peak, 2),
-                given_back_j=round(controller.given_back, 3),
-            )
+            data = {"roll_rad": round(controller.roll, 3), "stem_force_n": round(controller.stem_peak, 2)}
+            raise self.failure(problem.code, problem.message, **data, given_back_j=round(controller.given_back, 3))
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
 
     def _detach(

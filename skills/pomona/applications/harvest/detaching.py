@@ -466,11 +466,7 @@ class DetachController:
         s = self.settings
         beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
         over = press.max() > s.jam_press * self._fruit.bruise_force
-        jams = (
-            self.broke_at is None
-            and self.phase is not DetachPhase.TEST
-            and (beside or over or np.linalg.norm(force) > s.jam_force)
-        )
+        jams = self._on_the_tree and (beside or over or np.linalg.norm(force) > s.jam_force)
         if self.phase in DRAWING:
             self.stem_peak = max(self.stem_peak, self.stem_force)
         self._jammed = self._jammed + dt if jams and self._path > self._relieved_until else 0.0
@@ -537,8 +533,11 @@ class DetachController:
 
     def _is_blocked(self) -> bool:
         """Return True if wood pushes or blocks the fingers: until the stem has broken they follow their commands."""
-        watched = self.broke_at is None and self.phase is not DetachPhase.TEST
-        return watched and abs(self._behind) > self.settings.blocked
+        return self._on_the_tree and abs(self._behind) > self.settings.blocked
+
+    @property
+    def _on_the_tree(self) -> bool:
+        return self.broke_at is None and self.phase is not DetachPhase.TEST
 
     def _blocked(self, width: float) -> DetachProblem:
         words = f"the opening is {1e3 * abs(self._behind):.0f} mm off its commands, at {1e3 * width:.0f} mm"
@@ -662,10 +661,9 @@ class DetachController:
                 self._break(force)
                 return np.zeros(3)
             if not self._test.holds:
-                words = (
-                    f"{self._ending.message}, but a pull of {1e3 * self._test.furthest:.0f} mm changed the force by "
-                )
-                words += f"{self._test.rise:.1f} N alone: the fruit may be off the tree; the grip is kept"
+                far, rise = 1e3 * self._test.furthest, self._test.rise
+                words = f"{self._ending.message}, but a pull of {far:.0f} mm changed the force by {rise:.1f} N alone"
+                words += ": the fruit may be off the tree; the grip is kept"
                 self._ending = DetachProblem("STEM_UNCLEAR", words)
             self._finish(self._ending)
         return speed * outwards

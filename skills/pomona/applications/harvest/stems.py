@@ -14,7 +14,7 @@ from pomona.applications.harvest.strength import used
 from pomona.executive import Float64
 
 SPINNING = 2e-4
-"""Damping of a free fruit's spin [N·m·s/rad]: without any, rounding errors drove it until the simulation was unstable."""
+"""Damping of a free fruit's spin [N·m·s/rad]: without any, rounding errors drive it until nothing is stable."""
 HANGS, AT_SPUR, TORN = 0, 1, 2  # how a stem stands: it holds, it came off the spur, it was torn out of the fruit
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.applications.crates.hooks import WALL_AIR, Beside, pull_of, rolled_height
+from pomona.applications.crates.hooks import STEP, WALL_AIR, Beside, behind, pull_of, rolled_height
 from pomona.applications.crates.pull import FARTHEST_OFF, HITS, HookPull
 from pomona.drivers.interfaces import Box
 from pomona.skills.geometry import transform
@@ -40,6 +40,14 @@ def test_in_a_corner_the_pull_leads_away_from_both_walls():
     side = Box("source", transform(None, [-0.085, -0.52, -0.06]), (0.004, 0.3, 0.06))
     away = Beside.of(apple(), replace(AT_WALL, obstacles=(*AT_WALL.obstacles, side))).away
     np.testing.assert_allclose(away, [np.sqrt(0.5), np.sqrt(0.5), 0.0], atol=1e-9)
+
+
+def test_in_a_corner_no_hook_is_given_whose_finger_is_nearer_than_that_of_the_straightest():
+    """Plan took the nearest of ten: its finger met the fruit's flat shoulder and slid over it (corner, seed 531)."""
+    side = Box("source", transform(None, [-0.085, -0.52, -0.06]), (0.004, 0.3, 0.06))
+    found = hooks_at(apple(), replace(AT_WALL, obstacles=(*AT_WALL.obstacles, side))).grasps
+    assert found[0].alpha == 0.0
+    assert min(map(behind, found)) > behind(found[0]) - STEP
 
 
 def test_a_neighbour_in_front_rules_the_straight_pull_out_and_one_beside_does_not():

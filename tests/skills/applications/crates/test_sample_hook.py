@@ -12,7 +12,7 @@ def test_hooks_are_given_as_goals_of_plan_and_nothing_moves():
     outcome = drive(SampleHook(), {"around": apple(), "map": seen_map()}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
     assert outcome.outputs["candidates"].grasps[0].alpha == 0.0
-    assert outcome.published[-1][0] == "hooks"
+    assert outcome.published[-1][0] == "candidates"
     assert not scene.arm.followed
 
 

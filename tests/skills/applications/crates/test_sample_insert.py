@@ -17,7 +17,7 @@ def test_inserts_are_given_as_goals_of_plan_and_nothing_moves():
     outcome = drive(SampleInsert(), {"around": around, "map": seen_map()}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
     assert len(outcome.outputs["candidates"].grasps[0].q_pre_grasp) > 0
-    assert outcome.published[-1][0] == "inserts"
+    assert outcome.published[-1][0] == "candidates"
     assert not scene.arm.followed
 
 
