@@ -25,11 +25,10 @@ def foreign_name(keys: Collection[str]) -> str:
 def foreign_calibration(text: str) -> tuple[str, str] | None:
     """Return the kind of a foreign calibration and the words that a file of Pomona needs; None for any other text."""
     try:
-        content = next(yaml.safe_load_all(OPENCV.sub("", text)), None)
+        content: Any = next(yaml.safe_load_all(OPENCV.sub("", text)), None)
     except (yaml.YAMLError, RecursionError, ValueError):
         return None
-    name = foreign_name(content) if isinstance(content, dict) else ""
-    if not name:
+    if not isinstance(content, dict) or not (name := foreign_name(content)):
         return None
     remedy = next(of for known, _needed, of in FORMATS if known == name)
     try:
