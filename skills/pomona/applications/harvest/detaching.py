@@ -593,8 +593,7 @@ class DetachController:
                 self._enter(DetachPhase.DRAW)
             return replace(STILL, opening=-float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
         if self._time > s.closing_patience or width < s.narrowest * self._fruit.diameter:
-            left, right = press
-            self._end(DetachProblem("NOT_GRIPPED", f"the pads feel {left:.1f} and {right:.1f} N after closing"))
+            self._end(DetachProblem("NOT_GRIPPED", f"after closing {self._pads_feel(press)}"))
             return STILL
         if self._is_blocked():
             self._end(self._blocked(width))

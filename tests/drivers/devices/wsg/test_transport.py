@@ -78,7 +78,7 @@ def test_the_wrong_reply_id_is_a_gripper_that_does_not_answer(tmp_path: Path, bu
     ("text", "words"),
     [
         ("tcp: '127.0.0.1:9'", r":4:6: .*cannot be reached"),
-        ("tcp: '127.0.0.1:port'", "write HOST or HOST:PORT"),
+        ("tcp: '127.0.0.1:port'", "write HOST, HOST:PORT"),
         ("can: {interface: socketcan, channel: can77}", r"CAN interfaces of this machine"),
         ("can: {interface: carrier-pigeon}", "carrier-pigeon"),
         ("can: {reply_id: 4711}", "must be between 0 and 2047"),
