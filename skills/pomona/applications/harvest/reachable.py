@@ -143,9 +143,9 @@ class GraspSearch:
         return direction
 
     def _preset(self, opening: float) -> None:
-        """Open the fingers, as far as they go [m]."""
+        """Open the fingers, as far as they go [m]: a gripper that rests has narrowed its joints in the wall's model."""
         for finger in FINGERS:
-            low, high = self._model.joint(finger).range
+            low, high = self._arm.joint(finger).range
             self._data.joint(finger).qpos[0] = np.clip((opening - self._closed) / 2.0, low, high)
         self._mujoco.mj_kinematics(self._model, self._data)
         T_tcp_base = np.linalg.inv(_frames(self._data.site("tcp").xpos, self._data.site("tcp").xmat))

@@ -3,6 +3,7 @@ import pytest
 
 from pomona.applications.harvest.reachable import ROLLED, SPARE, GraspSearch, grasp_pose, rolled_poses
 from pomona.executive.cell.connect import load_cell
+from pomona.tools.simulation import FINGERS
 
 from .test_world import BARE, CELL
 
@@ -65,3 +66,16 @@ def test_a_grasp_without_the_roll_is_not_reachable(world):
 def test_a_fruit_beyond_the_arm_has_no_grasp(world):
     search = GraspSearch(world.built, world.description)
     assert next(search.solutions(grasp_pose(np.array([0.0, -1.9, 0.4]), 0.0, 0.0, 0.0)), None) is None
+
+
+def test_a_hand_that_has_closed_reaches_the_same_fruit(world):
+    """A resting gripper narrows its joints' range: after a run 0 of 15 fruit counted as reachable (wall 365)."""
+    ranges = world.model.jnt_range.copy()
+    for finger in FINGERS:
+        ranges[world.model.joint(finger).id] = (0.0, 1e-3)
+    before = next(GraspSearch(world.built, world.description).grasps(0))[0]
+    kept = world.model.jnt_range.copy()
+    world.model.jnt_range[:] = ranges
+    after = next(GraspSearch(world.built, world.description).grasps(0))[0]
+    world.model.jnt_range[:] = kept
+    assert np.array_equal(before, after)
