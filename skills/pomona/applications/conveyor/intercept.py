@@ -101,13 +101,12 @@ class Intercept(BeltSkill):
                     self._carry(hold)
                     catch.require_contact(self.clock.now())
                     yield f"{hold.phase.value}, {hold.reading.f_n:.1f} N"
-            finally:
+            except SkillFailure:
                 catch.note_touches(self, hold, self.clock.now())
+                raise
+            catch.note_touches(self, hold, self.clock.now())
             grasp = catch.grasp(arm.state().q, gripper.state().width)
             yield from stream.rise(height, partial(self._carry, hold))
-        except GeneratorExit:
-            stream.motion.stop()
-            raise
         except (SkillFailure, Interrupted):
             yield from end_pick(stream, hold, gripper)
             raise
@@ -126,7 +125,8 @@ class Intercept(BeltSkill):
         grip = FruitWidth.of(target, tracks.tracks.belt.direction)
         opening = grip.opening(gripper.limits.width_max)
         if opening is None:
-            raise self.failure("TOO_WIDE", f"the fruit is {1e3 * grip.width:.0f} mm wide; nothing has moved")
+            words = f"the fruit is {1e3 * grip.width:.0f} mm wide; nothing has moved"
+            raise self.failure("TOO_WIDE", words, width=grip.width)
         hand = ready_hand(stream, arm, self.device(Workspace), opening, height)
         choice = PickChoice(hand, tracks, grip, opening, sure)
         while True:
