@@ -1,7 +1,7 @@
 """Whether a robot's description is that of a model: the distances between the axes of its successive joints.
 
 Neither frames, names nor the posture change these distances, and calibrated arms differ by a few millimetres. Within a
-vendor's models one distance at least differs by 53 mm.
+vendor's models one distance at least differs by 53 mm; between UR15 and UR30 it is 13 mm, which is a warning.
 """
 
 from __future__ import annotations
@@ -27,8 +27,12 @@ LENGTHS = {
     "ur3": (0.0, 0.24365, 0.21325, 0.0, 0.0),
     "ur5": (0.0, 0.425, 0.39225, 0.0, 0.0),
     "ur10": (0.0, 0.612, 0.5723, 0.0, 0.0),
+    "ur7e": (0.0, 0.425, 0.3922, 0.0, 0.0),
+    "ur12e": (0.0, 0.6127, 0.57155, 0.0, 0.0),
+    "ur15": (0.0, 0.6475, 0.5164, 0.0, 0.0),
 }
-"""By model [m]: `default_kinematics.yaml` of UR's package of descriptions. It has no UR7e, UR12e, UR15 and UR18."""
+"""By model [m]: `default_kinematics.yaml` of UR's package of descriptions; UR7e, UR12e and UR15 by UR's table of DH
+parameters, which agrees with the centres of mass in that package. None were found of a UR18."""
 
 
 def axis_distances(robot: Path, dof: int) -> Float64:
