@@ -19,7 +19,7 @@ from pomona.applications.harvest.stem_test import FURTHEST, StemTest
 from pomona.executive import Float64
 from pomona.skills import rot_z
 
-GRAVITY, UNROLLED = 9.81, 0.1  # [m/s²]; roll of a hand that counts as turned back [rad]
+GRAVITY = 9.81  # [m/s²]
 
 BRUISE_FORCE, BRUISE_DIAMETER = 7.4, 0.076
 """Pad force at which the flesh of a fruit of this diameter browns [N, m]; it grows with the square (Hertz)."""
@@ -286,7 +286,8 @@ class DetachController:
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
-        self._relieved, self._open, self._opened_from = False, False, 0.0
+        self._relieved = False
+        self._opened_from = 0.0
 
     @property
     def grip_target(self) -> float:
@@ -388,8 +389,8 @@ class DetachController:
             self._pulls_down, self._test, self._p_phase = True, StemTest(), self._p_aimed
         elif self.phase is DetachPhase.TEST:
             self._finish(DetachProblem("STEM_UNCLEAR", f"{message}; the fruit may be off the tree; the grip is kept"))
-        elif self.phase in (DetachPhase.OPEN, DetachPhase.LEAVE):
-            self._enter(DetachPhase.LEAVE if self.phase is DetachPhase.OPEN else DetachPhase.DONE)
+        elif self.phase is DetachPhase.LEAVE:
+            self._enter(DetachPhase.DONE)
 
     # ------------------------------------------------------------------------------------------- what is felt
 
@@ -622,7 +623,7 @@ class DetachController:
         if self.phase is DetachPhase.LET_BACK:
             pull = 0.0
             self._turn_to(dt, 0.0)
-            at_rest = np.linalg.norm(force) < s.let_back_force and abs(self.roll) < UNROLLED
+            at_rest = np.linalg.norm(force) < s.let_back_force and abs(self.roll) < 0.1
             if at_rest or since > s.closing_patience:
                 self._end(self._ending)
         elif self.phase is DetachPhase.DRAW and since > s.roll_after:
@@ -667,17 +668,16 @@ class DetachController:
         return speed * outwards
 
     def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
-        """Open around a fruit that stays on the tree, turn the hand out of its roll, then draw it straight back.
+        """Open around a fruit that stays on the tree, then draw the hand straight back and out of its roll.
 
-        A rolled finger may stand behind wood, and would draw it along. Fingers that meet wood open no further: pressed
-        against it they would push the arm off its place.
+        Fingers that meet wood open no further: pressed against it they would push the arm off its place.
         """
         s, since = self.settings, self._path - self._since
         self._turn_to(dt, 0.0)
         if self.phase is DetachPhase.OPEN:
-            self._open = self._open or width > self._opened_from + s.opened - 1e-3 or self._behind >= s.stuck
-            if since < s.leaving_patience and not (self._open and abs(self.roll) < UNROLLED):
-                return replace(STILL, roll_rate=self._rate, opening=(not self._open) * s.opening)
+            wide = width > self._opened_from + s.opened - 1e-3 or since > s.leaving_patience
+            if not wide and self._behind < s.stuck:
+                return replace(STILL, roll_rate=self._rate, opening=s.opening)
             self._speed_back = 0.0
             self._enter(DetachPhase.LEAVE)
         left = s.leaving - float(np.linalg.norm(self._p_aimed - self._p_phase))
