@@ -176,6 +176,11 @@ def _change(key: str, number: int = 0, **values: object) -> Callable[[Path], obj
     return change
 
 
+def _animate(folder: Path) -> None:
+    pages = [Image.new("RGB", (240, 240), (10 * k, 90, 90)) for k in range(2)]
+    pages[0].save(folder / "images" / "a_0.jpg", "PNG", save_all=True, append_images=pages[1:])
+
+
 def _twice(folder: Path) -> None:
     path = folder / "annotations" / "instances_train.json"
     path.with_name("instances_train_copy.json").write_text(path.read_text())
@@ -202,6 +207,7 @@ MISTAKES = [
     (tables, _write("images/a_0.jpg", ""), r"a_0\.jpg: cannot be read as a picture"),
     (tables, _write("images/a_0.jpg", "no picture"), r"a_0\.jpg: cannot be read as a picture"),
     (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: its end is missing"),
+    (tables, _animate, r"a_0\.jpg: holds 2 pictures: store each that is wanted in a file of its own"),
     (tables, _write("fruit.csv", "image,x,y,w,h\n"), r"no photograph of its train split has a box"),
     (
         yolo,
