@@ -116,8 +116,8 @@ class Address(ScalarKind[tuple[str, int]]):
         found = re.fullmatch(rf"({self.HOST}|\[(?P<six>.+)\])(?::(?P<port>\d{{1,5}}))?", text.strip(), re.A)
         with contextlib.suppress(ValueError):
             if found is not None and 0 < int(found["port"] or 1) < 65536:
-                host = found[1] if found["six"] is None else str(ipaddress.IPv6Address(found["six"]))
-                return host, int(found["port"] or self.port)
+                six = found["six"] and str(ipaddress.IPv6Address(found["six"]))
+                return six or found[1], int(found["port"] or self.port)
         raise Unfit(f"'{text}' is not an address: write HOST, HOST:PORT or [IPv6]:PORT")
 
     def plain_schema(self) -> Schema:

@@ -29,7 +29,6 @@ LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 _FTYP = {b"heic": "HEIC", b"heix": "HEIC", b"hevc": "HEIC", b"mif1": "HEIC", b"msf1": "HEIC", b"avif": "AVIF"}
 _EXIF, _TIFF = (b"Exif", b"eXIf", b"EXIF", b"exif"), (b"II*", b"MM\0*")  # marks of data in which a turn may stand
 _ORIENTATION, _UPRIGHT = 0x0112, 1  # tag of Exif, and its value for pixels that are stored as they are seen
-_SUBFILE, _PART = 254, 0b101  # tag of a page of TIFF, and its bits for a preview or a mask of another page
 
 
 class UnusablePicture(ValueError):
@@ -152,8 +151,8 @@ def _header(content: bytes) -> tuple[int, int, int]:
 
 
 def _is_picture(header: Any, frame: int) -> bool:
-    header.seek(frame)  # in a TIFF, a preview or a mask of another page is none
-    return not getattr(header, "tag_v2", {}).get(_SUBFILE, 0) & _PART
+    header.seek(frame)
+    return not getattr(header, "tag_v2", {}).get(254, 0) & 0b101  # in a TIFF: a preview, or a mask of another page
 
 
 def _orientation(content: bytes) -> int:
