@@ -150,9 +150,14 @@ def test_two_joints_of_one_name_are_refused(tmp_path: Path) -> None:
 )
 def test_a_file_before_xacro_or_in_millimetres_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
     text = arm().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ')
-    load(tmp_path / "whole.urdf", text.replace("0 0 0.3", "-0.0123 1.0e-12 9.9"))
+    load(tmp_path / "whole.urdf", text.replace("0 0 0.3", "-0.0123 18.5e-3 9.9"))
     with pytest.raises(BadRobotFile, match=re.escape(words)):
         load(tmp_path / "arm.urdf", text.replace(old, new, 1))
+
+
+def test_a_link_that_no_joint_holds_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadRobotFile, match="has several roots: base, tray; every link but one"):
+        load(tmp_path / "arm.urdf", arm().replace("</robot>", link("tray") + "</robot>"))
 
 
 def test_a_continuous_joint_has_no_range(tmp_path: Path) -> None:

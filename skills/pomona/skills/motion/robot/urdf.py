@@ -41,13 +41,16 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
     names = [joint.get("name", "") for joint in root.findall("joint")]
     if twice := [name for name in names if names.count(name) > 1]:
         raise BadRobotFile(path, f"has two joints with the name '{twice[0]}'")
+    held = {child.get("link") for child in root.findall("joint/child")}
+    if len(roots := [link.get("name", "") for link in root.findall("link") if link.get("name") not in held]) > 1:
+        raise BadRobotFile(path, f"has several roots: {', '.join(roots)}; every link but one is the child of a joint")
     for part in root.iter():
         if "/xacro}" in part.tag or any(re.search(r"\$[{(]", text) for text in part.attrib.values()):
             raise BadRobotFile(path, f"<{part.tag.split('}')[-1]}> has words of xacro: first `xacro FILE > arm.urdf`")
         for key, text in part.attrib.items() if part.tag in NUMBERED else ():
             if {"nan", "inf"} & set(re.findall("[a-z]+", text.lower().replace("infinity", "inf"))):
                 raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
-            if (part.tag, key) == ("origin", "xyz") and re.search(r"(?:^|\s)[+-]?\d\d", text):
+            if (part.tag, key) == ("origin", "xyz") and re.search(r"(?:^|\s)[+-]?\d\d[\d.]*(?:\s|$)", text):
                 raise BadRobotFile(path, f'<origin xyz="{text}"> is 10 m off or more: is it in millimetres?')
     compiler = root.find("mujoco/compiler")
     own_folder = compiler is not None and "meshdir" in compiler.attrib
