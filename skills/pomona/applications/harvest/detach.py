@@ -6,12 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.applications.harvest.detaching import (
-    DetachController,
-    DetachPhase,
-    DetachSettings,
-    HeldFruit,
-)
+from pomona.applications.harvest.detaching import DetachController, DetachPhase, DetachSettings, HeldFruit
 from pomona.applications.harvest.felt_pads import FeltPads, MeanWrench
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
 from pomona.applications.harvest.roll_choice import CLEAR, ROLL_NEEDED, neighbours_of, ordered, roll_clearance
