@@ -269,6 +269,7 @@ devices:
     port: /dev/ttyUSB0
     finger_offset: 53 mm
 """
+HAND = REAL[REAL.index("    driver: robotiq") :]
 SENSOR = "  force:\n    driver: robotiq-ft300\n    mass: 1.5 kg\n    port: /dev/ttyUSB1\n"
 
 
@@ -305,6 +306,8 @@ def test_a_wrist_sensor_that_carries_nothing_is_refused(judge, sensor, mass):
         ("model: hand-e", "model: 2f-140", "open by 50 mm, as a hand-e's; those of a 2f-140 by 140 mm", True),
         ("model: hand-e", "model: 2f-85", "as a hand-e's; those of a 2f-85 by 85 mm", True),
         ("finger_offset: 53 mm", "finger_offset: 0 mm", "pads in", False),
+        (HAND, "    driver: wsg\n    tcp: 10.0.0.7\n", "as a hand-e's; those of a WSG by 68 or 110 or 210 mm", True),
+        ("ur5e_hand_e.xml", "ur5e_wsg32.xml", "open by 68 mm, as a WSG 32's; those of a hand-e by 50 mm", True),
     ],
 )
 def test_a_description_with_other_fingers_is_found_in_any_order(judge, first, old, new, words, error):
@@ -332,13 +335,16 @@ def test_a_description_with_other_fingers_is_found_in_any_order(judge, first, ol
         "ws://h:99999",
         "a b:7447",
         "h:0",
+        "ws://[1::2::3]:9090",
+        "[:::::]:7447",
     ],
 )
 def test_a_way_to_ros_is_judged_before_it_is_tried(judge, driver, address):
     found = judge(f"name: x\nkind: real\ndevices:\n  it:\n    driver: {driver}\n    address: '{address}'\n")
     (wrong,) = [one for one in found if "address" in one.message]
     assert wrong.line == 6
-    assert "is not HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge" in wrong.message
+    words = ("is not HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge", "is not an address: write HOST")
+    assert words["::" in address and "[" in address] in wrong.message
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.executive.values.image_bytes import is_cut_off, size_of_jpeg
+from pomona.executive.values.image_bytes import is_cut_off, size_of_image
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8)
 
@@ -44,9 +44,9 @@ def test_bytes_of_no_jpeg_are_not_cut_off() -> None:
 @given(st.integers(1, 300), st.integers(1, 300))
 def test_the_size_is_the_encoders(width: int, height: int) -> None:
     _ok, coded = cv2.imencode(".jpg", np.zeros((height, width, 3), np.uint8))
-    assert size_of_jpeg(coded.tobytes()) == [width, height]
+    assert size_of_image(coded.tobytes()) == [width, height]
 
 
 @given(st.binary(max_size=200))
 def test_bytes_of_no_image_have_no_size_and_do_no_harm(data: bytes) -> None:
-    assert len(size_of_jpeg(data)) == 2
+    assert len(size_of_image(data)) == 2

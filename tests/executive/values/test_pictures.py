@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from PIL import Image, ImageOps
+from PIL import Image, ImageOps, TiffImagePlugin
 
 from pomona.executive.values import pictures
 from pomona.executive.values.pictures import (
@@ -84,6 +84,37 @@ def test_sixteen_bits_are_scaled_to_eight_and_those_of_a_sensor_are_refused(tmp_
     Image.fromarray(RNG.random((12, 20)).astype(np.float32)).save(tmp_path / "float.tiff")
     with pytest.raises(UnusablePicture, match=r"float32|no picture|cannot be read"):
         read_picture(tmp_path / "float.tiff")
+
+
+@pytest.mark.parametrize("kind", ["TIFF", "WEBP", "PNG", "GIF"])
+def test_a_file_of_several_pictures_is_refused_with_their_number(kind: str) -> None:
+    pages = [Image.fromarray(np.roll(RGB, k, axis=0)) for k in range(3)]
+    for count in (1, 3):
+        content = io.BytesIO()
+        pages[0].save(content, kind, save_all=True, append_images=pages[1:count])
+        for decode in (decode_picture, decode_plane):
+            if count == 1:
+                assert decode(content.getvalue()).shape[:2] == (12, 20)
+                continue
+            with pytest.raises(UnusablePicture, match="holds 3 pictures: store each that is wanted in a file of its"):
+                decode(content.getvalue())
+
+
+def test_a_preview_or_a_mask_is_no_second_picture(tmp_path: Path) -> None:
+    whole, small = Image.fromarray(RGB), Image.fromarray(RGB[::2, ::2])
+    content = io.BytesIO()
+    whole.save(content, "MPO", save_all=True, append_images=[small])
+    assert decode_picture(content.getvalue()).shape == RGB.shape
+    for kind, pictures_in_it in ((1, 1), (4, 1), (0, 2)):  # a preview, a mask, a page
+        with TiffImagePlugin.AppendingTiffWriter(tmp_path / "pages.tif", new=True) as stream:
+            for page, mark in ((whole, 0), (small, kind)):
+                page.save(stream, tiffinfo={254: mark})
+                stream.newFrame()
+        if pictures_in_it == 1:
+            assert np.array_equal(read_picture(tmp_path / "pages.tif"), RGB)
+        else:
+            with pytest.raises(UnusablePicture, match="holds 2 pictures"):
+                read_picture(tmp_path / "pages.tif")
 
 
 HEIC = b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64)

@@ -37,11 +37,13 @@ def foreign_calibration(text: str) -> tuple[str, str] | None:
         return name, "a value in it is missing or is no number"
 
 
-def _intrinsics(K: Any, size: _Size, distortion: Any, rectified: Any = None) -> str:
+def _intrinsics(K: Any, size: _Size, distortion: Any, rectified: Any = None, model: Any = "") -> str:
     K, (width, height) = np.asarray(K, np.float64).reshape(3, 3), (int(number) for number in size)
-    bent = bool(np.any(np.abs(np.asarray(distortion, np.float64)) > 1e-9))
+    bent = model in FISHEYE or bool(np.any(np.abs(np.asarray(distortion, np.float64)) > 1e-9))
     if bent and rectified is not None:
         K = np.asarray(rectified, np.float64).reshape(3, 4)[:, :3]
+    if not (min(K[0, 0], K[1, 1]) >= 1.0 and 0.0 < K[0, 2] < width and 0.0 < K[1, 2] < height):
+        return "its matrix is that of no camera: calibrate it"
     values = ", ".join(f"{key}: {K[at]:g} px" for key, at in zip(("fx", "fy", "cx", "cy"), PLACES, strict=True))
     values = f"{{{values}, width: {width}, height: {height}}}"
     where = "into intrinsics.yaml beside the frames, or as 'intrinsics:' of the cell's camera"
@@ -52,6 +54,7 @@ def _intrinsics(K: Any, size: _Size, distortion: Any, rectified: Any = None) -> 
     return f"its lens distorts: rectify the pictures, then write the values of rectified ones {where}; before: {values}"
 
 
+FISHEYE = ("equidistant", "fisheye", "kannala_brandt")  # models of a lens that bends without any coefficient
 PLACES = ((0, 0), (1, 1), (0, 2), (1, 2))  # of fx, fy, cx and cy in a camera matrix
 
 
@@ -85,17 +88,23 @@ def _ros(content: Mapping[str, Any]) -> str:
     size = content["image_width"], content["image_height"]
     distortion = content.get("distortion_coefficients", {"data": ()})["data"]
     rectified = content.get("projection_matrix", {}).get("data")
-    return _intrinsics(content["camera_matrix"]["data"], size, distortion, rectified)
+    return _intrinsics(content["camera_matrix"]["data"], size, distortion, rectified, content.get("distortion_model"))
 
 
 def _echoed(content: Mapping[str, Any]) -> str:
     values = {key.lower(): value for key, value in content.items()}
-    return _intrinsics(values["k"], (values["width"], values["height"]), values["d"], values.get("p"))
+    if max(values.get("binning_x", 0), values.get("binning_y", 0)) > 1 or values.get("roi", {}).get("width", 0) > 0:
+        return "it is that of the whole sensor, and the pictures are binned or cut: record whole ones"
+    size = values["width"], values["height"]
+    return _intrinsics(values["k"], size, values["d"], values.get("p"), values["distortion_model"])
 
 
 def _kalibr(content: Mapping[str, Any]) -> str:
     camera = content[CAMERA]
-    return _intrinsics(_matrix(*camera["intrinsics"]), camera["resolution"], camera["distortion_coeffs"])
+    if camera["camera_model"] != "pinhole":
+        return f"its model is {camera['camera_model']}: rectify the pictures for a pinhole camera, and take its values"
+    K, model = _matrix(*camera["intrinsics"]), camera.get("distortion_model")
+    return _intrinsics(K, camera["resolution"], camera["distortion_coeffs"], model=model)
 
 
 def _open3d(content: Mapping[str, Any]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from pomona.devices.robotiq.codec import SLAVE
@@ -85,9 +84,7 @@ class RobotiqFile:
             yield Problem("counts", "they lie about 227 apart: the open position first")
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
-        for robot in dict.fromkeys(getattr(said, "robot", None) for said in around.options.values()):
-            if isinstance(robot, Path):
-                yield from other_fingers(robot, self.options)
+        yield from other_fingers(around, self.model, self.finger_offset)
 
     def known(self) -> Iterator[object]:
         """Yield the limits, which a check of a tree needs."""

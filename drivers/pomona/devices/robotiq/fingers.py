@@ -1,4 +1,4 @@
-"""Whether the fingers of a robot's description are those of a gripper's model: stroke, and opening when closed."""
+"""Whether the fingers of a robot's description are those of a gripper: stroke, and opening when closed."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.devices.robotiq.driver import MODELS, RobotiqOptions
-from pomona.drivers import UnusableRobotFile, read_spec
+from pomona.devices.robotiq.driver import MODELS
+from pomona.drivers import Surroundings, UnusableRobotFile, read_spec
 from pomona.executive import Problem
 
-OFF = 0.01  # an opening that differs by more is another gripper's [m]: strokes of the models differ by 35 mm
+OFF = 0.01  # an opening that differs by more is another gripper's [m]: strokes of the hands differ by 17 mm or more
+STROKES = {name: of.stroke for name, of in MODELS.items()} | {"WSG 32": 0.068, "WSG 50-110": 0.110, "WSG 50-210": 0.210}
+"""Of hands [m], by their data sheets."""
 
 
 def described_opening(robot: Path) -> tuple[float, float] | None:
@@ -34,21 +36,32 @@ def described_opening(robot: Path) -> tuple[float, float] | None:
     return ends[0], ends[1]
 
 
-def other_fingers(robot: Path, options: RobotiqOptions) -> Iterator[Problem]:
-    """Yield the problem of a description with other fingers; where none of the models has them it is a warning."""
-    try:
-        found = described_opening(robot)
-    except UnusableRobotFile:  # the arm's own section reports it
-        return
-    if found is None:
-        return
-    closed, stroke, limits = found[0], found[1] - found[0], options.limits
-    if abs(stroke - MODELS[options.model].stroke) > OFF:
-        named = next((name for name, of in MODELS.items() if abs(stroke - of.stroke) <= OFF), "")
-        words = f"the fingers in {robot} open by {1e3 * stroke:.0f} mm" + (f", as a {named}'s" if named else "")
-        hint = "give the arm a description with this gripper" + (f", or 'model: {named}'" if named else "")
-        own = f"those of a {options.model} by {1e3 * MODELS[options.model].stroke:.0f} mm"
-        yield Problem("model", f"{words}; {own}", hint, warning=not named)
-    elif abs(closed - limits.width_min) > OFF:
-        words = f"the closed pads in {robot} are {1e3 * closed:.0f} mm apart, and here {1e3 * limits.width_min:.0f} mm"
+def other_fingers(around: Surroundings, own: str, closed: float) -> Iterator[Problem]:
+    """Yield the problem of a description with other fingers; where no known hand has them it is a warning.
+
+    Args:
+        own: the gripper, as `STROKES` names it, or the first word of several.
+        closed: distance of its pads when it is closed [m].
+    """
+    for robot in dict.fromkeys(getattr(said, "robot", None) for said in around.options.values()):
+        if not isinstance(robot, Path):
+            continue
+        try:
+            found = described_opening(robot)
+        except UnusableRobotFile:  # the arm's own section reports it
+            continue
+        if found is not None:
+            yield from _differences(robot, found, own, closed)
+
+
+def _differences(robot: Path, found: tuple[float, float], own: str, closed: float) -> Iterator[Problem]:
+    stroke = found[1] - found[0]
+    near = [name for name, of in STROKES.items() if abs(stroke - of) <= OFF]
+    if not any(name.startswith(own) for name in near):
+        words = f"the fingers in {robot} open by {1e3 * stroke:.0f} mm" + (f", as a {near[0]}'s" if near else "")
+        hint = "give the arm a description with this gripper" + (f", or take a {near[0]} here" if near else "")
+        ways = " or ".join(f"{1e3 * of:.0f}" for name, of in STROKES.items() if name.startswith(own))
+        yield Problem("", f"{words}; those of a {own} by {ways} mm", hint, warning=not near)
+    elif abs(found[0] - closed) > OFF:
+        words = f"the closed pads in {robot} are {1e3 * found[0]:.0f} mm apart, and here {1e3 * closed:.0f} mm"
         yield Problem("finger_offset", words, "measure it; both must agree", warning=True)

@@ -6,10 +6,21 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from pomona.devices.robotiq.fingers import other_fingers
 from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
 from pomona.devices.wsg.transport import TCP_PORT, CanLink, can_channels
-from pomona.drivers import Address, ConnectContext, DeviceLost, GripperSupervision, Link, Settings, driver, tcp_opener
+from pomona.drivers import (
+    Address,
+    ConnectContext,
+    DeviceLost,
+    GripperSupervision,
+    Link,
+    Settings,
+    Surroundings,
+    driver,
+    tcp_opener,
+)
 from pomona.executive import (
     ACCELERATION,
     FORCE,
@@ -74,6 +85,9 @@ class WsgFile:
             yield Problem("tcp", "the gripper needs either 'tcp' or 'can'")
         if self.soft_limits is not None and self.soft_limits[0] < self.finger_offset:
             yield Problem("soft_limits", "they are openings: they cannot lie below finger_offset")
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        yield from other_fingers(around, "WSG", self.finger_offset)
 
 
 @driver(WsgGripper, WsgFile)

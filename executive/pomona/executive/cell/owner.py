@@ -19,6 +19,7 @@ thread: it calls `step` by hand. A simulated clock may provide the thread, which
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import math
 import os
 import re
@@ -112,10 +113,12 @@ class Address(ScalarKind[tuple[str, int]]):
         self.port = port
 
     def parse(self, text: str) -> tuple[str, int]:
-        found = re.fullmatch(rf"({self.HOST}|\[[0-9a-fA-F:.]+(?:%\w+)?\])(?::(?P<port>\d{{1,5}}))?", text.strip(), re.A)
-        if found is None or not 0 < int(found["port"] or 1) < 65536:
-            raise Unfit(f"'{text}' is not an address: write HOST, HOST:PORT or [IPv6]:PORT")
-        return found[1].strip("[]"), int(found["port"] or self.port)
+        found = re.fullmatch(rf"({self.HOST}|\[(?P<six>.+)\])(?::(?P<port>\d{{1,5}}))?", text.strip(), re.A)
+        with contextlib.suppress(ValueError):
+            if found is not None and 0 < int(found["port"] or 1) < 65536:
+                six = found["six"] and str(ipaddress.IPv6Address(found["six"]))
+                return six or found[1], int(found["port"] or self.port)
+        raise Unfit(f"'{text}' is not an address: write HOST, HOST:PORT or [IPv6]:PORT")
 
     def plain_schema(self) -> Schema:
         return {"type": "string", "examples": [f"192.168.1.2:{self.port}"]}

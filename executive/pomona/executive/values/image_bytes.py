@@ -39,11 +39,6 @@ def size_of_image(coded: bytes) -> list[int]:
     """[width, height] in pixels; [0, 0] for what is neither JPEG nor PNG."""
     if coded.startswith(PNG) and len(coded) >= 24:
         return list(struct.unpack_from(">II", coded, 16))
-    return size_of_jpeg(coded)
-
-
-def size_of_jpeg(coded: bytes) -> list[int]:
-    """[width, height] in pixels; [0, 0] for what is no JPEG image."""
     at = 2
     while at + 9 <= len(coded) and coded[at] == 0xFF:
         marker, (length,) = coded[at + 1], struct.unpack_from(">H", coded, at + 2)

@@ -125,16 +125,14 @@ def installed_trees() -> Path:
 
 def import_under(module: str, **environment: str) -> Any:
     """Import a module while these variables are set; the environment is then as before."""
-    before = {name: os.environ.get(name) for name in environment}
+    before = {name: os.environ[name] for name in environment if name in os.environ}
     os.environ.update(environment)
     try:
         return importlib.import_module(module)
     finally:
-        for name, text in before.items():
-            if text is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = text
+        for name in environment:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 @cache

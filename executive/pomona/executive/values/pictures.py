@@ -120,9 +120,11 @@ def _decoded(content: bytes, flags: int) -> NDArray[Any]:
         raise UnusablePicture("cannot be read as a picture: it is a pointer of Git LFS; `git lfs pull` fetches it")
     if is_cut_off(content):
         raise UnusablePicture("cannot be read as a picture: its end is missing")
-    width, height = _size(content)
+    width, height, count = _header(content)
     if width * height > MOST_PIXELS:
         raise UnusablePicture(f"cannot be read as a picture: {width} × {height} px are more than {MOST_PIXELS:.3g} px")
+    if count > 1:
+        raise UnusablePicture(f"holds {count} pictures: store each that is wanted in a file of its own")
     try:
         image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except (cv2.error, MemoryError):  # a header with a size beyond any memory
@@ -134,18 +136,23 @@ def _decoded(content: bytes, flags: int) -> NDArray[Any]:
     return image
 
 
-def _size(content: bytes) -> list[int]:
-    """Return width and height that the header gives [px]; zeros where it is not understood."""
-    size = size_of_image(content)
-    if any(size):
-        return size
+def _header(content: bytes) -> tuple[int, int, int]:
+    """Return width and height [px] and the number of pictures that the header gives; 0, 0 and 1 where it is strange."""
+    width, height = size_of_image(content)
+    if width and b"acTL" not in content:  # a JPEG, or a PNG that is no animation
+        return width, height, 1
     try:
         with Image.open(io.BytesIO(content)) as header:
-            return list(header.size)
+            return *header.size, sum(_is_picture(header, k) for k in range(getattr(header, "n_frames", 1)))
     except Image.DecompressionBombError:
-        return [MOST_PIXELS, MOST_PIXELS]
+        return MOST_PIXELS, MOST_PIXELS, 1
     except Exception:  # Pillow's readers may raise any exception; OpenCV decides
-        return [0, 0]
+        return width, height, 1
+
+
+def _is_picture(header: Any, frame: int) -> bool:
+    header.seek(frame)
+    return not getattr(header, "tag_v2", {}).get(254, 0) & 0b101  # in a TIFF: a preview, or a mask of another page
 
 
 def _orientation(content: bytes) -> int:

@@ -27,8 +27,7 @@ def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
         ValueError: the path holds a character that no path may.
     """
     if path.exists() and not path.is_file():
-        directory = path.is_dir()
-        raise OSError(errno.EISDIR if directory else errno.EINVAL, "Is a directory" if directory else "Not a file")
+        raise OSError(*((errno.EISDIR, "Is a directory") if path.is_dir() else (errno.EINVAL, "Not a file")))
     with path.open(encoding="utf-8-sig") as stream:
         if path.stat().st_size > most:
             raise OSError(errno.EFBIG, f"Larger than {most // 1024} KiB")
@@ -50,11 +49,9 @@ def read_table(path: Path, needed: Sequence[str], most: int = MOST_BYTES) -> lis
     try:
         reader = csv.DictReader(read_plain_text(path, most).split("\n"))
         rows = [(reader.line_num, row) for row in reader]
-    except NotUtf8Error as error:
-        raise NoTableError(f"is no table: {error}") from error
     except OSError as error:
         raise NoTableError(f"cannot be read: {error.strerror}") from error
-    except csv.Error as error:
+    except (csv.Error, NotUtf8Error) as error:
         raise NoTableError(f"is no table: {error}") from error
     columns = reader.fieldnames or []
     missing = [name for name in needed if name not in columns]

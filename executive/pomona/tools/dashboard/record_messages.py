@@ -33,7 +33,7 @@ from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.read import ForeignRecordError, event_from
 from pomona.executive.recording.scan import Found, Verdict, attachment, require_valid, scan
 from pomona.executive.recording.well_known import DEPTH, IMAGES
-from pomona.executive.values.image_bytes import size_of_jpeg
+from pomona.executive.values.image_bytes import size_of_image
 from pomona.tools.dashboard.cloud import cloud_of_messages
 from pomona.tools.dashboard.messages import VERSION, encode, numbered
 
@@ -231,7 +231,7 @@ def _with_image(path: Path, line: Line, images: str) -> bytes:
     value = line.message.get("value")
     if not isinstance(value, dict):
         raise ForeignRecordError("an event with an image has no view")
-    value = value | {"image": address, "size": size_of_jpeg(coded)}
+    value = value | {"image": address, "size": size_of_image(coded)}
     if images and isinstance(value.get("pinhole"), dict):
         value["cloud"] = f"{address}/cloud"
     return numbered(line.message | {"value": value}, line.seq)

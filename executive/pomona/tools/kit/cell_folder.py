@@ -14,7 +14,7 @@ from pomona.executive.values.installation import entry_points, installed_trees
 from pomona.executive.values.kinds import choose
 from pomona.tools.kit.cell_piece import GROUP, CellPiece
 
-NONE = "none"  # `--camera none`
+CAMERA, NONE = "d435i", "none"  # without `--camera`, since no shipped tree picks blind; and `--camera none`
 _INCLUDE = re.compile(r'^[ \t]*<include file="([^"]+)"/>.*\n', re.MULTILINE)
 _ROOT = re.compile(r"</?mujoco[^>]*>\n?")
 WORLD_CAMERA = "127.0.0.1:41001"  # of the emulated world, which always has a camera
@@ -109,7 +109,7 @@ COMMON = (
 )
 
 
-def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str = NONE) -> tuple[list[Path], list[str]]:
+def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str = CAMERA) -> tuple[list[Path], list[str]]:
     """Write the folder of a cell; its name is that of the cell.
 
     Returns its files, and the next commands.

@@ -14,7 +14,7 @@ from typing import Any
 from pomona.executive.errors import UsageError
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.installation import elsewhere, entry_points
-from pomona.tools.kit.cell_folder import NONE, begin_cell
+from pomona.tools.kit.cell_folder import CAMERA, NONE, begin_cell
 from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece
 from pomona.tools.listings.declared_skills import declared_skills
@@ -39,7 +39,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument("name", help="such as Weigh; of an arm also its URDF: my_arm.urdf")
     about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
-    for option, about in (("arm", "ur5e"), ("hand", "hand-e"), ("camera", "d435i, or none")):
+    for option, about in (("arm", "ur5e"), ("hand", "hand-e"), ("camera", f"{CAMERA}, or {NONE} ({CAMERA})")):
         shown = f"of a cell with these devices, such as {about}" if "cell" in kinds else argparse.SUPPRESS
         parser.add_argument(f"--{option}", metavar="MODEL", help=shown)
     about = "of an arm from its URDF: the link that the hand is bolted on" if "cell" in kinds else argparse.SUPPRESS
@@ -68,9 +68,10 @@ def main(options: argparse.Namespace) -> int:
     if (options.arm, options.hand, options.camera) != (None, None, None):
         if options.kind != "cell":
             raise UsageError(f"--arm, --hand and --camera belong to `pomona new cell`, not to {options.kind}")
-        written, commands = begin_cell(
-            options.into / words["name"], options.arm, options.hand, NONE if options.camera is None else options.camera
-        )
+        camera = CAMERA if options.camera is None else options.camera
+        written, commands = begin_cell(options.into / words["name"], options.arm, options.hand, camera)
+        if options.camera is None:
+            sys.stderr.write(f"camera: {CAMERA}, as none was named; without one: --camera {NONE}\n")
     elif options.kind == "package":
         written = begin(options.into / words["name"], words["name"])
     elif options.kind == "tree":

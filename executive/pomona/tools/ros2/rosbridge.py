@@ -11,6 +11,7 @@ import base64
 import contextlib
 import json
 import logging
+import re
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -32,7 +33,18 @@ logger = logging.getLogger(__name__)
 SCHEMES = ("ws://", "wss://")
 _HOST = rf"({Address.HOST}|\[[0-9a-fA-F:.]+\])"
 _PORT = r":(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
-WAY = Text(
+
+
+class _Way(Text):
+    """A text in which a host in brackets is an IPv6 address."""
+
+    def parse(self, text: str) -> str:
+        if six := re.match(r"(?:wss?://)?(\[[^]]*\])", super().parse(text)):
+            Address(1).parse(six[1])
+        return text
+
+
+WAY = _Way(
     pattern=rf"(wss?://{_HOST}({_PORT})?(/\S*)?|{_HOST}{_PORT})",
     words="HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge",
 )

@@ -6,12 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.applications.harvest.detaching import (
-    DetachController,
-    DetachPhase,
-    DetachSettings,
-    HeldFruit,
-)
+from pomona.applications.harvest.detaching import DetachController, DetachPhase, DetachSettings, HeldFruit
 from pomona.applications.harvest.felt_pads import FeltPads, MeanWrench
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
 from pomona.applications.harvest.roll_choice import CLEAR, ROLL_NEEDED, neighbours_of, ordered, roll_clearance
@@ -28,7 +23,7 @@ from pomona.drivers import (
     Workspace,
 )
 from pomona.executive import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time, Work
-from pomona.skills import MOTION_FAILURES, MovingSkill, YieldingFingers, usable_field
+from pomona.skills import IN_HAND, MOTION_FAILURES, MovingSkill, YieldingFingers, usable_field
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, OccupancyMap, arm_space
 from pomona.skills.perception import AllDetections, MeasuredFruit, mass_of
@@ -185,11 +180,13 @@ class Detach(MovingSkill):
             if now - before > LONGEST:
                 controller.rejoin()
             dt, before = min(now - before, LONGEST), now
-            state, T = gripper.state(), robot.tcp(arm.state().q)
+            state, T, hung = gripper.state(), robot.tcp(arm.state().q), not fingers.holds
             with pads.lock:
                 command = controller.step(dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force)
                 fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
+            if hung and fingers.holds:
+                self.publish("candidates", IN_HAND)
             controller.slowed(aim.follow(command, dt, WITHIN * arm.limits.velocity, motion.speed))
             if aim.come_to(arm.state().q, dt):
                 controller.give_up("JAMMED", "something holds the arm beside its set-point")

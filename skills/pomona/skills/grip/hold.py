@@ -132,11 +132,6 @@ class Hold:
         return left, right
 
     @property
-    def is_resting(self) -> bool:
-        """True while the fingers rest, since something else carries the fruit."""
-        return self._controller.rests
-
-    @property
     def holds(self) -> bool:
         """True while a fruit is held under control and has not been lost."""
         problem = self._controller.problem

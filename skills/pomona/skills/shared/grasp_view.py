@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.executive.views import ImageView, Line2, Mesh3
+from pomona.executive.views import ImageView, Line2, Mesh3, SceneView
 from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.grasp import Grasp, RuledOut
 from pomona.skills.perception.measured_fruit import MeasuredFruit
+
+IN_HAND = SceneView(caption="the fruit is in the hand")  # in the place of a view that draws it where it was
 
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:

@@ -158,17 +158,25 @@ class ClassUnknown(ValueError):
     """No class, or several, could be the fruit; the text lists the classes."""
 
 
+OTHERS = frozenset(
+    ["no", "not", "non", "without", "leaf", "leave", "tree", "trunk", "branch", "stem", "flower", "blossom", "bud"]
+)
+"""Words beside that of a fruit with which a class is none; in the singular that `_words` gives."""
+
+
 def class_of(names: Mapping[int, str], fruit: str) -> int:
     """Return the number of the fruit's class: the one of its name, else the only one whose name has it as a word.
 
-    "red_apples" has the word apple; "pineapple" has not. Raises ClassUnknown: there is none, or several.
+    "red_apples" has the word apple; "pineapple" has not, and "apple_leaf" is another thing.
+
+    Raises ClassUnknown: there is none, or several.
     """
     wanted = _words(fruit)
     by_falling_likeness: tuple[Callable[[str], bool], ...] = (
         lambda name: name.strip() == fruit,
         lambda name: name.strip().casefold() == fruit.casefold(),
         lambda name: _words(name) == wanted,
-        lambda name: _has(_words(name), wanted),
+        lambda name: _has(_words(name), wanted) and not OTHERS & (set(_words(name)) - set(wanted)),
     )
     right: list[int] = []
     for like in by_falling_likeness:

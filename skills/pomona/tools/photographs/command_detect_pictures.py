@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
-from PIL import Image
 
 from pomona.executive import ENDINGS, Number, UInt8, UnusablePicture, is_file, raise_again, read_picture
 from pomona.tools.photographs.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from pomona.skills.perception import CompactDetector, DetectorOptions, FoundFruit
     from pomona.tools.box_detectors.box_model import ScoredBox
 
-PAGED = ("TIFF", "WEBP", "PNG", "GIF")  # by Pillow's names; the second picture of a camera's JPEG is a preview
 BESIDE = (".txt", ".json", ".xml", ".csv", ".yaml", ".yml", ".md", ".npy")  # labels and notes, beside pictures
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
@@ -123,16 +121,6 @@ def _files(given: Sequence[Path]) -> Iterator[Path]:
         yield from inside
 
 
-def _pages(path: Path) -> str:
-    """Return words about a file that holds more pictures than the one that is read: pages, or those of an animation."""
-    try:
-        with Image.open(path) as picture:
-            count = int(getattr(picture, "n_frames", 1)) if picture.format in PAGED else 1
-    except Exception:  # Pillow's readers may raise any exception; the reader of pictures has its own words
-        return ""
-    return f"of its {count} pictures the first is searched; store the others in files of their own" if count > 1 else ""
-
-
 def _is_expected(name: str) -> bool:
     """Return True for a picture, and for what lies beside pictures: depth, labels, notes and hidden files."""
     return _is_picture(name) or name.startswith(".") or name.lower().endswith((*BESIDE, DEPTH))
@@ -223,8 +211,6 @@ def _all(files: Sequence[Path], search: Search, results: PictureResults, stream:
             sys.stderr.write(f"pomona detect: {_shown(file)}: {error}\n")
             unusable += 1
             continue
-        if pages := _pages(file):
-            sys.stderr.write(f"pomona detect: {_shown(file)}: {pages}\n")
         sure = [fruit for fruit in found if fruit.score >= results.score]
         results.add(number, file, picture, found)
         height, width = picture.shape[:2]

@@ -152,7 +152,8 @@ def _checked(item: Labelled) -> Photograph:
     boxes = np.array(item.boxes, np.float64).reshape(-1, 4)
     if item.parts:
         boxes *= (width, height, width, height)
-    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
+    with np.errstate(invalid="ignore"):  # boxes that are none are named below
+        low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
     limits = np.array([width, height], np.float64)
     for k in range(len(boxes)):
         if not np.isfinite(boxes[k]).all() or (boxes[k, 2:] <= 0.0).any():
@@ -215,6 +216,7 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
     """`images/` beside `labels/`, either with the splits as folders in them or inside folders of the splits."""
     names = _names(folder)
     wanted = None if names is None else _class_of(*names, fruit)
+    keypoints = 0 if names is None else _keypoints(names[0])
     items, seen = [], set()
     for labels, images in places:
         texts = {
@@ -226,7 +228,7 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
             split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
             text = (labels / name).with_name(f"{name.name}.txt")
             item = Labelled(pictures[name], str(text), split, parts=True)
-            for line, kind, box in _yolo_lines(text):
+            for line, kind, box in _yolo_lines(text, keypoints):
                 if names is not None and kind not in names[1]:
                     raise BadPhotographs(text, f"line {line}: the class {kind} has no name in {names[0]}")
                 seen.add(kind)
@@ -254,7 +256,16 @@ def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> 
             raise BadPhotographs(where, text.format(n=len(some), first=min(some)))
 
 
-def _yolo_lines(path: Path) -> Iterator[tuple[int, int, tuple[float, float, float, float]]]:
+def _keypoints(path: Path) -> int:
+    """Return how many numbers of keypoints follow each box, as `kpt_shape` of a data.yaml gives them; 0 without."""
+    said = {} if path.suffix == ".txt" else yaml.safe_load(read_plain_text(path))
+    shape = said.get("kpt_shape", (0, 0))
+    if not (isinstance(shape, list | tuple) and len(shape) == 2 and all(isinstance(n, int) for n in shape)):
+        raise BadPhotographs(path, "kpt_shape is not [keypoints, numbers of each]")
+    return int(shape[0] * shape[1])
+
+
+def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[float, float, float, float]]]:
     """Yield number, class and box (in parts of the picture) of each line; outlines become their boxes."""
     try:
         lines = read_plain_text(path).split("\n")
@@ -269,6 +280,11 @@ def _yolo_lines(path: Path) -> Iterator[tuple[int, int, tuple[float, float, floa
             raise BadPhotographs(path, f"line {number}: expected numbers: class, x, y, w, h") from None
         if not kind.is_integer():
             raise BadPhotographs(path, f"line {number}: the class {kind:g} is no whole number")
+        if keypoints and len(values) > 4:
+            if len(values) != 4 + keypoints:
+                words = f"expected class, x, y, w, h and {keypoints} numbers of keypoints, as kpt_shape gives them"
+                raise BadPhotographs(path, f"line {number}: {words}, not {len(values) + 1} numbers")
+            values = values[:4]
         if len(values) == 4:
             x, y, w, h = values
             yield number, int(kind), (x - 0.5 * w, y - 0.5 * h, w, h)

@@ -132,12 +132,12 @@ def require_folder(folder: Path) -> None:
 
 
 def files(folder: Path) -> list[Path]:
-    """Return all files in a folder and its folders.
+    """Return all files in a folder and its folders but hidden ones, such as `._a.jpg` of a Mac.
 
     Raises BadPhotographs: no such folder, a file in its place, or more than `MOST_FILES` files.
     """
     require_folder(folder)
-    found = list(islice((p for p in folder.rglob("*") if p.is_file()), MOST_FILES + 1))
+    found = list(islice((p for p in folder.rglob("[!.]*") if p.is_file()), MOST_FILES + 1))
     if len(found) > MOST_FILES:
         raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: name a folder with fewer")
     return found

@@ -50,7 +50,6 @@ def main(options: argparse.Namespace) -> int:
     """Search, learn, fit, write and print figures; returns 0, or 2 when it cannot start."""
     for package in ("torch", "onnx"):
         need(package, "torch", "pomona train")
-    from pomona.executive.values.pictures import UnusablePicture
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
     from pomona.tools.fruit_kinds.kind_head import ENDING, NONE
     from pomona.tools.training.kind_finds import labelled_pictures, read_kind_table
@@ -65,7 +64,7 @@ def main(options: argparse.Namespace) -> int:
         for folder in options.photos:
             pictures += labelled_pictures(folder, options.most)
         train_kinds(options, kinds, pictures)
-    except (DetectError, UnusablePicture) as error:
+    except DetectError as error:
         sys.stderr.write(f"pomona train: {error}\n")
         return 2
     sys.stdout.write(f"kinds in {options.out}\n")
@@ -73,7 +72,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def train_kinds(options: argparse.Namespace, kinds: tuple[str, ...], pictures: list[KindPicture]) -> None:
-    """Make the file of kinds. Raises DetectError, UnusablePicture: a file cannot be used."""
+    """Make the file of kinds. Raises DetectError: a file cannot be used."""
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.detection import DetectorOptions
     from pomona.skills.perception.fruit import load_fruit

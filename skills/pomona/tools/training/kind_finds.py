@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64, UInt8
-from pomona.executive.values.pictures import read_picture
+from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import NoTableError, read_table
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.errors import BadPhotographs
@@ -107,7 +107,7 @@ def collect(
         detector: searches at several widths, without a kind.
         kinds: names, without `NONE`.
 
-    Raises UnusablePicture: a picture cannot be read.
+    Raises BadPhotographs: a picture cannot be read.
     """
     work.mkdir(parents=True, exist_ok=True)
     parts: list[tuple[UInt8, Float64, Float64]] = []
@@ -130,7 +130,10 @@ def collect(
 
 
 def _search(detector: CompactDetector, path: Path, kept: Path) -> None:
-    colour = np.ascontiguousarray(read_picture(path))
+    try:
+        colour = np.ascontiguousarray(read_picture(path))
+    except UnusablePicture as error:
+        raise BadPhotographs(path, str(error)) from error
     height, width = colour.shape[:2]
     found = [fruit for fruit in detector.find(colour, camera_of(width, height)) if fruit.score >= LEAST]
     boxes = np.array([fruit.outline(width, height) for fruit in found]).reshape(-1, 4)

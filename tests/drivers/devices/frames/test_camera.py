@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from pomona.devices.frames import folder as folder_module
 from pomona.devices.frames.camera import FramesCamera, connect
@@ -32,6 +33,11 @@ def write_frame(
 def connect_folder(cell: Path, folder: object, extra: str = f"intrinsics: {INTRINSICS}") -> FramesCamera:
     cell.write_text(f"driver: frames\nfolder: '{folder}'\n{extra}\n")
     return connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
+
+
+def animated(folder: Path, name: str) -> None:
+    pages = [Image.fromarray(np.full((30, 40), k, np.uint16)) for k in (700, 800)]
+    pages[0].save(folder / name, "TIFF", save_all=True, append_images=pages[1:])
 
 
 def cut_off(folder: Path) -> None:
@@ -105,6 +111,8 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
             lambda folder: (folder / "b_depth_mm.png").rename(folder / "b2_depth_mm.png"),
             "b_depth_mm.png is missing; b2_depth_mm.png has no colour and is of another moment",
         ),
+        (lambda folder: animated(folder, "a_depth_mm.png"), "a_depth_mm.png: holds 2 pictures: store each"),
+        (lambda folder: animated(folder, "a_color.png"), "a_color.png: holds 2 pictures: store each"),
         (lambda folder: write_frame(folder, "a", depth_mm=2), "up to 2 mm, nearer than any camera measures"),
         (lambda folder: (folder / "frames.json").write_text("[]}"), "is no list of frames"),
         (lambda folder: (folder / "frames.json").write_text('[{"T_base_camera": 1}]'), "is no list of frames"),

@@ -75,6 +75,30 @@ def test_a_lens_that_distorts_is_named() -> None:
     assert "rectify the pictures, then write the values of rectified ones" in found[1]
 
 
+NONE, CUT = "its matrix is that of no camera", "the pictures are binned or cut"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (ROS.replace("DISTORTION", "0.0") + "distortion_model: equidistant\n", RECTIFIED),
+        (KALIBR.replace("DISTORTION", "0, 0, 0, 0") + "  distortion_model: equidistant\n", "its lens distorts"),
+        (KALIBR.replace("pinhole", "eucm"), "its model is eucm: rectify the pictures for a pinhole camera"),
+        (ROS.replace("615.25", ".nan").replace("DISTORTION", "0.0"), NONE),
+        (ECHO.replace("615.25", "0.0"), NONE),
+        (OPENCV.replace("0.0, 318.5, 0.0", "0.0, 0.0, 0.0").replace("241.25", "0.0"), NONE),
+        (ECHO.replace("---", "binning_x: 2\nbinning_y: 2"), CUT),
+        (ECHO.replace("---", "roi: {x_offset: 9, y_offset: 0, width: 300, height: 200}"), CUT),
+        (ECHO.replace("---", "binning_x: 0\nroi: {width: 0, height: 0}"), PLAIN),
+    ],
+)
+def test_values_are_given_only_where_they_hold(text: str, words: str) -> None:
+    found = foreign_calibration(text)
+    assert found is not None
+    assert words in found[1]
+    assert ("{fx:" in found[1]) == (words in (PLAIN, RECTIFIED, "its lens distorts"))
+
+
 @pytest.mark.parametrize("on_hand", [True, False])
 def test_a_pose_of_easy_handeye_becomes_the_file_of_a_camera(tmp_path: Path, on_hand: bool) -> None:
     found = foreign_calibration(f"""parameters:

@@ -52,6 +52,14 @@ def test_the_twin_has_what_is_written_into_the_real_cell(tmp_path, capsys):
     assert "finger_offset" in capsys.readouterr().out
 
 
+def test_a_cell_of_no_named_camera_has_one_and_a_line_says_so(tmp_path, capsys):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
+    first, *_ = capsys.readouterr().err.splitlines()
+    assert first == "camera: d435i, as none was named; without one: --camera none"
+    twin = str(tmp_path / "bench" / "emulated.yaml")
+    assert main(["check", "pick_apple_plain", "--cell", twin, *FORCE]) == 0
+
+
 def test_a_cell_without_a_camera_passes_the_check(tmp_path, capsys):
     assert new(tmp_path, "--arm", "xarm6", "--hand", "hand-e", "--camera", "none") == 0
     files = sorted(map(str, (tmp_path / "bench").glob("*.yaml")))
@@ -101,6 +109,7 @@ def test_the_composed_robot_is_the_shipped_one_in_one_file(arm, hand, tmp_path):
             "--arm: no 'ur5' is known here (did you mean 'ur5e'?; any other arm: `pomona new arm ITS.urdf`",
         ),
         (("--arm", "ur5e", "--hand", "ur5e"), "--hand: no 'ur5e' is known here (known: hand-e, wsg32)"),
+        (("--arm", "ur5e", "--hand", "hand-e", "--camera", ""), "--camera: no '' is known here"),
         (("--arm", "ur5e", "--hand", "hand-e", "--camera", "d455"), "--camera: no 'd455' is known here (did"),
         (
             ("--arm", "xarm6", "--hand", "wsg32"),

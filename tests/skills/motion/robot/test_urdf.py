@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +135,29 @@ def test_a_joint_that_no_plan_could_use_is_refused(tmp_path: Path, kind: str, li
 def test_two_joints_of_one_name_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadRobotFile, match="has two joints with the name 'b'"):
         load(tmp_path / "arm.urdf", arm().replace('<joint name="c"', '<joint name="b"'))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("</robot>", '<xacro:include filename="hand.xacro"/></robot>', "<include> has words of xacro"),
+        ("</robot>", '<xacro:ur_robot name="a"/></robot>', "<ur_robot> has words of xacro"),
+        ('upper="2"', 'upper="${pi}"', "<limit> has words of xacro"),
+        ('name="arm"', 'name="$(arg name)"', "<robot> has words of xacro: first `xacro FILE > arm.urdf`"),
+        ("0 0 0.3", "0 0 300", '<origin xyz="0 0 300"> is 10 m off or more: is it in millimetres?'),
+        ("0 0 0.3", "-0.01 12.5 0", "is it in millimetres?"),
+    ],
+)
+def test_a_file_before_xacro_or_in_millimetres_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+    text = arm().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ')
+    load(tmp_path / "whole.urdf", text.replace("0 0 0.3", "-0.0123 18.5e-3 9.9"))
+    with pytest.raises(BadRobotFile, match=re.escape(words)):
+        load(tmp_path / "arm.urdf", text.replace(old, new, 1))
+
+
+def test_a_link_that_no_joint_holds_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadRobotFile, match="has several roots: base, tray; every link but one"):
+        load(tmp_path / "arm.urdf", arm().replace("</robot>", link("tray") + "</robot>"))
 
 
 def test_a_continuous_joint_has_no_range(tmp_path: Path) -> None:

@@ -84,6 +84,7 @@ def test_damaged_metadata_is_refused_with_its_key(tmp_path: Path) -> None:
         (["apples", "apple"], 1),
         (["Apple", "apple"], 1),
         (["Apfel", "apple (fruit)"], 1),
+        (["apple tree", "apple leaves", "Apple Braeburn"], 2),
     ],
 )
 def test_the_class_is_the_one_of_the_fruits_name_else_the_one_that_has_it_as_a_word(
@@ -93,7 +94,11 @@ def test_the_class_is_the_one_of_the_fruits_name_else_the_one_that_has_it_as_a_w
 
 
 @pytest.mark.parametrize(
-    "names", [["pineapple"], ["pineapple", "pear"], ["grapple"], ["appletree"], ["custardapple"], []]
+    "names",
+    [
+        *(["pineapple"], ["pineapple", "pear"], ["grapple"], ["appletree"], ["custardapple"], []),
+        *(["apple_leaf"], ["AppleLeaves", "not apple"], ["apple-flower"]),
+    ],
 )
 def test_a_part_of_a_word_is_no_fruit(names: list[str]) -> None:
     with pytest.raises(ClassUnknown, match="none of them is apple"):

@@ -209,7 +209,7 @@ def test_a_second_time_nothing_is_overwritten(cell, capsys):
         ("<robot", "cannot be read as XML: unclosed token: line 1, column 0"),
         (
             urdf().replace('velocity="3"', 'velocity="${v}"', 1),
-            "'pan': velocity",
+            "<limit> has words of xacro: first `xacro FILE > arm.urdf`",
         ),
         (urdf().replace('upper="6.28"', 'upper="-9"', 1), "'pan' needs a range"),
         (urdf().replace("<collision>", "<visual>", 1).replace("</collision>", "</visual>", 1), "no collision geometry"),

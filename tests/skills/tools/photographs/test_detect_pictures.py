@@ -58,14 +58,16 @@ def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("name", ["c.tif", "c.webp", "c.png"])
-def test_of_several_pictures_in_one_file_the_first_is_searched_with_a_word(
+def test_a_file_of_several_pictures_is_named_and_the_others_are_searched(
     pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     pages = [Image.new("RGB", (160, 120), (10 * k, 90, 90)) for k in range(3)]
     pages[0].save(pictures / name, save_all=True, append_images=pages[1:])
-    assert run(pictures, "--out", tmp_path / "out") == 0
-    words = f"{pictures / name}: of its 3 pictures the first is searched; store the others in files of their own"
-    assert capsys.readouterr().err == f"pomona detect: {words}\n"
+    assert run(pictures, "--out", tmp_path / "out") == 2
+    words = f"{pictures / name}: holds 3 pictures: store each that is wanted in a file of its own"
+    shown = capsys.readouterr()
+    assert shown.err == f"pomona detect: {words}\n"
+    assert "fruit in 2 pictures" in shown.out
 
 
 def test_a_folder_of_pictures_becomes_a_table_and_pictures_with_boxes(

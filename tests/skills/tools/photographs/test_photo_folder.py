@@ -176,12 +176,45 @@ def _change(key: str, number: int = 0, **values: object) -> Callable[[Path], obj
     return change
 
 
+def _animate(folder: Path) -> None:
+    pages = [Image.new("RGB", (240, 240), (10 * k, 90, 90)) for k in range(2)]
+    pages[0].save(folder / "images" / "a_0.jpg", "PNG", save_all=True, append_images=pages[1:])
+
+
 def _twice(folder: Path) -> None:
     path = folder / "annotations" / "instances_train.json"
     path.with_name("instances_train_copy.json").write_text(path.read_text())
 
 
+def _keypoints(folder: Path, shape: str, values: str = " 0.5 0.5 0.6 0.6") -> None:
+    with (folder / "data.yaml").open("a") as stream:
+        stream.write(f"kpt_shape: {shape}\n")
+    for path in folder.glob("*/labels/*.txt"):
+        path.write_text("".join(f"{line}{values}\n" for line in path.read_text().splitlines()))
+
+
+def test_keypoints_behind_a_box_are_no_outline(tmp_path: Path) -> None:
+    plain, posed = read_photographs(yolo(tmp_path / "plain")), yolo(tmp_path / "posed")
+    _keypoints(posed, "[2, 2]")
+    for some, others in zip(plain.train, read_photographs(posed).train, strict=True):
+        np.testing.assert_array_equal(some.boxes, others.boxes)
+
+
+def test_files_that_a_mac_hides_beside_pictures_and_labels_are_left_out(tmp_path: Path) -> None:
+    folder = yolo(tmp_path)
+    for path in [*folder.glob("*/*/*")]:
+        (path.parent / f"._{path.name}").write_bytes(b"\0\5\x16\7")
+    assert [photo.name for photo in read_photographs(folder).train] == ["a_0.jpg", "a_1.jpg"]
+
+
 MISTAKES = [
+    (
+        yolo,
+        lambda folder: _keypoints(folder, "[3, 2]"),
+        r"line 1: expected class, x, y, w, h and 6 numbers of",
+    ),
+    (yolo, lambda folder: _keypoints(folder, "17"), r"data\.yaml: kpt_shape is not \[keypoints, numbers of each\]"),
+    (yolo, _append("train/labels/a_0.txt", "1 0.5 0.5 inf inf\n"), r"a_0\.txt: line 4: a box without width or height"),
     (tables, _remove("fruit.csv"), r"fruit\.csv: no such file"),
     (tables, _remove("images.csv"), r"images\.csv: no such file"),
     (tables, _remove("images/a_1.jpg"), r"a_1\.jpg: is labelled in .*fruit\.csv, but there is no such picture"),
@@ -202,6 +235,7 @@ MISTAKES = [
     (tables, _write("images/a_0.jpg", ""), r"a_0\.jpg: cannot be read as a picture"),
     (tables, _write("images/a_0.jpg", "no picture"), r"a_0\.jpg: cannot be read as a picture"),
     (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: its end is missing"),
+    (tables, _animate, r"a_0\.jpg: holds 2 pictures: store each that is wanted in a file of its own"),
     (tables, _write("fruit.csv", "image,x,y,w,h\n"), r"no photograph of its train split has a box"),
     (
         yolo,

@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
+from pomona.skills.perception.detection.errors import BadTraining
 from pomona.tools.photographs.photo_folder import read_empty, read_photographs
 from pomona.tools.photographs.photographs import FRUIT_IN_INPUT, PhotoSet, fruit_scale
 from pomona.tools.training.finder_samples import (
@@ -107,6 +109,13 @@ def test_a_rendered_fruit_keeps_its_box_and_hidden_fruit_does_not_count(frames: 
         ignored += int((maps[WEIGHT] == 0.0).any())
     assert 15 <= peaks <= 20
     assert ignored >= 12
+
+
+def test_a_frame_of_several_pictures_is_refused_by_its_name(frames: FrameFolder, tmp_path: Path) -> None:
+    pages = [Image.new("RGB", (640, 480), (10 * k, 90, 90)) for k in range(2)]
+    pages[0].save(tmp_path / "000000.jpg", "WEBP", save_all=True, append_images=pages[1:])
+    with pytest.raises(BadTraining, match=r"000000\.jpg holds 2 pictures: store each that is wanted"):
+        frames.picture(0, halved=False)
 
 
 def test_pictures_without_fruit_hold_none(tmp_path: Path) -> None:

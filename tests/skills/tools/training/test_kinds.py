@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 torch = pytest.importorskip("torch")
 
@@ -23,6 +24,7 @@ from pomona.tools.training.kind_finds import (  # noqa: E402
     KindFinds,
     KindPicture,
     _judged,
+    collect,
     labelled_pictures,
     read_kind_table,
 )
@@ -174,6 +176,14 @@ def test_a_table_of_pictures_is_read(tmp_path: Path) -> None:
 def test_a_wrong_row_is_refused_with_its_line(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(BadPhotographs, match=message):
         read_kind_table(write_table(tmp_path, text), KINDS)
+
+
+def test_a_picture_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+    pictures = read_kind_table(write_table(tmp_path, "a.png,orange,val"), KINDS)
+    pages = [Image.new("RGB", (40, 40), (10 * k, 90, 90)) for k in range(2)]
+    pages[0].save(tmp_path / "a.png", save_all=True, append_images=pages[1:])
+    with pytest.raises(BadPhotographs, match=r"a\.png: holds 2 pictures: store each that is wanted"):
+        collect(None, pictures, KINDS, tmp_path / "work")  # type: ignore[arg-type]
 
 
 def test_groups_of_val_are_shared_between_fit_and_test(tmp_path: Path) -> None:

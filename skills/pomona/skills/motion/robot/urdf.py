@@ -16,6 +16,7 @@ from urllib.parse import unquote, urlsplit
 from pomona.skills.motion.robot.errors import BadRobotFile
 
 NUMBERED = ("origin", "axis", "mass", "inertia", "box", "cylinder", "sphere", "dynamics")  # elements with numbers alone
+ONLY_SEEN = "only_seen"  # mark of a link of which only drawn geometry is known
 READ = (".stl", ".obj", ".msh")  # endings of mesh files that MuJoCo reads
 SMALLEST = {
     "boundmass": "1e-6",
@@ -38,25 +39,28 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
     if root.tag != "robot":
         return None
     names = [joint.get("name", "") for joint in root.findall("joint")]
-    for name in names:
-        if names.count(name) > 1:
-            raise BadRobotFile(path, f"has two joints with the name '{name}'")
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise BadRobotFile(path, f"has two joints with the name '{twice[0]}'")
+    held = {child.get("link") for child in root.findall("joint/child")}
+    if len(roots := [link.get("name", "") for link in root.findall("link") if link.get("name") not in held]) > 1:
+        raise BadRobotFile(path, f"has several roots: {', '.join(roots)}; every link but one is the child of a joint")
     for part in root.iter():
+        if "/xacro}" in part.tag or any(re.search(r"\$[{(]", text) for text in part.attrib.values()):
+            raise BadRobotFile(path, f"<{part.tag.split('}')[-1]}> has words of xacro: first `xacro FILE > arm.urdf`")
         for key, text in part.attrib.items() if part.tag in NUMBERED else ():
             if {"nan", "inf"} & set(re.findall("[a-z]+", text.lower().replace("infinity", "inf"))):
                 raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
+            if (part.tag, key) == ("origin", "xyz") and re.search(r"(?:^|\s)[+-]?\d\d[\d.]*(?:\s|$)", text):
+                raise BadRobotFile(path, f'<origin xyz="{text}"> is 10 m off or more: is it in millimetres?')
     compiler = root.find("mujoco/compiler")
     own_folder = compiler is not None and "meshdir" in compiler.attrib
     for mesh in [] if own_folder else [mesh for part in root.iter("collision") for mesh in part.iter("mesh")]:
         mesh.set("filename", str(_found(path, mesh.get("filename", ""))))
     if compiler is None:
-        extension = root.find("mujoco")
-        compiler = ElementTree.SubElement(
-            ElementTree.SubElement(root, "mujoco") if extension is None else extension, "compiler"
-        )
-    for key, text in {"strippath": "false", **SMALLEST}.items():
-        if not own_folder:
-            compiler.set(key, text)
+        extensions = root.findall("mujoco") or [ElementTree.SubElement(root, "mujoco")]
+        compiler = ElementTree.SubElement(extensions[0], "compiler")
+    for key, text in () if own_folder else {"strippath": "false", **SMALLEST}.items():
+        compiler.set(key, text)
     for link in root.iter("link"):
         shown = link.findall("visual")
         for visual in shown:
@@ -64,9 +68,6 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
         if shown and link.find("collision") is None:
             link.set(ONLY_SEEN, "true")
     return root
-
-
-ONLY_SEEN = "only_seen"  # mark of a link of which only drawn geometry is known
 
 
 def seen_only(root: ElementTree.Element | None) -> list[str]:
