@@ -12,8 +12,9 @@ from pomona.drivers.plain_hand import between
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import apply, inverse
 from pomona.skills.grip.hold import Hold, current_hold, take_over
-from pomona.skills.motion.collision import Margins
+from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
@@ -26,9 +27,9 @@ from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import feels_support
 
-LOWERING = (1.0, 10.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
+LOWERING = (1.5, 20.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
 TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia resembles a contact
-RISING = Manner(0.5, 3.0, 30.0)  # of the empty gripper's way up
+RISING = Manner(0.8, 5.0, 60.0)  # of the empty gripper's way up
 RISING_HELD = Manner(0.15, *LOWERING)  # of a fruit that nothing carries
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
@@ -36,7 +37,7 @@ JOLTS = 3  # jolts after which lowering goes on; with more the load is too restl
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
 UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
 UNKNOWN = "no grasp gives the lower end of the fruit"
-RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
+RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit [m]; they rise from a quarter of it on
 
 
 class Release(PoseSkill):
@@ -114,8 +115,8 @@ class Release(PoseSkill):
             if met is None:
                 words = UNKNOWN if grasp is None else f"no known object within {1e3 * depth:.0f} mm below"
                 raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
-            way = way[: met + 1]
-        slow_from = self._near(way, met, slow_within)
+            way = way[: met[0] + 1]
+        slow_from = 0 if met is None else self._near(way, met[1], slow_within)
         legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
         try:
             yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
@@ -125,14 +126,18 @@ class Release(PoseSkill):
                 back = vertical_way(self, lowered, "LOWERING_BLOCKED")
                 yield from follow_way(self, back, RISING_HELD, held=grasp)
             raise
-        width = self._opening(map, clearance)
+        width, closed = self._opening(map, clearance), gripper.state().width
         take_over(gripper)
-        yield from self._open(width)
-        unfelt = self.optional_device(ForceSensor) is None
+        opening, unfelt = self._open(width), self.optional_device(ForceSensor) is None
+        for words in opening:
+            yield words
+            if not unfelt and gripper.state().width - closed > RELEASED_WIDTH / 4.0:
+                break
         if unfelt and (left := between(gripper.state(), gripper.limits)):
             raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
         way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
-        yield from follow_way(self, way_up, RISING)
+        yield from follow_way(self, way_up, RISING, lambda: next(opening, None))
+        yield from opening
         return None
 
     def _not_held(self) -> Exception:
@@ -175,20 +180,26 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _met(self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float) -> int | None:
-        """Return the first posture at which the fruit is within `BESIDE` of an object; None if there is none."""
-        space = self._space(map, clearance, held)
-        world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
-        met = np.flatnonzero(~world.free(way, space.width))
-        return int(met[0]) if len(met) else None
+    def _met(
+        self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float
+    ) -> tuple[int, float] | None:
+        """Return the first posture at which the fruit is within `BESIDE` of an object, and the TCP's height at contact.
 
-    def _near(self, way: Float64, met: int | None, within: float) -> int:
-        """Return the first posture at which the fruit is so near to its first contact [m]; 0 if that is unknown."""
-        if met is None:
-            return 0
+        None without such an object. The shape of the fruit counts; that of the robot's model is up to 8 mm larger.
+        """
+        world, robot = self._space(map, clearance).world, RobotModel.load(self.device(Arm).description)
+        points = apply(inverse(held.T_base_grasp), fruit_points(held.fruit))
+        for number, q in enumerate(way):
+            T_base_tcp = robot.tcp(q)
+            if (left := world.distance(apply(T_base_tcp, points))) < BESIDE:
+                return number, float(T_base_tcp[2, 3]) - left
+        return None
+
+    def _near(self, way: Float64, contact: float, within: float) -> int:
+        """Return the last posture at which the TCP is so far above its height at the first contact [m]; else 0."""
         robot = RobotModel.load(self.device(Arm).description)
-        heights = np.array([robot.tcp(q)[2, 3] for q in way[: met + 1]])
-        return int(np.flatnonzero(heights <= heights[-1] + within)[0])
+        above = np.array([robot.tcp(q)[2, 3] for q in way]) >= contact + within
+        return int(above.sum()) - 1 if above[0] else 0
 
     def _open(self, width: float) -> Watching:
         """Open the fingers to a width [m]; something beside the fruit may block them once they have released it."""
