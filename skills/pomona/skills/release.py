@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -19,7 +18,7 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
+from pomona.skills.shared.contact_check import Descent, Jolted, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
@@ -106,7 +105,7 @@ class Release(PoseSkill):
                 start_free=start_free,
                 carried_acceleration=acceleration,
             )
-        gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
+        gripper, before, slowly = self.device(Gripper), tool_pose(self)[2, 3], Manner(speed, *TOUCHING)
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = not feels_support(self)
@@ -117,9 +116,11 @@ class Release(PoseSkill):
                 raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
             way = way[: met[0] + 1]
         slow_from = 0 if met is None else self._near(way, met[1], slow_within)
-        legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
+        quick = Descent(way, Manner(fast, *LOWERING), slow_from, speed)
         try:
-            yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
+            yield from self._lower(
+                quick if slow_from else Descent(way, slowly), depth, slowly, space, hold, grasp, contact, ends_on
+            )
         except SkillFailure as failed:
             lowered = before - tool_pose(self)[2, 3]
             if raise_again and lowered > RESUMED and failed.failure.code in ("NO_CONTACT", "LOWERING_BLOCKED"):
@@ -150,26 +151,27 @@ class Release(PoseSkill):
 
     def _lower(
         self,
-        legs: Sequence[Leg],
+        down: Descent,
         depth: float,
+        slowly: Manner,
         space: ArmSpace,
         hold: Hold | None,
         grasp: Grasp | None,
         contact: float,
         ends_on: bool,
     ) -> Watching:
-        """Go down along legs until a support carries the fruit; after a jolt it goes on."""
+        """Go down until a support carries the fruit; after a jolt it goes on slowly."""
         before, opened = float(tool_pose(self)[2, 3]), self.device(Gripper).state().width
         for jolts in range(1, JOLTS + 2):
             try:
                 words = yield from lower_to_support(
-                    self, legs, hold, grasp, contact, "LOWERING_BLOCKED", opened, ends_on
+                    self, down, hold, grasp, contact, "LOWERING_BLOCKED", opened, ends_on
                 )
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:
                     break
-                legs = [Leg(vertical_way(self, -left, "LOWERING_BLOCKED", space), legs[-1].manner)]
+                down = Descent(vertical_way(self, -left, "LOWERING_BLOCKED", space), slowly)
             else:
                 if not words:
                     return
@@ -180,9 +182,7 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _met(
-        self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float
-    ) -> tuple[int, float] | None:
+    def _met(self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float) -> tuple[int, float] | None:
         """Return the first posture at which the fruit is within `BESIDE` of an object, and the TCP's height at contact.
 
         None without such an object. The shape of the fruit counts; that of the robot's model is up to 8 mm larger.

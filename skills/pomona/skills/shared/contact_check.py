@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
-from pomona.drivers.interfaces import Gripper
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, Gripper
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import is_pressed, show_grip, watch_fruit
-from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
+from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import Touch, felt, load
 
 RAISED = 0.002
@@ -32,11 +34,17 @@ arm stops within a millimetre of it."""
 LOST = "the fruit was lost on the way down"
 
 
-class Leg(NamedTuple):
-    """A straight part of the way down: postures (n, dof) [rad], and the tool's motion on them."""
+class Descent(NamedTuple):
+    """A straight way down: postures (n, dof) [rad], the tool's motion, and its speed [m/s] from a posture on."""
 
     way: Float64
     manner: Manner
+    slow_from: int = 0
+    slow: float | None = None
+
+
+SURE_SLOW = 1e-3
+"""Way at the lower speed after which nothing brakes any more [m]."""
 
 
 class Jolted(Exception):
@@ -45,7 +53,7 @@ class Jolted(Exception):
 
 def lower_to_support(
     skill: MovingSkill,
-    legs: Sequence[Leg],
+    down: Descent,
     hold: Hold | None,
     grasp: Grasp | None,
     contact: float,
@@ -53,23 +61,40 @@ def lower_to_support(
     opened: float,
     ends_on: bool = False,
 ) -> Work[str]:
-    """Go down along legs until a support carries the fruit.
+    """Go down until a support carries the fruit.
 
-    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a leg with
-    a higher acceleration than `GENTLE` adds the inertia of the fruit. Fingers that something beside the fruit pushes
-    end the way down with `code`; `opened` is their width before it [m]. `ends_on`: the legs end on a known support.
+    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a motion with
+    a higher acceleration than `GENTLE` adds the inertia of the fruit until it is slow. Fingers that something beside
+    the fruit pushes end the way down with `code`; `opened` is their width before it [m]. `ends_on`: the way ends on a
+    known support.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    limit, gripper, lost = contact, skill.device(Gripper), watch_fruit(skill)
+    gripper, lost = skill.device(Gripper), watch_fruit(skill)
+    way, most, slow_below = down.way, None, -np.inf
+    if down.slow is not None:
+        most = np.where(np.arange(len(way)) < down.slow_from, down.manner.speed, down.slow)
+        slow_below = RobotModel.load(skill.device(Arm).description).tcp(way[down.slow_from])[2, 3] - SURE_SLOW
     with felt(skill, load) as touch:
 
+        def feels(accelerated: float) -> float:
+            """Let the fingers rest from a contact on; return its change of load."""
+            limit = touch.limit(contact, accelerated) + touch.at_first() * max(accelerated - GENTLE, 0.0) / GRAVITY
+            touch.forget_change()
+            rest_on_contact(skill, limit)
+            return limit
+
+        limit = feels(down.manner.acceleration)
+
         def watch() -> None:
+            nonlocal limit, slow_below
             if hold is not None:
                 show_grip(skill, hold)
             if touch.change > limit:  # first: the support's push may unload a finger
                 raise TouchedDown
+            if tool_pose(skill)[2, 3] < slow_below:
+                limit, slow_below = feels(GENTLE), -np.inf
             if why := lost():
                 raise skill.failure("LOST", f"{LOST}: {why}")
             width = gripper.state().width
@@ -78,12 +103,7 @@ def lower_to_support(
                 raise skill.failure(code, f"{words}; the fruit is still held")
 
         try:
-            for leg in legs:
-                accelerated = leg.manner.acceleration
-                limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
-                touch.forget_change()
-                rest_on_contact(skill, limit)
-                yield from follow_way(skill, leg.way, leg.manner, watch, grasp)
+            yield from follow_way(skill, way, down.manner, watch, grasp, most=most)
         except TouchedDown:
             return (yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code))
     return "" if ends_on else "the fruit met nothing"
