@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -105,22 +106,19 @@ class Release(PoseSkill):
                 start_free=start_free,
                 carried_acceleration=acceleration,
             )
-        gripper, before, slowly = self.device(Gripper), tool_pose(self)[2, 3], Manner(speed, *TOUCHING)
+        gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = not feels_support(self)
-        met = None if grasp is None else self._met(way, grasp, map, clearance)
+        met, slow_from = (None, 0) if grasp is None else self._near(way, grasp, map, clearance, slow_within)
         if ends_on:
             if met is None:
                 words = UNKNOWN if grasp is None else f"no known object within {1e3 * depth:.0f} mm below"
                 raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
-            way = way[: met[0] + 1]
-        slow_from = 0 if met is None else self._near(way, met[1], slow_within)
-        quick = Descent(way, Manner(fast, *LOWERING), slow_from, speed)
+            way = way[: met + 1]
+        down = Descent(way, slow_from, Manner(fast, *LOWERING), Manner(speed, *TOUCHING))
         try:
-            yield from self._lower(
-                quick if slow_from else Descent(way, slowly), depth, slowly, space, hold, grasp, contact, ends_on
-            )
+            yield from self._lower(down, depth, space, hold, grasp, contact, ends_on)
         except SkillFailure as failed:
             lowered = before - tool_pose(self)[2, 3]
             if raise_again and lowered > RESUMED and failed.failure.code in ("NO_CONTACT", "LOWERING_BLOCKED"):
@@ -129,16 +127,17 @@ class Release(PoseSkill):
             raise
         width, closed = self._opening(map, clearance), gripper.state().width
         take_over(gripper)
-        opening, unfelt = self._open(width), self.optional_device(ForceSensor) is None
-        for words in opening:
-            yield words
-            if not unfelt and gripper.state().width - closed > RELEASED_WIDTH / 4.0:
-                break
-        if unfelt and (left := between(gripper.state(), gripper.limits)):
-            raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
-        way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
-        yield from follow_way(self, way_up, RISING, lambda: next(opening, None))
-        yield from opening
+        unfelt = self.optional_device(ForceSensor) is None
+        with closing(self._open(width)) as opening:
+            for words in opening:
+                yield words
+                if not unfelt and gripper.state().width - closed > RELEASED_WIDTH / 4.0:
+                    break
+            if unfelt and (left := between(gripper.state(), gripper.limits)):
+                raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
+            way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
+            yield from follow_way(self, way_up, RISING, lambda: next(opening, None))
+            yield from opening
         return None
 
     def _not_held(self) -> Exception:
@@ -153,7 +152,6 @@ class Release(PoseSkill):
         self,
         down: Descent,
         depth: float,
-        slowly: Manner,
         space: ArmSpace,
         hold: Hold | None,
         grasp: Grasp | None,
@@ -171,7 +169,7 @@ class Release(PoseSkill):
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:
                     break
-                down = Descent(vertical_way(self, -left, "LOWERING_BLOCKED", space), slowly)
+                down = down._replace(way=vertical_way(self, -left, "LOWERING_BLOCKED", space), slow_from=0)
             else:
                 if not words:
                     return
@@ -182,24 +180,21 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _met(self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float) -> tuple[int, float] | None:
-        """Return the first posture at which the fruit is within `BESIDE` of an object, and the TCP's height at contact.
+    def _near(
+        self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float, within: float
+    ) -> tuple[int | None, int]:
+        """Return the first posture with the fruit `BESIDE` an object, and the last one `within` [m] above its contact.
 
-        None without such an object. The shape of the fruit counts; that of the robot's model is up to 8 mm larger.
+        None and 0 without an object. The fruit itself counts: in the robot's model it is up to 8 mm larger.
         """
         world, robot = self._space(map, clearance).world, RobotModel.load(self.device(Arm).description)
         points = apply(inverse(held.T_base_grasp), fruit_points(held.fruit))
-        for number, q in enumerate(way):
-            T_base_tcp = robot.tcp(q)
+        tools = np.array([robot.tcp(q) for q in way])
+        for met, T_base_tcp in enumerate(tools):
             if (left := world.distance(apply(T_base_tcp, points))) < BESIDE:
-                return number, float(T_base_tcp[2, 3]) - left
-        return None
-
-    def _near(self, way: Float64, contact: float, within: float) -> int:
-        """Return the last posture at which the TCP is so far above its height at the first contact [m]; else 0."""
-        robot = RobotModel.load(self.device(Arm).description)
-        above = np.array([robot.tcp(q)[2, 3] for q in way]) >= contact + within
-        return int(above.sum()) - 1 if above[0] else 0
+                above = tools[:, 2, 3] >= T_base_tcp[2, 3] - left + within
+                return met, max(int(above.sum()) - 1, 0)
+        return None, 0
 
     def _open(self, width: float) -> Watching:
         """Open the fingers to a width [m]; something beside the fruit may block them once they have released it."""

@@ -35,12 +35,12 @@ LOST = "the fruit was lost on the way down"
 
 
 class Descent(NamedTuple):
-    """A straight way down: postures (n, dof) [rad], the tool's motion, and its speed [m/s] from a posture on."""
+    """A straight way down: postures, shape (n, dof) [rad], with a quick motion up to one of them, then a slow one."""
 
     way: Float64
-    manner: Manner
-    slow_from: int = 0
-    slow: float | None = None
+    slow_from: int
+    quick: Manner
+    slow: Manner
 
 
 SURE_SLOW = 1e-3
@@ -63,29 +63,26 @@ def lower_to_support(
 ) -> Work[str]:
     """Go down until a support carries the fruit.
 
-    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a motion with
-    a higher acceleration than `GENTLE` adds the inertia of the fruit until it is slow. Fingers that something beside
-    the fruit pushes end the way down with `code`; `opened` is their width before it [m]. `ends_on`: the way ends on a
-    known support.
+    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; the inertia of
+    a fruit in quick motion is added. Fingers that something beside it pushes end the way down with `code`; `opened` is
+    their width before it [m]. `ends_on`: the way ends on a known support.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    gripper, lost = skill.device(Gripper), watch_fruit(skill)
-    way, most, slow_below = down.way, None, -np.inf
-    if down.slow is not None:
-        most = np.where(np.arange(len(way)) < down.slow_from, down.manner.speed, down.slow)
-        slow_below = RobotModel.load(skill.device(Arm).description).tcp(way[down.slow_from])[2, 3] - SURE_SLOW
+    (way, slow_from, quick, slow), gripper, lost = down, skill.device(Gripper), watch_fruit(skill)
+    manner, most = quick if slow_from else slow, np.where(np.arange(len(way)) < slow_from, quick.speed, slow.speed)
+    slow_below = RobotModel.load(skill.device(Arm).description).tcp(way[slow_from])[2, 3] - SURE_SLOW
     with felt(skill, load) as touch:
 
         def feels(accelerated: float) -> float:
             """Let the fingers rest from a contact on; return its change of load."""
-            limit = touch.limit(contact, accelerated) + touch.at_first() * max(accelerated - GENTLE, 0.0) / GRAVITY
+            limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
             touch.forget_change()
             rest_on_contact(skill, limit)
             return limit
 
-        limit = feels(down.manner.acceleration)
+        limit = feels(manner.acceleration)
 
         def watch() -> None:
             nonlocal limit, slow_below
@@ -94,7 +91,7 @@ def lower_to_support(
             if touch.change > limit:  # first: the support's push may unload a finger
                 raise TouchedDown
             if tool_pose(skill)[2, 3] < slow_below:
-                limit, slow_below = feels(GENTLE), -np.inf
+                limit, slow_below = feels(slow.acceleration), -np.inf
             if why := lost():
                 raise skill.failure("LOST", f"{LOST}: {why}")
             width = gripper.state().width
@@ -103,7 +100,7 @@ def lower_to_support(
                 raise skill.failure(code, f"{words}; the fruit is still held")
 
         try:
-            yield from follow_way(skill, way, down.manner, watch, grasp, most=most)
+            yield from follow_way(skill, way, manner, watch, grasp, most=most)
         except TouchedDown:
             return (yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code))
     return "" if ends_on else "the fruit met nothing"
