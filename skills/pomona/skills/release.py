@@ -110,7 +110,7 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = not feels_support(self)
-        met, slow_from = (None, 0) if grasp is None else self._near(way, grasp, map, clearance, slow_within)
+        met, slow_from = (None, 0) if grasp is None else self._near(way, grasp, space, slow_within)
         if ends_on:
             if met is None:
                 words = UNKNOWN if grasp is None else f"no known object within {1e3 * depth:.0f} mm below"
@@ -180,18 +180,16 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _near(
-        self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float, within: float
-    ) -> tuple[int | None, int]:
+    def _near(self, way: Float64, held: Grasp, space: ArmSpace, within: float) -> tuple[int | None, int]:
         """Return the first posture with the fruit `BESIDE` an object, and the last one `within` [m] above its contact.
 
         None and 0 without an object. The fruit itself counts: in the robot's model it is up to 8 mm larger.
         """
-        world, robot = self._space(map, clearance).world, RobotModel.load(self.device(Arm).description)
+        robot = RobotModel.load(self.device(Arm).description)
         points = apply(inverse(held.T_base_grasp), fruit_points(held.fruit))
         tools = np.array([robot.tcp(q) for q in way])
         for met, T_base_tcp in enumerate(tools):
-            if (left := world.distance(apply(T_base_tcp, points))) < BESIDE:
+            if (left := space.world.distance(apply(T_base_tcp, points))) < BESIDE:
                 above = tools[:, 2, 3] >= T_base_tcp[2, 3] - left + within
                 return met, max(int(above.sum()) - 1, 0)
         return None, 0
@@ -214,6 +212,6 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 
-    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
+    def _space(self, map: OccupancyMap | None, clearance: float) -> ArmSpace:
         field, width = usable_field(self, map), self.device(Gripper).state().width
-        return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)
+        return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance)

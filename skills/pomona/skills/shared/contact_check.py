@@ -26,6 +26,7 @@ RAISING = Manner(0.05, 2.0, 40.0)
 """Of raising it and of setting it down again: the load is read at rest."""
 
 GENTLE, GRAVITY = 0.5, 9.81  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
+SURE_SLOW = 1e-3  # way at the lower speed after which nothing brakes any more [m]
 
 PUSHED = 0.8e-3
 """Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the
@@ -41,10 +42,6 @@ class Descent(NamedTuple):
     slow_from: int
     quick: Manner
     slow: Manner
-
-
-SURE_SLOW = 1e-3
-"""Way at the lower speed after which nothing brakes any more [m]."""
 
 
 class Jolted(Exception):
