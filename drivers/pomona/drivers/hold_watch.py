@@ -155,11 +155,7 @@ class HoldWatch:
     """Follows the state of the hand, notes arm and grip at rest, and compares before motion goes on."""
 
     def __init__(
-        self,
-        arm: Arm | None,
-        fingers: ForceSensor | None,
-        gripper: Gripper | None,
-        memory: HandMemory | None = None,
+        self, arm: Arm | None, fingers: ForceSensor | None, gripper: Gripper | None, memory: HandMemory | None = None
     ) -> None:
         """
         Args:

@@ -101,7 +101,7 @@ def _add_belt(mujoco: Any, spec: Any, belt: Belt, rng: np.random.Generator) -> N
 
 
 def _add_sensors(mujoco: Any, spec: Any, fruits: int) -> None:
-    """Net contacts: pads with all, fruit with the belt, the robot with the belt, with itself and with fruit."""
+    """Net contacts: pads and fruit with all, fruit with the belt, the robot with the belt, itself and fruit."""
     geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
     of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
     arm = next(joint.parent.name for joint in spec.joints if joint.name in of_arm)
@@ -117,6 +117,7 @@ def _add_sensors(mujoco: Any, spec: Any, fruits: int) -> None:
     sensor("robot_robot", (subtree, arm), (subtree, arm), FOUND | FORCE)
     for i in range(fruits):
         sensor(f"belt_{i}", (body, f"fruit_{i}"), (body, "belt"), FOUND | FORCE)
+        sensor(f"all_{i}", (body, f"fruit_{i}"), None, FOUND | FORCE)
         sensor(f"robot_fruit_{i}", (subtree, arm), (body, f"fruit_{i}"), FOUND | FORCE)
         for pad in PADS:
             sensor(f"{pad}_fruit_{i}", (geom, pad), (body, f"fruit_{i}"), FOUND | FORCE)

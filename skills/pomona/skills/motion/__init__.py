@@ -8,20 +8,14 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.motion.collision import (
-        Convex as Convex,
-        fruit_points as fruit_points,
-    )
+    from pomona.skills.motion.collision import Convex as Convex, fruit_points as fruit_points
     from pomona.skills.motion.grasp import (
         SAME_PLACE as SAME_PLACE,
         Grasp as Grasp,
         GraspCandidates as GraspCandidates,
         RuledOut as RuledOut,
     )
-    from pomona.skills.motion.grasps.gripper_shape import (
-        GripperShape as GripperShape,
-        gripper_shape as gripper_shape,
-    )
+    from pomona.skills.motion.grasps.gripper_shape import GripperShape as GripperShape, gripper_shape as gripper_shape
     from pomona.skills.motion.grasps.sample import (
         CandidateRejected as CandidateRejected,
         GraspRules as GraspRules,
@@ -32,10 +26,7 @@ if TYPE_CHECKING:
     from pomona.skills.motion.grasps.sphere import Sphere as Sphere
     from pomona.skills.motion.lines import straight_line as straight_line
     from pomona.skills.motion.occupancy import OccupancyMap as OccupancyMap
-    from pomona.skills.motion.planning.arm_space import (
-        ArmSpace as ArmSpace,
-        arm_space as arm_space,
-    )
+    from pomona.skills.motion.planning.arm_space import ArmSpace as ArmSpace, arm_space as arm_space
     from pomona.skills.motion.robot import (
         RobotModel as RobotModel,
         inverse_kinematics as inverse_kinematics,

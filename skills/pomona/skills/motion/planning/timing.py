@@ -79,10 +79,7 @@ class _Filtered:
 
 
 def time_polyline(
-    waypoints: ArrayLike,
-    limits: ArmLimits,
-    dwells: ArrayLike | None = None,
-    period: float = PERIOD,
+    waypoints: ArrayLike, limits: ArmLimits, dwells: ArrayLike | None = None, period: float = PERIOD
 ) -> Trajectory:
     """Return the quickest of a family of jerk-limited motions from rest to rest along a polyline with rounded corners.
 
