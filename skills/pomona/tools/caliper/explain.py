@@ -34,7 +34,7 @@ def explain(record: Path) -> str:
 
 def describe_widths(picks: Sequence[Pick], found: CameraErrors) -> str:
     """Return a sentence with the width of each fruit that both pads felt, fused with the camera's; or an empty text."""
-    felt = [pick for pick in picks if np.isfinite(pick.wider) and not pick.plain]
+    felt = [pick for pick in picks if np.isfinite(pick.wider)]
     words = []
     for pick in felt:
         width, std = fused_width(pick, found)

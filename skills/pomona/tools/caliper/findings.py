@@ -55,10 +55,20 @@ def find_error(found: CameraErrors) -> CameraFinding:
         return CameraFinding(True, f"{_off(shifts, turns, number)}. Directions are those of its picture.", far)
     known = [direction for direction in places if direction.is_known]
     if not known:
-        return CameraFinding(False, f"The camera's place is not known from {number}.")
+        return CameraFinding(False, f"The camera's place is not known from {number}{_turned(found)}.")
     most = 1e3 * max(direction.value + 2.0 * direction.std for direction in known)
     along = "" if len(known) == 3 else f" {' and '.join(_line(direction.axis) for direction in known)}"
     return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm{along} ({number}).")
+
+
+def _turned(found: CameraErrors) -> str:
+    """Say how well the camera is turned, along the directions that looks at the table have shown."""
+    shown = [turn for turn in angle_directions(found) if turn.is_known]
+    if not shown:
+        return ""
+    most = np.degrees(max(turn.value + 2.0 * turn.std for turn in shown))
+    about = " and ".join(_turn(turn.axis) for turn in shown)
+    return f"; it is turned as the cell file has it, within {most:.1f}° about {about}"
 
 
 def is_proven(found: CameraErrors) -> bool:
