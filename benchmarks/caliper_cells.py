@@ -347,7 +347,7 @@ def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
         corrections = sum(row["error"] != row["was"] for row in own)
         force = max(max(row["pad_n"], row["other_n"]) for row in own)
         begun, left = (_off(BEFORE, np.array(row["error"])) for row in (own[0] | {"error": own[0]["was"]}, own[-1]))
-        picked = sum(row["outcome"] == "SUCCEEDED" for row in own)
+        picked = sum(row["outcome"] == "success" for row in own)
         yield (
             f"cell {number}: {begun} at first, {left} after {len(own)} runs and {corrections} corrections; "
             f"{picked} succeeded, {refused} refused; {len(said)} words, off: {noticed}, "

@@ -72,7 +72,9 @@ def test_first_picks_are_slow_and_three_good_ones_end_that(tmp_path: Path):
     assert lab.admit(speed=0.5).speed == 0.5
 
 
-@pytest.mark.parametrize(("shift", "speed", "warned"), [(4e-3, 1.0, True), (7e-3, 0.3, True), (9e-3, 0.15, True), (0.0, 1.0, False)])
+@pytest.mark.parametrize(
+    ("shift", "speed", "warned"), [(4e-3, 1.0, True), (7e-3, 0.3, True), (9e-3, 0.15, True), (0.0, 1.0, False)]
+)
 def test_a_camera_that_is_off_is_warned_of_and_then_makes_runs_slow(
     tmp_path: Path, shift: float, speed: float, warned: bool, caplog: pytest.LogCaptureFixture
 ):
@@ -195,4 +197,15 @@ def test_a_note_that_is_not_of_its_record_is_not_used(tmp_path: Path):
     for run in lab.runs.iterdir():
         note = json.loads((run / NOTED).read_text())
         (run / NOTED).write_text(json.dumps(note | {"of": [1, 2], "touches": []}))
+    assert lab.admit().speed == 0.3
+
+
+def test_a_note_that_was_edited_is_not_used(tmp_path: Path):
+    lab = Lab(tmp_path)
+    lab.pick(7e-3)
+    lab.admit()
+    for k, run in enumerate(lab.runs.iterdir()):
+        note = json.loads((run / NOTED).read_text())
+        edited = {"touches": 5} if k == 0 else {"touches": [["pick", 5]]} if k == 1 else {"touches": []}
+        (run / NOTED).write_text(json.dumps(note | edited))
     assert lab.admit().speed == 0.3
