@@ -9,6 +9,7 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.directions import (
+    FINGERS,
     KNOWN_SCALE,
     KNOWN_ZERO,
     Direction,
@@ -95,6 +96,7 @@ def known(found: CameraErrors) -> Iterator[str]:
 
 def hidden(found: CameraErrors) -> Iterator[str]:
     """Yield a sentence for each direction that the picks have not shown, with the picks that would."""
+    felt = any(pick.side for pick in found.used)
     for place in place_directions(found):
         if not place.is_known:
             picks = further_picks(place.axis, found.used)
@@ -102,13 +104,12 @@ def hidden(found: CameraErrors) -> Iterator[str]:
     for angle in angle_directions(found):
         if not angle.is_known:
             about_view = abs(angle.axis[2]) > max(abs(angle.axis[:2]))
-            picks = (
-                "fruit at the borders of the picture, with fingers that close along these borders,"
-                if about_view
-                else "looks at fruit from distances that differ by 0.2 m and more"
-            )
+            picks = "looks at fruit from distances that differ by 0.2 m and more"
+            if about_view:
+                borders = "fruit at the borders of the picture, with fingers that close along these borders,"
+                picks = borders if felt else FINGERS
             yield f"not known: turn about {_turn(angle.axis)} (± {np.degrees(angle.std):.1f}°); {picks} would show it"
-    sizes = "fruit of sizes that differ by 20 mm and more would show it"
+    sizes = f"{'fruit of sizes that differ by 20 mm and more' if felt else FINGERS} would show it"
     if found.std[6] > KNOWN_SCALE:
         yield f"not known: scale of the depth (± {1e2 * found.std[6]:.1f} %); {sizes}"
     if found.std[7] > KNOWN_ZERO:

@@ -79,6 +79,9 @@ def test_a_plain_gripper_alone_gives_no_verdict_on_the_place():
     with_table = find_error(estimate(looked(picks, np.zeros(8)))).sentence
     assert "not known from 9 picks; it is turned as the cell file has it, within 0." in with_table
     assert "the view" not in with_table
+    advice = list(hidden(estimate(looked(picks, np.zeros(8)))))
+    assert len(advice) == 6
+    assert sum("fingers that feel the touch of each pad would" in line for line in advice) >= 5
 
 
 def test_the_corrected_pose_puts_the_fruit_where_the_fingers_felt_them():
