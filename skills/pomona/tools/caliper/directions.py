@@ -52,7 +52,7 @@ def further_picks(direction: Float64, picks: Sequence[Pick]) -> str:
         return FINGERS
     up = np.mean([pick.up for pick in picks], axis=0)
     if abs(float(direction @ up)) > UPRIGHT * float(np.linalg.norm(up)):
-        return "grasps tilted by 30° and more, whose fingers do not close level"
+        return "grasps tilted by 30° and more, whose fingers do not close level,"
     usual = np.linalg.eigh(axes.T @ axes)[1][:, -1]
     turn = _between(_level(usual, up), _level(direction, up))
     if turn < TURNED:

@@ -63,7 +63,7 @@ def find_error(found: CameraErrors) -> CameraFinding:
 
 
 def _turned(found: CameraErrors) -> str:
-    """Say how well the camera is turned, along the directions that looks at the table have shown."""
+    """Describe how well the camera is turned, along the directions that looks at the table have shown."""
     shown = [turn for turn in angle_directions(found) if turn.is_known]
     if not shown:
         return ""
