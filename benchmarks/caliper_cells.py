@@ -37,7 +37,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.estimate import estimate
 from pomona.tools.caliper.explain import explain
 from pomona.tools.caliper.findings import find_error
-from pomona.tools.caliper.pick import UnusableTouches, pick_from
+from pomona.tools.caliper.pick import Pick, UnusableTouches, pick_from
 from pomona.tools.caliper.run_view import CameraWords
 from pomona.tools.caliper.sizes import fused_width
 from pomona.tools.simulation.layout import PADS
@@ -209,7 +209,7 @@ class DrawnCell:
         def on_event(event: Event) -> None:
             if isinstance(event, NodeChanged) and event.status == "RUNNING" and seen:
                 seen[0].node = event.path.rsplit("/", 1)[-1].split("#")[0]
-            if isinstance(event, NodeChanged) and event.status == "FAILURE" and getattr(event, "reason", None):
+            if isinstance(event, NodeChanged) and event.status == "FAILURE" and event.reason is not None:
                 failed.append(f"{event.path}: {event.reason.code}: {event.reason.message}")
             begun = time.thread_time()
             if isinstance(event, RunStarted):
@@ -264,7 +264,7 @@ class DrawnCell:
 def _drawn(rng: np.random.Generator, options: argparse.Namespace) -> Float64:
     """Draw the error of a cell: t [m], ω [rad], κ and z, uniform."""
     shift, turn = 1e-3 * options.shift, float(np.radians(options.turn))
-    return rng.uniform(-1.0, 1.0, 8) * [*[shift] * 3, *[turn] * 3, options.depth, 0.0]
+    return rng.uniform(-1.0, 1.0, 8) * np.array([*[shift] * 3, *[turn] * 3, options.depth, 0.0])
 
 
 def _good(_rng: np.random.Generator, _options: argparse.Namespace) -> Float64:
@@ -333,7 +333,8 @@ def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
         if not own:
             yield f"cell {number}: {refused} runs refused"
             continue
-        picks, widths = [], []
+        picks: list[Pick] = []
+        widths: list[float] = []
         for k, row in enumerate(own):
             if row["error"] != own[-1]["error"]:
                 continue  # of a pose that was corrected since

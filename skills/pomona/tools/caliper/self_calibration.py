@@ -57,8 +57,8 @@ def apply(path: Path, proposal: Mapping[str, Any], most: float, most_turned: flo
     Args:
         most, most_turned: bounds of the way and the turn from the pose before the first correction [m, rad].
 
-    Raises UsageError: it is of another calibration, was undone, goes beyond the bounds, or the file cannot be written;
-    the file has not changed.
+    Raises NotApplied: it is of another calibration, was undone, goes beyond the bounds, or the file is read-only;
+    UsageError: the file cannot be read or written. It has not changed.
     """
     before, T = read_pose(path)
     if np.abs(T - np.array(proposal["T_mount_camera_before"])).max() > SAME_POSE:
