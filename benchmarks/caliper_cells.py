@@ -264,7 +264,7 @@ class DrawnCell:
 def _drawn(rng: np.random.Generator, options: argparse.Namespace) -> Float64:
     """Draw the error of a cell: t [m], ω [rad], κ and z, uniform."""
     shift, turn = 1e-3 * options.shift, float(np.radians(options.turn))
-    most = np.array([*[shift] * 3, *[turn] * 3, float(options.depth), 0.0])
+    most: Float64 = np.array([*[shift] * 3, *[turn] * 3, float(options.depth), 0.0])
     return rng.uniform(-1.0, 1.0, 8) * most
 
 
