@@ -126,7 +126,7 @@ class ServedDashboard(Dashboard):
 
 
 def main(line: Connection, permit: Permit) -> None:
-    """Serve until the run's process says so, or ends."""
+    """Serve until the run's process asks for the end, or has ended."""
     access, records, choices, starts = line.recv()
     remote = RemoteControl(line, permit)
     dashboard = _serve(access, records, choices, starts, remote)

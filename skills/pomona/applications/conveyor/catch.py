@@ -53,9 +53,17 @@ def ready_hand(stream: HandStream, arm: Arm, workspace: Workspace, opening: floa
 
 
 def require_motion(stream: HandStream, fails: Fails) -> None:
-    """Raise SkillFailure: the streamed motion does not run any more."""
+    """Raise SkillFailure: the streamed motion does not run any more, or at a part of the arm's speed.
+
+    A hand that follows too slowly comes down beside its fruit, or on another one.
+    """
     state = stream.motion.state
     if state is MotionState.RUNNING:
+        if stream.motion.speed < 1.0:
+            speed = stream.motion.speed
+            words = f"the arm goes at {1e2 * speed:.0f} % of its speed, and a running belt needs all of it"
+            code, end = ("BEHIND", "the hand has risen") if stream.moved else ("REFUSED", "nothing has moved")
+            raise fails(code, f"{words}; {end}", speed=speed)
         return
     code = {MotionState.STOPPED: "STOPPED", MotionState.PAUSED: "BEHIND"}.get(state, "MOTION_FAILED")
     words = "the run was paused, and the belt goes on" if code == "BEHIND" else "the motion was stopped before its end"

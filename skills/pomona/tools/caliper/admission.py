@@ -42,13 +42,14 @@ def admit(order: RunOrder, cell: CellFile) -> RunOrder:
 
     limits: CaliperOptions = said.values
     read = Picks() if root is None else picks_before(root, cell)
-    if not read.picks:
-        return replace(order, speed=min(order.speed, limits.first_speed))
-    found = estimate(read.picks)
-    finding = find_error(found)
-    if finding.is_off:
-        return _answer(order, cell, said, read, finding)
-    return order if is_proven(found) else replace(order, speed=min(order.speed, limits.first_speed))
+    found = estimate(read.picks) if read.picks else None
+    if found is None or not is_proven(found):
+        if limits.first_speed < order.speed:
+            words = "%s: fewer than three picks show fruit within 8 mm: the run goes at %.0f %% (`first_speed`)."
+            logger.warning(words, cell.name, 1e2 * limits.first_speed)
+        order = replace(order, speed=min(order.speed, limits.first_speed))
+    finding = None if found is None else find_error(found)
+    return order if finding is None or not finding.is_off else _answer(order, cell, said, read, finding)
 
 
 def _answer(
@@ -66,8 +67,9 @@ def _answer(
         words = f"{finding.sentence} Look at the camera's mount; `--cleared` confirms that it was looked at"
         raise UsageError(str(said.error(words, "ask", WHAT_TO_DO)))
     if far >= limits.slow:
-        logger.warning("%s: %s The run goes at %.0f %%.", cell.name, finding.sentence, 1e2 * limits.slow_speed)
-        return replace(order, speed=min(order.speed, limits.slow_speed))
+        speed = min(order.speed, limits.slow_speed)
+        logger.warning("%s: %s The run goes at %.0f %%.", cell.name, finding.sentence, 1e2 * speed)
+        return replace(order, speed=speed)
     if far >= limits.warn:
         logger.warning("%s: %s %s.", cell.name, finding.sentence, WHAT_TO_DO)
     return order

@@ -41,7 +41,7 @@ class CaliperOptions:
     ask: float = value(_LENGTH, "10 mm", "from here on, a run needs `--cleared`: an operator has looked at the camera")
     refuse: float = value(_LENGTH, "20 mm", "from here on, no run begins")
     first_speed: float = value(
-        Number(0.1, 1.0), "0.15", "speed of the arm until picks have shown that fruit lie where the camera sees them"
+        Number(0.1, 1.0), "0.1", "speed of the arm until picks have shown that fruit lie where the camera sees them"
     )
     slow_speed: float = value(Number(0.1, 1.0), "0.3", "speed of the arm relative to the commanded one, beyond `slow`")
     self_calibration: str = value(

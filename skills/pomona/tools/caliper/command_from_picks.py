@@ -13,7 +13,7 @@ import numpy as np
 
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
-from pomona.tools.caliper.estimate import CameraErrors, estimate, residuals, table_left
+from pomona.tools.caliper.estimate import CameraErrors, estimate, table_left, touch_left
 from pomona.tools.caliper.findings import corrected, find_error, hidden, known
 from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import Picks, find_runs
@@ -107,17 +107,15 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
 
 
 def _left(picks: Sequence[Pick], error: Any) -> float:
-    """Return the median remainder of the first touches, else of widths, else of the table, after an error [m]."""
-    left = np.array([(*residuals(pick, error), table_left(pick, error)) for pick in picks])
+    """Return the median remainder of the first touches, else of the table, after an error [m]."""
+    left = np.array([(touch_left(pick, error), table_left(pick, error)) for pick in picks])
     column = next((c for c in left.T if np.isfinite(c).any()), np.zeros(1))
     return float(np.median(np.abs(column[np.isfinite(column)])))
 
 
 def _compared(picks: Sequence[Pick]) -> str:
     """Return the name of the values that `_left` compares."""
-    if any(pick.side for pick in picks):
-        return "first touch"
-    return "table" if all(pick.is_look for pick in picks) else "width"
+    return "first touch" if any(pick.side for pick in picks) else "table"
 
 
 def _values(found: CameraErrors) -> list[str]:

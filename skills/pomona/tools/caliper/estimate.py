@@ -31,9 +31,9 @@ touch each other; the camera measured the fruit of one simulated cell 0.35 mm to
 PRIOR = np.array([0.02, 0.02, 0.02, *np.radians([2.0, 2.0, 2.0]), 0.02, float(np.hypot(ZERO, BIAS))])
 """Standard deviations of t [m], ω [rad], κ and z [m] before any pick: a cell that somebody set up by hand."""
 
-TOUCH, WIDTH, SIZE, PLAIN = 0.6e-3, 0.2e-3, 0.4e-3, 1.0e-3
-"""Standard deviations of a first touch, a felt width, a fruit's measured size, and a plain gripper's width, which
-presses [m]: a probe with 80 simulated picks left 0.5 to 0.7 mm per first touch and 0.48 % per width."""
+TOUCH, WIDTH, SIZE = 0.6e-3, 0.2e-3, 0.4e-3
+"""Standard deviations of a first touch, a felt width, and a fruit's measured size [m]: a probe with 80 simulated
+picks left 0.5 to 0.7 mm per first touch and 0.48 % per width."""
 
 LANDED = 5e-3
 """The same of a finger that lands on a fruit on the approach [m]: of fruit 24 mm aside, six landings showed ways that
@@ -95,11 +95,10 @@ def estimate(picks: Sequence[Pick]) -> CameraErrors:
     return CameraErrors(error, covariance, centre, scatter, tuple(used), tuple(far if len(used) < len(picks) else ()))
 
 
-def residuals(pick: Pick, error: Float64) -> tuple[float, float]:
-    """Remainder of a pick's first touch and width after an error of the calibration [m]; NaN where it has none."""
+def touch_left(pick: Pick, error: Float64) -> float:
+    """Return the remainder of a pick's first touch after an error of the calibration [m]; NaN where it has none."""
     H, y, _ = _rows(pick)
-    left = iter(y - H @ error)
-    return (next(left) if pick.side else np.nan), (next(left) if np.isfinite(pick.wider) else np.nan)
+    return float((y - H @ error)[0]) if pick.side else np.nan
 
 
 def _fit(picks: Sequence[Pick]) -> tuple[Float64, Float64, float, Float64]:
@@ -152,7 +151,7 @@ def _rows(pick: Pick) -> tuple[Float64, Float64, Float64]:
         H.append(width)
         y.append(pick.wider)
         size.append(SIZE)
-        noise.append(PLAIN if pick.plain else WIDTH)
+        noise.append(WIDTH)
     return np.array(H).reshape(-1, 8), np.array(y), np.diag(np.square(noise)) + np.outer(size, size)
 
 

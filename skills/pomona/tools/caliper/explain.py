@@ -15,6 +15,7 @@ from pomona.tools.caliper.pick import Pick
 from pomona.tools.caliper.records import OtherCalibration, OtherCell, Picks
 from pomona.tools.caliper.sizes import fused_width
 
+MOST_LISTED = 6  # widths that a sentence lists one by one
 MOST_RUNS = 30  # runs that are looked at, this one included
 
 
@@ -33,13 +34,21 @@ def explain(record: Path) -> str:
 
 
 def describe_widths(picks: Sequence[Pick], found: CameraErrors) -> str:
-    """Return a sentence with the width of each fruit that both pads felt, fused with the camera's; or an empty text."""
-    felt = [pick for pick in picks if np.isfinite(pick.wider) and not pick.plain]
-    words = []
-    for pick in felt:
-        width, std = fused_width(pick, found)
-        words.append(f"{1e3 * width:.1f} ± {1e3 * std:.1f} mm (camera alone: {1e3 * pick.across:.1f})")
-    return f"Width of the fruit between the fingers: {', '.join(words)}." if words else ""
+    """Return a sentence with the widths of fruit that both pads felt, fused with the camera's; or an empty text."""
+    felt = [pick for pick in picks if np.isfinite(pick.wider)]
+    if not felt:
+        return ""
+    fused = np.array([fused_width(pick, found) for pick in felt])
+    alone, mean, std = 1e3 * np.array([pick.across for pick in felt]), 1e3 * fused[:, 0], 1e3 * fused[:, 1].max()
+    if len(felt) == 1:
+        return f"Width of the fruit between the fingers: {mean[0]:.1f} ± {std:.1f} mm (camera alone: {alone[0]:.1f})."
+    if len(felt) <= MOST_LISTED:
+        widths, camera = (", ".join(f"{width:.1f}" for width in each) for each in (mean, alone))
+    else:
+        widths = f"{mean.min():.1f} to {mean.max():.1f}"
+        camera = f"{np.median(np.abs(alone - mean)):.1f} mm beside, median"
+    words = f"{widths} mm, each ± {std:.1f} mm (camera alone: {camera})"
+    return f"Widths of {len(felt)} fruit between the fingers: {words}."
 
 
 def read_back(record: Path, ordered: Sequence[Path]) -> Picks:

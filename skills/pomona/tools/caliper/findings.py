@@ -9,6 +9,7 @@ import numpy as np
 
 from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.directions import (
+    FINGERS,
     KNOWN_SCALE,
     KNOWN_ZERO,
     Direction,
@@ -55,10 +56,20 @@ def find_error(found: CameraErrors) -> CameraFinding:
         return CameraFinding(True, f"{_off(shifts, turns, number)}. Directions are those of its picture.", far)
     known = [direction for direction in places if direction.is_known]
     if not known:
-        return CameraFinding(False, f"The camera's place is not known from {number}.")
+        return CameraFinding(False, f"The camera's place is not known from {number}{_turned(found)}.")
     most = 1e3 * max(direction.value + 2.0 * direction.std for direction in known)
     along = "" if len(known) == 3 else f" {' and '.join(_line(direction.axis) for direction in known)}"
     return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm{along} ({number}).")
+
+
+def _turned(found: CameraErrors) -> str:
+    """Describe how well the camera is turned, along the directions that looks at the table have shown."""
+    shown = [turn for turn in angle_directions(found) if turn.is_known]
+    if not shown:
+        return ""
+    most = np.degrees(max(turn.value + 2.0 * turn.std for turn in shown))
+    about = " and ".join(_turn(turn.axis) for turn in shown)
+    return f"; it is turned as the cell file has it, within {most:.1f}° about {about}"
 
 
 def is_proven(found: CameraErrors) -> bool:
@@ -85,6 +96,7 @@ def known(found: CameraErrors) -> Iterator[str]:
 
 def hidden(found: CameraErrors) -> Iterator[str]:
     """Yield a sentence for each direction that the picks have not shown, with the picks that would."""
+    felt = any(pick.side for pick in found.used)
     for place in place_directions(found):
         if not place.is_known:
             picks = further_picks(place.axis, found.used)
@@ -92,13 +104,12 @@ def hidden(found: CameraErrors) -> Iterator[str]:
     for angle in angle_directions(found):
         if not angle.is_known:
             about_view = abs(angle.axis[2]) > max(abs(angle.axis[:2]))
-            picks = (
-                "fruit at the borders of the picture, with fingers that close along these borders,"
-                if about_view
-                else "looks at fruit from distances that differ by 0.2 m and more"
-            )
+            picks = "looks at fruit from distances that differ by 0.2 m and more"
+            if about_view:
+                borders = "fruit at the borders of the picture, with fingers that close along these borders,"
+                picks = borders if felt else FINGERS
             yield f"not known: turn about {_turn(angle.axis)} (± {np.degrees(angle.std):.1f}°); {picks} would show it"
-    sizes = "fruit of sizes that differ by 20 mm and more would show it"
+    sizes = f"{'fruit of sizes that differ by 20 mm and more' if felt else FINGERS} would show it"
     if found.std[6] > KNOWN_SCALE:
         yield f"not known: scale of the depth (± {1e2 * found.std[6]:.1f} %); {sizes}"
     if found.std[7] > KNOWN_ZERO:

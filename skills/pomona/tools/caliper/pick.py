@@ -46,8 +46,7 @@ class Pick:
     side: int  # finger that touched first: 1 left, -1 right, 0 unknown (a plain gripper); 1 where it landed
     # place: the skin's distance from the measured skin, outwards, at the first touch [m]; NaN where `side` is 0
     first: float
-    wider: float  # felt minus measured width [m]; NaN where only one finger touched
-    plain: bool  # True: a plain gripper, whose width was read while it pressed
+    wider: float  # felt minus measured width [m]; NaN where only one finger touched, and of a plain gripper
     T_mount_camera: Float64  # the camera in its mount, shape (4, 4)
     on_arm: bool  # the mount is the arm's flange
     up: Float64  # the base frame's z axis, shape (3,)
@@ -104,7 +103,6 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         side,
         first,
         wider,
-        closed is not None,
         T_mount_camera,
         on_arm,
         R.T[:, 2],
@@ -122,27 +120,32 @@ def _look_from(value: Mapping[str, Any], name: str) -> Pick:
         raise UnusableTouches("its look shows no table before the camera")
     place = np.array([0.0, 0.0, -planes[0, 3] / planes[0, 2]])
     on_arm, up = value.get("on_arm") is True, planes[1, :3]
-    return Pick(name, np.zeros(3), place, np.nan, 0, np.nan, np.nan, False, T_mount_camera, on_arm, up, planes)
+    return Pick(name, np.zeros(3), place, np.nan, 0, np.nan, np.nan, T_mount_camera, on_arm, up, planes)
 
 
 def _felt(left: float | None, right: float | None, closed: float | None, skin: Float64) -> tuple[int, float, float]:
-    """Return side and place of the first touch, and felt minus measured width [m]."""
+    """Return side and place of the first touch, and felt minus measured width [m].
+
+    A plain gripper's width is read while it presses: pads and fruit give way by millimetres that nothing tells apart
+    from an error of the camera. It shows what is between the fingers, and measures nothing.
+    """
     across = float(skin.sum())
     if left is None and right is None:
         if closed is None:
             raise UnusableTouches("no finger touched anything")
-        return 0, np.nan, closed - across
+        _refuse_other_things(np.nan, closed - across, across, squeezed=True)
+        return 0, np.nan, np.nan
     first = max(width for width in (left, right) if width is not None)
     side = 1 if first == left else -1
     wider = np.nan if left is None or right is None else min(left, right) - across
     return side, 0.5 * first - float(skin[0 if side > 0 else 1]), wider
 
 
-def _refuse_other_things(first: float, wider: float, across: float) -> None:
+def _refuse_other_things(first: float, wider: float, across: float, *, squeezed: bool = False) -> None:
     if wider < (LEAST_PART - 1.0) * across:
         words = f"the fingers met at {1e3 * (across + wider):.1f} mm, the fruit is {1e3 * across:.1f} mm wide"
         raise UnusableTouches(f"{words}: they touched each other, or something small")
-    if abs(wider) > MOST_UNLIKE * across:
+    if wider > MOST_UNLIKE * across or (wider < -MOST_UNLIKE * across and not squeezed):
         words = f"felt {1e3 * (across + wider):.1f} mm, the camera measured {1e3 * across:.1f} mm"
         raise UnusableTouches(f"{words}: another fruit, or another side of it")
     if abs(first) > MOST_APART:

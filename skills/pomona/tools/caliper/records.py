@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
@@ -163,22 +164,28 @@ def _read(record: Path) -> Noted:
 
 def note_touches(record: Path, cell: str, cell_hash: str, touches: Sequence[tuple[str, Any]]) -> None:
     """Note a finished record's touches beside it; a folder that cannot be written has no note."""
-    content = {"of": _state(record), "cell": cell, "cell_hash": cell_hash, "touches": touches}
+    content = {"cell": cell, "cell_hash": cell_hash, "touches": [*map(list, touches)]}
     with contextlib.suppress(OSError, UsageError):
         (record / NOTED).unlink(missing_ok=True)
         with made_whole(record / NOTED) as place:
-            place.write_text(json.dumps(content), encoding="utf-8")
+            noted = content | {"of": _state(record), "digest": _digest(content)}
+            place.write_text(json.dumps(noted), encoding="utf-8")
 
 
 def _noted(record: Path) -> Noted | None:
-    """Return the note beside a record; None without one, or when the record has changed since."""
+    """Return the note beside a record; None without one, or when the record or the note has changed since."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         with open_plain(record / NOTED) as file:
             content = parse_object(file.read(MOST_NOTED))
-        if content["of"] == _state(record):
+        of, digest = content.pop("of"), content.pop("digest")
+        if of == _state(record) and digest == _digest(content):
             touches = [(str(name), value) for name, value in content["touches"]]
             return record.name, str(content["cell"]), str(content["cell_hash"]), touches
     return None
+
+
+def _digest(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _state(record: Path) -> list[int]:

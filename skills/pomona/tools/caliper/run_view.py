@@ -119,10 +119,14 @@ class CameraWords:
         from pomona.tools.caliper.records import Picks
 
         past: list[Path] | None = None
+        said = set[str]()  # reasons: eight landings on one fruit need no eight sentences
         while (count := self._picks.get()) is not None:
             read = Picks.of_run(self._run, *self._cell, self._own[:count])
             if read.refused and read.refused[-1].startswith(self._own[count - 1][0]):
-                self._ready.put((False, f"No word about the camera: {read.refused[-1].partition(': ')[2]}."))
+                reason = read.refused[-1].partition(": ")[2]
+                if reason not in said:
+                    self._ready.put((False, f"No word about the camera: {reason}."))
+                said.add(reason)
                 continue
             if past is None:
                 beside = {path.parent for path in self._records.glob(f"*/{EVENTS_FILE}")}

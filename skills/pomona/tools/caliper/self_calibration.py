@@ -22,6 +22,7 @@ from pomona.tools.caliper.records import SAME_POSE
 
 LONGEST = 1_000_000  # longest pose file that is read [bytes]
 FIRST = "T_mount_camera_first"  # key: the pose before the first correction
+RUNS = "runs"  # key: runs whose picks led to the pose
 UNDONE = "undone"  # key: runs whose picks lead to no correction any more
 
 
@@ -38,11 +39,16 @@ def read_pose(path: Path) -> tuple[dict[str, Any], Float64]:
         with open_plain(path) as file:
             content = parse_object(file.read(LONGEST))
         T = np.array(content["T_mount_camera"], np.float64)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        first = np.array(content.get(FIRST, np.eye(4)), np.float64)
+        runs = {key: [str(run) for run in content.get(key, ())] for key in (UNDONE, RUNS)}
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
         raise UsageError(f"{path} holds no 'T_mount_camera': {error}") from error
-    if T.shape != (4, 4) or not is_rigid(T):
-        raise UsageError(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform")
-    return content, T
+    for name, pose in (("T_mount_camera", T), (FIRST, first)):
+        if pose.shape != (4, 4) or not is_rigid(pose):
+            raise UsageError(f"'{name}' in {path} is no rigid 4 x 4 transform")
+    return {**content, **runs}, T
 
 
 def apply(path: Path, proposal: Mapping[str, Any], most: float, most_turned: float) -> None:
@@ -51,12 +57,13 @@ def apply(path: Path, proposal: Mapping[str, Any], most: float, most_turned: flo
     Args:
         most, most_turned: bounds of the way and the turn from the pose before the first correction [m, rad].
 
-    Raises NotApplied: it is of another calibration, was undone, or goes beyond the bounds; nothing has changed.
+    Raises NotApplied: it is of another calibration, was undone, goes beyond the bounds, or the file is read-only;
+    UsageError: the file cannot be read or written. It has not changed.
     """
     before, T = read_pose(path)
     if np.abs(T - np.array(proposal["T_mount_camera_before"])).max() > SAME_POSE:
         raise NotApplied(f"{path}: the picks are of another pose than this file's")
-    if undone := set(before.get(UNDONE, ())) & set(proposal["runs"]):
+    if undone := set(before[UNDONE]) & set(proposal[RUNS]):
         raise NotApplied(f"{path}: a correction from {sorted(undone)[0]} was undone")
     first, T_new = np.array(before.get(FIRST, T.tolist())), np.array(proposal["T_mount_camera"])
     way, turn = _apart(first, T_new)
@@ -64,8 +71,9 @@ def apply(path: Path, proposal: Mapping[str, Any], most: float, most_turned: flo
         words = f"it would sit {1e3 * way:.1f} mm and {np.degrees(turn):.1f}° from the first pose"
         bounds = f"'most' is {1e3 * most:g} mm, 'most_turned' {np.degrees(most_turned):.1f}°"
         raise NotApplied(f"{path}: {words}; {bounds}")
+    _require_writable(path)
     _replace(before_of(path), before)
-    _replace(path, {**proposal, FIRST: first.tolist(), UNDONE: sorted(before.get(UNDONE, ()))})
+    _replace(path, {**proposal, FIRST: first.tolist(), UNDONE: sorted(before[UNDONE])})
 
 
 def undo(path: Path) -> None:
@@ -78,7 +86,8 @@ def undo(path: Path) -> None:
     except UsageError as error:
         raise UsageError(f"{path} has no correction that could be taken back: {error}") from error
     now, _ = read_pose(path)
-    runs = {*before.get(UNDONE, ()), *now.get(UNDONE, ()), *now.get("runs", ())}
+    runs = {*before[UNDONE], *now[UNDONE], *now[RUNS]}
+    _require_writable(path)
     _replace(path, {**before, UNDONE: sorted(runs)})
     _replace(before_of(path), now)
 
@@ -92,6 +101,11 @@ def _apart(one: Float64, other: Float64) -> tuple[float, float]:
     """Return the distance of two poses [m] and the angle between them [rad]."""
     cosine = 0.5 * (float(np.trace(one[:3, :3].T @ other[:3, :3])) - 1.0)
     return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _require_writable(path: Path) -> None:
+    if not path.stat().st_mode & 0o222:  # a file that is replaced as a whole would change all the same
+        raise NotApplied(f"{path} is read-only: `chmod u+w {path}` allows corrections")
 
 
 def _replace(path: Path, content: Mapping[str, Any]) -> None:

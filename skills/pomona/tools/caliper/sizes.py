@@ -19,7 +19,7 @@ SHARE = ZERO**2 / (ZERO**2 + BIAS**2)  # part of z that is the fingers'
 def fused_width(pick: Pick, found: CameraErrors) -> tuple[float, float]:
     """Return a fruit's width along the fingers and its standard deviation [m].
 
-    A plain gripper presses while its width is read, and one finger alone shows no width: such a width is the camera's.
+    A plain gripper presses, and one finger alone shows no width: such a width is the camera's.
 
     Args:
         pick: of the fruit.
@@ -31,7 +31,7 @@ def fused_width(pick: Pick, found: CameraErrors) -> tuple[float, float]:
     J = np.array([[shown, 1.0 - SHARE], [0.0, -SHARE]])
     own = np.diag([SIZE**2, (WIDTH * found.scatter) ** 2]) + SHARE * BIAS**2  # of both alike: how z is shared
     covariance: Float64 = own + J @ found.covariance[6:, 6:] @ J.T
-    if pick.plain or not np.isfinite(pick.wider):
+    if not np.isfinite(pick.wider):
         return float(measured[0]), float(np.sqrt(covariance[0, 0]))
     weights = np.linalg.solve(covariance, np.ones(2))
     return float(weights @ measured / weights.sum()), float(weights.sum() ** -0.5)

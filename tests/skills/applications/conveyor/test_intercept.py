@@ -184,6 +184,25 @@ def test_a_track_that_ends_before_or_during_the_reach_is_lost() -> None:
     within_limits(rig)
 
 
+def test_an_arm_that_is_slowed_follows_no_fruit_and_nothing_moves() -> None:
+    rig = BeltRig()
+    rig.arm.go_at(0.15)
+    end = rig.intercept()
+    assert code(end) == "REFUSED"
+    assert "15 %" in end.reason.message  # type: ignore[union-attr]
+    assert nothing_moved(rig)
+
+
+@pytest.mark.parametrize("phase", ["reaching", "closing"])
+def test_a_hand_whose_arm_is_slowed_on_the_way_rises(phase: str) -> None:
+    rig = BeltRig()
+    end = drive_until(rig, phase, lambda: rig.arm.go_at(0.3))
+    assert code(end) == "BEHIND"
+    assert "30 %" in end.reason.message  # type: ignore[union-attr]
+    assert rests_above_the_belt(rig, end)
+    within_limits(rig)
+
+
 def change_speed(rig: BeltRig, after: float) -> None:
     now, travel = rig.clock.now(), rig.conveyor.travel
     rig.conveyor.travel = lambda t: travel(min(t, now)) + after * max(t - now, 0.0)

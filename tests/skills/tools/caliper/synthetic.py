@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pomona.tools.caliper.estimate import BIAS, LANDED, PLAIN, PRIOR, SHOWN, SIZE, TOUCH, WIDTH, ZERO
+from pomona.tools.caliper.estimate import BIAS, LANDED, PRIOR, SHOWN, SIZE, TOUCH, WIDTH, ZERO
 from pomona.tools.caliper.pick import Pick
 
 
@@ -48,11 +48,11 @@ def made_fruit(
     moved = float(axis @ (t + np.cross(omega, place) + kappa * place))
     size = SHOWN * kappa * across + noise * SIZE * rng.normal()
     side = 1 if moved >= 0.0 else -1
-    wider = size + zero + noise * (PLAIN if plain else WIDTH) * rng.normal()
+    wider = size + zero + noise * WIDTH * rng.normal()
     first = side * moved + 0.5 * (size + zero) + noise * TOUCH * rng.normal()
     if plain:
-        side, first = 0, np.nan
-    pick = Pick(name, axis, place, across, side, first, wider, plain, np.eye(4), True, np.array([0.0, 0.0, -1.0]))
+        side, first, wider = 0, np.nan, np.nan
+    pick = Pick(name, axis, place, across, side, first, wider, np.eye(4), True, np.array([0.0, 0.0, -1.0]))
     return pick, across + size - bias
 
 

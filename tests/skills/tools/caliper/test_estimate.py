@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.tools.caliper.estimate import PRIOR, SHOWN, estimate, residuals, table_left
+from pomona.tools.caliper.estimate import PRIOR, estimate, table_left, touch_left
 from pomona.tools.caliper.pick import pick_from
 from tests.skills.tools.caliper.synthetic import doubted, looked, made_landing, made_pick, made_picks
 
@@ -69,13 +69,14 @@ def test_doubted_looks_alone_show_height_and_tilts():
     assert table_left(looks[0], found.error) < 1e-3
 
 
-def test_a_plain_gripper_shows_sizes_but_no_place():
-    rng = np.random.default_rng(3)
-    error = np.array([8e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.03, 0.0])
-    found = estimate(made_picks(rng, error, 40, plain=True))
-    assert (found.std[:6] / PRIOR[:6]).min() > 0.99
-    across = 0.078
-    assert SHOWN * across * found.error[6] + found.error[7] == pytest.approx(SHOWN * across * 0.03, abs=0.5e-3)
+def test_a_plain_gripper_alone_shows_nothing_and_its_looks_show_the_table():
+    error = np.array([8e-3, 0.0, 0.0, np.radians(2.0), 0.0, 0.0, 0.03, 0.0])
+    picks = made_picks(np.random.default_rng(3), error, 40, plain=True)
+    np.testing.assert_allclose(estimate(picks).error, 0.0, atol=1e-12)
+    np.testing.assert_allclose(estimate(picks).std, PRIOR)
+    found = estimate(looked(picks, error))
+    assert np.degrees(found.error[3]) == pytest.approx(2.0, abs=0.1)
+    assert (found.std[[0, 1, 6]] / PRIOR[[0, 1, 6]]).min() > 0.85
 
 
 def test_more_scatter_than_assumed_widens_the_intervals():
@@ -89,8 +90,8 @@ def test_more_scatter_than_assumed_widens_the_intervals():
 def test_the_true_error_leaves_nothing_of_a_pick():
     error = np.array([4e-3, -3e-3, 2e-3, 0.01, -0.02, 0.01, 0.01, 5e-4])
     pick = made_pick(np.random.default_rng(5), error, noise=0.0)
-    np.testing.assert_allclose(residuals(pick, error), 0.0, atol=1e-12)
-    assert np.isnan(residuals(made_pick(np.random.default_rng(5), error, plain=True), error)[0])
+    assert touch_left(pick, error) == pytest.approx(0.0, abs=1e-12)
+    assert np.isnan(touch_left(made_pick(np.random.default_rng(5), error, plain=True), error))
 
 
 def test_no_pick_is_no_estimate():

@@ -7,7 +7,7 @@ import pytest
 
 from pomona.tools.caliper.estimate import estimate
 from pomona.tools.caliper.findings import corrected, find_error, hidden, known, next_picks
-from tests.skills.tools.caliper.synthetic import made_picks
+from tests.skills.tools.caliper.synthetic import looked, made_picks
 
 
 def shifted(x: float, count: int = 12, seed: int = 0, y: float = 0.0):
@@ -72,10 +72,16 @@ def test_the_picks_that_would_show_more_are_named_in_one_sentence():
 
 
 def test_a_plain_gripper_alone_gives_no_verdict_on_the_place():
-    found = estimate(made_picks(np.random.default_rng(0), np.zeros(8), 9, plain=True))
-    finding = find_error(found)
+    picks = made_picks(np.random.default_rng(0), np.zeros(8), 9, plain=True)
+    finding = find_error(estimate(picks))
     assert not finding.is_off
-    assert "not known" in finding.sentence
+    assert finding.sentence == "The camera's place is not known from 9 picks."
+    with_table = find_error(estimate(looked(picks, np.zeros(8)))).sentence
+    assert "not known from 9 picks; it is turned as the cell file has it, within 0." in with_table
+    assert "the view" not in with_table
+    advice = list(hidden(estimate(looked(picks, np.zeros(8)))))
+    assert len(advice) == 6
+    assert sum("fingers that feel the touch of each pad would" in line for line in advice) >= 5
 
 
 def test_the_corrected_pose_puts_the_fruit_where_the_fingers_felt_them():

@@ -123,6 +123,14 @@ def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, 
     assert "(6 picks)" in " ".join(capsys.readouterr().out.split())
 
 
+def test_the_widths_of_a_run_with_many_picks_fit_one_sentence(tmp_path):
+    few, many = (write_run(tmp_path / name / "run", *picks_of(0.0, count)) for name, count in (("3", 3), ("9", 9)))
+    assert "Widths of 3 fruit between the fingers: 80." in explain(few)
+    assert "(camera alone: 80.0, 80.0, 80.0)." in explain(few)
+    assert "Widths of 9 fruit between the fingers: 80." in explain(many)
+    assert "(camera alone: 0.0 mm beside, median)." in explain(many)
+
+
 def test_a_run_without_touches_gets_no_sentence(tmp_path):
     assert explain(write_run(tmp_path / "run")) == ""
 

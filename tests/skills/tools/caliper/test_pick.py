@@ -37,10 +37,15 @@ def test_fingers_that_closed_beside_the_widest_section_show_the_place_but_not_th
     assert np.isnan(pick.wider)
 
 
-def test_a_plain_gripper_shows_the_width_but_not_the_place():
-    pick = pick_from(recorded() | {"left": None, "right": None, "closed": {"width": 0.081}}, "run")
-    assert (pick.side, pick.plain) == (0, True)
-    assert pick.wider == pytest.approx(1e-3)
+def plain(width: float | None) -> dict[str, Any]:
+    return recorded() | {"left": None, "right": None, "closed": {"width": width}}
+
+
+@pytest.mark.parametrize("width", [0.083, 0.080, 0.069, 0.055])  # a Hand-E squeezed apples by 4 to 11 mm
+def test_a_plain_gripper_presses_and_measures_neither_place_nor_width(width: float):
+    pick = pick_from(plain(width), "run")
+    assert pick.side == 0
+    assert np.isnan([pick.first, pick.wider]).all()
 
 
 def test_a_finger_that_landed_shows_the_way_from_the_skin_to_it():
@@ -69,6 +74,9 @@ def moved(z: float) -> list[list[float]]:
         (recorded(wider=-0.06), "touched each other"),
         (recorded(wider=-0.02), "another fruit"),
         (recorded(wider=0.02), "another fruit"),
+        (plain(0.02), "touched each other"),
+        (plain(0.1), "another fruit"),
+        (plain(None), "the gripper reports no width"),
         (recorded(0.06), "60 mm from the measured skin"),
         (recorded() | {"left": None, "right": None}, "no finger touched"),
         (recorded() | {"skin": [0.0, 0.0]}, "no width"),

@@ -83,6 +83,14 @@ def test_an_unusable_touch_gives_the_reason(tmp_path: Path, capsys: pytest.Captu
     assert "the gripper reports no width" in out
 
 
+def test_a_reason_is_given_once_in_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    watch(tmp_path, *[recorded(3e-3 + 1e-4 * i) for i in range(4)])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert "(1 pick)" in lines[0]
+    assert lines[1].endswith("an earlier touch has moved the fruit since its look.")
+
+
 def test_touches_are_noted_beside_the_record_at_the_end(tmp_path: Path):
     write_run(tmp_path / "now", *(touches := picks_of(0.0, 2)))
     watch(tmp_path, *touches)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
 from pomona.tools.caliper.self_calibration import NotApplied, apply, before_of, read_pose, undo
 
 MOST, TURNED = 0.015, 0.035
@@ -79,6 +80,38 @@ def test_a_turn_beyond_its_bound_is_not_written(tmp_path: Path):
     turned = [[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     with pytest.raises(NotApplied, match=r"2\.9°"):
         apply(place, proposal(0.0, 0.0, "run 1") | {"T_mount_camera": turned}, MOST, TURNED)
+
+
+def test_a_read_only_file_is_neither_corrected_nor_taken_back(tmp_path: Path):
+    place = pose_file(tmp_path)
+    apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
+    place.chmod(0o444)
+    with pytest.raises(NotApplied, match="read-only: `chmod"):
+        apply(place, proposal(0.006, 0.008, "run 2"), MOST, TURNED)
+    with pytest.raises(NotApplied, match="read-only"):
+        undo(place)
+    assert (x_of(place), x_of(before_of(place))) == (0.006, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (None, "cannot be read: No such file"),
+        ("{}", "holds no 'T_mount_camera'"),
+        ("[1, 2", "holds no 'T_mount_camera'"),
+        (json.dumps({"T_mount_camera": moved(0.0), "undone": 5}), "holds no"),
+        (json.dumps({"T_mount_camera": moved(0.0), "runs": 5}), "holds no"),
+        (json.dumps({"T_mount_camera": moved(0.0), "T_mount_camera_first": [[2.0]]}), "_first' in .* is no rigid"),
+        (json.dumps({"T_mount_camera": [[1.0] * 4] * 4}), "is no rigid"),
+    ],
+)
+def test_a_file_that_is_missing_or_was_edited_is_refused_with_the_reason(tmp_path: Path, content: str | None, why: str):
+    place = tmp_path / "hand_eye.json"
+    if content is not None:
+        place.write_text(content)
+    with pytest.raises(UsageError, match=why):
+        apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
+    assert [path.name for path in tmp_path.iterdir()] == ([] if content is None else ["hand_eye.json"])
 
 
 def test_the_command_takes_back_and_refuses_a_file_without_a_correction(

@@ -52,5 +52,5 @@ def test_a_plain_gripper_s_width_is_the_camera_s():
     picks, _ = cell(0, 5, plain=True)
     found = estimate(picks)
     width, std = fused_width(picks[0], found)
-    assert width == pytest.approx(picks[0].across + 0.61 * picks[0].across * found.error[6], abs=1e-3)
+    assert width == pytest.approx(picks[0].across, abs=1e-6)
     assert std >= SIZE
