@@ -129,14 +129,18 @@ class Release(PoseSkill):
         take_over(gripper)
         unfelt = self.optional_device(ForceSensor) is None
         with closing(self._open(width)) as opening:
-            for words in opening:
-                yield words
+            for opens in opening:
+                yield opens
                 if not unfelt and gripper.state().width - closed > RELEASED_WIDTH / 4.0:
                     break
             if unfelt and (left := between(gripper.state(), gripper.limits)):
                 raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
             way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
-            yield from follow_way(self, way_up, RISING, lambda: next(opening, None))
+
+            def go_on() -> None:
+                next(opening, None)
+
+            yield from follow_way(self, way_up, RISING, go_on)
             yield from opening
         return None
 
