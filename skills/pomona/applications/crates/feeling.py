@@ -51,6 +51,9 @@ OVER_FAILURES = (*FEELING_FAILURES, "NOT_AT_PRE_GRASP", "CONTACT")
 """Failures of a manoeuvre that begins over the fruit."""
 
 
+Forces = tuple[Float64, Float64 | None]
+
+
 class OuterFaces:
     """Pushes on the resting fingers, by the gripper's motor and width: outer faces have no sensor of their own."""
 
@@ -101,6 +104,27 @@ class ManoeuvreHand(NamedTuple):
     def at_rest(self) -> float:
         """Change that the wrist's sensor shows by its errors and the hand's inertia alone [N]."""
         return 0.0 if self.wrist is None else self.wrist.limit(0.0, GENTLE)
+
+    @property
+    def edges(self) -> float:
+        """Force of the fingers' edges, which the wrist feels and the pads do not [N]."""
+        return 0.0 if self.wrist is None else self.wrist.present - self.at_rest - self.pads.present
+
+    @property
+    def forces(self) -> Forces:
+        """Forces now of the pads, shape (2, 3), and at the wrist, shape (1, 3), if it has a sensor [N]."""
+        return self.pads.average(), None if self.wrist is None else self.wrist.average()
+
+    def downwards(self, free: Forces) -> float:
+        """Return the force by which the hand presses along its approach [N]; `free` are the forces without a touch.
+
+        The pads feel it along their faces, the wrist that of the fingers' edges too.
+        """
+        pads, wrist = self.forces
+        by_pads = -float((pads - free[0])[:, 0].sum())
+        if wrist is None or free[1] is None:
+            return by_pads
+        return max(by_pads, -float((wrist - free[1])[0, 2]) - self.at_rest)
 
     def stop_at(self, limit: float, stop: Callable[[], None]) -> None:
         """Call `stop` in the sensors' own loops when `change` exceeds a limit [N]."""

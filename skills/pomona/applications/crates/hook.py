@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.applications.crates.feeling import GENTLE, OVER_FAILURES, FeelingSkill, ManoeuvreHand
-from pomona.applications.crates.pull import ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull
+from pomona.applications.crates.feeling import GENTLE, OVER_FAILURES, SETTLE, FeelingSkill, Forces, ManoeuvreHand
+from pomona.applications.crates.pull import DOWNWARDS, EDGES, ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import FORCE, LENGTH, SPEED, Float64, Force, Length, Outputs, Port, SkillFailure, Speed, Work
 from pomona.skills import Manner, follow_way, prepare_moving, tool_pose, vertical_way
@@ -44,16 +44,20 @@ class Hook(FeelingSkill):
         self,
         hook: Annotated[Grasp, Port(help="one of SampleHook's, at which the arm stands")],
         touch: Annotated[Force, Port(min="0.3 N", max="2 N", help="that ends the way down")] = FORCE("0.5 N"),
-        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="that ends the pull")] = FORCE("3 N"),
+        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="that ends a step of the pull, at first")] = FORCE(
+            "3 N"
+        ),
         distance: Annotated[Length, Port(min="10 mm", max="100 mm", help="of the pull")] = LENGTH("45 mm"),
         speed: Annotated[Speed, Port(min="5 mm/s", max="30 mm/s", help="of the pull")] = SPEED("0.015 m/s"),
     ) -> Work[Drawn]:
         before = yield from self.stand_over(hook)
         try:
             with self.feeling() as hand:
+                yield from self.wait(SETTLE)
+                free = hand.forces
                 yield from self._down(hook, hand, touch)
-                yield from self._give_way(hand, 0.5 * force, 0.0)  # what is left holds by friction
-                moved = yield from self._across(hook, hand, (touch, force), distance, speed)
+                yield from self._give_way(hand, free, 0.0)
+                moved = yield from self._across(hook, hand, free, (touch, force), distance, speed)
         except SkillFailure as failed:
             if failed.failure.code in ("PULL_BLOCKED", "NOTHING_MOVED", "NO_STRAIGHT_LINE", "CONTACT"):
                 yield from self.rise_to(before)
@@ -73,7 +77,13 @@ class Hook(FeelingSkill):
         yield from self._felt(vertical_way(self, fast + end - start, "NO_STRAIGHT_LINE"), TOUCHING, hand, limit)
 
     def _across(
-        self, hook: Grasp, hand: ManoeuvreHand, limits: tuple[float, float], distance: float, speed: float
+        self,
+        hook: Grasp,
+        hand: ManoeuvreHand,
+        free: Forces,
+        limits: tuple[float, float],
+        distance: float,
+        speed: float,
     ) -> Work[float]:
         """Draw the fruit as it rolls, and return how far the finger came [m].
 
@@ -83,10 +93,12 @@ class Hook(FeelingSkill):
         pull = HookPull(hook, tool_pose(self)[:3, 3], limit)
         for x, place in pull.places(distance):
             hand.forget_change()
-            at_limit = yield from self._felt(self.line_to(place), Manner(speed, GENTLE, 10.0), hand, limit)
-            pull.off = yield from self._give_way(hand, 0.5 * limit, pull.off)
-            pull.off = yield from self._sink(hand, touch, pull.off)
-            if pull.ends(x, at_limit, hand.change, hand.present):
+            manner = TOUCHING if pull.is_held else Manner(speed, GENTLE, 10.0)
+            at_limit = yield from self._felt(self.line_to(place), manner, hand, pull.limit)
+            if (edges := hand.edges) <= EDGES:
+                pull.off = yield from self._give_way(hand, free, pull.off)
+                pull.off = yield from self._sink(hand, touch, pull.off)
+            if pull.ends(x, at_limit, hand.change, hand.downwards(free), edges):
                 if pull.came >= ENOUGH:
                     return pull.came
                 raise self.failure("PULL_BLOCKED", pull.blocked, moved_m=pull.came, force_n=pull.most)
@@ -104,17 +116,21 @@ class Hook(FeelingSkill):
             raise self.failure("CONTACT", words, force_n=hand.outer.force, moved_m=hand.outer.moved)
         return stopped
 
-    def _give_way(self, hand: ManoeuvreHand, most: float, off: float) -> Work[float]:
-        """Rise until the fruit presses less than `most` [N]. Return the height over the way of a rolling ball [m]."""
-        while hand.present > most and off + RELIEF <= FARTHEST_OFF:
+    def _give_way(self, hand: ManoeuvreHand, free: Forces, off: float) -> Work[float]:
+        """Rise until the finger presses down less than `DOWNWARDS`; return the height over a rolling ball's way [m].
+
+        A pull alone is no reason: the rubber holds the fruit by it, and would slip over its shoulder.
+        """
+        while hand.downwards(free) > DOWNWARDS and off + RELIEF <= FARTHEST_OFF:
             yield from follow_way(self, self.line_to(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING)
+            yield from self.wait(SETTLE)
             off += RELIEF
         return off
 
     def _sink(self, hand: ManoeuvreHand, touch: float, off: float) -> Work[float]:
         """Sink until the finger touches the fruit again [N], where the wrist feels its tip. Return the height [m]."""
         deep = off + FARTHEST_OFF
-        if hand.wrist is None or hand.present > 0.0 or deep < RELIEF:
+        if hand.wrist is None or hand.present > LEAST or deep < RELIEF:
             return off
         begin = tool_pose(self)[:3, 3]
         hand.forget_change()
