@@ -8,22 +8,12 @@ from py_trees.common import Status
 from pomona.drivers.interfaces import Hand, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.lines import STEP
 from pomona.skills.release import BESIDE, Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.hand import spring_fruit
 from tests.skills.overhead import comes_near, watched
-from tests.skills.picking_scene import (
-    HOME,
-    ROBOT_MODEL,
-    TABLE_Z,
-    WORKSPACE,
-    PickingScene,
-    a_grasp,
-    scene_with_pose,
-    seen_map,
-)
+from tests.skills.picking_scene import HOME, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 
 
 def over_ground(ground: float | None, **changes: Any) -> PickingScene:
@@ -461,12 +451,7 @@ def test_it_is_quick_until_the_fruit_is_near_a_known_object():
     ]
     assert [outcome.status for outcome in outcomes] == [Status.SUCCESS] * 2
     assert outcomes[1].duration < 0.6 * outcomes[0].duration
-    down, grasp = quick.arm.followed[0], a_grasp()
-    lower_end = grasp.T_base_grasp[2, 3] - fruit_points(grasp.fruit)[:, 2].min()
-    above = np.array([ROBOT_MODEL.tcp(q)[2, 3] for q in down.q]) - lower_end - TABLE_Z
-    speeds = -np.gradient(above, down.t)
-    assert speeds.max() > 0.14
-    assert speeds[above < 0.0145].max() < 0.025  # it brakes before the last 15 mm
+    assert quick.arm.followed[1].duration > 0.5  # the last two centimetres
 
 
 def test_the_inertia_of_a_heavy_fruit_that_is_lowered_quickly_is_no_contact():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -12,14 +12,13 @@ from pomona.drivers.plain_hand import between
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import apply, inverse
 from pomona.skills.grip.hold import Hold, current_hold, take_over
-from pomona.skills.motion.collision import fruit_points
+from pomona.skills.motion.collision import Margins
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.contact_check import Descent, Jolted, lower_to_support
+from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
@@ -27,9 +26,9 @@ from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import feels_support
 
-LOWERING = (1.5, 20.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
+LOWERING = (1.0, 10.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
 TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia resembles a contact
-RISING = Manner(0.8, 5.0, 60.0)  # of the empty gripper's way up
+RISING = Manner(0.5, 3.0, 30.0)  # of the empty gripper's way up
 RISING_HELD = Manner(0.15, *LOWERING)  # of a fruit that nothing carries
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
@@ -37,7 +36,7 @@ JOLTS = 3  # jolts after which lowering goes on; with more the load is too restl
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
 UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
 UNKNOWN = "no grasp gives the lower end of the fruit"
-RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit [m]; they rise from a quarter of it on
+RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before they rise [m]
 
 
 class Release(PoseSkill):
@@ -110,38 +109,30 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = not feels_support(self)
-        met, slow_from = (None, 0) if grasp is None else self._near(way, grasp, space, slow_within)
+        met = None if grasp is None else self._met(way, grasp, map, clearance)
         if ends_on:
             if met is None:
                 words = UNKNOWN if grasp is None else f"no known object within {1e3 * depth:.0f} mm below"
                 raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
             way = way[: met + 1]
-        down = Descent(way, slow_from, Manner(fast, *LOWERING), Manner(speed, *TOUCHING))
+        slow_from = self._near(way, met, slow_within)
+        legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
         try:
-            yield from self._lower(down, depth, space, hold, grasp, contact, ends_on)
+            yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
         except SkillFailure as failed:
             lowered = before - tool_pose(self)[2, 3]
             if raise_again and lowered > RESUMED and failed.failure.code in ("NO_CONTACT", "LOWERING_BLOCKED"):
                 back = vertical_way(self, lowered, "LOWERING_BLOCKED")
                 yield from follow_way(self, back, RISING_HELD, held=grasp)
             raise
-        width, closed = self._opening(map, clearance), gripper.state().width
+        width = self._opening(map, clearance)
         take_over(gripper)
+        yield from self._open(width)
         unfelt = self.optional_device(ForceSensor) is None
-        with closing(self._open(width)) as opening:
-            for opens in opening:
-                yield opens
-                if not unfelt and gripper.state().width - closed > RELEASED_WIDTH / 4.0:
-                    break
-            if unfelt and (left := between(gripper.state(), gripper.limits)):
-                raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
-            way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
-
-            def go_on() -> None:
-                next(opening, None)
-
-            yield from follow_way(self, way_up, RISING, go_on)
-            yield from opening
+        if unfelt and (left := between(gripper.state(), gripper.limits)):
+            raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
+        way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
+        yield from follow_way(self, way_up, RISING)
         return None
 
     def _not_held(self) -> Exception:
@@ -154,7 +145,7 @@ class Release(PoseSkill):
 
     def _lower(
         self,
-        down: Descent,
+        legs: Sequence[Leg],
         depth: float,
         space: ArmSpace,
         hold: Hold | None,
@@ -162,18 +153,18 @@ class Release(PoseSkill):
         contact: float,
         ends_on: bool,
     ) -> Watching:
-        """Go down until a support carries the fruit; after a jolt it goes on slowly."""
+        """Go down along legs until a support carries the fruit; after a jolt it goes on."""
         before, opened = float(tool_pose(self)[2, 3]), self.device(Gripper).state().width
         for jolts in range(1, JOLTS + 2):
             try:
                 words = yield from lower_to_support(
-                    self, down, hold, grasp, contact, "LOWERING_BLOCKED", opened, ends_on
+                    self, legs, hold, grasp, contact, "LOWERING_BLOCKED", opened, ends_on
                 )
             except Jolted:
                 words = f"the change of load on the way down has gone again {jolts} times, as after jolts"
                 if (left := depth - before + float(tool_pose(self)[2, 3])) < RESUMED:
                     break
-                down = down._replace(way=vertical_way(self, -left, "LOWERING_BLOCKED", space), slow_from=0)
+                legs = [Leg(vertical_way(self, -left, "LOWERING_BLOCKED", space), legs[-1].manner)]
             else:
                 if not words:
                     return
@@ -184,19 +175,20 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _near(self, way: Float64, held: Grasp, space: ArmSpace, within: float) -> tuple[int | None, int]:
-        """Return the first posture with the fruit `BESIDE` an object, and the last one `within` [m] above its contact.
+    def _met(self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float) -> int | None:
+        """Return the first posture at which the fruit is within `BESIDE` of an object; None if there is none."""
+        space = self._space(map, clearance, held)
+        world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
+        met = np.flatnonzero(~world.free(way, space.width))
+        return int(met[0]) if len(met) else None
 
-        None and 0 without an object. The fruit itself counts: in the robot's model it is up to 8 mm larger.
-        """
+    def _near(self, way: Float64, met: int | None, within: float) -> int:
+        """Return the first posture at which the fruit is so near to its first contact [m]; 0 if that is unknown."""
+        if met is None:
+            return 0
         robot = RobotModel.load(self.device(Arm).description)
-        points = apply(inverse(held.T_base_grasp), fruit_points(held.fruit))
-        tools = np.array([robot.tcp(q) for q in way])
-        for met, T_base_tcp in enumerate(tools):
-            if (left := space.world.distance(apply(T_base_tcp, points))) < BESIDE:
-                above = tools[:, 2, 3] >= T_base_tcp[2, 3] - left + within
-                return met, max(int(above.sum()) - 1, 0)
-        return None, 0
+        heights = np.array([robot.tcp(q)[2, 3] for q in way[: met + 1]])
+        return int(np.flatnonzero(heights <= heights[-1] + within)[0])
 
     def _open(self, width: float) -> Watching:
         """Open the fingers to a width [m]; something beside the fruit may block them once they have released it."""
@@ -216,6 +208,6 @@ class Release(PoseSkill):
         space = self._space(map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 
-    def _space(self, map: OccupancyMap | None, clearance: float) -> ArmSpace:
+    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
         field, width = usable_field(self, map), self.device(Gripper).state().width
-        return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance)
+        return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
-from pomona.drivers.interfaces import Arm, Gripper
+from pomona.drivers.interfaces import Gripper
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.grasp import Grasp
-from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import is_pressed, show_grip, watch_fruit
-from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
+from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
 from pomona.skills.shared.touch import Touch, felt, load
 
 RAISED = 0.002
@@ -26,7 +24,6 @@ RAISING = Manner(0.05, 2.0, 40.0)
 """Of raising it and of setting it down again: the load is read at rest."""
 
 GENTLE, GRAVITY = 0.5, 9.81  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
-SURE_SLOW = 1e-3  # way at the lower speed after which nothing brakes any more [m]
 
 PUSHED = 0.8e-3
 """Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the
@@ -35,13 +32,11 @@ arm stops within a millimetre of it."""
 LOST = "the fruit was lost on the way down"
 
 
-class Descent(NamedTuple):
-    """A straight way down: postures, shape (n, dof) [rad], with a quick motion up to one of them, then a slow one."""
+class Leg(NamedTuple):
+    """A straight part of the way down: postures (n, dof) [rad], and the tool's motion on them."""
 
     way: Float64
-    slow_from: int
-    quick: Manner
-    slow: Manner
+    manner: Manner
 
 
 class Jolted(Exception):
@@ -50,7 +45,7 @@ class Jolted(Exception):
 
 def lower_to_support(
     skill: MovingSkill,
-    down: Descent,
+    legs: Sequence[Leg],
     hold: Hold | None,
     grasp: Grasp | None,
     contact: float,
@@ -58,37 +53,23 @@ def lower_to_support(
     opened: float,
     ends_on: bool = False,
 ) -> Work[str]:
-    """Go down until a support carries the fruit.
+    """Go down along legs until a support carries the fruit.
 
-    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; the inertia of
-    a fruit in quick motion is added. Fingers that something beside it pushes end the way down with `code`; `opened` is
-    their width before it [m]. `ends_on`: the way ends on a known support.
+    Returns an empty text then, or why none does. `contact` [N] is the change of load that shows contact; a leg with
+    a higher acceleration than `GENTLE` adds the inertia of the fruit. Fingers that something beside the fruit pushes
+    end the way down with `code`; `opened` is their width before it [m]. `ends_on`: the legs end on a known support.
 
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    (way, slow_from, quick, slow), gripper, lost = down, skill.device(Gripper), watch_fruit(skill)
-    manner, most = quick if slow_from else slow, np.where(np.arange(len(way)) < slow_from, quick.speed, slow.speed)
-    slow_below = RobotModel.load(skill.device(Arm).description).tcp(way[slow_from])[2, 3] - SURE_SLOW
+    limit, gripper, lost = contact, skill.device(Gripper), watch_fruit(skill)
     with felt(skill, load) as touch:
 
-        def feels(accelerated: float) -> float:
-            """Let the fingers rest from a contact on; return its change of load."""
-            limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
-            touch.forget_change()
-            rest_on_contact(skill, limit)
-            return limit
-
-        limit = feels(manner.acceleration)
-
         def watch() -> None:
-            nonlocal limit, slow_below
             if hold is not None:
                 show_grip(skill, hold)
             if touch.change > limit:  # first: the support's push may unload a finger
                 raise TouchedDown
-            if tool_pose(skill)[2, 3] < slow_below:
-                limit, slow_below = feels(slow.acceleration), -np.inf
             if why := lost():
                 raise skill.failure("LOST", f"{LOST}: {why}")
             width = gripper.state().width
@@ -97,7 +78,12 @@ def lower_to_support(
                 raise skill.failure(code, f"{words}; the fruit is still held")
 
         try:
-            yield from follow_way(skill, way, manner, watch, grasp, most=most)
+            for leg in legs:
+                accelerated = leg.manner.acceleration
+                limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
+                touch.forget_change()
+                rest_on_contact(skill, limit)
+                yield from follow_way(skill, leg.way, leg.manner, watch, grasp)
         except TouchedDown:
             return (yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code))
     return "" if ends_on else "the fruit met nothing"

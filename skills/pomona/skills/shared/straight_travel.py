@@ -85,16 +85,15 @@ def follow_way(
     watch: Callable[[], None] | None = None,
     held: Grasp | None = None,
     started: Callable[[Motion], None] | None = None,
-    most: Float64 | None = None,
 ) -> Watching:
     """Follow postures on a straight line of the tool, shape (n, dof) [rad].
 
     `watch`: see `following.follow_motion`; `held` is the grasp by which a fruit is held; `started` is called with the
-    motion; `most` are the largest speeds at equal steps, shape (m,) [m/s].
+    motion.
     """
     arm = skill.device(Arm)
     robot = RobotModel.load(arm.description)
     length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
     if length > 0.0:
-        curve = time_curve(way, length, arm.limits, *manner, most=most)
+        curve = time_curve(way, length, arm.limits, *manner)
         yield from skill.travel(curve, watch, carrying=held, started=started)

@@ -67,13 +67,6 @@ def test_the_clearance_of_the_fingers_from_the_table_is_exact() -> None:
         assert world.clearance(above(height), OPEN) == pytest.approx(height - 0.012, abs=1e-9)
 
 
-def test_the_distance_of_points_is_that_of_the_nearest_thing_or_the_table() -> None:
-    box = Box("box", transform(np.eye(3), [0.5, 0.0, 0.1]), np.array([0.05, 0.05, 0.1]))
-    world = CollisionWorld.build(robot, replace(table, obstacles=(box,)))
-    assert world.distance(np.array([[0.5, 0.0, 0.23], [0.5, 0.3, 0.4]])) == pytest.approx(0.03)
-    assert world.distance(np.array([[0.0, 0.3, -0.09]])) == pytest.approx(0.03)
-
-
 def test_each_body_keeps_its_own_margin() -> None:
     q = above(0.012 + 0.003)  # fingertips 3 mm above the table
     assert CollisionWorld.build(robot, table, margins=Margins(fingers=0.002)).check(q, OPEN) is None

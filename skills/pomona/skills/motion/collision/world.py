@@ -219,11 +219,6 @@ class CollisionWorld:
         free: NDArray[np.bool_] = self._judge(self._checked_many(Q), width, 0.0)[0] >= 0.0
         return free
 
-    def distance(self, points: Float64) -> float:
-        """Return the least distance of points, shape (n, 3), from anything in the world [m]: a lower bound."""
-        away = [self.field.distance(points).min(), *(each.distance(points).min() for each in self.obstacles)]
-        return float(min(away if self.table_z is None else [*away, points[:, 2].min() - self.table_z]))
-
     def segment_free(self, start: ArrayLike, end: ArrayLike, width: float) -> bool:
         """Return True if a straight joint-space segment keeps all margins to within `SLACK`, at every point of it."""
         first, last = self.shape.model.checked(start), self.shape.model.checked(end)
