@@ -9,7 +9,7 @@ Each cell draws one error of the camera's pose and of its depth's scale, and kee
 of OUT. A cell of the package `simulation` gets a section `driver: caliper` and a pose file, so that the answers before
 each run are those of the admission; of other cells the camera itself is misplaced. After each run, the words of the
 terminal are noted, and those of `pomona explain`. A line of OUT/rows.jsonl is one run. At the end each cell has a line
-with what is left; `--runs 0` prints it for the rows that are there already.
+with the error that is left; `--runs 0` prints it for the rows in OUT.
 """
 
 from __future__ import annotations
@@ -327,7 +327,7 @@ def main() -> None:
 
 
 def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield a line for each cell: when it was noticed, what is left, the intervals that hold, widths and forces."""
+    """Yield a line for each cell: first notice of its error, error that is left, intervals, widths and forces."""
     for number in sorted({row["cell"] for row in rows}):
         own = [row for row in rows if row["cell"] == number and "refused" not in row]
         refused = sum(row["cell"] == number for row in rows) - len(own)

@@ -127,7 +127,7 @@ def _felt(left: float | None, right: float | None, closed: float | None, skin: F
     """Return side and place of the first touch, and felt minus measured width [m].
 
     A plain gripper's width is read while it presses: pads and fruit give way by millimetres that nothing tells apart
-    from an error of the camera. It shows what is between the fingers, and measures nothing.
+    from an error of the camera. Such a width is not used.
     """
     across = float(skin.sum())
     if left is None and right is None:
