@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     )
     from pomona.skills.shared.frame_trust import require_true_look as require_true_look
     from pomona.skills.shared.grasp_view import (
-        IN_HAND as IN_HAND,
+        TAKEN as TAKEN,
         fruit_mesh as fruit_mesh,
         summary as summary,
     )
@@ -49,7 +49,7 @@ PUBLIC = {
     "geometry": "inverse rot_x rot_z transform",
     "shared.following": "MOTION_FAILURES MovingSkill",
     "shared.frame_trust": "require_true_look",
-    "shared.grasp_view": "IN_HAND fruit_mesh summary",
+    "shared.grasp_view": "TAKEN fruit_mesh summary",
     "shared.held_fruit": "show_grip",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",

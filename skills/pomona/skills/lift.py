@@ -24,7 +24,7 @@ from pomona.skills.shared.carrying import (
     put_back,
 )
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.grasp_view import IN_HAND
+from pomona.skills.shared.grasp_view import TAKEN
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, show_grip, watch_fruit
 from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
@@ -96,7 +96,7 @@ class Lift(MovingSkill):
         arm = self.device(Arm)
         if not is_held(self, hold):
             raise grip_failure(self, "NOT_HELD", "there is nothing between the fingers to lift", hold)
-        self.publish("candidates", IN_HAND)
+        self.publish("candidates", TAKEN)
         T_base_start = tool_pose(self)
         T_base_goal = T_base_start.copy()
         T_base_goal[2, 3] += height

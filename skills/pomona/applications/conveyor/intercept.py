@@ -26,7 +26,7 @@ from pomona.drivers import (
     Workspace,
 )
 from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
-from pomona.skills import IN_HAND, MOTION_FAILURES, prepare_moving, show_grip
+from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, show_grip
 from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
 from pomona.skills.motion import Grasp
 
@@ -105,7 +105,7 @@ class Intercept(BeltSkill):
                 catch.note_touches(self, hold, self.clock.now())
                 raise
             catch.note_touches(self, hold, self.clock.now())
-            self.publish("belt", IN_HAND)
+            self.publish("belt", TAKEN)
             grasp = catch.grasp(arm.state().q, gripper.state().width)
             yield from stream.rise(height, partial(self._carry, hold))
         except (SkillFailure, Interrupted):

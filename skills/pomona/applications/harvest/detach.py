@@ -23,7 +23,7 @@ from pomona.drivers import (
     Workspace,
 )
 from pomona.executive import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time, Work
-from pomona.skills import IN_HAND, MOTION_FAILURES, MovingSkill, YieldingFingers, usable_field
+from pomona.skills import MOTION_FAILURES, TAKEN, MovingSkill, YieldingFingers, usable_field
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, OccupancyMap, arm_space
 from pomona.skills.perception import AllDetections, MeasuredFruit, mass_of
@@ -186,7 +186,7 @@ class Detach(MovingSkill):
                 fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
             if hung and fingers.holds:
-                self.publish("candidates", IN_HAND)
+                self.publish("candidates", TAKEN)
             controller.slowed(aim.follow(command, dt, WITHIN * arm.limits.velocity, motion.speed))
             if aim.come_to(arm.state().q, dt):
                 controller.give_up("JAMMED", "something holds the arm beside its set-point")

@@ -14,7 +14,7 @@ from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.grasp import Grasp, RuledOut
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-IN_HAND = SceneView(caption="the fruit is in the hand")  # in the place of a view that draws it where it was
+TAKEN = SceneView(caption="the fruit was taken from its place")  # in the place of a view that draws it where it was
 
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:

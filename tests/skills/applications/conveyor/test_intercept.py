@@ -12,7 +12,7 @@ from py_trees.common import Status
 
 from pomona.applications.conveyor.intercept import Intercept
 from pomona.executive import SkillEnd
-from pomona.skills import IN_HAND
+from pomona.skills import TAKEN
 from pomona.skills.grip.closing import PickTouches
 from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
 
@@ -66,7 +66,7 @@ def test_a_fruit_is_gripped_on_the_belt_and_lifted_and_the_hand_rests(speed: flo
     assert end.outputs["width"] == pytest.approx(0.073, abs=3e-3)
     belts = [view for topic, view in end.published if topic == "belt"]
     assert belts[0].lines
-    assert belts[-1] is IN_HAND  # the fruit is drawn no more where it lay
+    assert belts[-1] is TAKEN  # the fruit is drawn no more where it lay
     within_limits(rig)
 
 

@@ -18,7 +18,7 @@ from pomona.applications.harvest.roll_choice import neighbours_of, roll_clearanc
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, StreamedArm, Workspace
 from pomona.executive.skill_testing import SkillEnd, drive
-from pomona.skills import IN_HAND
+from pomona.skills import TAKEN
 from pomona.skills.geometry import transform
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
@@ -127,7 +127,7 @@ def test_a_fruit_is_rolled_off_and_held_with_the_hand_at_rest() -> None:
     assert end.outputs["stem_force"] < 8.0
     assert 0.8 < end.outputs["rolled"] < 2.4
     assert [view for topic, view in end.published if topic == "candidates"] == [
-        IN_HAND
+        TAKEN
     ]  # it is drawn no more where it hung
 
 
