@@ -26,8 +26,15 @@ from pomona.executive.values.installation import commit_here
 from pomona.tools.campaign.statistics import wilson
 
 ROOT = Path(__file__).parents[1]
-KINDS = {"heap5": ("sim_heap", 5), "heap8": ("sim_heap", 8), "crate6": ("sim_crate", 6), "crate8": ("sim_crate", 8)}
-"""Cell and number of fruit of each kind of scene."""
+KINDS = {
+    "heap5": ("sim_heap", 5, "1"),
+    "heap8": ("sim_heap", 8, "1"),
+    "crate6": ("sim_crate", 6, "1"),
+    "crate8": ("sim_crate", 8, "1"),
+    "crate12": ("sim_crate", 12, "1"),
+    "heap12": ("sim_heap", 12, "2"),
+}
+"""Cell, number of fruit and layers of each kind of scene; a tray has nine places, and no operator exchanges it here."""
 TUNED_FROM = 101
 MANOEUVRES = ("Hook", "Insert")
 COUNTED = (
@@ -70,10 +77,10 @@ class _Counter:
 
 def clear(kind: str, seed: int, settings: Mapping[str, str]) -> dict[str, Any]:
     """Run one scene and return its row."""
-    (cell, number), counter = KINDS[kind], _Counter()
+    (cell, number, layers), counter = KINDS[kind], _Counter()
     order = RunOrder(
         ROOT / "trees" / "empty_crate.yaml", ROOT / "trees" / "cells" / f"{cell}.yaml", seed,
-        {"others": str(number - 1), **settings}, cleared=True,
+        {"others": str(number - 1), "layers": layers, **settings}, cleared=True,
     )  # fmt: skip
     result = execute(order, [counter]).result
     truth = result.truth

@@ -40,6 +40,7 @@ class Awaited(Outputs):
     """Outputs of AwaitFruit."""
 
     target: Annotated[ComingFruit, Port(help="the fruit that comes next")]
+    measured: Annotated[MeasuredFruit, Port(help="its first measurement, for KeepTally")]
 
 
 class AwaitFruit(BeltSkill):
@@ -68,7 +69,7 @@ class AwaitFruit(BeltSkill):
                 tracks.tried.add(chosen.number)
                 p, v = tracks.place(chosen, now)
                 speed = float(v @ tracks.tracks.belt.direction)
-                return Awaited(ComingFruit(chosen.number, chosen.measured, p, speed))
+                return Awaited(ComingFruit(chosen.number, chosen.measured, p, speed), chosen.measured)
             if self.context.elapsed() - began > within:
                 seen = len(tracks.tracks.tracks)
                 words = f"no fruit came within {within:.0f} s" + (

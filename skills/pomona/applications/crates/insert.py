@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
-
 from pomona.applications.crates.feeling import (
     GENTLE,
     OVER_FAILURES,
@@ -111,7 +109,4 @@ class Insert(FeelingSkill):
 
     def _felt(self, hand: ManoeuvreHand, offset: Float64) -> FeltByHand:
         self.require_fresh(hand)
-        wrenches = hand.pads.average() - offset
-        by_pads = float(np.linalg.norm(wrenches[:, :3], axis=1).sum())
-        beside = 0.0 if hand.wrist is None else hand.wrist.present - hand.at_rest - by_pads
-        return FeltByHand(wrenches, max(hand.outer.force, beside))
+        return FeltByHand(hand.pads.average() - offset, max(hand.outer.force, hand.edges))

@@ -52,7 +52,7 @@ class FeltByHand:
 
     Attributes:
         wrenches: on the pads' inner faces, without their offset, as in `WrenchSample`, shape (2, 3) or wider [N].
-        outer: of a push on the fingers' outer faces, by the gripper's motor [N].
+        outer: of a push on the fingers' outer faces, by the gripper's motor, or on their edges, by the wrist [N].
     """
 
     wrenches: Float64

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from pomona.applications.inventory.tally import DONE, TalliedFruit, Tally
-from pomona.executive import Outputs, Port, Skill, TableView
+from pomona.executive import Float64, Outputs, Port, Skill, TableView
 from pomona.skills.grip import Hold
 from pomona.skills.perception import Detection, MeasuredFruit
 
@@ -23,23 +23,29 @@ class KeepTally(Skill):
 
     def run(
         self,
-        detection: Annotated[Detection, Port(help="detected fruit")],
+        detection: Annotated[Detection | None, Port(help="detected fruit")] = None,
         measured: Annotated[
             MeasuredFruit | None, Port(help="measurement of the same fruit; one of another look is ignored")
         ] = None,
         outcome: Annotated[str, Port(help=f"{DONE}, or another outcome")] = DONE,
         why: Annotated[str, Port(help="the reason, for the operator")] = "",
         hold: Annotated[Hold | None, Port(help="grip of this fruit: the width that the pads felt is noted")] = None,
+        number: Annotated[
+            int | None, Port(help="of the fruit, where fruit moves; without it, one at the place of one left is the same")
+        ] = None,
         so_far: Annotated[Tally | None, Port(help="the tally so far")] = None,
     ) -> Kept:
-        if measured is None or measured.frame is not detection.frame:
-            p_base, size = (detection.T_base_camera @ detection.T_camera_object)[:3, 3], None
-        else:
+        p_base: Float64 | None = None
+        size: Float64 | None = None
+        if measured is not None and (detection is None or measured.frame is detection.frame):
             p_base, size = measured.T_base_fruit[:3, 3], measured.dimensions
+        elif detection is not None:
+            p_base = (detection.T_base_camera @ detection.T_camera_object)[:3, 3]
         touches = () if hold is None or outcome != DONE else hold.first_touches
         widths = [touch.width for touch in touches if touch is not None]
         felt = min(widths) if len(widths) == len(touches) > 0 else None
-        tally = (so_far or Tally()).with_entry(TalliedFruit(p_base, size, outcome, why, felt=felt), detection.found)
+        entry = TalliedFruit(p_base, size, outcome, why, number=number, felt=felt)
+        tally = (so_far or Tally()).with_entry(entry, 0 if detection is None else detection.found)
         rows = tuple(
             (str(number + 1), entry.place, entry.dimensions, entry.width, str(entry.tries), entry.outcome, entry.why)
             for number, entry in enumerate(tally.entries)

@@ -16,16 +16,19 @@ DONE = "done"  # the outcome that is no failure
 class TalliedFruit:
     """One fruit."""
 
-    p_base: Float64  # its position, shape (3,) [m]
+    p_base: Float64 | None  # its position, shape (3,) [m], or None when it was not seen
     size: Float64 | None  # its dimensions, shape (3,) [m], or None when it was not measured
     outcome: str  # a word: `DONE`, or another outcome
     why: str  # a sentence, empty when there is nothing to explain
     tries: int = 1  # number of tries
+    number: int | None = None  # its number, where fruit moves and a place is of no fruit; None: known by its place
     felt: float | None = None  # width between the pads when both had touched it [m]; None: not felt by both
 
     @property
     def place(self) -> str:
         """Text for the operator."""
+        if self.p_base is None:
+            return "an unknown place"
         x, y = 1e3 * self.p_base[:2]
         return f"({x:.0f}, {y:.0f}) mm"
 
@@ -33,6 +36,15 @@ class TalliedFruit:
     def width(self) -> str:
         """Text for the operator; empty where the pads felt none."""
         return "" if self.felt is None else f"{1e3 * self.felt:.1f} mm"
+
+    def is_same(self, other: TalliedFruit) -> bool:
+        """Return True for the same fruit, seen again: by number where there is one, else by place."""
+        if self.number is not None or other.number is not None:
+            return self.number == other.number
+        if self.p_base is None or other.p_base is None:
+            return False
+        # a fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit
+        return float(np.linalg.norm(self.p_base[:2] - other.p_base[:2])) < 0.04
 
     @property
     def dimensions(self) -> str:
@@ -50,13 +62,11 @@ class Tally:
     def with_entry(self, entry: TalliedFruit, found: int = 1) -> Tally:
         """Return the tally with one more try, of a frame with `found` fruit.
 
-        A fruit that failed before at the same place is the same fruit.
+        A fruit that failed before at the same place, or with the same number, is the same fruit.
         """
         seen = len(self.entries) - len(self.left) + found
         for k, known in enumerate(self.entries):
-            apart = np.linalg.norm(known.p_base[:2] - entry.p_base[:2])
-            # a fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit
-            if known.outcome != DONE and apart < 0.04:
+            if known.outcome != DONE and entry.is_same(known):
                 again = replace(entry, tries=known.tries + 1, size=known.size if entry.size is None else entry.size)
                 return Tally((*self.entries[:k], again, *self.entries[k + 1 :]), seen)
         return Tally((*self.entries, entry), seen)

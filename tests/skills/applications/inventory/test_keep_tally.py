@@ -96,3 +96,19 @@ def test_a_measurement_from_another_look_is_not_this_fruits():
     entry = keep(seen(0.1, -0.5), measured=apple_at(5, 1)).outputs["tally"].entries[0]
     assert entry.size is None
     assert entry.p_base == pytest.approx([0.1, -0.5, -0.08])
+
+
+def test_fruit_that_moves_is_known_by_its_number_not_by_its_place():
+    apple = apple_at(5, 1)
+    passed = {"measured": apple, "outcome": "passed", "why": "out of reach"}
+    first = drive(KeepTally(), {**passed, "number": 1})
+    second = drive(KeepTally(), {**passed, "number": 2, "so_far": first.outputs["tally"]})
+    again = drive(KeepTally(), {**passed, "number": 2, "so_far": second.outputs["tally"]}).outputs["tally"]
+    assert [entry.tries for entry in again.entries] == [1, 2]
+    assert again.sentence.startswith("0 of 2 fruit put away; passed at (-120, -350) mm: out of reach; ")
+
+
+def test_fruit_that_was_not_seen_is_listed_without_a_place():
+    first = drive(KeepTally(), {"outcome": "left", "why": "lost"}).outputs["tally"]
+    second = drive(KeepTally(), {"outcome": "left", "why": "lost", "so_far": first}).outputs["tally"]
+    assert second.sentence == "0 of 2 fruit put away; left at an unknown place: lost; left at an unknown place: lost"
