@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,7 @@ from pomona.drivers import Box
 from pomona.executive import Float64
 from pomona.skills.motion import fruit_points
 from pomona.skills.perception import Detection, MeasuredFruit, RefineError, measure
+from pomona.skills.perception.refinement.render import RendererName
 
 OVERLAP = 0.6
 """Share of the sum of two fruit's mean radii; middles that are nearer show that one took the depth of the other. Fruit
@@ -48,15 +50,21 @@ class FruitScene:
     @property
     def sentence(self) -> str:
         """Text for the operator."""
-        failed = [seen.why for seen in self.fruit if seen.measured is None]
-        return "; ".join((f"{len(self.measured)} of {len(self.fruit)} fruit measured", *failed))
+        failed = Counter(seen.why for seen in self.fruit if seen.measured is None)
+        reasons = (why if times == 1 else f"{times} times: {why}" for why, times in failed.items())
+        return "; ".join((f"{len(self.measured)} of {len(self.fruit)} fruit measured", *reasons))
 
     def with_neighbours(self, chosen: MeasuredFruit) -> MeasuredFruit:
         """Return a fruit of this scene with all others beside it."""
         return replace(chosen, beside=tuple(other for other in self.measured if other is not chosen))
 
 
-def measure_all(detections: Sequence[Detection], table_z: float | None, obstacles: Sequence[Box] = ()) -> FruitScene:
+def measure_all(
+    detections: Sequence[Detection],
+    table_z: float | None,
+    obstacles: Sequence[Box] = (),
+    renderer: RendererName = "pyrender",
+) -> FruitScene:
     """Measure each detection; a measurement that others contradict is none.
 
     Of two fruits that overlap, one took the depth of the other: the one whose depth agrees less. A fruit in the air
@@ -65,8 +73,9 @@ def measure_all(detections: Sequence[Detection], table_z: float | None, obstacle
     Args:
         table_z: height of the table in the base frame [m]; None where it is not known.
         obstacles: boxes of the cell file, whose top faces are floors, too.
+        renderer: of the virtual depth; one that works in this process.
     """
-    seen = [_measure(detection, table_z) for detection in detections]
+    seen = [_measure(detection, table_z, renderer) for detection in detections]
     for i, one in enumerate(seen):
         for k in range(i):
             if one.measured is not None and (other := seen[k].measured) is not None and overlap(one.measured, other):
@@ -112,8 +121,8 @@ def overlap(one: MeasuredFruit, other: MeasuredFruit) -> bool:
     return apart < OVERLAP * float(one.dimensions.mean() + other.dimensions.mean()) / 2.0
 
 
-def _measure(detection: Detection, table_z: float | None) -> SeenFruit:
+def _measure(detection: Detection, table_z: float | None, renderer: RendererName) -> SeenFruit:
     try:
-        return SeenFruit(detection, measure(detection, table_z=table_z))
+        return SeenFruit(detection, measure(detection, table_z=table_z, renderer=renderer))
     except RefineError as problem:
         return SeenFruit(detection, None, str(problem))
