@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pomona.devices.universal_robots.links import other_model
 from pomona.drivers import Address, ArmFile
 from pomona.executive import TIME, Flag, Measure, Problem, Text, value
+from pomona.tools.calibration.described_arm import other_model
 
 HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
 PORTS = {"command": 502, "report": 30003}
