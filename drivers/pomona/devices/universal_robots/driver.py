@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.devices.universal_robots.dashboard import UrDashboard
-from pomona.devices.universal_robots.options import UrFile
+from pomona.devices.universal_robots.options import SERVO_LAG, UrFile
 from pomona.devices.universal_robots.rtde import RtdeSession
 from pomona.devices.universal_robots.stream import PERIOD, KnotStream
 from pomona.devices.universal_robots.words import (
@@ -54,7 +54,6 @@ FOLLOW, STOP = 1, 2  # commands to the script
 BEAT = 0.02  # period of the heart beat [s]; without it for 100 ms the controller ends the script
 UNHEARD = 0.06  # a beat that the script has not repeated after this time shows that another program runs [s]
 STARTS = 2.0  # the script must run within this time after it was sent [s]
-SERVO_LAG = 0.03  # of servoj: its lookahead time in the script [s]
 POWERED = 30.0  # deadline of powering the arm and releasing its brakes, which is audible [s]
 UNLOCKED = 2.0  # deadline of the release of a protective stop [s]
 

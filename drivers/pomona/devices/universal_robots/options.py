@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from pomona.drivers import Address, ArmFile
+from pomona.drivers import Address, ArmFile, ArmLimits, read_limits
 from pomona.executive import RATE, TIME, Flag, Measure, Problem, Text, value
 from pomona.tools.calibration.described_arm import other_model
 
 HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
+SURE = 0.02  # a knot is in the script within this time [s]: two cycles of a CB3, and the network
+SERVO_LAG = 0.03  # of servoj: its lookahead time in the script [s]
 PORTS = {"rtde": 30004, "script": 30002, "dashboard": 29999}
 LENGTHS = {
     "ur3e": (0.0, 0.24355, 0.2132, 0.0, 0.0),
@@ -45,6 +47,11 @@ class UrFile(ArmFile):
     @property
     def wires(self) -> tuple[str, ...]:
         return (f"{self.address}:{PORTS['rtde']}",)
+
+    @property
+    def limits(self) -> ArmLimits:
+        """Limits of the joints. Raises UnusableRobotFile."""
+        return replace(read_limits(self.robot, self.dof), reaction=SURE + self.point_period + SERVO_LAG)
 
     def problems(self) -> Iterator[Problem]:
         unusable = list(ArmFile.problems(self))
