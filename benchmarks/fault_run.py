@@ -28,6 +28,7 @@ from benchmarks.fault_world import Person
 from benchmarks.strands import use_strands
 from pomona.devices.emulators.virtual_world import VirtualWorld
 from pomona.drivers.interfaces import Arm, Gripper
+from pomona.drivers.path_arm import AT_REST
 from pomona.drivers.services import ConnectContext, RobotServices
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import read_cell_file
@@ -226,7 +227,7 @@ class CaseWatcher:
         if not np.isnan(self.safe_at):
             if self.width_held is not None:
                 self.widest = max(self.widest, width)
-            standing = self.speed < RESTING
+            standing = self.speed < AT_REST  # a fruit that falls on a hand shakes it by 4 mrad/s
             self.rested_at = (now if np.isnan(self.rested_at) else self.rested_at) if standing else np.nan
 
     def _can_show(self) -> bool:

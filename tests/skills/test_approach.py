@@ -11,7 +11,7 @@ from pomona.skills.approach import Approach
 from pomona.skills.geometry import apply, inverse, transform
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
-from pomona.skills.shared.touch import FLAT, landing_speeds
+from pomona.skills.shared.touch import FLAT, SINKS, landing_speeds
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, seen_map
 
@@ -144,6 +144,20 @@ def test_it_is_slow_where_a_fingertip_may_land_on_level_skin_and_quick_elsewhere
     assert flat.sum() > 10
     assert np.median(speed[flat]) < 1.3 * allowed.min()
     assert speed.max() > 4.0 * allowed.min()
+
+
+def test_an_arm_that_brakes_late_lands_more_slowly():
+    slowest = []
+    for reaction in (0.0, SINKS):
+        scene = at_pre_grasp()
+        scene.arm.limits = replace(scene.arm.limits, reaction=reaction)
+        drive(Approach(), {"grasp": GRASP, "unseen": 0.03}, scene.devices, clock=scene.clock)
+        trajectory = scene.arm.followed[-1]
+        tcp = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in trajectory.q])
+        speed = np.linalg.norm(np.gradient(tcp, trajectory.t, axis=0), axis=1)
+        before = np.linalg.norm(tcp - GRASP.T_base_grasp[:3, 3], axis=1)
+        slowest.append(speed[(before > 0.02) & (before < before[0] - 0.02)].min())
+    assert slowest[1] == pytest.approx(0.5 * slowest[0], rel=0.05)
 
 
 def test_it_lands_slowly_on_the_wall_of_a_crate_that_may_have_been_moved():

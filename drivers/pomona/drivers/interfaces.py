@@ -194,13 +194,17 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmLimits(ReadOnly):
-    """Joint limits, each of shape (dof,): positions [rad], velocity [rad/s], acceleration [rad/s²], jerk [rad/s³]."""
+    """Joint limits, each of shape (dof,): positions [rad], velocity [rad/s], acceleration [rad/s²], jerk [rad/s³].
+
+    `reaction`: time from a commanded stop until the arm begins to brake [s].
+    """
 
     lower: Float64
     upper: Float64
     velocity: Float64
     acceleration: Float64
     jerk: Float64
+    reaction: float = field(default=0.0, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

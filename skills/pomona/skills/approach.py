@@ -23,7 +23,7 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
-from pomona.skills.shared.touch import Touch, all_felt, landing_speeds
+from pomona.skills.shared.touch import SINKS, Touch, all_felt, landing_speeds
 from pomona.skills.shared.touch_view import record_landing
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
@@ -90,6 +90,7 @@ class Approach(MovingSkill):
             yield from self._open(width, grasp)
         boxes, rates = self.device(Workspace).obstacles, (speed, acceleration, acceleration / JERK_TIME)
         most = landing_speeds(gripper_shape(robot), grasp, boxes, width, line.length, unseen)
+        most /= 1.0 + arm.limits.reaction / SINKS
         trajectory = time_curve(line.q, line.length, arm.limits, *rates, most=most)
         opened, fingers = gripper.state().width, YieldingFingers(gripper)
         with ExitStack() as listening:

@@ -8,7 +8,6 @@ from typing import Any
 
 from pomona.devices.robotiq.codec import SLAVE
 from pomona.devices.robotiq.driver import MODELS, RobotiqGripper, RobotiqOptions
-from pomona.devices.robotiq.fingers import other_fingers
 from pomona.devices.robotiq.session import RobotiqSession, RtuSession, UrcapSession
 from pomona.devices.suntouch.transport import serial_opener, serial_ports
 from pomona.drivers import (
@@ -23,6 +22,7 @@ from pomona.drivers import (
     tcp_opener,
 )
 from pomona.executive import FORCE, LENGTH, TIME, Counts, Flag, Measure, Problem, Section, Text, Whole, value
+from pomona.tools.calibration.described_hand import other_fingers
 
 BAUD = 115200  # of the grippers when they are delivered [bit/s]
 URCAP_PORT = 63352

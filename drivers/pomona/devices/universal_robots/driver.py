@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.devices.universal_robots.dashboard import UrDashboard
-from pomona.devices.universal_robots.options import UrFile
+from pomona.devices.universal_robots.options import SERVO_LAG, UrFile
 from pomona.devices.universal_robots.rtde import RtdeSession
 from pomona.devices.universal_robots.stream import PERIOD, KnotStream
 from pomona.devices.universal_robots.words import (
@@ -52,9 +52,9 @@ INPUTS = (*(f"input_int_register_{i}" for i in (24, 25, 26)), *(f"input_double_r
 RTDE clients own 24 to 47."""
 FOLLOW, STOP = 1, 2  # commands to the script
 BEAT = 0.02  # period of the heart beat [s]; without it for 100 ms the controller ends the script
-UNHEARD = 0.06  # a beat that the script has not repeated after this time shows that another program runs [s]
+UNHEARD = 4  # beats by which a script that runs may be behind: 80 ms; beyond, another program runs
+LAST = 1_000_000  # beat, after which 1 comes again
 STARTS = 2.0  # the script must run within this time after it was sent [s]
-SERVO_LAG = 0.03  # of servoj: its lookahead time in the script [s]
 POWERED = 30.0  # deadline of powering the arm and releasing its brakes, which is audible [s]
 UNLOCKED = 2.0  # deadline of the release of a protective stop [s]
 
@@ -83,7 +83,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         super().__init__(name, clock, options.robot, limits, options.supervision, PERIOD)
         self._open_port, self.lead = open_port, options.lead
         self._dashboard = UrDashboard(name, lambda: open_port("dashboard"), clock)
-        self._command, self._beat, self._beat_at, self._heard_at = STOP, 0, -np.inf, 0.0
+        self._command, self._beat, self._beat_at = STOP, 0, -np.inf
         self._knot: list[float] = [0, *([0.0] * 14)]
 
     # ---------------------------------------------------------------------------------------- connection
@@ -123,20 +123,26 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         """Send the script and wait until it runs."""
         self._command = FOLLOW
         self._give_beat(session, at_once=True)  # and no knot, before the script reads the registers
-        link = self._open_port("script")
+        first, link = self._beat, self._open_port("script")
         try:
             link.send(resident_script().encode())
-            self._await(session, lambda: self._runs(session), STARTS, "the script does not run; see the pendant's log")
+            missing = "the script does not run; see the pendant's log"
+            self._await(session, lambda: self._runs(session, first), STARTS, missing)
         except DeviceFault:
             self._command = STOP
             raise
         finally:
             link.close()
-        self._heard_at = self._clock.now()
 
-    def _runs(self, session: RtdeSession) -> bool:
-        playing, echoed = session.whole("runtime_state") == PLAYING, session.whole(ECHO) == self._beat
-        return playing and echoed and session.whole(ENDED) == session.whole(TAKEN) == 0
+    def _runs(self, session: RtdeSession, first: int) -> bool:
+        """Return True once the script repeats beats from `first` on."""
+        repeats = self._behind(session) <= (self._beat - first) % LAST
+        playing = session.whole("runtime_state") == PLAYING
+        return playing and repeats and session.whole(ENDED) == session.whole(TAKEN) == 0
+
+    def _behind(self, session: RtdeSession) -> int:
+        """Return by how many beats the script is behind."""
+        return (self._beat - session.whole(ECHO)) % LAST
 
     def _await(self, session: RtdeSession, until: Callable[[], bool], seconds: float, problem: str) -> None:
         end = self._clock.now() + seconds
@@ -192,14 +198,11 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     def _watch_controller(self, session: RtdeSession) -> None:
         if self._problem is not None:
             return
-        now = self._clock.now()
-        if session.whole(ECHO) == self._beat:
-            self._heard_at = now
         problem = stopped(session.whole("safety_mode"), session.whole("robot_mode"))
         if not problem and session.whole(ENDED) == 2:
             problem = "got a knot too late: the computer or the connection was delayed, and the arm has stopped"
         problem = problem or interrupted(session.whole("runtime_state"))
-        if not problem and now - self._heard_at > UNHEARD + BEAT:
+        if not problem and self._behind(session) > UNHEARD:
             problem = "another program has replaced this one on the controller; one of them only can move the arm"
         if problem:
             self._blame(DeviceFault(self.name, problem))
@@ -214,7 +217,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     def _give_beat(self, session: RtdeSession, at_once: bool = False) -> None:
         now = self._clock.now()
         if at_once or now - self._beat_at >= BEAT:
-            self._beat_at, self._beat = now, self._beat % 1_000_000 + 1
+            self._beat_at, self._beat = now, self._beat % LAST + 1
             self._write(session)
 
     def _pump(self, session: RtdeSession, stream: KnotStream) -> None:

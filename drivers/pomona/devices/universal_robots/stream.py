@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.devices.universal_robots.options import UrFile
+from pomona.devices.universal_robots.options import SURE, UrFile
 from pomona.drivers import KnotMaker, MotionState, PathFollower, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # period of stepping the path here [s]
 CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
-SURE = 0.02  # a knot is in the script within this time: two cycles of a CB3, and the network [s]
 JOINED = 3  # knots of which the last alone is sent when a motion brakes: the script needs the next one later
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from pomona.devices.robotiq.fingers import other_fingers
 from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
 from pomona.devices.wsg.transport import TCP_PORT, CanLink, can_channels
@@ -36,6 +35,7 @@ from pomona.executive import (
     Whole,
     value,
 )
+from pomona.tools.calibration.described_hand import other_fingers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from pomona.devices.universal_robots.links import other_model
-from pomona.drivers import Address, ArmFile
+from pomona.drivers import Address, ArmFile, ArmLimits, read_limits
 from pomona.executive import TIME, Flag, Measure, Problem, Text, value
+from pomona.tools.calibration.described_arm import other_model
 
 HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
 PORTS = {"command": 502, "report": 30003}
@@ -41,6 +41,11 @@ class XArmFile(ArmFile):
     @property
     def dof(self) -> int:
         return JOINTS[self.model]
+
+    @property
+    def limits(self) -> ArmLimits:
+        """Limits of the joints. Raises UnusableRobotFile."""
+        return replace(read_limits(self.robot, self.dof), reaction=self.servo_lag)
 
     def problems(self) -> Iterator[Problem]:
         unusable = list(ArmFile.problems(self))

@@ -36,9 +36,10 @@ def load(forces: Float64) -> Float64:
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
 
 
-NEAR, LEVEL, FLAT, STEEPER = 0.25, 0.002, 0.014, 2.0
+NEAR, LEVEL, FLAT, STEEPER, SINKS = 0.25, 0.002, 0.014, 2.0, 0.05
 """Reach of the hand across the approach [m], and displacement along it that no check shows [m]; speed at which a tip
-lands on a level surface with 10 N [m/s] (`bench_approach`); power of a surface's cosine by which it falls."""
+lands on a level surface with 10 N [m/s] (`bench_approach`), of an arm that stops at once; power of a surface's cosine
+by which it falls; `reaction` of an arm that lands with as much at half of this speed [s]."""
 
 
 def landing_speeds(

@@ -103,3 +103,9 @@ def test_another_robot_is_refused_at_the_setting_of_its_model(tmp_path: Path) ->
     refused = pytest.raises(CellFileError, match=r"(?s):3:8: .*is a ur10e, not the ur5e")
     with served(UrEmulator(FreeJoints(START), np.full(6, 3.14), "UR10"), "127.0.0.89"), refused:
         open_arm(tmp_path, f"address: 127.0.0.89\nmodel: ur5e\nrobot: {ROBOT}")
+
+
+def test_the_limits_tell_how_late_a_stop_begins(tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text(f"driver: universal-robots\naddress: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 40 ms\n")
+    assert read_settings(connect, path).values.limits.reaction == pytest.approx(0.02 + 0.04 + UrArm.lag)

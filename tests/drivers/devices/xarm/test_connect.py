@@ -96,3 +96,9 @@ def test_another_robot_is_refused_at_the_setting_of_its_model(tmp_path: Path) ->
     refused = pytest.raises(CellFileError, match=r"(?s):3:8: .*is a lite6, not the xarm6")
     with served(XArmEmulator(FreeJoints(START), np.full(6, 3.14), 9), "127.0.0.97"), refused:
         open_arm(tmp_path, f"address: 127.0.0.97\nmodel: xarm6\nrobot: {ROBOT}")
+
+
+def test_the_limits_tell_how_late_a_stop_begins(tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text(f"driver: xarm\naddress: h\nmodel: xarm6\nrobot: {ROBOT}\nservo_lag: 60 ms\n")
+    assert read_settings(connect, path).values.limits.reaction == 0.06

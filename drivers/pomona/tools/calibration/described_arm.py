@@ -11,28 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers import read_spec
-from pomona.executive import Float64, Problem
+from pomona.drivers.robot_file import read_spec
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.sections import Problem
 
 DOUBT, OFF = 0.01, 0.02  # a distance that differs by more is doubtful; another arm's [m]
 PARALLEL = 0.1  # sine of the angle below which two axes count as parallel: 6°
-
-LENGTHS = {
-    "ur3e": (0.0, 0.24355, 0.2132, 0.0, 0.0),
-    "ur5e": (0.0, 0.425, 0.3922, 0.0, 0.0),
-    "ur10e": (0.0, 0.6127, 0.57155, 0.0, 0.0),
-    "ur16e": (0.0, 0.4784, 0.36, 0.0, 0.0),
-    "ur20": (0.0, 0.862, 0.7287, 0.0, 0.0),
-    "ur30": (0.0, 0.637, 0.5037, 0.0, 0.0),
-    "ur3": (0.0, 0.24365, 0.21325, 0.0, 0.0),
-    "ur5": (0.0, 0.425, 0.39225, 0.0, 0.0),
-    "ur10": (0.0, 0.612, 0.5723, 0.0, 0.0),
-    "ur7e": (0.0, 0.425, 0.3922, 0.0, 0.0),
-    "ur12e": (0.0, 0.6127, 0.57155, 0.0, 0.0),
-    "ur15": (0.0, 0.6475, 0.5164, 0.0, 0.0),
-}
-"""By model [m]: `default_kinematics.yaml` of UR's package of descriptions; UR7e, UR12e and UR15 by UR's table of DH
-parameters, which agrees with the centres of mass in that package. None were found of a UR18."""
 
 
 def axis_distances(robot: Path, dof: int) -> Float64:

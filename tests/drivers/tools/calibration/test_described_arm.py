@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pomona.devices.universal_robots.links import DOUBT, LENGTHS, OFF, axis_distances, other_model
+from pomona.devices.universal_robots.options import LENGTHS
 from pomona.devices.xarm.options import LENGTHS as XARMS
+from pomona.tools.calibration.described_arm import DOUBT, OFF, axis_distances, other_model
 
 ROBOTS = Path(__file__).resolve().parents[4] / "trees" / "robots"
 

@@ -7,13 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.devices.robotiq.driver import MODELS
-from pomona.drivers import Surroundings, UnusableRobotFile, read_spec
-from pomona.executive import Problem
+from pomona.drivers.errors import UnusableRobotFile
+from pomona.drivers.robot_file import read_spec
+from pomona.executive.cell.registration import Surroundings
+from pomona.executive.values.sections import Problem
 
 OFF = 0.01  # an opening that differs by more is another gripper's [m]: strokes of the hands differ by 17 mm or more
-STROKES = {name: of.stroke for name, of in MODELS.items()} | {"WSG 32": 0.068, "WSG 50-110": 0.110, "WSG 50-210": 0.210}
+STROKES = {
+    "hand-e": 0.050,
+    "2f-85": 0.085,
+    "2f-140": 0.140,
+    "WSG 32": 0.068,
+    "WSG 50-110": 0.110,
+    "WSG 50-210": 0.210,
+}
 """Of hands [m], by their data sheets."""
+PADS = "on each finger add a site in the middle of its pad: <site name='pad_left'/>, <site name='pad_right'/>"
 
 
 def described_opening(robot: Path) -> tuple[float, float] | None:
@@ -39,6 +48,8 @@ def described_opening(robot: Path) -> tuple[float, float] | None:
 def other_fingers(around: Surroundings, own: str, closed: float) -> Iterator[Problem]:
     """Yield the problem of a description with other fingers; where no known hand has them it is a warning.
 
+    One without pads cannot be compared, which is a warning as well: grasps and ways know no opening of its fingers.
+
     Args:
         own: the gripper, as `STROKES` names it, or the first word of several.
         closed: distance of its pads when it is closed [m].
@@ -50,7 +61,10 @@ def other_fingers(around: Surroundings, own: str, closed: float) -> Iterator[Pro
             found = described_opening(robot)
         except UnusableRobotFile:  # the arm's own section reports it
             continue
-        if found is not None:
+        if found is None:
+            words = f"{robot} has no two sites 'pad_…', so its fingers are not compared with those of a {own}"
+            yield Problem("", f"{words}, and plans know no opening of them", PADS, warning=True)
+        else:
             yield from _differences(robot, found, own, closed)
 
 
