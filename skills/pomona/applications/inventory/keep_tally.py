@@ -31,7 +31,8 @@ class KeepTally(Skill):
         why: Annotated[str, Port(help="the reason, for the operator")] = "",
         hold: Annotated[Hold | None, Port(help="grip of this fruit: the width that the pads felt is noted")] = None,
         number: Annotated[
-            int | None, Port(help="of the fruit, where fruit moves; without it, one at the place of one left is the same")
+            int | None,
+            Port(help="of the fruit, where fruit moves; without it, one at the place of one left is the same"),
         ] = None,
         so_far: Annotated[Tally | None, Port(help="the tally so far")] = None,
     ) -> Kept:
