@@ -27,6 +27,7 @@ Outputs = Mapping[str, NDArray[Any]]  # of one picture, by name, in order; fract
 
 IN_SHARES = 2.0  # corners that all lie below this are shares of the input, not pixels
 LEAST_SCORE = 0.05  # boxes with less score are dropped
+EXTENTS = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # width and height from corners
 CHOSEN_VALUES = 6  # of a box whose class is chosen: corners, score and class
 COCO_NUMBERS = 91  # columns of a network with COCO's own class numbers, 1 to 90: 80 of them have a name
 
@@ -89,7 +90,11 @@ def read_boxes(
     """
     corners, scores = _READERS[form](outputs, settings, fruit)
     finite = np.isfinite(scores) & np.isfinite(corners).all(axis=1)
+    if 2 * int(finite.sum()) < len(finite):
+        raise BadForm(f"gives values that are not finite, in {(~finite).sum()} of {len(finite)} boxes")
     corners, scores = corners[finite], scores[finite]
+    if form in (BoxForm.LISTS, BoxForm.CHOSEN) and (corners[scores >= LEAST_SCORE] @ EXTENTS < -1.0).any():
+        raise BadForm("gives a box whose right end lies left of its left one, or its bottom above its top")
     if len(scores) and not (scores.min() >= -1e-3 and scores.max() <= 1.001):
         extent = f"{scores.min():.3g} to {scores.max():.3g}"
         raise BadForm(f"gives scores from {extent}, expected 0 to 1: export it with its sigmoid")
@@ -141,7 +146,7 @@ def _lists(outputs: Outputs, settings: BoxSettings, fruit: str) -> tuple[Float64
 def _rows(outputs: Outputs, settings: BoxSettings, fruit: str) -> tuple[Float64, Float64]:
     rows = next(iter(outputs.values()))[0]
     classes = len(rows) - 4 - _further_values(outputs, settings)
-    if settings.names and classes != len(settings.names):
+    if settings.names and settings.names.keys() != set(range(classes)):
         raise _disagreement("rows", classes, settings)
     return _corners(rows[:4].T), rows[4 + _column(settings, fruit, classes)]
 
@@ -163,7 +168,7 @@ def _chosen(outputs: Outputs, settings: BoxSettings, fruit: str) -> tuple[Float6
 def _queries(outputs: Outputs, settings: BoxSettings, fruit: str) -> tuple[Float64, Float64]:
     values = next(iter(outputs.values()))[0]
     classes = values.shape[1] - 4
-    if settings.names and classes != len(settings.names):
+    if settings.names and settings.names.keys() != set(range(classes)):
         raise _disagreement("columns", classes, settings)
     return _corners(values[:, :4]), values[:, 4 + _column(settings, fruit, classes)]
 
@@ -223,7 +228,9 @@ def _number(settings: BoxSettings, fruit: str) -> int:
 
 
 def _disagreement(kind: str, given: int, settings: BoxSettings) -> BadForm:
-    return BadForm(f"gives {given} {kind} of scores for {len(settings.names)} named classes: expected {KNOWN}")
+    numbers = ", ".join(map(str, sorted(settings.names)[:8])) + (", …" if len(settings.names) > 8 else "")
+    named = f"{len(settings.names)} named classes ({numbers})"
+    return BadForm(f"gives {given} {kind} of scores for {named}: expected {KNOWN}")
 
 
 def _are_shares(corners: Float64, form: BoxForm, settings: BoxSettings) -> bool:

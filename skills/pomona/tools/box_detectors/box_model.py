@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.pictures import LFS_POINTER
 from pomona.executive.values.trial import MEMORY, trial
 from pomona.skills.perception.detection.close_look import check_picture
 from pomona.skills.perception.detection.detection import WORKING_WIDTH
@@ -32,6 +33,8 @@ DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}  # types o
 
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Mean and standard deviation of ImageNet's red, green and blue in 0..1, by which RF-DETR's input is normalised."""
+
+MOST_WORDS = 200  # letters of ONNX Runtime's reason that are quoted
 
 PROCESSOR_S = 20  # limit of a trial: a large network takes seconds for one picture in one thread [s]
 MEMORY_RATIO = 4  # memory of a loaded model over its file's size: its parameters, and copies of them in other layouts
@@ -99,7 +102,7 @@ class BoxModel:
         except BadGraph as error:
             raise BadWeights(path, str(error)) from error
         except Exception as error:  # ONNX Runtime's errors have no common root
-            raise BadWeights(path, f"cannot be read as ONNX: {type(error).__name__}") from error
+            raise BadWeights(path, f"cannot be read as ONNX: {_cause(error)}") from error
         self._settings = read_settings(path, self._session.get_modelmeta().custom_metadata_map)
         self._read_input(working_width)
         self._outputs = [output.name for output in self._session.get_outputs()]
@@ -147,7 +150,8 @@ class BoxModel:
             raise BadWeights(self._path, f"has {len(inputs)} inputs, expected {expected}")
         shape, kind = list(pictures[0].shape), pictures[0].type
         leading = shape[:-3] if len(shape) in (3, 4) else [0]
-        if kind not in DTYPES or any(isinstance(n, int) and n != 1 for n in leading) or not _is_size(shape[-3], 3):
+        several = any(isinstance(n, int) and n != 1 for n in leading)
+        if kind not in DTYPES or several or not _is_size(shape[-3], 3) or shape[-1] == 3:
             raise BadWeights(self._path, f"has the input {_words(shape)} of {kind}, expected {expected}")
         self._name, self._dtype, self._batched = pictures[0].name, DTYPES[kind], len(shape) == 4
         self._sizes = sizes[0].name if sizes else None
@@ -208,9 +212,19 @@ class BoxModel:
             raise BadWeights(self._path, str(error)) from error
 
 
+def _cause(error: Exception) -> str:
+    """Return the reason that ONNX Runtime gives, in one line, without the name of its function."""
+    words = " ".join(str(error).split())
+    return f"{type(error).__name__}: {words.rpartition(') ')[2][:MOST_WORDS]}"
+
+
 def _judge(path: Path) -> None:
-    """Raise BadGraph: see `judge_model`; OSError, ValueError: the file is empty or cannot be read."""
+    """Raise BadGraph: it is empty, or only points to a model; or see `judge_model`."""
     with path.open("rb") as stream:
+        if not (start := stream.read(len(LFS_POINTER))):
+            raise BadGraph("cannot be read as ONNX: the file is empty")
+        if start == LFS_POINTER:
+            raise BadGraph("is a pointer of Git LFS, not the model: run `git lfs pull`")
         judge_model(memoryview(mmap(stream.fileno(), 0, access=ACCESS_READ)))
 
 

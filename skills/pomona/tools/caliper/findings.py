@@ -58,8 +58,11 @@ def find_error(found: CameraErrors) -> CameraFinding:
     if not known:
         return CameraFinding(False, f"The camera's place is not known from {number}{_turned(found)}.")
     most = 1e3 * max(direction.value + 2.0 * direction.std for direction in known)
-    along = "" if len(known) == 3 else f" {' and '.join(_line(direction.axis) for direction in known)}"
-    return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm{along} ({number}).")
+    if len(known) < len(places):
+        lines = " and ".join(_line(direction.axis) for direction in known)
+        words = f"The camera is at most {most:.1f} mm off {lines} ({number}); along other lines its place is not known."
+        return CameraFinding(False, words)
+    return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm ({number}).")
 
 
 def _turned(found: CameraErrors) -> str:

@@ -16,7 +16,7 @@ from pomona.executive.values.units import is_number
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.description import Description, Geom, read_description
 from pomona.skills.motion.robot.errors import BadRobotFile
-from pomona.skills.motion.robot.urdf import read_urdf
+from pomona.skills.motion.robot.urdf import SOFT, read_urdf
 from pomona.tools.own_arm.flange import choose_flange
 
 FEWEST = 6  # joints of an arm that can hold its hand in any pose
@@ -121,6 +121,12 @@ class _Reader:
         for step in description.steps:
             self.T_base_link.append(self.T_base_link[-1] @ step)
         self.assumed: list[str] = []
+        chain = set(description.joint_names)
+        if soft := [name for j in root.findall(f"joint[{SOFT}]") if (name := j.get("name", "")) in chain]:
+            words = (
+                "Ranges end at the soft limits of their safety_controller; its k_position and k_velocity are not used"
+            )
+            self.assumed.append(f"{words}: {', '.join(soft)}.")
 
     def arm(self) -> UrdfArm:
         kept = self._kept()

@@ -5,6 +5,7 @@ Everything is read and checked before anything is learnt: a mistake is named wit
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from pomona.executive.values.arrays import Float64
 from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
 from pomona.skills.perception.detection.errors import BadPhotographs
@@ -36,6 +38,9 @@ SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves
 MOST_JSON = 1 << 30  # of a COCO file [bytes]; a hundred thousand pictures with their outlines have less
 
 CLASSES = "classes.txt"  # names of classes, one per line, as labelImg and Label Studio write them
+
+KPT_SHAPES = "`kpt_shape: [keypoints, numbers of each]`, [0, 0] for outlines"
+KEYPOINT_SLACK = 0.01  # a box or a keypoint may end this far outside, in parts of the picture
 
 TRAIN, VAL, NEITHER = ("train", "training"), ("val", "valid", "validation"), ("test", "testing")
 
@@ -216,19 +221,20 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
     """`images/` beside `labels/`, either with the splits as folders in them or inside folders of the splits."""
     names = _names(folder)
     wanted = None if names is None else _class_of(*names, fruit)
-    keypoints = 0 if names is None else _keypoints(names[0])
+    keypoints = None if names is None else _keypoints(names[0])
+    if keypoints is None:
+        remedy = folder / "data.yaml" if names is None or names[0].suffix == ".txt" else names[0]
+        _refuse_unstated_keypoints(remedy, [labels for labels, _ in places])
     items, seen = [], set()
     for labels, images in places:
-        texts = {
-            p.relative_to(labels).with_suffix("") for p in files(labels) if p.suffix == ".txt" and p.name != CLASSES
-        }
+        texts = {path.relative_to(labels).with_suffix("") for path in _texts(labels)}
         pictures = {p.relative_to(images).with_suffix(""): p for p in files(images) if p.suffix.lower() in PICTURES}
         _both(images, labels, set(pictures), texts)
         for name in sorted(texts):
             split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
             text = (labels / name).with_name(f"{name.name}.txt")
             item = Labelled(pictures[name], str(text), split, parts=True)
-            for line, kind, box in _yolo_lines(text, keypoints):
+            for line, kind, box in _yolo_lines(text, keypoints or 0):
                 if names is not None and kind not in names[1]:
                     raise BadPhotographs(text, f"line {line}: the class {kind} has no name in {names[0]}")
                 seen.add(kind)
@@ -256,13 +262,45 @@ def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> 
             raise BadPhotographs(where, text.format(n=len(some), first=min(some)))
 
 
-def _keypoints(path: Path) -> int:
-    """Return how many numbers of keypoints follow each box, as `kpt_shape` of a data.yaml gives them; 0 without."""
+def _texts(labels: Path) -> list[Path]:
+    return [path for path in files(labels) if path.suffix == ".txt" and path.name != CLASSES]
+
+
+def _keypoints(path: Path) -> int | None:
+    """Return how many numbers of keypoints follow each box, as `kpt_shape` of a data.yaml gives them; None without."""
     said = {} if path.suffix == ".txt" else yaml.safe_load(read_plain_text(path))
-    shape = said.get("kpt_shape", (0, 0))
+    if "kpt_shape" not in said:
+        return None
+    shape = said["kpt_shape"]
     if not (isinstance(shape, list | tuple) and len(shape) == 2 and all(isinstance(n, int) for n in shape)):
         raise BadPhotographs(path, "kpt_shape is not [keypoints, numbers of each]")
     return int(shape[0] * shape[1])
+
+
+def _refuse_unstated_keypoints(remedy: Path, places: Sequence[Path]) -> None:
+    """Raise BadPhotographs: all long lines can be boxes with keypoints, which outlines of their sizes rarely can."""
+    long = []
+    for text in (path for place in places for path in _texts(place)):
+        with contextlib.suppress(OSError, ValueError):  # named when the file is read
+            rows = (line.split() for line in read_plain_text(text).split("\n"))
+            long += [(text, np.array(row[1:], float)) for row in rows if len(row) >= 7]
+    if long and len({len(values) for _, values in long}) == 1 and all(_may_be_keypoints(values) for _, values in long):
+        words = f"has {len(long[0][1])} numbers after each class: outlines, or boxes with keypoints"
+        raise BadPhotographs(long[0][0], f"{words}? Write into {remedy} {KPT_SHAPES}")
+
+
+def _may_be_keypoints(values: Float64) -> bool:
+    """Return True if a line can be a box in the picture with keypoints in it, of two numbers or of three."""
+    middle, half, rest = values[:2], 0.5 * values[2:4], values[4:]
+    if (half <= 0.0).any() or (np.abs(middle - 0.5) + half > 0.5 + KEYPOINT_SLACK).any():
+        return False
+    for size in (n for n in (2, 3) if len(rest) % n == 0):
+        points = rest.reshape(-1, size)
+        inside = (np.abs(points[:, :2] - middle) <= half + KEYPOINT_SLACK).all(axis=1)
+        seen = np.isin(points[:, 2:], (0.0, 1.0, 2.0)).all(axis=1)
+        if (seen & (inside | ~points[:, :2].any(axis=1))).all():  # (0, 0): a point that has no place
+            return True
+    return False
 
 
 def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[float, float, float, float]]]:

@@ -132,6 +132,31 @@ def test_a_joint_that_no_plan_could_use_is_refused(tmp_path: Path, kind: str, li
         load(tmp_path / "arm.urdf", arm(kind=kind, of_joint=limit))
 
 
+def softly(lower: str, upper: str) -> str:
+    soft = f'soft_lower_limit="{lower}" soft_upper_limit="{upper}" k_position="100" k_velocity="40"'
+    return f"{LIMIT}<safety_controller {soft}/>"
+
+
+def test_a_range_ends_where_the_safety_controller_stops_the_joint(tmp_path: Path) -> None:
+    robot = load(tmp_path / "arm.urdf", arm(of_joint=softly("-1.5", "9")))
+    assert (robot.lower[-1], robot.upper[-1]) == (-1.5, 2.0)
+    partly = load(tmp_path / "partly.urdf", arm(of_joint=LIMIT + '<safety_controller k_velocity="40"/>'))
+    assert (partly.lower[-1], partly.upper[-1]) == (-2.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "complaint"),
+    [
+        ("1", "-1", "the joint 'c' needs a range; 1 … -1 is none"),
+        ("one", "1", "the joint 'c': limit 'lower': could not convert string to float: 'one'"),
+        ("-1", "nan", '<safety_controller soft_upper_limit="nan"> is not finite'),
+    ],
+)
+def test_soft_limits_that_are_none_are_refused(tmp_path: Path, lower: str, upper: str, complaint: str) -> None:
+    with pytest.raises(BadRobotFile, match=re.escape(complaint)):
+        load(tmp_path / "arm.urdf", arm(of_joint=softly(lower, upper)))
+
+
 def test_two_joints_of_one_name_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadRobotFile, match="has two joints with the name 'b'"):
         load(tmp_path / "arm.urdf", arm().replace('<joint name="c"', '<joint name="b"'))

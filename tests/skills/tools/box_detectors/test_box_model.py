@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import pytest
 from onnx import TensorProto, helper
 
@@ -37,6 +38,8 @@ STRAY = np.zeros((1, 300, 6))
 STRAY[0, 0] = 40, 40, 60, 60, 0.9, 2
 LOGITS = {"dets": np.full((1, 300, 4), 0.5), "labels": np.full((1, 300, 5), -3.0)}
 ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
+BY_MIDDLE = np.zeros((1, 300, 6))
+BY_MIDDLE[0, 0] = 200, 200, 60, 60, 0.9, 0
 
 
 @pytest.mark.parametrize(
@@ -55,7 +58,7 @@ ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
         (
             {"output0": np.zeros((1, 6, 9))},
             {"names": "{0: 'pear', 7: 'apple'}"},
-            "names apple as class 7, and gives scores of 2",
+            r"gives 2 rows of scores for 2 named classes \(0, 7\)",
         ),
         (
             {"output0": np.zeros((1, 7, 9))},
@@ -66,6 +69,14 @@ ONE = {"boxes": [[10, 20, 40, 60]], "scores": [0.5]}
         ({"output0": np.zeros((1, 5, 9))}, {"names": "['pineapple']"}, "classes pineapple: none of them is apple"),
         ({"output0": np.zeros((1, 5, 9))}, {"names": "['apple', 'pear']"}, "gives 1 rows of scores for 2"),
         ({"output0": np.full((1, 300, 7), 0.5)}, {"names": "['apple', 'pear']"}, "3 columns of scores for 2 named"),
+        ({"output0": np.zeros((1, 6, 9))}, {"names": "{1: 'apple', 2: 'pear'}"}, r"2 named classes \(1, 2\)"),
+        ({"output0": BY_MIDDLE}, {"names": "['apple']"}, "gives a box whose right end lies left of its left one"),
+        (
+            {"output0": np.full((1, 5, 9), np.nan)},
+            {"names": "['apple']"},
+            "values that are not finite, in 9 of 9 boxes",
+        ),
+        (ONE, {"shape": ["b", "h", "w", 3]}, r"has the input \(b, h, w, 3\)"),
         ({"output0": STRAY}, {"names": "['apple', 'pear']"}, "gives a box of class 2, and names the classes 0 to 1"),
         (
             {"output0": SHARES},
@@ -104,6 +115,21 @@ def test_models_of_another_form_are_refused_in_one_line(
 def test_files_that_are_no_models_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadWeights, match=r"none\.onnx: no such file"):
         BoxModel(tmp_path / "none.onnx", "apple")
+    for text, message in (
+        ("", r"a\.onnx: cannot be read as ONNX: the file is empty$"),
+        (
+            "version https://git-lfs.github.com/spec/v1\noid sha256:aa\nsize 9\n",
+            "a pointer of Git LFS, .*: run `git lfs",
+        ),
+    ):
+        (tmp_path / "a.onnx").write_text(text)
+        with pytest.raises(BadWeights, match=message):
+            BoxModel(tmp_path / "a.onnx", "apple")
+    newer = onnx.load(write(tmp_path / "newer.onnx", ONE))
+    newer.ir_version = 99
+    onnx.save(newer, tmp_path / "newer.onnx")
+    with pytest.raises(BadWeights, match=r"cannot be read as ONNX: \w+: [^:]*IR version: 99"):
+        BoxModel(tmp_path / "newer.onnx", "apple")
     (tmp_path / "text.onnx").write_text("not ONNX")
     with pytest.raises(BadWeights, match=r"text\.onnx: cannot be read as ONNX"):
         BoxModel(tmp_path / "text.onnx", "apple")

@@ -277,6 +277,17 @@ def test_a_flange_whose_x_axis_leads_on_is_turned(tmp_path):
     assert any("the x axis of 'ee_link'" in sentence for sentence in arm.assumed)
 
 
+def test_soft_limits_are_taken_and_the_page_names_their_joints(tmp_path):
+    path = tmp_path / "arm.urdf"
+    soft = '<safety_controller soft_lower_limit="-3" soft_upper_limit="2.5" k_position="100" k_velocity="40"/>'
+    plain, hard = urdf(), '<limit lower="-6.28" upper="6.28" velocity="3" effort="150"/>'
+    path.write_text(plain.replace(hard, hard + soft, 1))
+    arm = read_arm(path)
+    assert arm.description.lower[:2] == pytest.approx([-3.0, -6.28])
+    assert arm.description.upper[:2] == pytest.approx([2.5, 6.28])
+    assert any(sentence.endswith("k_velocity are not used: pan.") for sentence in arm.assumed)
+
+
 def test_links_without_a_mass_get_one_and_the_page_names_them(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(mass=""))

@@ -200,6 +200,38 @@ def test_keypoints_behind_a_box_are_no_outline(tmp_path: Path) -> None:
         np.testing.assert_array_equal(some.boxes, others.boxes)
 
 
+def _lines(folder: Path, *lines: str) -> Path:
+    for k, line in enumerate(lines):
+        draw(folder / "images" / f"p{k}.jpg", [(120.0, 120.0, 30.0)])
+        (folder / "labels" / f"p{k}.txt").write_text(line)
+    return folder
+
+
+@pytest.mark.parametrize("points", ["0.5 0.45 0.55 0.5", "0.5 0.45 1 0.55 0.5 2", "0.5 0.45 0 0"])
+def test_keypoints_that_nothing_states_are_refused(tmp_path: Path, points: str) -> None:
+    (tmp_path / "labels").mkdir()
+    folder = _lines(tmp_path, *[f"0 0.5 0.5 0.25 0.25 {points}\n0 0.3 0.3 0.2 0.2\n"] * 3)
+    with pytest.raises(BadPhotographs, match="numbers after each class: outlines, or boxes with keypoints"):
+        read_photographs(folder)
+
+
+def test_outlines_that_could_be_keypoints_are_read_once_that_is_stated(tmp_path: Path) -> None:
+    (tmp_path / "labels").mkdir()
+    folder = _lines(tmp_path, "0 0.4 0.4 0.6 0.4 0.6 0.6 0.4 0.6\n")
+    with pytest.raises(BadPhotographs, match=r"data\.yaml `kpt_shape: .*, \[0, 0\] for outlines"):
+        read_photographs(folder)
+    (folder / "data.yaml").write_text("names: [apple]\nkpt_shape: [0, 0]\n")
+    assert np.allclose(read_photographs(folder).train[0].boxes, SIDE * np.array([[0.4, 0.4, 0.2, 0.2]]))
+
+
+def test_one_outline_that_is_no_box_with_keypoints_makes_all_of_them_outlines(tmp_path: Path) -> None:
+    (tmp_path / "labels").mkdir()
+    lines = "0 0.4 0.4 0.6 0.4 0.6 0.6 0.4 0.6\n", "0 0.1 0.1 0.2 0.4 0.3 0.4 0.3 0.1\n"
+    assert np.allclose(
+        read_photographs(_lines(tmp_path, *lines)).train[0].boxes, SIDE * np.array([[0.4, 0.4, 0.2, 0.2]])
+    )
+
+
 def test_files_that_a_mac_hides_beside_pictures_and_labels_are_left_out(tmp_path: Path) -> None:
     folder = yolo(tmp_path)
     for path in [*folder.glob("*/*/*")]:

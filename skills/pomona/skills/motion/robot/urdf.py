@@ -15,7 +15,8 @@ from urllib.parse import unquote, urlsplit
 
 from pomona.skills.motion.robot.errors import BadRobotFile
 
-NUMBERED = ("origin", "axis", "mass", "inertia", "box", "cylinder", "sphere", "dynamics")  # elements with numbers alone
+SOFT = "safety_controller"  # narrows the range of its joint
+NUMBERED = ("origin", "axis", "mass", "inertia", "box", "cylinder", "sphere", "dynamics", SOFT)  # with numbers alone
 ONLY_SEEN = "only_seen"  # mark of a link of which only drawn geometry is known
 READ = (".stl", ".obj", ".msh")  # endings of mesh files that MuJoCo reads
 SMALLEST = {
@@ -52,6 +53,14 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
                 raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
             if (part.tag, key) == ("origin", "xyz") and re.search(r"(?:^|\s)[+-]?\d\d[\d.]*(?:\s|$)", text):
                 raise BadRobotFile(path, f'<origin xyz="{text}"> is 10 m off or more: is it in millimetres?')
+    for joint in root.findall("joint[limit][safety_controller]"):
+        limit, soft = (part.attrib for name in ("limit", SOFT) for part in joint.findall(name)[:1])
+        for key, narrower in (("lower", max), ("upper", min)):
+            if {key, f"soft_{key}_limit"} <= limit.keys() | soft.keys():
+                try:
+                    limit[key] = narrower(limit[key], soft[f"soft_{key}_limit"], key=float)
+                except ValueError as error:
+                    raise BadRobotFile(path, f"the joint '{joint.get('name')}': limit '{key}': {error}") from error
     compiler = root.find("mujoco/compiler")
     own_folder = compiler is not None and "meshdir" in compiler.attrib
     for mesh in [] if own_folder else [mesh for part in root.iter("collision") for mesh in part.iter("mesh")]:
