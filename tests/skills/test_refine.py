@@ -15,6 +15,7 @@ from pomona.executive.views import ImageView
 from pomona.skills.geometry import inverse, rot_x, rot_y, transform
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.refinement.errors import RenderFailed
+from pomona.skills.perception.refinement.measure import measure as measure_fruit
 from pomona.skills.perception.refinement.render import ImageBox, render_depth, usable_renderer
 from pomona.skills.perception.refinement.scale_fit import moved_and_scaled
 from pomona.skills.refine import Refine
@@ -190,6 +191,12 @@ def test_without_opengl_the_z_buffer_measures_and_is_reported_once(detection, no
         np.testing.assert_array_equal(end.outputs["measured"].dimensions, plain.outputs["measured"].dimensions)
     said = "virtual depth comes from the z-buffer: pyrender cannot use EGL"
     assert (first.feedback, second.feedback, plain.feedback) == (said, "", "")
+
+
+def test_without_opengl_the_library_measures_all_the_same(detection, no_opengl):
+    """Skills of applications call it without a renderer of their own."""
+    plain = measure({"detection": detection, "renderer": "zbuffer"}).outputs["measured"]
+    np.testing.assert_array_equal(measure_fruit(detection, table_z=None).dimensions, plain.dimensions)
 
 
 def test_render_failed_for_a_flat_mesh(detection):

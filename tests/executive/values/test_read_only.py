@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
+from pomona.drivers.interfaces import ArmLimits
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import LARGE, ReadOnly, read_only
 
@@ -85,3 +86,11 @@ def test_every_copy_of_facts_is_read_only_and_equal(copied) -> None:  # type: ig
             array[0] = 1.0
     with pytest.raises(TypeError):
         facts.poses["home"] = np.ones(2)
+
+
+def test_facts_of_an_arm_arrive_in_another_process() -> None:
+    """They are made anew there, by the order of their fields."""
+    here = replace(ArmLimits(*np.ones((5, 7))), reaction=0.07)
+    there = pickle.loads(pickle.dumps(here))
+    assert there.reaction == 0.07
+    np.testing.assert_array_equal(there.jerk, here.jerk)

@@ -12,7 +12,6 @@ from pomona.drivers import Box
 from pomona.executive import Float64
 from pomona.skills.motion import fruit_points
 from pomona.skills.perception import Detection, MeasuredFruit, RefineError, measure
-from pomona.skills.perception.refinement.render import RendererName
 
 OVERLAP = 0.6
 """Share of the sum of two fruit's mean radii; middles that are nearer show that one took the depth of the other. Fruit
@@ -59,12 +58,7 @@ class FruitScene:
         return replace(chosen, beside=tuple(other for other in self.measured if other is not chosen))
 
 
-def measure_all(
-    detections: Sequence[Detection],
-    table_z: float | None,
-    obstacles: Sequence[Box] = (),
-    renderer: RendererName = "pyrender",
-) -> FruitScene:
+def measure_all(detections: Sequence[Detection], table_z: float | None, obstacles: Sequence[Box] = ()) -> FruitScene:
     """Measure each detection; a measurement that others contradict is none.
 
     Of two fruits that overlap, one took the depth of the other: the one whose depth agrees less. A fruit in the air
@@ -73,9 +67,8 @@ def measure_all(
     Args:
         table_z: height of the table in the base frame [m]; None where it is not known.
         obstacles: boxes of the cell file, whose top faces are floors, too.
-        renderer: of the virtual depth; one that works in this process.
     """
-    seen = [_measure(detection, table_z, renderer) for detection in detections]
+    seen = [_measure(detection, table_z) for detection in detections]
     for i, one in enumerate(seen):
         for k in range(i):
             if one.measured is not None and (other := seen[k].measured) is not None and overlap(one.measured, other):
@@ -121,8 +114,8 @@ def overlap(one: MeasuredFruit, other: MeasuredFruit) -> bool:
     return apart < OVERLAP * float(one.dimensions.mean() + other.dimensions.mean()) / 2.0
 
 
-def _measure(detection: Detection, table_z: float | None, renderer: RendererName) -> SeenFruit:
+def _measure(detection: Detection, table_z: float | None) -> SeenFruit:
     try:
-        return SeenFruit(detection, measure(detection, table_z=table_z, renderer=renderer))
+        return SeenFruit(detection, measure(detection, table_z=table_z))
     except RefineError as problem:
         return SeenFruit(detection, None, str(problem))

@@ -9,7 +9,6 @@ from pomona.drivers import Workspace
 from pomona.executive import Outputs, Port, Skill, Work
 from pomona.skills import require_true_look
 from pomona.skills.perception import MISMATCHES, AllDetections
-from pomona.skills.perception.refinement.render import usable_renderer
 
 
 class AllRefined(Outputs):
@@ -33,12 +32,7 @@ class RefineAll(Skill):
     ) -> Work[AllRefined]:
         workspace = self.device(Workspace)
         yield from require_true_look(self, detections.frame, detections.T_base_camera, workspace)
-        using, note = usable_renderer("pyrender")
-        if note:
-            yield note
-        scene = yield from self.compute(
-            measure_all, detections.detections, workspace.table_z, workspace.obstacles, using
-        )
+        scene = yield from self.compute(measure_all, detections.detections, workspace.table_z, workspace.obstacles)
         if not scene.measured:
             raise self.failure("NOTHING_MEASURED", scene.sentence, found=len(scene.fruit))
         yield scene.sentence

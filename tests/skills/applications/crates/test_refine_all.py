@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.applications.crates import fruit_scene, refine_all as refine_all_module
-from pomona.applications.crates.fruit_scene import FruitScene, SeenFruit, in_the_air, measure_all
+from pomona.applications.crates import fruit_scene
+from pomona.applications.crates.fruit_scene import SeenFruit, in_the_air, measure_all
 from pomona.applications.crates.refine_all import RefineAll
 from pomona.drivers.interfaces import Box, Frame, Workspace
 from pomona.executive.skill_testing import SkillEnd, drive
@@ -20,7 +20,7 @@ def refine_all(monkeypatch, *fruit: SeenFruit, **settings) -> SkillEnd:
     """Refine the detections of fruit whose measurements are known."""
     known = {id(one.detection): one.measured for one in fruit}
 
-    def measure(detection, table_z, renderer):
+    def measure(detection, table_z):
         found = known[id(detection)]
         if found is None:
             raise NoDepth(0, 0)
@@ -48,15 +48,6 @@ def test_without_any_measurement_it_fails_and_gives_each_reason_once(monkeypatch
     assert outcome.reason.data["found"] == 2
     assert outcome.reason.message.count("; ") == 1
     assert "2 times: " in outcome.reason.message
-
-
-def test_where_opengl_does_not_work_the_z_buffer_measures(monkeypatch):
-    using = []
-    monkeypatch.setattr(refine_all_module, "usable_renderer", lambda name: ("zbuffer", f"{name} does not work here"))
-    monkeypatch.setattr(refine_all_module, "measure_all", lambda *how: using.append(how[-1]) or FruitScene(()))
-    outcome = refine_all(monkeypatch, seen(0.0, 0.0))
-    assert outcome.reason.code == "NOTHING_MEASURED"
-    assert using == ["zbuffer"]
 
 
 @pytest.mark.parametrize("worse", [0, 1])

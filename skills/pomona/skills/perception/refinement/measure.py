@@ -39,6 +39,7 @@ from pomona.skills.perception.refinement.render import (
     farthest,
     render_depth,
     share_inside,
+    usable_renderer,
 )
 from pomona.skills.perception.refinement.scale_fit import (
     FruitContext,
@@ -62,12 +63,14 @@ def measure(
 
     Args:
         method: see `refine`, as for `limits`.
+        renderer: where it does not work, the z-buffer is used.
         table_z: height of the table in the base frame [m], if the fruit may stand on one.
         earlier: the same fruit, measured from another place: its looks are fused in.
 
     Raises RefineError: see `refine`; `NoDepth` also when the frame has no depth image.
     """
     frame = detection.frame
+    renderer, _ = usable_renderer(renderer)
     if method == "none":
         return _unrefined(detection, renderer)
     if frame.depth is None:
