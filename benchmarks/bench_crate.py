@@ -143,7 +143,10 @@ def main() -> None:
         for kind in said.kinds.split(","):
             if (kind, seed) in known:
                 continue
-            rows.append(clear(kind, seed, dict(each.split("=", 1) for each in said.set)))
+            row = clear(kind, seed, dict(each.split("=", 1) for each in said.set))
+            if row["outcome"] == "stopped":  # by a signal: it counts for nothing, and none follows
+                raise SystemExit("stopped")
+            rows.append(row)
             with said.out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(rows[-1]) + "\n")
             sys.stdout.write(json.dumps(rows[-1]) + "\n")
