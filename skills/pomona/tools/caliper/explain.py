@@ -20,14 +20,14 @@ MOST_RUNS = 30  # runs that are looked at, this one included
 
 
 def explain(record: Path) -> str:
-    """Return a sentence about the camera; empty where the run has no usable touch.
+    """Return a sentence about the camera, or why no pick can be used; empty where no run has a touch.
 
     Runs of its cell before it are read back to the first of another calibration.
     """
     beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
     read = read_back(record, in_order(beside, lambda run: run.name))
     if not read.picks:
-        return ""
+        return f"No word about the camera: {read.refused[0].partition(': ')[2]}." if read.refused else ""
     found = estimate(read.picks)
     own = [pick for pick in read.picks if pick.name.startswith(f"{record.name} ")]
     return " ".join(filter(None, (find_error(found).sentence, next_picks(found), describe_widths(own, found))))

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from shown_runs import APPROVED, DRAWN, GATE, HOLD, SIZES, Show, Wire, press_stop
 
-from pomona.executive.running.events import ErrorRaised, LinkChanged, SafeStopped
+from pomona.executive.running.events import ErrorRaised, LinkChanged, Published, SafeStopped
+from pomona.executive.views import TableView
 from pomona.tools.dashboard.choices import Choices
 
 pytestmark = pytest.mark.browser
@@ -165,3 +166,17 @@ def test_when_the_program_was_closed_after_its_run(show: Show, chromium: Any) ->
     problems = in_sight(page, "closed")
     page.close()
     assert problems == []
+
+
+def test_what_picks_show_of_the_camera_stands_beside_the_result(show: Show, open_page: Open) -> None:
+    page = open_page(viewport={"width": 1280, "height": 800})
+    show.run(JAMMED)
+    expect(page.locator("#state")).to_have_text("✗ failure")
+    words = "The camera sits 6.1 ± 0.4 mm to the left of where the cell file has it (12 picks)."
+    for sentence in ("The camera's place is not known from 1 pick.", words):
+        table = TableView(("camera",), ((sentence,),), "the camera, from the touches of the pads")
+        show.dashboard.hub.on_event(Published(0.2, 1, "", "camera", table))
+        expect(page.locator("#why .remark")).to_have_text(sentence)
+    box = page.locator("#why .remark").bounding_box()
+    assert box["y"] + box["height"] < 800 / 3
+    assert in_sight(page, "camera_off") == []

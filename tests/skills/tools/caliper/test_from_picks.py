@@ -124,6 +124,13 @@ def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, 
     assert "(6 picks)" in " ".join(capsys.readouterr().out.split())
 
 
+def test_explain_says_why_no_pick_can_be_used(tmp_path):
+    no_width = {"type": "PadTouch", "stamp": 1.0, "width": None, "force": 0.5}
+    unknown = write_run(tmp_path / "run", recorded() | {"left": None, "right": None, "closed": no_width})
+    assert explain(unknown).startswith("No word about the camera: ")
+    assert explain(write_run(tmp_path / "other" / "run")) == ""
+
+
 def test_the_widths_of_a_run_with_many_picks_fit_one_sentence(tmp_path):
     few, many = (write_run(tmp_path / name / "run", *picks_of(0.0, count)) for name, count in (("3", 3), ("9", 9)))
     assert "Widths of 3 fruit between the fingers: 80." in explain(few)

@@ -57,13 +57,16 @@ export function drawWhy(s) {
   const latest = s.failures.at(-1);
   const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
   const { progress } = s;
-  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}|${page.control.starts}`;
+  const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}|${page.control.starts}|${cameraOf(s)}`;
   if (key === whyKey) return;
   whyKey = key;
   document.body.classList.toggle("failed", Boolean(s.ended && s.ended.outcome !== "success"));
   $("why-bar").dataset.rank = s.ended ? ENDED[s.ended.outcome]?.[0] ?? "bad" : page.problem || hasNoEnd() || (page.opened && page.recorded && !s.run) ? "bad" : s.state === "running" ? "busy" : s.state === "idle" ? "" : "warn";
-  $("why").replaceChildren(...[...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)), closedWords()].flat().filter(Boolean));
+  $("why").replaceChildren(...[...(s.ended ? endedWords(s, latest) : goingWords(s, doing, latest)), cameraOf(s) && h("p", { class: "remark" }, cameraOf(s)), closedWords()].flat().filter(Boolean));
 }
+
+// What picks have shown of the camera's place: the caliper's table of one sentence.
+const cameraOf = (s) => s.tables.get("camera")?.rows[0]?.[0] ?? "";
 
 const progressOf = ({ progress }) => (progress ? `${progress.what} ${progress.number} of ${progress.of}` : "");
 
