@@ -204,7 +204,7 @@ class ArmLimits(ReadOnly):
     velocity: Float64
     acceleration: Float64
     jerk: Float64
-    reaction: float = 0.0
+    reaction: float = field(default=0.0, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

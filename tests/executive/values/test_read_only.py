@@ -89,7 +89,7 @@ def test_every_copy_of_facts_is_read_only_and_equal(copied) -> None:  # type: ig
 
 
 def test_facts_of_an_arm_arrive_in_another_process() -> None:
-    """They are made anew there, by the order of their fields."""
+    """They are made anew there, keyword-only fields, too."""
     here = replace(ArmLimits(*np.ones((5, 7))), reaction=0.07)
     there = pickle.loads(pickle.dumps(here))
     assert there.reaction == 0.07

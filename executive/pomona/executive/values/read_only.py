@@ -128,7 +128,11 @@ class ReadOnly:
                 object.__setattr__(self, name, kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(_picklable(getattr(self, name)) for name in _names(type(self)))
+        return _anew, (type(self), {name: _picklable(getattr(self, name)) for name in _names(type(self))})
+
+
+def _anew(kind: Any, values: Mapping[str, Any]) -> Any:
+    return kind(**values)
 
 
 def _picklable(value: Any) -> Any:
