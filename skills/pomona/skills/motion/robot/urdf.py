@@ -60,7 +60,7 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
                 try:
                     limit[key] = narrower(limit[key], soft[f"soft_{key}_limit"], key=float)
                 except ValueError as error:
-                    raise BadRobotFile(path, f"the joint '{joint.get('name')}': a limit '{key}': {error}") from error
+                    raise BadRobotFile(path, f"the joint '{joint.get('name')}': limit '{key}': {error}") from error
     compiler = root.find("mujoco/compiler")
     own_folder = compiler is not None and "meshdir" in compiler.attrib
     for mesh in [] if own_folder else [mesh for part in root.iter("collision") for mesh in part.iter("mesh")]:
