@@ -495,12 +495,14 @@ class PathWatchSettings:
         near: distance to unmapped standing objects, from the middle of their cell of 20 mm [m].
         padding: around the robot's shape; nearer points count as the robot itself [m].
         delay: from the exposure of a frame to the moment at which the arm begins to brake [s].
+        passing: volumes in which a line carries its goods: what they show is no obstacle.
     """
 
     speed: float = 1.6
     near: float = 0.03
     padding: float = 0.03
     delay: float = 0.05
+    passing: tuple[Box, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

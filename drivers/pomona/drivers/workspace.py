@@ -211,9 +211,11 @@ class WatchSection:
         Measure(TIME, "0 s", "2 s"), "50 ms", "from a look at a frame until the arm begins to brake; measure yours"
     )
 
+    passing: tuple[ZoneSection, ...] = value(ListOf(Section(ZoneSection)), (), "volumes of a belt's goods: not watched")
+
     def settings(self) -> PathWatchSettings:
         """For the skills."""
-        return PathWatchSettings(self.speed, self.near, self.padding, self.delay)
+        return PathWatchSettings(self.speed, self.near, self.padding, self.delay, tuple(v.box() for v in self.passing))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,17 +17,15 @@ if TYPE_CHECKING:
         rot_z as rot_z,
         transform as transform,
     )
-    from pomona.skills.shared.following import (
-        MOTION_FAILURES as MOTION_FAILURES,
-        MovingSkill as MovingSkill,
-    )
+    from pomona.skills.shared.following import MOTION_FAILURES as MOTION_FAILURES, MovingSkill as MovingSkill
     from pomona.skills.shared.frame_trust import require_true_look as require_true_look
-    from pomona.skills.shared.grasp_view import (
-        TAKEN as TAKEN,
-        fruit_mesh as fruit_mesh,
-        summary as summary,
-    )
+    from pomona.skills.shared.grasp_view import TAKEN as TAKEN, fruit_mesh as fruit_mesh, summary as summary
     from pomona.skills.shared.held_fruit import show_grip as show_grip
+    from pomona.skills.shared.live_watch import (
+        KnownAround as KnownAround,
+        LiveWatch as LiveWatch,
+        prepare_watch as prepare_watch,
+    )
     from pomona.skills.shared.looking import (
         LOOKING_FAILURES as LOOKING_FAILURES,
         LookingSkill as LookingSkill,
@@ -51,6 +49,7 @@ PUBLIC = {
     "shared.frame_trust": "require_true_look",
     "shared.grasp_view": "TAKEN fruit_mesh summary",
     "shared.held_fruit": "show_grip",
+    "shared.live_watch": "KnownAround LiveWatch prepare_watch",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",
     "shared.touch": "Touch",

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         read_model as read_model,
     )
     from pomona.tools.simulation.gl import load_mujoco as load_mujoco
+    from pomona.tools.simulation.intruder import IntruderSection as IntruderSection, add_intruder as add_intruder
     from pomona.tools.simulation.layout import (
         FINGERS as FINGERS,
         FRICTION as FRICTION,
@@ -48,6 +49,7 @@ PUBLIC = {
     "camera": "SimCamera",
     "fruit_shape": "APPLES FruitShape SKINS UnusableModel make_fruit read_model",
     "gl": "load_mujoco",
+    "intruder": "IntruderSection add_intruder",
     "layout": "CellFruitSection FINGERS FRICTION FruitOnTable PADS read_robot",
     "scene": (
         "TABLE_FRICTION TIMESTEP add_fixed add_fruit add_lights add_material container_of quaternion set_physics "

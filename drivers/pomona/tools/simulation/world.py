@@ -13,7 +13,7 @@ from pomona.executive.cell.device import Device, FaultSwitch
 from pomona.executive.cell.errors import DeviceFault
 from pomona.executive.values.arrays import Float64
 from pomona.tools.simulation.gl import load_mujoco
-from pomona.tools.simulation.intruder import Intruder, Reach
+from pomona.tools.simulation.intruder import Intruder, IntruderSection, Reach
 from pomona.tools.simulation.layout import gather
 from pomona.tools.simulation.scene import TIMESTEP, SimScene
 from pomona.tools.simulation.score import Scorer
@@ -57,6 +57,7 @@ class PhysicsWorld(Device, ABC):
         super().__init__("world")
         self.mujoco = load_mujoco()
         self.description, self.seed = description, seed
+        self.intruder: Intruder | None = None
         self.model: Any = model
         self.state: Any = self.mujoco.MjData(self.model)
         self.before_step: list[Callable[[], None]] = []
@@ -77,6 +78,23 @@ class PhysicsWorld(Device, ABC):
 
     def watch(self) -> None:
         """Observe the world, 100 times a second."""
+        if self.intruder is not None:
+            self.intruder.measure()
+
+    def invite(self, said: IntruderSection | None) -> None:
+        """Let a person's hand come, whose body the model has."""
+        if said is None:
+            return
+        stays = np.inf if said.stays is None else said.stays
+        reach = Reach(np.array(said.start), np.array(said.goal), said.speed, stays)
+        dofs = self.model.jnt_dofadr[self.arm_joints]
+        self.intruder = Intruder(self.mujoco, self.model, self.state, dofs, reach, said.after)
+        self.before_step.append(self.intruder.step)
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        """Events that can be caused in the world, beside its devices' faults."""
+        return {} if self.intruder is None else {"intruder": self.intruder}
 
     def check(self) -> None:
         """Raise DeviceFault if the physics was unstable: MuJoCo has then put everything back to its beginning."""
@@ -124,25 +142,13 @@ class SimWorld(PhysicsWorld):
         self.scene = scene
         super().__init__(scene.model, description, q_start, seed)
         self.score = Scorer(scene, self.state)
-        self.intruder: Intruder | None = None
-        said = scene.intruder
-        if said is not None:
-            stays = np.inf if said.stays is None else said.stays
-            reach = Reach(np.array(said.start), np.array(said.goal), said.speed, stays)
-            dofs = self.model.jnt_dofadr[self.arm_joints]
-            self.intruder = Intruder(self.mujoco, self.model, self.state, dofs, reach, said.after)
-            self.before_step.append(self.intruder.step)
+        self.invite(scene.intruder)
 
     def _settle(self) -> None:
         if self.scene.gathering is not None:
             sizes = np.array([fruit.dimensions[:2] for fruit in self.scene.fruits])
             gather(self.mujoco, self.model, self.state, sizes, self.scene.gathering, self.seed)
         super()._settle()
-
-    @property
-    def switches(self) -> Mapping[str, FaultSwitch]:
-        """Events that can be caused in the world, beside its devices' faults."""
-        return {} if self.intruder is None else {"intruder": self.intruder}
 
     def truth(self) -> Mapping[str, object]:
         """Return the world's own score; see `score.Scorer.report`."""
@@ -153,9 +159,8 @@ class SimWorld(PhysicsWorld):
         self.score.note_look()
 
     def watch(self) -> None:
+        super().watch()
         self.score.watch()
-        if self.intruder is not None:
-            self.intruder.measure()
 
 
 class FaultyDevice(Device, FaultSwitch):

@@ -20,8 +20,10 @@ from pomona.tools.simulation import (
     TABLE_FRICTION,
     FruitOnTable,
     FruitShape,
+    IntruderSection,
     add_fixed,
     add_fruit,
+    add_intruder,
     add_lights,
     add_material,
     load_mujoco,
@@ -49,6 +51,7 @@ class BeltModel:
     fruits: tuple[FruitOnTable, ...]
     shapes: tuple[FruitShape, ...]
     fixed: tuple[Box, ...]
+    intruder: IntruderSection | None
 
 
 def build_belt_model(
@@ -58,12 +61,14 @@ def build_belt_model(
     shapes: Sequence[FruitShape],
     fixed: tuple[Box, ...],
     seed: int,
+    intruder: IntruderSection | None = None,
 ) -> BeltModel:
     """Compile a belt before a robot.
 
     Args:
         spec: the robot's, which is added to.
         fixed: boxes around the robot: its pedestal, the crates.
+        intruder: a person's hand that comes, or None.
     """
     mujoco = load_mujoco()
     rng = np.random.default_rng([seed, 2])
@@ -73,8 +78,10 @@ def build_belt_model(
     _add_belt(mujoco, spec, belt, rng)
     for i, (fruit, shape) in enumerate(zip(fruits, shapes, strict=True)):
         add_fruit(mujoco, spec, f"fruit_{i}", fruit, shape, belt.top)
+    if intruder is not None:
+        add_intruder(mujoco, spec)
     _add_sensors(mujoco, spec, len(fruits))
-    return BeltModel(spec.compile(), belt, tuple(fruits), tuple(shapes), fixed)
+    return BeltModel(spec.compile(), belt, tuple(fruits), tuple(shapes), fixed, intruder)
 
 
 def _add_belt(mujoco: Any, spec: Any, belt: Belt, rng: np.random.Generator) -> None:

@@ -30,7 +30,16 @@ from pomona.executive import (
     choose,
     value,
 )
-from pomona.tools.simulation import APPLES, FRICTION, PADS, CellFruitSection, FruitOnTable, make_fruit, read_robot
+from pomona.tools.simulation import (
+    APPLES,
+    FRICTION,
+    PADS,
+    CellFruitSection,
+    FruitOnTable,
+    IntruderSection,
+    make_fruit,
+    read_robot,
+)
 
 FASTEST = 0.5
 """Speed of a belt up to which the simulated one is checked: tests/skills/applications/conveyor/test_world.py [m/s]."""
@@ -63,6 +72,7 @@ class ConveyorOptions:
         OrWord(Span(Number(0.01, 5.0)), "auto"), "auto", f"sliding friction of the pads; 'auto' draws from {FRICTION}"
     )
     torsion: float = value(Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding")
+    intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
 
     @property
     def belt(self) -> Belt:
@@ -120,7 +130,7 @@ def connect_world(settings: Settings[ConveyorOptions], context: ConnectContext) 
         make_fruit(fruit.model, fruit.dimensions, fruit.skin, np.random.default_rng([seed, 5, i]), fruit.shape_noise)
         for i, fruit in enumerate(fruits)
     ]
-    built = build_belt_model(spec, said.belt, fruits, shapes, context.workspace.obstacles, seed)
+    built = build_belt_model(spec, said.belt, fruits, shapes, context.workspace.obstacles, seed, said.intruder)
     q_start: Float64 = context.workspace.poses[said.start]
     return ConveyorWorld(built, said.robot, q_start, seed, said.speed, Feed(said.gap, said.lateral, said.rolling))
 

@@ -14,19 +14,11 @@ from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, end_p
 from pomona.applications.conveyor.intercepting import InterceptPlan
 from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
+from pomona.applications.conveyor.reach_watch import watch_reach
 from pomona.applications.conveyor.tracks import FruitTrack
-from pomona.drivers import (
-    Arm,
-    Camera,
-    Cameras,
-    ForceSensor,
-    Gripper,
-    MotionRefused,
-    StreamedArm,
-    Workspace,
-)
+from pomona.drivers import Arm, Camera, Cameras, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
 from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
-from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, show_grip
+from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, prepare_watch, show_grip
 from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
 from pomona.skills.motion import Grasp
 
@@ -52,7 +44,15 @@ class Intercept(BeltSkill):
     failures = (
         *MOTION_FAILURES,
         *BELT_FAILURES,
-        *("OUT_OF_REACH", "TOO_UNSURE", "TOO_WIDE", "NEIGHBOUR_AT_RISK", "PATH_BLOCKED"),
+        *(
+            "OUT_OF_REACH",
+            "TOO_UNSURE",
+            "TOO_WIDE",
+            "NEIGHBOUR_AT_RISK",
+            "PATH_BLOCKED",
+            "POSE_MISMATCH",
+            "DEPTH_MISMATCH",
+        ),
         *("TRACK_LOST", "BELT_CHANGED", "BEHIND", "END_OF_REACH"),
         *("NO_CONTACT", "ONE_FINGER", "OUT_OF_STROKE", "FORCE_LIMIT", "SENSOR_STALE", "SENSOR_SATURATED"),
         *("SENSOR_FAULT", "SLIPPED", "LOST"),
@@ -60,6 +60,7 @@ class Intercept(BeltSkill):
 
     def prepare(self) -> None:
         prepare_moving(self)
+        prepare_watch(self)
         warm_up(self.device(ForceSensor).rate)
 
     def run(
@@ -89,10 +90,12 @@ class Intercept(BeltSkill):
             pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
             settings = grip_settings(contact, mu_uncertainty, target.measured, width, gripper, self.device(ForceSensor))
             catch = Catch(pick, track, tracks, stream, self.failure)
+            eyes = watch_reach(self, arm, stream.motion, self.clock, pick)
             while catch.reaches(self.clock.now()):
                 self.look(tracks, False, catch.meeting())
+                ahead = None if eyes is None else eyes.look()
                 catch.reach()
-                yield f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
+                yield ahead or f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
             hold = Hold(gripper, self.device(ForceSensor), GripController(settings), self.clock.now).under(gripper)
             try:
                 while hold.phase is not GripPhase.HOLDING:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -65,6 +65,7 @@ class InterceptPlan:
         R_base_start: orientation of the hand at t0, shape (3, 3); axis: rotation vector to the grasp, shape (3,) [rad].
         R_base_grasp: orientation at the grasp, shape (3, 3).
         share: largest share of a joint's speed or acceleration limit on the way.
+        times, postures: of the planned way until the hand rests after the lift, shape (n,) [s] and (n, dof) [rad].
     """
 
     t0: float
@@ -78,6 +79,8 @@ class InterceptPlan:
     axis: Float64
     R_base_grasp: Float64
     share: float = 0.0
+    times: Float64 = field(default_factory=lambda: np.empty(0))
+    postures: Float64 = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def arrival(self) -> float:
@@ -179,18 +182,18 @@ def plan_pick(
         for descent in DESCENTS:
             for yaw in yaws:
                 pick = _pick(T_base_tcp, now, steady, grip, plumb(along, yaw), reach, descent)
-                q, shares = _postures(hand, pick, steady)
-                if q is None:
+                planned = _planned(hand, pick, steady)
+                if planned is None:
                     continue
                 reached = True
-                share = max(shares)
-                if share > SHARE:
-                    found = found if found.code else NoPick("", f"it would take {share:.2f} of the joints' limits")
+                if planned.share > SHARE:
+                    words = f"it would take {planned.share:.2f} of the joints' limits"
+                    found = found if found.code else NoPick("", words)
                     continue
-                if blocked := hand.free(q):
-                    found = NoPick("PATH_BLOCKED", blocked)
+                if blocked := hand.free(planned.postures):
+                    found = NoPick("OUT_OF_REACH", blocked)
                     continue
-                return replace(pick, share=share)
+                return planned
         short, near = short or not reached, near or (reached and reach == REACHES[0])
     if near and not found.code:  # the fruit is in reach, and a later start leaves less time to the same place
         return NoPick("OUT_OF_REACH", f"the fruit is too far on: {found.reason}", late=True)
@@ -268,8 +271,8 @@ def _pick(
     )
 
 
-def _postures(hand: ReadyHand, pick: InterceptPlan, place: Place) -> tuple[Float64 | None, tuple[float, ...]]:
-    """Return the joints of a pick from start to rest, shape (n, dof), and its shares of limits; None out of reach."""
+def _planned(hand: ReadyHand, pick: InterceptPlan, place: Place) -> InterceptPlan | None:
+    """Return a pick with its postures from start to rest, and its share of the limits; None out of reach."""
     closed = pick.arrival + CLOSING
     rise = Rise(closed, pick.pose(closed, place), place(closed)[1], hand.lift)
 
@@ -285,17 +288,15 @@ def _postures(hand: ReadyHand, pick: InterceptPlan, place: Place) -> tuple[Float
     for t, T in way():
         solved = nearest_solution(hand.robot, T, q)
         if solved is None or np.abs(solved - q).max() > JUMP:
-            return None, ()
+            return None
         q = solved
         times.append(t)
         postures.append(q)
     found, t_all = np.array(postures), np.array(times)
     qd = np.gradient(found, t_all, axis=0)
     qdd = np.gradient(qd, t_all, axis=0)
-    return found, (
-        float((np.abs(qd) / hand.limits.velocity).max()),
-        float((np.abs(qdd) / hand.limits.acceleration).max()),
-    )
+    shares = np.abs(qd) / hand.limits.velocity, np.abs(qdd) / hand.limits.acceleration
+    return replace(pick, share=float(np.max(shares)), times=t_all, postures=found)
 
 
 def plumb(along: Float64, yaw: float) -> Float64:

@@ -58,12 +58,14 @@ class ConveyorWorld(PhysicsWorld):
         self._next_at = 0.0
         self._rests: dict[int, float] = {}
         self.before_step.append(self._run)
+        self.invite(built.intruder)
 
     def truth(self) -> Mapping[str, object]:
         """Return the belt's own score; see `fates.BeltScore.report`."""
-        return self.score.report()
+        return {**self.score.report(), **({} if self.intruder is None else self.intruder.truth())}
 
     def watch(self) -> None:
+        super().watch()
         self.score.watch()
 
     def pose(self, number: int) -> Float64:

@@ -11,10 +11,12 @@ import pytest
 from py_trees.common import Status
 
 from pomona.applications.conveyor.intercept import Intercept
-from pomona.executive import SkillEnd
+from pomona.drivers import Cameras
+from pomona.executive import SkillEnd, drive
 from pomona.skills import TAKEN
 from pomona.skills.grip.closing import PickTouches
 from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
+from tests.skills.overhead import Overhead
 
 
 def code(end: SkillEnd) -> str:
@@ -152,6 +154,32 @@ def test_a_neighbour_where_a_finger_would_come_down_lets_the_fruit_pass() -> Non
     assert nothing_moved(rig)
 
 
+@pytest.mark.parametrize(("place", "blocks"), [((-0.30, -0.42, 0.10), True), ((-0.30, -0.36, -0.06), False)])
+def test_what_comes_over_the_belt_stops_the_hand_where_it_is_and_fruit_on_it_does_not(
+    place: tuple[float, float, float], blocks: bool
+) -> None:
+    rig = BeltRig()
+    overhead = Overhead(rig.clock)
+    devices = {**rig.devices, Cameras: Cameras((rig.camera, overhead))}
+    skill, began = Intercept(), rig.clock.now()
+
+    def tick(_: int) -> None:
+        if "reaching" in skill.feedback_message and not overhead.balls:
+            overhead.balls = ((*place, 0.045),)
+
+    end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick)
+    assert overhead.balls
+    assert overhead.frames > 2
+    if not blocks:
+        assert end.status is Status.SUCCESS
+        return
+    assert code(end) == "PATH_BLOCKED"
+    assert rig.clock.now() - began < 5.0
+    before = rig.arm.q.copy()
+    rig.clock.advance(0.2)
+    assert np.array_equal(before, rig.arm.q)
+
+
 @pytest.mark.slow
 def test_a_box_over_the_belt_blocks_the_way_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     from pomona.drivers import Box
@@ -163,7 +191,7 @@ def test_a_box_over_the_belt_blocks_the_way_before_anything_moves(monkeypatch: p
     monkeypatch.setattr(belt_rig, "workspace", lambda: blocked)
     rig = BeltRig()
     end = rig.intercept()
-    assert code(end) == "PATH_BLOCKED"
+    assert code(end) == "OUT_OF_REACH"
     assert "bridge" in end.reason.message  # type: ignore[union-attr]
     assert nothing_moved(rig)
 

@@ -146,7 +146,7 @@ def test_a_way_that_is_not_free_is_blocked_with_its_reason() -> None:
         assert isinstance(pick, NoPick)
         if pick.code:
             break
-    assert pick.code == "PATH_BLOCKED"
+    assert pick.code == "OUT_OF_REACH"
     assert "touches the roof" in pick.reason
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings, strategies as st
 
-from pomona.drivers.interfaces import Frame, PathWatchSettings, Trajectory, Workspace
+from pomona.drivers.interfaces import Box, Frame, PathWatchSettings, Trajectory, Workspace
 from pomona.drivers.path_motion import PathFollower
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64
@@ -16,6 +16,7 @@ from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.motion.watch import Braking, PathWatch
+from pomona.skills.motion.watch.kernel import see
 from pomona.skills.motion.watch.path_watch import FRAME_INTERVAL, UNNOTICED
 from pomona.skills.shared.live_watch import TOO_OLD
 from pomona.tools.mock.arm import SIA5F_LIMITS
@@ -58,6 +59,28 @@ def test_an_object_that_moves_in_within_reach_stops_the_arm_and_is_reported_with
     assert told.stop
     assert told.moved
     assert np.linalg.norm(np.array(told.point) - ball[:3]) < 0.1
+
+
+def test_goods_of_a_line_in_their_volume_stop_nothing_and_what_is_higher_does() -> None:
+    x, y, z = on_the_way(0.5)
+    T = np.eye(4)
+    T[:3, 3] = x, y, z - 0.12
+    passing = replace(WORKSPACE, watch=PathWatchSettings(passing=(Box("line", T, (0.2, 0.2, 0.1)),)))
+    for height, stops in ((-0.08, False), (0.10, True)):
+        looking = watch(passing)
+        looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
+        ball = (x, y, z + height, 0.05)
+        told = looking.look(frame(0.03, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.3)
+        assert (told is not None and told.stop) == stops
+
+
+def test_a_pose_that_may_not_be_written_is_not_compiled_for_once_more() -> None:
+    looking, fixed = watch(), T_BASE_CAMERA.copy()
+    looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
+    compiled = len(see.signatures)
+    fixed.flags.writeable = False
+    looking.look(frame(0.03, *robot_at(OBSERVE)), fixed, OBSERVE, 0.0, 0.03)
+    assert len(see.signatures) == compiled
 
 
 def test_an_object_that_moves_in_far_away_stops_nothing() -> None:

@@ -91,7 +91,9 @@ class PathWatch:
         self._origin = workspace.lower - (BEYOND, BEYOND, 0.0)
         shape_of_grid = np.ceil((workspace.upper + BEYOND - self._origin) / CELL).astype(int)
         nx, ny, nz = (int(n) for n in shape_of_grid)
-        self._known = self._mark_known((nx, ny, nz), map, [*standing(workspace), *known, *(map.shapes if map else ())])
+        passing = [Convex.of_box(volume) for volume in self._how.passing]
+        shapes = [*standing(workspace), *known, *(map.shapes if map else ()), *passing]
+        self._known = self._mark_known((nx, ny, nz), map, shapes)
         self._states: dict[int, UInt8] = {}  # by camera: two of them never agree to the millimetre at an edge
         self._area = np.zeros((nx, ny, nz), np.float32)
         self._touched = np.empty(nx * ny * nz, np.int64)
@@ -198,7 +200,7 @@ class PathWatch:
         lens, errs = frame.intrinsics, frame.depth_model
         # an image with more columns than this is looked at in every second pixel each way
         step = 2 if lens.width > 480 else 1
-        # A read-only image would be compiled for once more.
+        # A read-only image or pose would be compiled for once more.
         depth = np.require(frame.depth[::step, ::step], np.float32, ["C", "W"])
         own = np.zeros(self._known.shape, np.bool_)
         robot = self._shape.spheres(q, self.width)
@@ -208,7 +210,7 @@ class PathWatch:
         spread = SURE * (errs.disparity / (lens.fx * errs.baseline) + errs.growth)
         state = self._states.setdefault(camera, np.zeros(self._known.shape, np.uint8))
         rays = np.array([lens.fx, lens.fy, lens.cx, lens.cy]) / step
-        view = CameraView(rays, np.ascontiguousarray(T_base_camera[:3]), frame.q is None)
+        view = CameraView(rays, np.require(T_base_camera[:3], None, ["C", "W"]), frame.q is None)
         cells = WatchedCells(self._origin, CELL, self._known, own, state, self._area, self._touched)
         # of a surface in a cell, as the camera sees it; less is noise [m²]: a quarter of a cell's face
         noise = Noise(self._lowest + SURE * errs.floor, spread, 1e-4)
