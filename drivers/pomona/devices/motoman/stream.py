@@ -1,7 +1,8 @@
 """Sends a motion to the controller point by point, a moment ahead of the arm.
 
 The controller keeps a queue and interpolates; a point that does not fit is answered BUSY and sent again. The queue is
-kept short (`lead`), because queued points cannot be changed: a stop takes effect behind them.
+kept short (`lead`), because queued points cannot be changed: a stop takes effect behind them. It is shorter still while
+the arm is slow, as where it lands: a slow arm that runs out of points stands at once, without harm.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion, S
 from pomona.executive import Clock, Float64
 
 INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
+SLOW, SHORT = 0.05, 0.05  # speed of each joint up to which the queue is kept no longer [rad/s], and than that [s]
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
@@ -70,7 +72,7 @@ class PointStream:
         self._time = 0.0
         self._began: float | None = None
         self._resend_at = 0.0
-        self._moving = False
+        self._moving = self._quick = False
         self._point: TrajectoryPoint | None = self._make(q_arm, np.zeros_like(q_arm))
 
     @property
@@ -114,7 +116,7 @@ class PointStream:
             else:
                 raise DeviceFault(session.device, refusal(reply))
         ahead = self.ahead
-        if self._point is None and ahead < self._lead:
+        if self._point is None and ahead < (self._lead if self._quick else min(self._lead, SHORT)):
             time, moved = self._time, self._moving
             if moved and ahead < -GAP:
                 why = "the computer or the connection was delayed, and the arm has stopped"
@@ -145,7 +147,7 @@ class PointStream:
         return self._make(q, qd)
 
     def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
-        self._moving = bool(np.any(qd != 0.0))
+        self._moving, self._quick = bool(np.any(qd != 0.0)), bool(np.any(np.abs(qd) > SLOW))
         valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
         q_wire, qd_wire = q[self._joint_of_place], qd[self._joint_of_place]
         return TrajectoryPoint(
