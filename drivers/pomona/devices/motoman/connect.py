@@ -60,7 +60,7 @@ class MotomanFile(ArmFile):
     @property
     def limits(self) -> ArmLimits:
         """Limits of the joints; the stop of a slow arm takes effect behind the points in the controller's queue."""
-        return replace(read_limits(self.robot, self.dof), reaction=min(self.lead, SHORT) + self.point_period)
+        return replace(read_limits(self.robot, self.dof), reaction=SHORT * self.lead + self.point_period)
 
     def problems(self) -> Iterator[Problem]:
         if sorted(self.joints) != sorted(self.on_wire):

@@ -19,7 +19,7 @@ from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion, S
 from pomona.executive import Clock, Float64
 
 INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
-SLOW, SHORT = 0.05, 0.05  # speed of each joint up to which the queue is kept no longer [rad/s], and than that [s]
+SLOW, SHORT = 0.05, 1.0 / 3.0  # speed of each joint up to which the queue is short [rad/s], as a share of `lead`
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
@@ -70,7 +70,7 @@ class PointStream(KnotMaker):
         self.sent, self.busy, self.dry = 0, 0, 0
         self._group, self._lead = options.group, options.lead
         # the set-points of a streamed motion are not known further ahead when it becomes quick
-        self._slow_lead = min(options.lead, SHORT) if isinstance(motion, PathMotion) else options.lead
+        self._slow_lead = options.lead * (SHORT if isinstance(motion, PathMotion) else 1.0)
         self._time = 0.0
         self._began: float | None = None
         self._resend_at = 0.0
