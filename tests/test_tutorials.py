@@ -2,7 +2,7 @@
 
 A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so, `exit=any`: anyhow),
 and those of `text` are, in this order, within the output of the commands before them. Fences marked `long=yes` are
-typed by `make test-long`, as are the how-to pages and the tutorials named below.
+typed by `make test-long`, as are the how-to pages and the tutorials named below. CI types that of a new cell.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOT
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tutorial", QUICK, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "tutorial",
+    [pytest.param(page, id=page.stem, marks=[pytest.mark.landmark] * (page.stem == "new_cell")) for page in QUICK],
+)
 def test_a_tutorial_runs_as_it_is_written(tutorial: Path, tmp_path: Path) -> None:
     assert follow(tutorial, tmp_path, long=False) >= 3
 

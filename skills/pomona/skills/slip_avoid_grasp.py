@@ -114,6 +114,7 @@ class SlipAvoidGrasp(Skill):
                     stiffness=PadStiffness(stiffness),
                     max_force=min(max_force, 2.0 * gripper.limits.force_max),
                     closing_speed=min(ForceLoopSettings().closing_speed, gripper.limits.speed_max),
+                    step=gripper.limits.step,
                 ),
                 dynamic=GENTLE if gentle else DynamicSettings(),
                 width_min=gripper.limits.width_min,

@@ -148,3 +148,17 @@ def test_urgent_messages_go_out_at_once_when_the_channel_is_free() -> None:
 
 def test_before_the_hold_every_rate_goes_out() -> None:
     assert max(gaps(times_of([0.0] * 1000, holding=False))) == 0.02
+
+
+@pytest.mark.parametrize(("step", "corrects"), [(0.0, True), (0.37e-3, False)])
+def test_an_excess_that_a_step_would_turn_into_a_lack_stays(step: float, corrects: bool) -> None:
+    tracker = ForceTracker(ForceLoopSettings(step=step))
+    tracker.commanded(3.0)
+    assert (tracker.while_holding(3.0, 3.6, 0.0, 0.1, 0.0) > 0.0) is corrects  # a step is 0.74 N
+
+
+def test_a_lack_is_corrected_with_any_step() -> None:
+    tracker = ForceTracker(ForceLoopSettings(step=0.37e-3))
+    tracker.commanded(3.0)
+    assert tracker.while_holding(3.0, 2.6, 0.0, 0.1, 0.0) < 0.0
+    assert tracker.while_holding(3.0, 4.2, 0.0, 0.1, 0.0) > 0.0

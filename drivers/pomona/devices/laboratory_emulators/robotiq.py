@@ -9,7 +9,7 @@ from functools import partial
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
 from pomona.devices.robotiq.codec import CLOSING, OPENING, READ, SLAVE, THERE, WRITTEN, crc
-from pomona.devices.robotiq.driver import MODELS
+from pomona.devices.robotiq.options import MODELS
 from pomona.drivers import Cell, FaultSwitch, Gripper
 
 OPEN, CLOSED = 3, 230

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 from pomona.devices.motoman.codec import Order
 from pomona.devices.motoman.driver import MotomanArm
-from pomona.devices.motoman.stream import MotomanOptions
+from pomona.devices.motoman.stream import SHORT, MotomanOptions
 from pomona.drivers import (
     Address,
+    ArmFile,
+    ArmLimits,
     ConnectContext,
     DeviceLost,
     Settings,
-    Supervision,
-    UnusableRobotFile,
     driver,
     read_limits,
     tcp_opener,
 )
-from pomona.executive import TIME, Flag, Measure, PathTo, Problem, Section, Text, Whole, Words, value
+from pomona.executive import TIME, Flag, Measure, Problem, Text, Whole, Words, value
 
 MOTION_PORT = 50240  # the state's port is the next one
 ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}  # byte order of each controller
@@ -28,14 +27,13 @@ SEVEN, SIX = tuple("SLEURBT"), tuple("SLURBT")  # joints by their names on the c
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotomanFile:
+class MotomanFile(ArmFile):
     """A Yaskawa arm behind MotoROS; the servos come on when the run starts, the arm stands still."""
 
     address: tuple[str, int] = value(
         Address(MOTION_PORT), help="HOST or HOST:PORT of the motion connection; the state's port is the next"
     )
     controller: str = value(Text(*ORDERS), help="which gives the byte order")
-    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
     joints: tuple[str, ...] = value(
         Words(*SEVEN, once=False), SEVEN, "the description's joints, by their names on the controller"
     )
@@ -44,9 +42,6 @@ class MotomanFile:
     point_period: float = value(Measure(TIME, "8 ms", "200 ms"), "20 ms", "time between points that are sent")
     lead: float = value(Measure(TIME, "30 ms", "700 ms"), "150 ms", "how far ahead of the arm points are sent")
     silence: float = value(Measure(TIME, "30 ms", "1 s"), "90 ms", "without feedback for this long the arm is lost")
-    supervision: Supervision = value(
-        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
-    )
 
     @property
     def on_wire(self) -> tuple[str, ...]:
@@ -58,17 +53,20 @@ class MotomanFile:
         host, port = self.address
         return (f"{host}:{port}",)
 
+    @property
+    def dof(self) -> int:
+        return len(self.joints)
+
+    @property
+    def limits(self) -> ArmLimits:
+        """Limits of the joints; the stop of a slow arm takes effect behind the points in the controller's queue."""
+        return replace(read_limits(self.robot, self.dof), reaction=SHORT * self.lead + self.point_period)
+
     def problems(self) -> Iterator[Problem]:
         if sorted(self.joints) != sorted(self.on_wire):
             yield Problem("joints", f"'joints' must name each of {' '.join(self.on_wire)} once")
-            return
-        try:
-            read_limits(self.robot, len(self.joints))
-        except UnusableRobotFile as error:
-            yield Problem("robot", str(error))
-
-    def known(self) -> Iterator[object]:
-        yield read_limits(self.robot, len(self.joints))
+        else:
+            yield from ArmFile.problems(self)
 
 
 @driver(MotomanArm, MotomanFile)
@@ -86,9 +84,8 @@ def connect(settings: Settings[MotomanFile], context: ConnectContext) -> Motoman
         silence=said.silence,
         supervision=said.supervision,
     )
-    limits = read_limits(said.robot, len(said.joints))
     openers = {"state": tcp_opener(host, port + 1, context.wires), "motion": tcp_opener(host, port, context.wires)}
-    arm = MotomanArm(lambda name: openers[name](), context.clock, said.robot, limits, options)
+    arm = MotomanArm(lambda name: openers[name](), context.clock, said.robot, said.limits, options)
     try:
         arm.connect()
     except DeviceLost as error:

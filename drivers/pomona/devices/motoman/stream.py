@@ -1,7 +1,8 @@
 """Sends a motion to the controller point by point, a moment ahead of the arm.
 
 The controller keeps a queue and interpolates; a point that does not fit is answered BUSY and sent again. The queue is
-kept short (`lead`), because queued points cannot be changed: a stop takes effect behind them.
+kept short (`lead`), because queued points cannot be changed: a stop takes effect behind them. It is shorter still while
+the arm is slow, as where it lands: a slow arm that runs out of points stands at once, without harm.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion, S
 from pomona.executive import Clock, Float64
 
 INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
+SLOW, SHORT = 0.05, 1.0 / 3.0  # speed of each joint up to which the queue is short [rad/s], as a share of `lead`
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
@@ -41,7 +43,7 @@ class MotomanOptions:
     supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
 
 
-class PointStream:
+class PointStream(KnotMaker):
     """The points of one motion.
 
     Attributes:
@@ -62,26 +64,18 @@ class PointStream:
 
         `commanded` is called with every accepted point and the time at which the arm shall pass it [s].
         """
+        super().__init__(motion, q_arm, clock, INTERPOLATION, options.point_period, options.lead)
         self._commanded = commanded
         self._joint_of_place = np.argsort(options.wire_joints)
         self.sent, self.busy, self.dry = 0, 0, 0
-        self._maker = KnotMaker(motion, q_arm, clock, INTERPOLATION, options.point_period, options.lead)
-        self._clock, self._group, self._lead = clock, options.group, options.lead
+        self._group, self._lead = options.group, options.lead
+        # the set-points of a streamed motion are not known further ahead when it becomes quick
+        self._slow_lead = options.lead * (SHORT if isinstance(motion, PathMotion) else 1.0)
         self._time = 0.0
         self._began: float | None = None
         self._resend_at = 0.0
-        self._moving = False
+        self._moving = self._quick = False
         self._point: TrajectoryPoint | None = self._make(q_arm, np.zeros_like(q_arm))
-
-    @property
-    def q_last(self) -> Float64:
-        """The newest set-point, shape (dof,) [rad]."""
-        return self._maker.q_last
-
-    @property
-    def due(self) -> float:
-        """When the arm shall pass the newest set-point, on the cell's clock [s]."""
-        return self._maker.due
 
     @property
     def played(self) -> bool:
@@ -114,12 +108,12 @@ class PointStream:
             else:
                 raise DeviceFault(session.device, refusal(reply))
         ahead = self.ahead
-        if self._point is None and ahead < self._lead:
+        if self._point is None and ahead < (self._lead if self._quick else self._slow_lead):
             time, moved = self._time, self._moving
             if moved and ahead < -GAP:
                 why = "the computer or the connection was delayed, and the arm has stopped"
                 raise RanDryError(session.device, f"ran out of points for {-ahead:.2f} s: {why}")
-            self._point = self._next()
+            self._point = self._following()
             if self._point is not None and ahead < 0.0:
                 self._began = now - time  # the queue has run dry: at rest, after a pause, or because this came late
                 self.dry += int(moved)
@@ -134,10 +128,10 @@ class PointStream:
         if point is not None:
             self._commanded(self._began + point.time, self.q_last)
 
-    def _next(self) -> TrajectoryPoint | None:
+    def _following(self) -> TrajectoryPoint | None:
         """Return the next point, or None while the set-point rests."""
         now = self._clock.now()
-        knot = self._maker.next(now if self._began is None else max(self._began + self._time, now))
+        knot = self.next(now if self._began is None else max(self._began + self._time, now))
         if knot is None:
             return None
         elapsed, q, qd = knot
@@ -145,7 +139,7 @@ class PointStream:
         return self._make(q, qd)
 
     def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
-        self._moving = bool(np.any(qd != 0.0))
+        self._moving, self._quick = bool(np.any(qd != 0.0)), bool(np.any(np.abs(qd) > SLOW))
         valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
         q_wire, qd_wire = q[self._joint_of_place], qd[self._joint_of_place]
         return TrajectoryPoint(

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from pomona.devices.robotiq.codec import ACTIVE, CLOSING, FAULTS, OPENING, RobotiqCommand, RobotiqStatus
+from pomona.devices.robotiq.options import MODELS, RobotiqFile
 from pomona.devices.robotiq.session import RobotiqSession
 from pomona.drivers import (
     DeviceError,
     DeviceFault,
     DeviceLost,
-    GripperLimits,
     GripperMotion,
     GripperState,
-    GripperSupervision,
     Malformed,
     MotionState,
     Nonsense,
@@ -38,53 +36,13 @@ CONNECT, ACTIVATION = 1.0, 8.0  # deadlines of the first status, and of the acti
 RECONNECT = 0.5  # pause between attempts to open a lost wire again [s]
 
 
-@dataclass(frozen=True, slots=True)
-class RobotiqModel:
-    """A gripper: stroke [m], slowest and fastest speed [m/s], least and largest force of a finger [N]."""
-
-    stroke: float
-    speeds: tuple[float, float]
-    forces: tuple[float, float]
-
-
-MODELS = {
-    "hand-e": RobotiqModel(0.050, (0.020, 0.150), (20.0, 185.0)),
-    "2f-85": RobotiqModel(0.085, (0.020, 0.150), (20.0, 235.0)),
-    "2f-140": RobotiqModel(0.140, (0.030, 0.250), (10.0, 125.0)),
-}
-"""From Robotiq's data sheets. `linkage.py` has the ways of a 2F's fingertips."""
-
-
-@dataclass(frozen=True, slots=True)
-class RobotiqOptions:
-    """Options of the gripper in the cell file."""
-
-    model: str = "hand-e"
-    finger_offset: float = 0.0  # opening with the gripper closed [m]
-    counts: tuple[int, int] = (3, 230)  # positions of the open and of the closed gripper
-    force: float | None = None  # limit of the force while the fingers move [N]; None: the least
-    activate: bool = False  # whether a gripper that is not activated may be: its fingers move through their stroke
-    watchdog: float = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
-    silence: float = 0.06  # without a status for this long the gripper is lost [s]
-    supervision: GripperSupervision = field(default_factory=GripperSupervision)
-
-    @property
-    def limits(self) -> GripperLimits:
-        """Limits of the gripper: its largest force is the limit set here."""
-        model = MODELS[self.model]
-        opening = self.finger_offset, self.finger_offset + model.stroke
-        step = model.stroke / (self.counts[1] - self.counts[0])
-        least, most = model.forces
-        return GripperLimits(*opening, model.speeds[1], min(max(self.force or least, least), most), least, step)
-
-
 class RobotiqGripper(ParallelGripper):
     """The gripper. One thread owns the wire; requests are posted to it."""
 
     outlives = True
 
     def __init__(
-        self, open_session: Callable[[], RobotiqSession], clock: Clock, options: RobotiqOptions, name: str = "gripper"
+        self, open_session: Callable[[], RobotiqSession], clock: Clock, options: RobotiqFile, name: str = "gripper"
     ) -> None:
         self.model, self.options = MODELS[options.model], options
         super().__init__(
@@ -169,12 +127,12 @@ class RobotiqGripper(ParallelGripper):
                 self._check_fault(status)
                 self._take(status)
         except Malformed as error:
-            if self._clock.now() - self._heard_at > self.options.silence:
+            if self._clock.now() - self._heard_at > self.options.deadline:
                 raise Nonsense(self.name, error) from error
         except DeviceFault as error:
             self._lose(error)
         silent = self._clock.now() - self._heard_at
-        if silent > self.options.silence:
+        if silent > self.options.deadline:
             raise DeviceLost(self.name, f"does not answer for {1e3 * silent:.0f} ms")
         self._supervise()
 

@@ -9,13 +9,12 @@ import contextlib
 import time
 
 from pomona.devices.robotiq.codec import SLAVE, RobotiqCommand, RobotiqStatus
-from pomona.devices.robotiq.session import RobotiqSession, RtuSession, UrcapSession
+from pomona.devices.robotiq.session import BAUD, RobotiqSession, RtuSession, UrcapSession
 from pomona.devices.suntouch.transport import SerialLink
 from pomona.drivers import Malformed, TcpLink
 from pomona.executive import SystemClock
 
 ANSWER = 0.5  # seconds within which the gripper must answer
-BAUD = 115200
 
 
 def stop(port: str | None, host: str | None, number: int, unit: int = SLAVE) -> None:

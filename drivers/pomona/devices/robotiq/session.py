@@ -8,6 +8,7 @@ from pomona.devices.robotiq.codec import SLAVE, RobotiqCommand, RobotiqStatus, a
 from pomona.drivers import Link, Malformed
 from pomona.executive import Clock
 
+BAUD = 115200  # of the grippers when they are delivered [bit/s]
 SPACING = 0.005  # least time between requests [s] (instruction manual: 200 Hz at most)
 REPEAT = 0.03  # a request without an answer is sent again after this time [s]; an answer takes 4 ms at 115 200 baud
 

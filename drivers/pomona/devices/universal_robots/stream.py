@@ -37,7 +37,7 @@ class Knot:
     braking: PathFollower | None
 
 
-class KnotStream:
+class KnotStream(KnotMaker):
     """The knots of one motion.
 
     Attributes:
@@ -58,24 +58,14 @@ class KnotStream:
 
         `commanded` is called with each knot that was taken and the time at which the arm shall pass it [s].
         """
+        super().__init__(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
         self.number, self.sent = number, 0
-        self._clock, self._lead, self._commanded = clock, options.lead, commanded
-        self._maker = KnotMaker(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
+        self._lead, self._commanded = options.lead, commanded
         self._time = 0.0  # of the newest knot [s]
         self._braked = False
         self._began: float | None = None  # when the script plays the time 0; None until it has taken that knot
         self._waiting: deque[Knot] = deque()
         self._taken: deque[Knot] = deque()  # by the script, which has not passed them all
-
-    @property
-    def q_last(self) -> Float64:
-        """The newest knot, (6,) [rad]."""
-        return self._maker.q_last
-
-    @property
-    def due(self) -> float:
-        """When the arm shall pass the newest set-point, on the cell's clock [s]."""
-        return self._maker.due
 
     @property
     def played(self) -> bool:
@@ -111,7 +101,7 @@ class KnotStream:
 
     def _brake(self, playing: float) -> bool:
         """Let a motion that was stopped brake from the first knot that is not due within `SURE`; once."""
-        motion, taken = self._maker.motion, self._taken
+        motion, taken = self.motion, self._taken
         stopped = motion.phase.name == "BRAKING" and motion.state is MotionState.RUNNING
         if self._braked or not stopped or not taken:
             return False
@@ -120,7 +110,7 @@ class KnotStream:
             taken.pop()
         if not isinstance(motion, PathMotion) or taken[-1].braking is None:
             return False
-        self._time, self._maker.q_last = taken[-1].time, taken[-1].q
+        self._time, self.q_last = taken[-1].time, taken[-1].q
         motion.come_to_rest(taken[-1].braking)
         return True
 
@@ -132,7 +122,7 @@ class KnotStream:
         left, before, braking = self._left(now), self.q_last, self._braking()
         rested = left < 0.0
         due = now + (CUSHION if rested else left)
-        knots = [knot for _ in range(joined) if (knot := self._maker.next(due)) is not None]
+        knots = [knot for _ in range(joined) if (knot := self.next(due)) is not None]
         if not knots:
             return
         if rested:
@@ -146,5 +136,4 @@ class KnotStream:
         self._waiting.append(Knot(self._time, before, q, qd, braking))
 
     def _braking(self) -> PathFollower | None:
-        motion = self._maker.motion
-        return motion.braking() if isinstance(motion, PathMotion) else None
+        return self.motion.braking() if isinstance(self.motion, PathMotion) else None

@@ -14,14 +14,14 @@ from pomona.drivers import Malformed
 from pomona.executive import Float64
 
 PLACES = 7  # joints of every message; arms with fewer leave the last ones 0
-LARGEST = 1024  # longest message of a controller [bytes]
+SHORTEST, LARGEST = 35, 1024  # report, with its joints, and message of a controller [bytes]
 HEADER = struct.Struct(">HHH")
 """Transaction, protocol, number of bytes that follow."""
 PROTOCOLS = (2, 3)
 """3 is answered to clients that send heart beats."""
 ERROR, WARNING, NOT_READY, INVALID = 0x40, 0x20, 0x10, 0x08
 """Flags of each answer."""
-_REPORT = struct.Struct(">IBH")
+_REPORT = struct.Struct(">IB")
 _JOINTS = struct.Struct(f"<{PLACES}f")
 _SERVO = struct.Struct(f"<{PLACES + 3}f")
 _IDENTITY = re.compile(r"(\d+),(\d+),[^,]*,[^,]*,\D*(\d+)\.(\d+)\.(\d+)")
@@ -53,22 +53,12 @@ class XArmAnswer:
     body: bytes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Report:
-    """State (1 moving, 2 ready, 3 paused, 4 stopped), mode (1 servo), queued commands; joints, shape (7,) [rad]."""
+    """State (1 moving, 2 ready, 3 paused, 4 stopped), mode (1 servo); its other fields are read by requests."""
 
     state: int
     mode: int
-    queued: int
-    q: Float64
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """A robot's model, as in the cell file, and the version of its firmware."""
-
-    model: str
-    version: tuple[int, int, int]
 
 
 def encode(transaction: int, register: int, parameters: bytes = b"") -> bytes:
@@ -96,13 +86,12 @@ def decode_reports(buffer: bytearray) -> list[Report]:
     """Take the whole reports from the beginning of a stream. Raises Malformed: it is another protocol."""
     found = []
     while len(buffer) >= _REPORT.size:
-        size, status, queued = _REPORT.unpack_from(buffer)
-        if not _REPORT.size + _JOINTS.size <= size <= LARGEST:
+        size, status = _REPORT.unpack_from(buffer)
+        if not SHORTEST <= size <= LARGEST:
             raise Malformed(bytes(buffer), "is no report of a UFACTORY controller")
         if len(buffer) < size:
             break
-        q = np.array(_JOINTS.unpack_from(buffer, _REPORT.size))
-        found.append(Report(status & 0x0F, status >> 4, queued, q))
+        found.append(Report(status & 0x0F, status >> 4))
         del buffer[:size]
     return found
 
@@ -122,8 +111,10 @@ def joints(body: bytes) -> tuple[Float64, Float64]:
     return np.array(_JOINTS.unpack_from(body)), np.array(_JOINTS.unpack_from(body, _JOINTS.size))
 
 
-def identity(body: bytes) -> Identity:
-    """Return the robot of an answer to VERSION: "6,6,XI1304…,AC1304…,v2.5.0" (axes, type, serial numbers, firmware).
+def identity(body: bytes) -> tuple[str, tuple[int, ...]]:
+    """Return a robot's model, as in the cell file, and its firmware's version, of an answer to VERSION.
+
+    Such as "6,6,XI1304…,AC1304…,v2.5.0": axes, type, serial numbers, firmware.
 
     Raises Malformed: it is in another form.
     """
@@ -131,5 +122,4 @@ def identity(body: bytes) -> Identity:
     if found is None:
         raise Malformed(body, "is no version of a UFACTORY controller")
     axes, kind, *version = (int(number) for number in found.groups())
-    model = {(6, 9): "lite6", (6, 12): "850"}.get((axes, kind), f"xarm{axes}")
-    return Identity(model, (version[0], version[1], version[2]))
+    return {(6, 9): "lite6", (6, 12): "850"}.get((axes, kind), f"xarm{axes}"), tuple(version)

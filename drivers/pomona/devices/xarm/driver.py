@@ -71,13 +71,13 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
 
     def _require_arm(self, session: XArmSession) -> None:
         try:
-            found = identity(session.ask(Register.VERSION, deadline=1.0))
+            model, version = identity(session.ask(Register.VERSION, deadline=1.0))
         except Malformed as error:
             raise Nonsense(self.name, error) from error
-        if found.model != self.options.model:
-            raise WrongModelError(self.name, f"is a {found.model}, not the {self.options.model} of the cell file")
-        if found.version < OLDEST:
-            old, least = (".".join(map(str, version)) for version in (found.version, OLDEST))
+        if model != self.options.model:
+            raise WrongModelError(self.name, f"is a {model}, not the {self.options.model} of the cell file")
+        if version < OLDEST:
+            old, least = (".".join(map(str, each)) for each in (version, OLDEST))
             raise DeviceFault(self.name, f"has the firmware {old}, which is too old: update it to {least} at least")
 
     def _make_ready(self, session: XArmSession) -> None:
@@ -154,19 +154,15 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
     def _watch_controller(self, session: XArmSession) -> None:
         if self._problem is not None:
             return
-        problem = ""
-        if session.flags & ERROR:
-            problem = error_words(session.error())
+        problem = error_words(session.error()) if session.flags & ERROR else ""
         problem = problem or interrupted(session.report.state, session.report.mode)
-        if problem:
-            self._blame(DeviceFault(self.name, problem))
-            self._halt(problem)
-        elif self._points is not None or self._state is None:
+        if self._points is not None or self._state is None:
             self._rests_at = None
         elif self._rests_at is None:
             self._rests_at = self._state.q
         elif np.abs(self._state.q - self._rests_at).max() > STRAYS:
-            problem = "moves without a command of this run: another program moves it"
+            problem = problem or "moves without a command of this run: another program moves it"
+        if problem:
             self._blame(DeviceFault(self.name, problem))
             self._halt(problem)
 

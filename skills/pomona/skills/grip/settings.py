@@ -52,9 +52,7 @@ class FilterSettings(NamedTuple):
     centre_lag: float = 0.1  # of the centre of rotation [s]; steadier slip speed; beyond-the-paper
     rise_lag: float = 0.03  # of the high-pass on the minimum force and the load [s]; larger rise; hump
     calm_lag: float = 0.2  # of load and lever while nothing pushes [s]; steadier reserve; bumps
-    noise_stds: float = (
-        2.5  # jump of the fast filter that counts [std of its noise]; less noise, later jump; beyond-the-paper
-    )
+    noise_stds: float = 2.5  # jump of the fast filter that counts [std of noise]; less noise, later; beyond-the-paper
     farthest_centre: float = 0.02  # bound of the centre of rotation [m]; more weight of translation; beyond-the-paper
     twist_bound: float = 2.0  # bound of the twist; more lead where the load twists; hump
     longest_push: float = 1.0  # a longer push counts as load [s]; longer use of the reserve; bumps
@@ -123,6 +121,7 @@ class ForceLoopSettings:
     closing_speed: float = 0.2  # closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s]
     opening_speed: float = 0.012
     command_period: float = 0.02  # time between two rates [s]; the WSG's finger script reaches 50 Hz
+    step: float = 0.0  # of the opening that the fingers can be moved by [m], 0 for none; less force is no excess
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,10 +195,7 @@ class SlipWatchSettings:
     moved_far: float = 9e-4  # and since the start [m] (soft contacts give 0.8 mm); later detection; wrong-friction
     compliance: float = 4e-4  # motion of pads and skin by a change of load [m/N]; later detection; wrong-friction
     stds: float = 5.5  # motion by noise [std]; later detection; wrong-friction
-    lever_lags: tuple[float, float] = (
-        0.02,
-        0.3,
-    )  # averages of a carried lever [s]; slower turning found; wrong-friction
+    lever_lags: tuple[float, float] = (0.02, 0.3)  # averages of a carried lever [s]; later turning; wrong-friction
     lever_moved: float = 3e-4  # change of the lever that is turning [m]; later detection; wrong-friction
     lever_ratio: float = 0.15  # and relative to the lever; later detection; wrong-friction
     lever_stds: float = 8.0  # and in noise [std]; later detection; wrong-friction

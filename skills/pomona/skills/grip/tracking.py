@@ -133,9 +133,10 @@ class ForceTracker:
         return finger_speed(f_ref, rate, f_n, loop, speed_before, error_feedthrough, hardest)
 
     def _rests(self, f_ref: float, error: float, noise_band: float) -> bool:
-        """Return True when the fingers rest; a correction begins beyond the band and ends at its middle."""
-        settings = self._settings
-        near = settings.near * f_ref + noise_band * (settings.too_much if error < 0.0 else settings.too_little)
+        """Return True within a band, to whose middle a correction goes; a step opens by less than an excess."""
+        settings, one_step = self._settings, self._loop.step * slope(self._loop.stiffness, f_ref)
+        band = max(noise_band * settings.too_much, one_step) if error < 0.0 else noise_band * settings.too_little
+        near = settings.near * f_ref + band
         if self._correcting * error <= 0.0:
             self._correcting = 0.0 if abs(error) < near else math.copysign(1.0, error)
         return self._correcting == 0.0

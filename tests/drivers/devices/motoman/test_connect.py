@@ -66,6 +66,12 @@ def test_it_moves_over_tcp_with_the_limits_of_the_description(tmp_path: Path) ->
     assert controller._joints.measured()[0] == pytest.approx(start + change, abs=1e-5)
 
 
+def test_the_reaction_is_a_third_of_the_lead_and_a_period_of_points(tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text(f"driver: motoman\naddress: h\ncontroller: fs100\nrobot: {ROBOT}\nlead: 300 ms\n")
+    assert read_settings(connect, path).values.limits.reaction == pytest.approx(0.12)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -203,6 +203,21 @@ def test_500_points_are_streamed_without_a_gap() -> None:
     assert cell.controller.gaps == 0
 
 
+@pytest.mark.parametrize(("quickness", "queued"), [(0.02, 0.05), (1.0, 0.15)])
+def test_the_queue_of_a_slow_arm_is_a_third_of_that_of_a_quick_one(quickness: float, queued: float) -> None:
+    cell = Cell()
+    arm = connected(cell, lead=0.15)
+    motion = arm.follow(swing(START, quickness * CHANGE))
+    serve(arm, cell, 0.5)
+    stream = arm._stream
+    assert stream is not None
+    assert queued - 0.02 < stream.ahead < queued + 0.02
+    motion.stop()
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert motion.state is MotionState.STOPPED
+    assert cell.controller.gaps == 0
+
+
 def test_a_stop_decelerates_on_the_path_within_the_limits_and_stays() -> None:
     cell = Cell()
     arm = connected(cell)

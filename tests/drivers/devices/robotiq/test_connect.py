@@ -15,8 +15,9 @@ from pomona.devices.emulators.free_gripper import FreeGripper
 from pomona.devices.emulators.server import PtyPort, Server, TcpPort
 from pomona.devices.laboratory_emulators.robotiq import RobotiqEmulator
 from pomona.devices.robotiq import outside
-from pomona.devices.robotiq.connect import RobotiqFile, connect
+from pomona.devices.robotiq.connect import connect
 from pomona.devices.robotiq.driver import RobotiqGripper
+from pomona.devices.robotiq.options import RobotiqFile
 from pomona.drivers import CellFileError, ConnectContext, GripperLimits, MotionState
 from pomona.executive import SystemClock
 from pomona.executive.cell.registration import read_settings

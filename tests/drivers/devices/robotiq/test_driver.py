@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pomona.devices.laboratory_emulators.robotiq import RobotiqEmulator
-from pomona.devices.robotiq.driver import MODELS, RECONNECT, RobotiqGripper, RobotiqOptions
+from pomona.devices.robotiq.driver import RECONNECT, RobotiqGripper
+from pomona.devices.robotiq.options import MODELS, RobotiqFile
 from pomona.devices.robotiq.session import RtuSession, UrcapSession
 from pomona.drivers import DeviceFault, DeviceLost, GripperLimits, GripperState, MotionRefused, MotionState
 from pomona.executive import ManualClock
@@ -73,7 +74,7 @@ WAYS = ("rtu", "urcap")
 def built(cell: Cell, way: str = "rtu", **options: Any) -> RobotiqGripper:
     session = RtuSession if way == "rtu" else UrcapSession
     silence = 0.06 if way == "rtu" else 0.3
-    said = RobotiqOptions(**{"silence": silence, **options})
+    said = RobotiqFile(**{"model": "hand-e", "silence": silence, **options})
     return RobotiqGripper(lambda: session(cell.open(getattr(cell.gripper, way)), cell.clock), cell.clock, said)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.devices.robotiq.driver import MODELS
 from pomona.devices.robotiq.linkage import LINKAGES
+from pomona.devices.robotiq.options import MODELS
 
 models, shares = st.sampled_from(sorted(LINKAGES)), st.floats(0.0, 1.0)
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pomona.devices.robotiq.driver import MODELS
 from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.values.findings import Findings
-from pomona.tools.calibration.described_hand import STROKES, described_opening
+from pomona.tools.calibration.described_hand import described_opening
 from pomona.tools.calibration.doctor import examine
 
 ROBOTS = Path(__file__).resolve().parents[4] / "trees" / "robots"
@@ -31,10 +30,6 @@ def cell_with(folder: Path, hand: str, pads: bool) -> Path:
     arm = f"driver: universal-robots\n    address: 127.0.0.1\n    model: ur5e\n    robot: {folder / 'ur5e_hand_e.xml'}"
     path.write_text(f"name: bench\nkind: real\ndevices:\n  arm:\n    {arm}\n  gripper:\n    {HANDS[hand]}\n", "utf-8")
     return path
-
-
-def test_strokes_of_grippers_are_those_of_their_drivers() -> None:
-    assert {name: STROKES[name] for name in MODELS} == {name: of.stroke for name, of in MODELS.items()}
 
 
 def test_the_opening_is_that_of_the_pads() -> None:
