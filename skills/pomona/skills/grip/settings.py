@@ -161,7 +161,7 @@ class WatchSettings:
     gone_after: float = 0.06  # its time, also of a dead finger [s]; later LOST, ONE_FINGER; bad-input
     dead: float = 0.25  # ratio of a dead finger's force to the other one's; sooner ONE_FINGER; bad-input
     alive: float = 0.6  # force of the other finger [N]; later ONE_FINGER; bad-input
-    apart: float = 1.2  # excess of one finger while pads slide or fruit stands [N]; less force; feel-friction
+    apart: float = 1.2  # excess of one finger's force while the pads slide [N]; less force; feel-friction
     saturated_after: float = 0.05  # time of a channel at the end of its range [s]; later SENSOR_SATURATED; bad-input
     beyond: float = 1.02  # ratio of minimum to measured force that is slipping; later SLIPPED; bad-input
     beyond_after: float = 0.3  # its time [s]; later SLIPPED; bad-input
