@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,12 +55,22 @@ def main() -> None:
         at = np.sort(first)[[len(first) // 2, int(0.9 * len(first))]]
         share = 100.0 * np.mean(first <= WITHIN)
         print(f"{name:<30} {share:12.0f} % {at[0]:11.0f} {at[1]:6.0f} {np.isinf(first).sum():7}")
-    print("cells up to 25 mm, 3°, 3 % off: left after 30 level picks (median, 90 %); 90 % intervals that hold")
-    for name, with_table in (("touches alone", False), ("touches and table", True)):
-        left, kept = zip(*(_left(options.seed, k, with_table) for k in range(options.cells)), strict=True)
-        at = np.sort(np.array(left), axis=0)[[options.cells // 2, int(0.9 * options.cells)]] * [1e3, 180.0 / np.pi, 1e2]
-        words = ", ".join(f"{at[0, i]:.2f} {at[1, i]:.2f} {unit}" for i, unit in enumerate(("mm", "°", "%")))
-        print(f"{name:<30} {words:>45} {100.0 * np.mean(kept):8.0f} %")
+    print(
+        "cells up to 25 mm, 3°, 3 % off: left (median, 90 %), of it across and along the view; 90 % intervals that hold"
+    )
+    rows: dict[str, dict[str, Any]] = {
+        "30 level picks, no table": {"with_table": False},
+        "30 level picks, table": {},
+        "60 level picks, table": {"count": 60},
+        "30 picks up to 30° tilted, table": {"tilt": np.radians(30.0)},
+    }
+    for name, how in rows.items():
+        left, kept = zip(*(_left(options.seed, k, **how) for k in range(options.cells)), strict=True)
+        at = np.sort(np.array(left), axis=0)[[options.cells // 2, int(0.9 * options.cells)]]
+        at *= [1e3, 1e3, 1e3, 180.0 / np.pi, 1e2]
+        units = "mm", "mm", "mm", "°", "%"
+        words = ", ".join(f"{middle:.2f} {most:.2f} {unit}" for middle, most, unit in zip(*at, units, strict=True))
+        print(f"{name:<33} {words:>72} {100.0 * np.mean(kept):4.0f} %")
     print("width of picked fruit, median error [mm]: camera alone, fused; 90 % intervals that hold")
     for count in (1, 5, options.picks):
         widths = np.vstack([_widths(options.seed, k, count) for k in range(options.cells)])
@@ -68,21 +79,30 @@ def main() -> None:
         print(f"after {count:2} picks {alone:28.2f} {fused:8.2f} {held:8.0f} %")
 
 
-def _left(seed: int, number: int, with_table: bool) -> tuple[Float64, NDArray[np.bool_]]:
-    """Return the rest of a cell's error after 30 picks, and which intervals of the seven errors hold, shape (7,).
+def _left(
+    seed: int, number: int, *, with_table: bool = True, count: int = 30, tilt: float = 0.0
+) -> tuple[Float64, NDArray[np.bool_]]:
+    """Return the rest of a cell's error after picks, and which intervals of the seven errors hold, shape (7,).
 
-    The rest: the farthest that a fruit within 0.15 m of the centre lies off [m], the turn [rad], the depth's scale.
+    The rest: the farthest that a fruit within 0.15 m of the centre lies off, that across and that along the view [m],
+    the turn [rad], the depth's scale.
+
+    Args:
+        with_table: each look shows the table.
+        count: of the picks.
+        tilt: largest angle between the fingers' axis and the picture's plane [rad].
     """
     rng = np.random.default_rng([seed, number, 30])
     error = np.array([*[25e-3] * 3, *np.radians([3.0] * 3), 0.03, 1e-3]) * rng.uniform(-1.0, 1.0, 8)
-    picks = [made_fruit(rng, error, name=f"pick {k}")[0] for k in range(30)]
+    picks = [made_fruit(rng, error, tilt=tilt, name=f"pick {k}")[0] for k in range(count)]
     wrong = rng.normal(size=3) * [TABLE_HEIGHT, TABLE_TILT, TABLE_TILT]
     found = estimate(looked(picks, error, wrong) if with_table else picks)
     left = error - found.error
     corners = found.centre + np.array([[x, y, 0.0] for x in (-0.1, 0.0, 0.1) for y in (-0.1, 0.0, 0.1)])
-    off = [np.linalg.norm(left[:3] + np.cross(left[3:6], p) + left[6] * p) for p in corners]
+    off = np.array([left[:3] + np.cross(left[3:6], p) + left[6] * p for p in corners])
+    farthest = [np.linalg.norm(off[:, part], axis=1).max() for part in ([0, 1, 2], [0, 1], [2])]
     held = np.abs(left[:7]) < Z_90 * found.std[:7]
-    return np.array([max(off), np.linalg.norm(left[3:6]), abs(left[6])]), held
+    return np.array([*farthest, np.linalg.norm(left[3:6]), abs(left[6])]), held
 
 
 def _widths(seed: int, number: int, count: int) -> Float64:

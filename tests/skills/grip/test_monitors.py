@@ -117,6 +117,14 @@ def test_pads_that_slide_on_purpose_are_neither_slip_nor_a_dead_finger() -> None
     assert samples_until(DeadFingerMonitor(LIMITS), now) == 500
 
 
+@pytest.mark.parametrize("mode", [GripMode.STANDING, GripMode.LIFTING])
+def test_the_tables_friction_may_load_one_finger_but_a_finger_that_reads_nothing_is_dead(mode: GripMode) -> None:
+    assert not state(pressing(0.31, 1.62), mode=mode).has_dead_finger  # of an apple that was pushed
+    assert state(pressing(0.31, 1.62)).has_dead_finger  # in the air nothing else bears a difference
+    assert state(pressing(0.1, 1.62), mode=mode).has_dead_finger
+    assert state(pressing(0.4, 3.5), mode=mode).has_dead_finger  # more than the friction of a table
+
+
 def test_a_turning_fruit_needs_the_force_for_its_weight_only() -> None:
     now = state(pressing(f_least=9.0, f_coulomb=2.0), mode=GripMode.PIVOTING)
     assert samples_until(slip_monitor(), now) == 500

@@ -331,12 +331,10 @@ class GripController:
         self._sensors.compare_with_motor(estimate.force_sum, self.motor_force, self._timing.interval)
         if self.mode in (GripMode.CLOSING, GripMode.RAMP):
             return self._close(self._now(sample))
-        if self.mode in IN_HAND:
-            is_gone = estimate.stronger < self.settings.watch.gone
-            if self.rests or any(sample.saturated) or self._sensors.no_signal or is_gone:
-                return 0.0
-            return self._track(may_open=not self.is_frozen and not estimate.one_presses_more)
-        return 0.0
+        is_gone = estimate.stronger < self.settings.watch.gone
+        if self.mode not in IN_HAND or self.rests or any(sample.saturated) or self._sensors.no_signal or is_gone:
+            return 0.0
+        return self._track(may_open=not self.is_frozen and not estimate.one_presses_more)
 
     def _close(self, now: GripState) -> float:
         closing = self._closing

@@ -197,7 +197,11 @@ def hold_monitors(
 
 def has_dead_finger(estimate: GripEstimate, mode: GripMode, limits: WatchSettings) -> bool:
     """Return True when one finger reads nothing while the other one presses; pads that slide may press unevenly."""
-    is_dead = estimate.weaker < limits.dead * estimate.stronger and estimate.stronger > limits.alive
+    weaker, stronger = estimate.weaker, estimate.stronger
+    # The table's friction on a fruit may load one finger alone, as it did when that finger pushed the fruit.
+    stands = mode in (GripMode.STANDING, GripMode.LIFTING)
+    rubs = stands and weaker > limits.gone and stronger - weaker < limits.push_limit
+    is_dead = weaker < limits.dead * stronger and stronger > limits.alive and not rubs
     return is_dead and mode in IN_HAND and mode is not GripMode.SLIDING
 
 

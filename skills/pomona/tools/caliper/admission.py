@@ -116,7 +116,8 @@ def _correct(read: Picks, cell: CellFile, limits: CaliperOptions) -> str | None:
             raise UsageError("no camera of the cell has its pose in a file of its own (`hand_eye`)")
         apply(hand_eye, content, limits.most, limits.most_turned)
     except UsageError as error:
-        logger.warning("%s: the camera's pose is left as it is: %s", cell.name, error)
+        reason = str(error).partition("\n")[0]  # `from-picks` lists each unused pick
+        logger.warning("%s: the camera's pose is left as it is: %s", cell.name, reason)
         return None
     words = f"{hand_eye} has another pose now ({left}); this run goes at {1e2 * limits.first_speed:.0f} %."
     return f"{words} `pomona calibrate undo-picks {hand_eye}` takes it back ({before_of(hand_eye).name})."

@@ -62,7 +62,11 @@ def main(options: argparse.Namespace) -> int:
             raise UsageError(f"{options.out} is there already: name another file with --out")
         read = Picks()
         for record in find_runs(options.runs, options.record):
-            read.add(record)
+            own = Picks()
+            own.add(record)
+            if not own.cell:
+                raise UsageError(f"{record}: the record holds no beginning of a run: leave it out")
+            read.merge(own)
         content, lines = propose(read)
         options.out.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except UsageError as error:

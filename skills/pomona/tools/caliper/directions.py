@@ -16,6 +16,7 @@ KNOWN_PLACE, KNOWN_ANGLE = 1e-3, float(np.radians(0.2))
 KNOWN_SCALE, KNOWN_ZERO = 3e-3, 0.3e-3  # the same of the depth's scale and of z [m]
 
 FINGERS = "picks with fingers that feel the touch of each pad"
+NO_LANDING = "picks in which no finger lands on the fruit before both close on it"
 UPRIGHT = 0.5  # part of a direction along the vertical from which horizontal fingers cannot close along it
 TURNED = np.radians(20.0)  # turn of the grasps below which only more picks of the same kind help
 
@@ -49,7 +50,7 @@ def further_picks(direction: Float64, picks: Sequence[Pick]) -> str:
     """
     axes = np.array([pick.axis for pick in picks if pick.side and not pick.landed])
     if not len(axes):
-        return FINGERS
+        return NO_LANDING if any(pick.landed for pick in picks) else FINGERS
     up = np.mean([pick.up for pick in picks], axis=0)
     if abs(float(direction @ up)) > UPRIGHT * float(np.linalg.norm(up)):
         return "grasps tilted by 30° and more, whose fingers do not close level,"

@@ -126,7 +126,7 @@ def next_picks(found: CameraErrors) -> str:
         return ""
     lines = " and ".join(_line(place.axis) for place in unknown)
     picks = " and ".join(dict.fromkeys(further_picks(place.axis, found.used) for place in unknown))
-    return f"Its place {lines} is not known: {picks} would show it."
+    return f"Its place {lines} is not known within 1 mm: {picks} would show it."
 
 
 def _off(shifts: Sequence[Direction], turns: Sequence[Direction], number: str) -> str:

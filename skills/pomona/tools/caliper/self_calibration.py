@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.plain_file import open_plain, parse_object
+from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.rotations import is_rigid
 from pomona.tools.caliper.records import SAME_POSE
 
 LONGEST = 1_000_000  # longest pose file that is read [bytes]
 FIRST = "T_mount_camera_first"  # key: the pose before the first correction
+BEFORE = "T_mount_camera_before"  # key: the pose before the last correction
 RUNS = "runs"  # key: runs whose picks led to the pose
 UNDONE = "undone"  # key: runs whose picks lead to no correction any more
 
@@ -36,16 +38,15 @@ def read_pose(path: Path) -> tuple[dict[str, Any], Float64]:
     Raises UsageError: it holds no pose.
     """
     try:
-        with open_plain(path) as file:
-            content = parse_object(file.read(LONGEST))
+        content = parse_object(read_plain_text(path, LONGEST))
         T = np.array(content["T_mount_camera"], np.float64)
-        first = np.array(content.get(FIRST, np.eye(4)), np.float64)
+        first, last = (np.array(content.get(key, np.eye(4)), np.float64) for key in (FIRST, BEFORE))
         runs = {key: [str(run) for run in content.get(key, ())] for key in (UNDONE, RUNS)}
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise UsageError(f"{path} holds no 'T_mount_camera': {error}") from error
-    for name, pose in (("T_mount_camera", T), (FIRST, first)):
+    for name, pose in (("T_mount_camera", T), (FIRST, first), (BEFORE, last)):
         if pose.shape != (4, 4) or not is_rigid(pose):
             raise UsageError(f"'{name}' in {path} is no rigid 4 x 4 transform")
     return {**content, **runs}, T
@@ -61,7 +62,7 @@ def apply(path: Path, proposal: Mapping[str, Any], most: float, most_turned: flo
     UsageError: the file cannot be read or written. It has not changed.
     """
     before, T = read_pose(path)
-    if np.abs(T - np.array(proposal["T_mount_camera_before"])).max() > SAME_POSE:
+    if not _follows(proposal, T):
         raise NotApplied(f"{path}: the picks are of another pose than this file's")
     if undone := set(before[UNDONE]) & set(proposal[RUNS]):
         raise NotApplied(f"{path}: a correction from {sorted(undone)[0]} was undone")
@@ -79,13 +80,16 @@ def apply(path: Path, proposal: Mapping[str, Any], most: float, most_turned: flo
 def undo(path: Path) -> None:
     """Take the last correction back; a second call applies it again.
 
-    Raises UsageError: there is no correction.
+    Raises UsageError: there is no correction, or the file has another calibration since.
     """
     try:
-        before, _ = read_pose(before_of(path))
+        before, T_before = read_pose(before_of(path))
     except UsageError as error:
         raise UsageError(f"{path} has no correction that could be taken back: {error}") from error
-    now, _ = read_pose(path)
+    now, T_now = read_pose(path)
+    if not (_follows(now, T_before) or _follows(before, T_now)):
+        words = f"another calibration than that of its last correction; {before_of(path).name} is not of this one"
+        raise UsageError(f"{path} has {words}")
     runs = {*before[UNDONE], *now[UNDONE], *now[RUNS]}
     _require_writable(path)
     _replace(path, {**before, UNDONE: sorted(runs)})
@@ -93,8 +97,14 @@ def undo(path: Path) -> None:
 
 
 def before_of(path: Path) -> Path:
-    """Return the path of the file before its last correction."""
+    """Return the path of the file before its last correction; it lies beside the target of a link."""
+    path = path.resolve()
     return path.with_name(f"{path.name}.before")
+
+
+def _follows(content: Mapping[str, Any], T: Float64) -> bool:
+    """Return True where a correction has led from a pose, shape (4, 4), to this content."""
+    return BEFORE in content and bool(np.abs(np.array(content[BEFORE]) - T).max() <= SAME_POSE)
 
 
 def _apart(one: Float64, other: Float64) -> tuple[float, float]:
@@ -110,6 +120,7 @@ def _require_writable(path: Path) -> None:
 
 def _replace(path: Path, content: Mapping[str, Any]) -> None:
     """Write a file whole or not at all, also when the power fails. Raises UsageError: it cannot be written."""
+    path = path.resolve()  # the target of a link: the link stays
     beside = path.with_name(f".{path.name}.new")
     try:
         with beside.open("w", encoding="utf-8") as file:

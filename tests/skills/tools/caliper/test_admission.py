@@ -135,6 +135,15 @@ def test_apply_corrects_the_pose_file_between_runs_and_the_next_run_is_slow(
     assert json.loads(lab.pose.read_text()) == content
 
 
+def test_a_cell_whose_pose_file_is_a_link_runs_and_is_corrected(tmp_path: Path):
+    lab = Lab(tmp_path, ", self_calibration: apply", MOUNTED)
+    lab.pose.rename(tmp_path / "of_may.json")
+    lab.pose.symlink_to("of_may.json")
+    lab.pick(14e-3)
+    assert lab.admit().speed == 0.1
+    assert len(json.loads((tmp_path / "of_may.json").read_text())["runs"]) == 12
+
+
 def test_apply_beyond_its_bound_writes_nothing_and_the_limits_hold(tmp_path: Path, caplog: pytest.LogCaptureFixture):
     lab = Lab(tmp_path, ", self_calibration: apply, most: 5 mm", MOUNTED)
     lab.pick(14e-3)

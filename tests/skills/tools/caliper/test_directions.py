@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.tools.caliper.directions import angle_directions, further_picks, place_directions
 from pomona.tools.caliper.estimate import estimate
-from tests.skills.tools.caliper.synthetic import made_picks
+from tests.skills.tools.caliper.synthetic import made_landing, made_picks
 
 NO_ERROR = np.zeros(8)
 
@@ -59,3 +59,5 @@ def test_the_missing_direction_names_the_grasps_that_would_show_it():
     assert "tilted by 30°" in further_picks(np.array([0.0, 0.0, 1.0]), picks)
     assert "more picks" in further_picks(np.array([1.0, 0.0, 0.0]), picks)
     assert "feel the touch" in further_picks(np.array([1.0, 0.0, 0.0]), found(3, plain=True).used)
+    landings = estimate([made_landing(np.random.default_rng(0), NO_ERROR)]).used
+    assert "no finger lands on the fruit before" in further_picks(np.array([1.0, 0.0, 0.0]), landings)

@@ -11,6 +11,7 @@ import pytest
 
 from pomona.devices.realsense.mounted_camera import read_hand_eye
 from pomona.executive.cli import main
+from pomona.executive.recording.folder import events_file
 from pomona.tools.caliper.explain import explain
 from pomona.tools.caliper.records import Picks
 from tests.skills.tools.caliper.recorded_runs import CELL, picks_of, runs_of, write_run
@@ -109,6 +110,14 @@ def test_a_folder_without_records_and_a_file_that_is_there_are_refused(tmp_path,
     assert call(tmp_path, "--out", tmp_path / "c.yaml") == 2
     assert "is there already" in capsys.readouterr().err
     assert (tmp_path / "c.yaml").read_text() == "earlier"
+
+
+def test_a_record_that_was_cut_at_its_beginning_is_named(tmp_path, capsys):
+    runs = runs_of(tmp_path / "runs", 6e-3)
+    events_file(max(runs.iterdir())).write_bytes(b"")
+    assert call(runs, "--out", tmp_path / "c.yaml") == 2
+    assert f"{max(runs.iterdir())}: the record holds no beginning of a run" in capsys.readouterr().err
+    assert explain(max(runs.iterdir())) == ""
 
 
 def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, capsys):

@@ -59,6 +59,25 @@ def test_one_step_takes_it_back_and_its_picks_lead_to_none_again(tmp_path: Path)
     assert x_of(place) == 0.006
 
 
+def test_the_target_of_a_link_is_corrected_and_the_link_stays(tmp_path: Path):
+    target, link = pose_file(tmp_path), tmp_path / "camera.json"
+    link.symlink_to(target.name)
+    apply(link, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
+    assert link.is_symlink()
+    assert (x_of(target), x_of(before_of(link))) == (0.006, 0.0)
+    undo(link)
+    assert (link.is_symlink(), x_of(target)) == (True, 0.0)
+
+
+def test_a_file_that_was_calibrated_anew_is_not_taken_back_to_a_pose_of_old(tmp_path: Path):
+    place = pose_file(tmp_path)
+    apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
+    place.write_text("\ufeff" + json.dumps({"T_mount_camera": moved(0.02)}), encoding="utf-8")
+    with pytest.raises(UsageError, match=r"another calibration .* hand_eye.json.before is not of this one"):
+        undo(place)
+    assert (x_of(place), x_of(before_of(place))) == (0.02, 0.0)
+
+
 def test_several_corrections_do_not_pass_the_bounds_together(tmp_path: Path):
     place = pose_file(tmp_path)
     apply(place, proposal(0.0, 0.010, "run 1"), MOST, TURNED)
@@ -103,6 +122,7 @@ def test_a_read_only_file_is_neither_corrected_nor_taken_back(tmp_path: Path):
         (json.dumps({"T_mount_camera": moved(0.0), "runs": 5}), "holds no"),
         (json.dumps({"T_mount_camera": moved(0.0), "T_mount_camera_first": [[2.0]]}), "_first' in .* is no rigid"),
         (json.dumps({"T_mount_camera": [[1.0] * 4] * 4}), "is no rigid"),
+        (json.dumps({"T_mount_camera": moved(0.0), "T_mount_camera_before": 1}), "_before' in .* is no rigid"),
     ],
 )
 def test_a_file_that_is_missing_or_was_edited_is_refused_with_the_reason(tmp_path: Path, content: str | None, why: str):
