@@ -314,7 +314,11 @@ TEXT = STORE.types["std_msgs/msg/String"]("no image")
         (two(image(colour()[:20], "rgb8")), r"colour is 40 x 20, the intrinsics are for 40 x 30", 2),
         (two(compressed(colour(), ".jpg", -4))[:3], r"cannot be read as a picture: its end is missing", 2),
         (two(image(colour(), "bayer_rggb8")), r"its encoding is 'bayer_rggb8'", 2),
-        (two(image(colour(), "rgb8", step=4000)), r"it has 3600 bytes, its header 40 x 30 pixels in rows of 4000 bytes", 2),
+        (
+            two(image(colour(), "rgb8", step=4000)),
+            r"it has 3600 bytes, its header 40 x 30 pixels in rows of 4000 bytes",
+            2,
+        ),
         (two(its_depth=image(colour(), "rgb8")), r"depth has 16UC1", 2),
         ([(t, s if t != "/depth" else s + 10**10, m) for t, s, m in two()], r"no depth lies within 0.02 s", 2),
     ],
