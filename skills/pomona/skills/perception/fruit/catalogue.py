@@ -139,10 +139,7 @@ class FruitFileSection:
     mass: float | None = value(Measure(MASS, "1 g", "10 kg"), None, "of a fruit of these dimensions, weighed")
     mass_spread: float = value(Number(0.0, 1.0), 0.1, "standard deviation of the mass among fruit of one size, a share")
     weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
-    photo_weights: str | None = value(
-        Text(), None, "of its detector for photographs, for pomona detect; found likewise"
-    )
-
+    photo_weights: str | None = value(Text(), None, "of its detector for photographs, found likewise")
     sizes: SizesSection | None = value(Section(SizesSection), None, "of this kind, where they were learnt")
 
     def problems(self) -> Iterator[Problem]:
