@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pomona.devices.frames.folder import are_swapped
 from pomona.drivers import Intrinsics
 from pomona.executive import UnusablePicture, decode_picture, decode_plane
 
@@ -52,21 +53,11 @@ def depth_of(message: Any, kind: str, unit: float = MILLIMETRE) -> NDArray[np.fl
         raise UnusablePicture(f"its encoding is '{message.encoding}', depth has {', '.join(_DEPTH)}")
     order, of = ">" if message.is_bigendian else "<", _DEPTH[message.encoding]
     counts = _rows(message, np.dtype(order + of), 1)[..., 0]
-    if _are_swapped(counts):
+    if are_swapped(counts):
         raise UnusablePicture(
             f"its depth is smooth only in the other byte order: is_bigendian {order == '>':d} is wrong"
         )
     return _measured(counts.astype(np.float32) * np.float32(1.0 if of == "f4" else unit))
-
-
-def _are_swapped(counts: NDArray[Any]) -> bool:
-    """Return True if neighbours differ by 100 on average, and by less than a quarter of that with swapped bytes."""
-    steps = []
-    for some in (counts[::4], counts[::4].byteswap()):
-        row = np.clip(np.nan_to_num(some.astype(np.float32), posinf=0.0), 0.0, 1e5)
-        both = (row[:, 1:] > 0.0) & (row[:, :-1] > 0.0)
-        steps.append(float(np.abs(np.diff(row))[both].mean()) if both.any() else 0.0)
-    return steps[0] > max(100.0, 4.0 * steps[1])
 
 
 def _decompressed(message: Any, unit: float) -> NDArray[np.float32]:
