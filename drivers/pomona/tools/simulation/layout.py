@@ -141,6 +141,26 @@ def read_robot(path: Path) -> Any:
     return spec
 
 
+MOST_SAG = 1e-3  # by which drives may give way under the arm's weight: with more, motions do not come to rest [rad]
+
+
+def sag(path: Path, q: Float64) -> tuple[str, float]:
+    """Return the joint whose drive gives way most under the arm's own weight, and by how much [rad].
+
+    `q` is a posture, (dof,) [rad]. MuJoCo lifts bodies with `gravcomp` without the drives. Raises UnusableRobotFile.
+    """
+    model = read_robot(path).compile()
+    state = load_mujoco().MjData(model)
+    arm = [i for i in range(model.nu) if model.actuator(i).name != "gripper"]
+    joints = np.array(model.actuator_trnid[arm, 0])
+    state.qpos[model.jnt_qposadr[np.sort(joints)]] = q
+    load_mujoco().mj_forward(model, state)
+    stiffness = -np.array(model.actuator_biasprm[arm, 1])  # of a position drive; 0 for a motor
+    pull = np.abs((state.qfrc_bias - state.qfrc_passive)[model.jnt_dofadr[joints]])
+    way = np.divide(pull, stiffness, out=np.zeros_like(pull), where=stiffness > 0.0)
+    return model.joint(joints[int(way.argmax())]).name, float(way.max())
+
+
 FRICTION = (0.7, 0.9)  # sliding friction between pads and skin, drawn for each run
 
 
@@ -262,6 +282,11 @@ class WorldOptions:
         poses = around.workspace.poses if around.workspace else {}
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
+        elif len(poses[self.start]) == len(read_limits(self.robot).lower):
+            joint, way = sag(self.robot, poses[self.start])
+            if way > MOST_SAG:
+                words = f"the drive of '{joint}' gives way by {way:.4f} rad under the arm's weight, so it never rests"
+                yield Problem("robot", words, 'write gravcomp="1" on each of its bodies')
         if self.fruits_at == "crate" and (around.workspace is None or crate_of(around.workspace.obstacles) is None):
             yield Problem("fruits_at", f"the workspace has no crate '{SOURCE}'", f"{{name: {SOURCE}, …, wall: 8 mm}}")
 
