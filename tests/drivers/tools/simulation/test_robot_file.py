@@ -237,6 +237,6 @@ def test_an_arm_whose_weight_nothing_compensates_is_refused_with_the_remedy(tmp_
     world = f"world: {{include: 'sim.yaml#world', robot: {tmp_path / ROBOT.name}}}\n"
     cell = tmp_path / "cell.yaml"
     cell.write_text("include: sim.yaml\noptions: {include: 'sim.yaml#options'}\n" + world)
-    with pytest.raises(CellFileError, match=r"'joint_.' gives way by 0\.00\d+ rad under .*gravcomp=\"1\"") as caught:
+    with pytest.raises(CellFileError, match=r"drives give way by 0\.00\d+ rad to the .*gravcomp=\"1\"") as caught:
         load_cell(cell, seed=1).close()
     assert caught.value.line == 3
