@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sections import Problem
+from pomona.skills.perception.fruit.catalogue import CATALOGUE
 
 TREE = """pomona: 1
 tree: look
@@ -107,6 +109,8 @@ def test_an_unknown_or_missing_fruit_is_found(tmp_path: Path, registry: Registry
     assert (found.line, found.severity) == (10, "warning")
     assert "no lemon on the table of the cell 'sim', which holds apple" in found.message
     assert judged(tmp_path, registry, kind="lemon", fruit="lemon") == []
+    own = shutil.copytree(CATALOGUE / "lemon", tmp_path / "apple")  # the table knows the folder of its fruit
+    assert judged(tmp_path, registry, kind=str(own)) == []
 
 
 def test_fruit_without_weights_is_reported_with_the_command_that_makes_them(tmp_path: Path, registry: Registry) -> None:

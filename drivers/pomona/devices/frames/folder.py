@@ -121,14 +121,28 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
 def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
     """Return the depth in metres of depth in millimetres, of the same shape (height, width).
 
-    Raises UnusableFrames: it holds no such thing: all of it is nearer than any camera measures.
+    Raises UnusableFrames: it holds no such thing: all of it is nearer than any camera measures, or it is noise.
     """
     furthest = int(depth.max(initial=0))
     if 0 < furthest < NEAREST_MM:
         raise UnusableFrames(
             path, f"holds depths up to {furthest} mm, nearer than any camera measures: is it in metres?"
         )
+    if are_swapped(depth):
+        raise UnusableFrames(
+            path, "its depth is smooth only in the other byte order: it was written with bytes exchanged"
+        )
     return depth.astype(np.float32) * np.float32(1e-3)
+
+
+def are_swapped(counts: NDArray[Any]) -> bool:
+    """Return True if neighbours differ by 100 on average, and by less than a quarter of that with swapped bytes."""
+    steps = []
+    for some in (counts[::4], counts[::4].byteswap()):
+        row = np.clip(np.nan_to_num(some.astype(np.float32), posinf=0.0), 0.0, 1e5)
+        both = (row[:, 1:] > 0.0) & (row[:, :-1] > 0.0)
+        steps.append(float(np.abs(np.diff(row))[both].mean()) if both.any() else 0.0)
+    return steps[0] > max(100.0, 4.0 * steps[1])
 
 
 def _other(depth: str, there: Collection[str]) -> str:

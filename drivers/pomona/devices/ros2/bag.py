@@ -12,8 +12,7 @@ from typing import Any
 from mcap.reader import make_reader
 
 from pomona.devices.frames.folder import UnusableFrames
-from pomona.devices.ros2.images import UnusableImage
-from pomona.executive import install_extra, is_lfs_pointer
+from pomona.executive import UnusablePicture, install_extra, is_lfs_pointer
 
 try:
     from rosbags.highlevel import AnyReader
@@ -113,8 +112,8 @@ class Bag:
 
 
 def why(error: Exception) -> str:
-    """Return the reason why a message cannot be used: that of an `UnusableImage`, or one of `NOT_ROS`."""
-    if isinstance(error, UnusableImage):
+    """Return the reason why a message cannot be used: that of an `UnusablePicture`, or one of `NOT_ROS`."""
+    if isinstance(error, UnusablePicture):
         return str(error)
     return f"its type differs from the ROS type of that name ({error})"
 

@@ -19,7 +19,6 @@ from pomona.devices.ros2.images import (
     IMAGE,
     INFO,
     MILLIMETRE,
-    UnusableImage,
     colour_of,
     depth_of,
     intrinsics_of,
@@ -34,7 +33,7 @@ from pomona.drivers import (
     depth_model_of,
     driver,
 )
-from pomona.executive import TIME, Measure, Section, Text, Whole, value
+from pomona.executive import TIME, Measure, Section, Text, UnusablePicture, Whole, value
 
 APART_K = 1e-3  # intrinsics that differ by more than this ratio are of another zoom, focus or profile
 
@@ -66,7 +65,7 @@ class BagFrame:
             colour = colour_of(taken[0], self.bag.topics[place.topic])
             place = self.depth
             depth = depth_of(taken[1], self.bag.topics[place.topic], self.unit)
-        except (UnusableImage, *NOT_ROS) as error:
+        except (UnusablePicture, *NOT_ROS) as error:
             raise UnusableFrames(self.bag.path, f"{place.topic} at {place.written} ns: {why(error)}") from error
         size = (intrinsics.width, intrinsics.height)
         for name, image in (("colour", colour), ("depth", depth)):
@@ -211,7 +210,7 @@ def _intrinsics(bag: Bag, topic: str, colour: str) -> Intrinsics:
     places = bag.list_messages(topic)
     try:
         found = [intrinsics_of(info, is_rectified(colour)) for info in bag.read_all(topic)]
-    except (UnusableImage, *NOT_ROS) as error:
+    except (UnusablePicture, *NOT_ROS) as error:
         raise UnusableFrames(bag.path, f"{topic}: {why(error)}") from error
     for place, other in zip(places, found, strict=True):
         if not np.allclose(_parts(other), _parts(found[0]), rtol=APART_K):

@@ -21,14 +21,13 @@ from pomona.devices.ros2.images import (
     COMPRESSED,
     IMAGE,
     INFO,
-    UnusableImage,
     colour_of,
     depth_of,
     intrinsics_of,
     is_rectified,
 )
 from pomona.drivers import Arm, ConnectContext, DeviceError, DeviceFault, Settings, driver
-from pomona.executive import TIME, Measure, Text, value
+from pomona.executive import TIME, Measure, Text, UnusablePicture, value
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
 from pomona.tools.ros2.rosbridge import WAY, open_peer
 from pomona.tools.ros2.types import typestore
@@ -83,7 +82,7 @@ class Ros2Images:
                 raw.clear()
         try:
             return self._pair(taken)
-        except UnusableImage as error:
+        except UnusablePicture as error:
             raise DeviceFault(self._name, f"its messages cannot be used: {error}") from error
 
     def _pair(self, taken: Mapping[str, list[bytes]]) -> Pair | None:
@@ -111,7 +110,7 @@ class Ros2Images:
         metres = depth_of(depth, self._topics.depth[1])
         size = (self._intrinsics.height, self._intrinsics.width)
         if pixels.shape[:2] != size or metres.shape != size:
-            raise UnusableImage(f"colour is {pixels.shape[:2]}, depth {metres.shape}, but the CameraInfo {size}")
+            raise UnusablePicture(f"colour is {pixels.shape[:2]}, depth {metres.shape}, but the CameraInfo {size}")
         return Pair(pixels, metres, self._intrinsics, stamp / 1e9, True, stamp)
 
     def close(self) -> None:
@@ -123,7 +122,7 @@ def _message(raw: bytes, kind: str) -> Any:
     try:
         return typestore().deserialize_cdr(raw, kind)
     except Exception as error:  # any malformed message
-        raise UnusableImage(f"bytes that are no {kind}") from error
+        raise UnusablePicture(f"bytes that are no {kind}") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

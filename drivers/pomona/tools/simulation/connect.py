@@ -134,9 +134,7 @@ class CameraOptions(InWorld):
         Measure(TIME, "0 s", "50 ms"), "0 ms", "of the colour picture: what moves meanwhile is blurred"
     )
     depth_after: float = value(
-        Measure(TIME, "-50 ms", "50 ms"),
-        "0 ms",
-        "from the middle of the colour's exposure to that of the depth",
+        Measure(TIME, "-50 ms", "50 ms"), "0 ms", "from the middle of the colour's exposure to that of the depth"
     )
     fixed: FixedSection | None = value(
         Section(FixedSection), None, "where it is fixed in the cell; without it, it rides on the gripper"

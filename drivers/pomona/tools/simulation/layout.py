@@ -122,10 +122,7 @@ NEEDED = {
 
 
 def read_robot(path: Path) -> Any:
-    """Return the file as an `mujoco.MjSpec` that can be simulated.
-
-    Raises UnusableRobotFile: it cannot be read, or lacks something in `NEEDED`.
-    """
+    """Return it as an `mujoco.MjSpec`. Raises UnusableRobotFile: it cannot be read, or lacks something in `NEEDED`."""
     load_mujoco()  # before the reader does: both renderers must work in one process
     spec = read_spec(path)
     for kind, names in NEEDED.items():
@@ -133,12 +130,19 @@ def read_robot(path: Path) -> Any:
             if getattr(spec, kind)(name) is None:
                 there = f"; a simulated cell needs {', '.join(names)}" if len(names) > 1 else ""
                 raise UnusableRobotFile(path, f"has no {kind} named '{name}'{there}")
-    joints = sum(actuator.name != "gripper" for actuator in spec.actuators)
-    for name in NEEDED["numeric"]:
-        if len(spec.numeric(name).data) != joints:
-            words = f"'{name}' must have a number for each of the {joints} joints that have an actuator"
-            raise UnusableRobotFile(path, words)
     return spec
+
+
+def sag(path: Path, q: Float64) -> float:
+    """Return how far the drives give way to the arm's weight in a posture, (dof,) [rad], at most [rad]."""
+    model = read_robot(path).compile()
+    state = load_mujoco().MjData(model)
+    arm = [i for i in range(model.nu) if model.actuator(i).name != "gripper"]
+    state.qpos[model.jnt_qposadr[np.sort(model.actuator_trnid[arm, 0])]] = q
+    load_mujoco().mj_forward(model, state)
+    pull = (state.qfrc_bias - state.qfrc_passive)[model.jnt_dofadr[model.actuator_trnid[arm, 0]]]
+    stiffness = -model.actuator_biasprm[arm, 1]  # of a position drive; 0 for a motor
+    return float(np.abs(pull[stiffness > 0.0] / stiffness[stiffness > 0.0]).max(initial=0.0))
 
 
 FRICTION = (0.7, 0.9)  # sliding friction between pads and skin, drawn for each run
@@ -262,6 +266,9 @@ class WorldOptions:
         poses = around.workspace.poses if around.workspace else {}
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
+        elif len(q := poses[self.start]) == len(read_limits(self.robot).lower) and (way := sag(self.robot, q)) > 1e-3:
+            words = f"its drives give way by {way:.4f} rad to the arm's weight: its motions do not come to rest"
+            yield Problem("robot", words, 'write gravcomp="1" on each of its bodies')
         if self.fruits_at == "crate" and (around.workspace is None or crate_of(around.workspace.obstacles) is None):
             yield Problem("fruits_at", f"the workspace has no crate '{SOURCE}'", f"{{name: {SOURCE}, …, wall: 8 mm}}")
 

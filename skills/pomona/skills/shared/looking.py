@@ -106,7 +106,7 @@ class LookingSkill(Skill):
         if not (boxes and known.get("pose_from") == "depth"):  # with depth alone, no weights are read
             yield from _weights_problems(name, fruit, known.get("weights"))
         kinds = None if cell is None else cell.known(FruitKinds)
-        if cell is not None and kinds is not None and fruit.name not in kinds.names:
+        if cell is not None and kinds is not None and not {fruit.name, Path(name).name} & set(kinds.names):
             there = ", ".join(kinds.names)
             message = f"there is no {fruit.name} on the table of the cell '{cell.name}', which holds {there}"
             yield Problem("fruit", message, warning=True)

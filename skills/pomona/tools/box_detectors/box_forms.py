@@ -89,9 +89,10 @@ def read_boxes(
     Raises BadForm: the outputs have another form, or disagree with the class names.
     """
     corners, scores = _READERS[form](outputs, settings, fruit)
-    finite = np.isfinite(scores) & np.isfinite(corners).all(axis=1)
-    if 2 * int(finite.sum()) < len(finite):
-        raise BadForm(f"gives values that are not finite, in {(~finite).sum()} of {len(finite)} boxes")
+    finite = np.isfinite(corners).all(axis=1)
+    lost = ~(np.isfinite(scores) & (finite | (scores < LEAST_SCORE)))
+    if lost.any():
+        raise BadForm(f"gives values that are not finite, in {lost.sum()} of {len(lost)} boxes")
     corners, scores = corners[finite], scores[finite]
     if form in (BoxForm.LISTS, BoxForm.CHOSEN) and (corners[scores >= LEAST_SCORE] @ EXTENTS < -1.0).any():
         raise BadForm("gives a box whose right end lies left of its left one, or its bottom above its top")
@@ -196,7 +197,8 @@ _READERS: dict[BoxForm, Callable[[Outputs, BoxSettings, str], tuple[Float64, Flo
 def _corners(boxes: Float64) -> Float64:
     """Return corners (n, 4) of boxes given by middle, width and height (n, 4)."""
     middle, half = boxes[:, :2], 0.5 * boxes[:, 2:]
-    return np.hstack([middle - half, middle + half])
+    with np.errstate(invalid="ignore"):  # of a size that is not finite, which `read_boxes` judges
+        return np.hstack([middle - half, middle + half])
 
 
 def _of_class(

@@ -231,8 +231,9 @@ def _row(file: Path, number: int, fruit: FoundFruit | ScoredBox, width: int, hei
 
 
 def _shown(file: Path) -> str:
-    """Return a name that every screen can show: bytes that are not UTF-8 as \\xNN."""
-    return os.fsencode(file).decode("utf-8", "backslashreplace")
+    """Return a name that every screen can show in one line: bytes that are not UTF-8 as \\xNN, a new line as \\n."""
+    text = os.fsencode(file).decode("utf-8", "backslashreplace")
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:

@@ -155,9 +155,8 @@ def _checked(item: Labelled) -> Photograph:
         turned = ": labels hold for pictures as they are seen, upright by their Exif orientation"
         raise BadPhotographs(path, words + (turned if item.size == (height, width) else ""))
     boxes = np.array(item.boxes, np.float64).reshape(-1, 4)
-    if item.parts:
-        boxes *= (width, height, width, height)
-    with np.errstate(invalid="ignore"):  # boxes that are none are named below
+    with np.errstate(invalid="ignore", over="ignore"):  # boxes that are none are named below
+        boxes *= (width, height, width, height) if item.parts else 1.0
         low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
     limits = np.array([width, height], np.float64)
     for k in range(len(boxes)):
@@ -172,8 +171,10 @@ def _checked(item: Labelled) -> Photograph:
                 f"{item.lines[k]}: the box at {x:.0f}, {y:.0f} of {w:.0f} × {h:.0f} px does not lie in the picture "
                 f"{path.name} of {width} × {height}",
             )
-    low, high = np.clip(low, 0.0, limits), np.clip(high, 0.0, limits)
-    return Photograph(path, width, height, np.hstack([low, high - low]), np.array(item.crowd, np.bool_), item.group)
+    once = np.sort(np.unique(boxes, axis=0, return_index=True)[1])  # a line that stands twice is one fruit
+    low, high = np.clip(low[once], 0.0, limits), np.clip(high[once], 0.0, limits)
+    crowd = np.array(item.crowd, np.bool_)[once]
+    return Photograph(path, width, height, np.hstack([low, high - low]), crowd, item.group)
 
 
 def _tables(folder: Path) -> list[Labelled]:
@@ -353,6 +354,8 @@ def _names_in(path: Path) -> dict[int, str]:
     try:
         text = read_plain_text(path)
         names = text.split("\n") if path.suffix == ".txt" else yaml.safe_load(text)["names"]
+        if not isinstance(names, dict | list):  # a single word would be a class for each letter
+            raise TypeError(names)
         pairs = names.items() if isinstance(names, dict) else enumerate(names)
         return {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
     except (yaml.MarkedYAMLError, UnicodeDecodeError, OSError) as error:
@@ -392,26 +395,29 @@ def _json(path: Path) -> Any:
 
 
 def _coco(path: Path, content: dict[str, Any], folder: Path, fruit: str) -> list[Labelled]:
-    categories = _entries(path, content, "categories")
-    names = {_whole(path, at, entry, "id"): _text(path, at, entry, "name") for at, entry in categories}
+    names: dict[int, str] = {}
+    for at, category in _entries(path, content, "categories"):
+        number, name = _whole(path, at, category, "id"), _text(path, at, category, "name")
+        if names.setdefault(number, name) != name:
+            raise BadPhotographs(path, f"{at}: another category has the id {number}")
     wanted = _class_of(path, names, fruit)
     words = *path.stem.replace("-", "_").split("_"), path.parent.name if path.parent != folder else ""
     split = next((word for word in words if _is_split(word)), "")
     items = dict[str, Labelled]()
     for at, image in _entries(path, content, "images"):
-        number, name = _text(path, at, image, "id"), _text(path, at, image, "file_name").replace("\\", "/")
-        if number in items:
-            raise BadPhotographs(path, f"{at}: another picture has the id {number}")
+        key, name = _text(path, at, image, "id"), _text(path, at, image, "file_name").replace("\\", "/")
+        if key in items:
+            raise BadPhotographs(path, f"{at}: another picture has the id {key}")
         size = _whole(path, at, image, "width"), _whole(path, at, image, "height")
-        items[number] = Labelled(_picture(folder, path, name), str(path), split, size=size)
+        items[key] = Labelled(_picture(folder, path, name), str(path), split, size=size)
     for at, annotation in _entries(path, content, "annotations"):
-        kind, number = _whole(path, at, annotation, "category_id"), _text(path, at, annotation, "image_id")
+        kind, key = _whole(path, at, annotation, "category_id"), _text(path, at, annotation, "image_id")
         if kind not in names:
             raise BadPhotographs(path, f"{at}: its category {kind} is not in categories")
-        if number not in items:
-            raise BadPhotographs(path, f"{at}: its picture {number} is not in images")
+        if key not in items:
+            raise BadPhotographs(path, f"{at}: its picture {key} is not in images")
         if kind == wanted:
-            items[number].add(_box(path, at, annotation), at, bool(annotation.get("iscrowd")))
+            items[key].add(_box(path, at, annotation), at, bool(annotation.get("iscrowd")))
     return list(items.values())
 
 
@@ -430,7 +436,8 @@ def _entries(path: Path, content: dict[str, Any], key: str) -> Iterator[tuple[st
 def _text(path: Path, at: str, entry: dict[str, Any], key: str) -> str:
     value = entry.get(key)
     if not isinstance(value, str | int):
-        raise BadPhotographs(path, f"{at}: has no {key}")
+        words = f"has no {key}" if value is None else f"its {key} is no text and no whole number"
+        raise BadPhotographs(path, f"{at}: {words}")
     return str(value)
 
 

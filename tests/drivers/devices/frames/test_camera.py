@@ -47,6 +47,12 @@ def cut_off(folder: Path) -> None:
     (folder / "a_color.jpg").write_bytes(content[: -len(content) // 3])
 
 
+def exchanged(folder: Path) -> None:
+    """Write a table at a slant whose two bytes are exchanged."""
+    slant = np.round(np.linspace(600, 900, 30)[:, None] + np.random.default_rng(1).normal(0, 2, (30, 40)))
+    cv2.imwrite(str(folder / "a_depth_mm.png"), slant.astype(np.uint16).byteswap())
+
+
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
     (tmp_path / "frames").mkdir()
@@ -114,6 +120,7 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
         (lambda folder: animated(folder, "a_depth_mm.png"), "a_depth_mm.png: holds 2 pictures: store each"),
         (lambda folder: animated(folder, "a_color.png"), "a_color.png: holds 2 pictures: store each"),
         (lambda folder: write_frame(folder, "a", depth_mm=2), "up to 2 mm, nearer than any camera measures"),
+        (exchanged, "its depth is smooth only in the other byte order: it was written with bytes exchanged"),
         (lambda folder: (folder / "frames.json").write_text("[]}"), "is no list of frames"),
         (lambda folder: (folder / "frames.json").write_text('[{"T_base_camera": 1}]'), "is no list of frames"),
         (

@@ -272,6 +272,28 @@ def test_every_encoding_gives_the_same_pixels(cell: Path, first: Any, its_depth:
     assert (frame.depth >= 0.0).all()
 
 
+SLOPED = np.round(np.linspace(600, 900, H)[:, None] + np.random.default_rng(1).normal(0, 2, (H, W)))
+SLOPED[8:20, 10:22] -= 90.0  # a fruit
+SLOPED[0] = 0.0
+
+
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize(
+    ("counts", "encoding", "kind", "metre"),
+    [(SLOPED, "16UC1", "u2", 1e3), (SLOPED / 1e3, "32FC1", "f4", 1.0)],
+)
+def test_depth_in_another_order_of_bytes_than_its_mark_is_refused(
+    cell: Path, counts: Any, encoding: str, kind: str, metre: float, big: bool
+) -> None:
+    marked, other = (">", "<") if big else ("<", ">")
+    right = image(counts.astype(marked + kind), encoding, big=big)
+    frame = open_bag(cell, write(cell.parent / "right", two(its_depth=right)[:3])).latest()
+    assert np.allclose(frame.depth, counts / metre, atol=1e-6)
+    wrong = image(counts.astype(other + kind), encoding, big=big)
+    with pytest.raises(CellFileError, match=rf"smooth only in the other byte order: is_bigendian {big:d} is wrong"):
+        open_bag(cell, write(cell.parent / "wrong", two(its_depth=wrong)[:3]))
+
+
 def test_rows_may_be_padded(cell: Path) -> None:
     padded = STORE.types[IMAGE](header(), H, W, "rgb8", 0, 128, PADDED.reshape(-1))
     assert np.array_equal(open_bag(cell, write(cell.parent / "bag", two(padded))).latest().colour, colour())
@@ -292,7 +314,11 @@ TEXT = STORE.types["std_msgs/msg/String"]("no image")
         (two(image(colour()[:20], "rgb8")), r"colour is 40 x 20, the intrinsics are for 40 x 30", 2),
         (two(compressed(colour(), ".jpg", -4))[:3], r"cannot be read as a picture: its end is missing", 2),
         (two(image(colour(), "bayer_rggb8")), r"its encoding is 'bayer_rggb8'", 2),
-        (two(image(colour(), "rgb8", step=4000)), r"in rows of 4000 bytes, but it has 3600 bytes", 2),
+        (
+            two(image(colour(), "rgb8", step=4000)),
+            r"it has 3600 bytes, its header 40 x 30 pixels in rows of 4000 bytes",
+            2,
+        ),
         (two(its_depth=image(colour(), "rgb8")), r"depth has 16UC1", 2),
         ([(t, s if t != "/depth" else s + 10**10, m) for t, s, m in two()], r"no depth lies within 0.02 s", 2),
     ],

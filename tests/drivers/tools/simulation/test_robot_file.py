@@ -229,3 +229,14 @@ def test_limits_are_those_of_the_joints_from_base_to_tool_in_any_order_of_the_ac
     given, turned = read_limits(ROBOT), read_limits(path)
     assert np.array_equal(turned.lower, given.lower)
     assert np.array_equal(turned.upper, given.upper)
+
+
+def test_an_arm_whose_weight_nothing_compensates_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    for file in ROBOT.parent.glob("*.xml"):
+        (tmp_path / file.name).write_text(file.read_text("utf-8").replace(' gravcomp="1"', ""), "utf-8")
+    world = f"world: {{include: 'sim.yaml#world', robot: {tmp_path / ROBOT.name}}}\n"
+    cell = tmp_path / "cell.yaml"
+    cell.write_text("include: sim.yaml\noptions: {include: 'sim.yaml#options'}\n" + world)
+    with pytest.raises(CellFileError, match=r"drives give way by 0\.00\d+ rad to the .*gravcomp=\"1\"") as caught:
+        load_cell(cell, seed=1).close()
+    assert caught.value.line == 3

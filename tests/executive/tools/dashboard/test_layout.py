@@ -67,6 +67,20 @@ def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_pag
     expect(page.locator("#camera")).to_be_visible()
 
 
+@pytest.mark.parametrize("large", ["", "scene"])
+def test_on_a_phone_the_camera_or_a_large_scene_stands_above_the_tree(
+    show: Show, open_page: Callable[..., Any], large: str
+) -> None:
+    show.record(LOOK, "old_1")
+    page = open_page("run=old_1", viewport={"width": 390, "height": 844})
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    if large:
+        page.locator(f"[data-enlarge={large}]").click()
+    seen = box(page, f".{large or 'camera'}-panel")
+    assert seen["y"] + seen["height"] <= box(page, ".tree-panel")["y"]
+    assert box(page, "#why")["y"] < seen["y"]
+
+
 def test_the_tree_is_drawn_and_a_box_is_chosen_as_a_row_is(show: Show, open_page: Callable[..., Any]) -> None:
     show.record(LOOK, "old_1")
     (show.records / "old_1" / "tree.yaml").write_text(LOOK, encoding="utf-8")

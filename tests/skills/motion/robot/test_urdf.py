@@ -125,6 +125,12 @@ def test_a_joint_of_an_mjcf_that_follows_another_is_refused(tmp_path: Path) -> N
             "'c' has a range up to 180 rad: is it in degrees",
         ),
         ("revolute", LIMIT.replace('velocity="2"', 'velocity="180"'), "'c': velocity = '180' .* is it in degrees"),
+        ("prismatic", LIMIT.replace('"2" v', '"50" v'), "'c' has a range up to 50 m: is it in millimetres"),
+        (
+            "prismatic",
+            LIMIT.replace('velocity="2"', 'velocity="180"'),
+            "'180' is more than 50 m/s: is it in millimetres",
+        ),
     ],
 )
 def test_a_joint_that_no_plan_could_use_is_refused(tmp_path: Path, kind: str, limit: str, complaint: str) -> None:
@@ -171,6 +177,7 @@ def test_two_joints_of_one_name_are_refused(tmp_path: Path) -> None:
         ('name="arm"', 'name="$(arg name)"', "<robot> has words of xacro: first `xacro FILE > arm.urdf`"),
         ("0 0 0.3", "0 0 300", '<origin xyz="0 0 300"> is 10 m off or more: is it in millimetres?'),
         ("0 0 0.3", "-0.01 12.5 0", "is it in millimetres?"),
+        ('0 0 0.3"', '0 0 0.3" rpy="0 90 -3.1"', '<origin rpy="0 90 -3.1"> is 10 rad or more: is it in degrees?'),
     ],
 )
 def test_a_file_before_xacro_or_in_millimetres_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -178,6 +185,13 @@ def test_a_file_before_xacro_or_in_millimetres_is_refused(tmp_path: Path, old: s
     load(tmp_path / "whole.urdf", text.replace("0 0 0.3", "-0.0123 18.5e-3 9.9"))
     with pytest.raises(BadRobotFile, match=re.escape(words)):
         load(tmp_path / "arm.urdf", text.replace(old, new, 1))
+
+
+def test_a_namespace_hides_no_limit(tmp_path: Path) -> None:
+    text = arm().replace("<robot ", '<robot xmlns="http://www.ros.org" ')
+    assert np.array_equal(load(tmp_path / "named.urdf", text).velocity, load(tmp_path / "arm.urdf", arm()).velocity)
+    with pytest.raises(BadRobotFile, match="is it in millimetres"):
+        load(tmp_path / "far.urdf", text.replace("0 0 0.3", "0 0 300", 1))
 
 
 def test_a_link_that_no_joint_holds_is_refused(tmp_path: Path) -> None:

@@ -74,6 +74,7 @@ def test_unknown_name_lists_the_known_ones() -> None:
         ("mesh: noise.ply", "noise.ply is no mesh that can be read"),
         ("mesh: open.ply", "has holes"),
         ("mesh: inside_out.ply", "do not all point outwards"),
+        ("mesh: beside.ply", r"fruit.yaml:4:7.*the middle of beside.ply is not its origin"),
         ("symmetry_axis: [0, 0, 0]", "zero vector"),
         ("colour: [2, 0, 0]", "between 0 and 1"),
         ("taste: sweet", r"fruit.yaml:5:1.*no setting 'taste'"),
@@ -199,6 +200,7 @@ def write_fruit(folder: Path, change: str = "") -> Path:
     cube.export(folder / "cube.ply")
     trimesh.Trimesh(cube.vertices, cube.faces[1:], process=False).export(folder / "open.ply")
     trimesh.Trimesh(cube.vertices, cube.faces[:, ::-1], process=False).export(folder / "inside_out.ply")
+    cube.copy().apply_translation((0.0, 0.02, 0.0)).export(folder / "beside.ply")
     (folder / "noise.ply").write_bytes(b"\x00\x01noise")
     entry = {"name": "cube", "mesh": "cube.ply", "dimensions": "0.1 0.1 0.1 m", "symmetry_axis": "[0, -1, 0]"}
     key = change.partition(":")[0]

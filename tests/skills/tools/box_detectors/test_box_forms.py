@@ -147,3 +147,19 @@ def test_shares_of_chosen_boxes_are_read_when_the_file_beside_says_so(tmp_path: 
     (tmp_path / "model.onnx.yaml").write_text("units: share\n")
     (found,) = BoxModel(path, "apple").find(PICTURE)
     assert np.allclose(found.box, BOX, atol=0.01)
+
+
+@pytest.mark.parametrize("row", [2, 5])
+def test_one_value_of_8_400_that_is_not_finite_is_refused_where_it_counts(tmp_path: Path, row: int) -> None:
+    values = rows()
+    values[0, row, 1] = np.nan  # of the apple: its width, its score
+    path = write(tmp_path / "model.onnx", {"output0": values}, SQUARE, NAMES)
+    with pytest.raises(BadWeights, match="gives values that are not finite, in 1 of 8400 boxes"):
+        BoxModel(path, "apple")
+
+
+def test_a_place_without_an_object_may_have_any_box(tmp_path: Path) -> None:
+    values = rows()
+    values[0, :4, 7] = np.inf
+    path = write(tmp_path / "model.onnx", {"output0": values}, SQUARE, NAMES)
+    assert len(BoxModel(path, "apple").find(PICTURE)) == 1

@@ -197,15 +197,16 @@ def test_a_thumbnail_and_a_format_that_is_not_read_are_named_and_the_others_are_
 
 
 @pytest.mark.skipif(os.name != "posix", reason="names of other systems are no bytes")
-def test_a_picture_whose_name_is_not_utf8_is_searched(
-    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("name", "shown"), [(b"\xc4pfel", r"\xc4pfel"), (b"two\nlines", r"two\nlines")])
+def test_a_picture_whose_name_is_not_utf8_or_has_a_new_line_is_searched(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: bytes, shown: str
 ) -> None:
-    (pictures / "a.png").rename(pictures / os.fsdecode(b"\xc4pfel.png"))
+    (pictures / "a.png").rename(pictures / os.fsdecode(name + b".png"))
     assert run(pictures, "--out", tmp_path / "out") == 0
-    assert "\\xc4pfel.png: 1 found" in capsys.readouterr().out
+    assert f"{shown}.png: 1 found" in capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "out" / "found.csv").read_text("utf-8").splitlines()))
-    assert [row["picture"].rpartition("/")[2] for row in rows] == ["b.jpg", "\\xc4pfel.png"]
-    assert b"0002_\xc4pfel.jpg" in os.listdir(os.fsencode(tmp_path / "out"))
+    assert [row["picture"].rpartition("/")[2] for row in rows] == ["b.jpg", f"{shown}.png"]
+    assert b"0002_%s.jpg" % name in os.listdir(os.fsencode(tmp_path / "out"))
 
 
 @pytest.mark.parametrize(

@@ -232,6 +232,14 @@ def test_one_outline_that_is_no_box_with_keypoints_makes_all_of_them_outlines(tm
     )
 
 
+def test_a_line_that_stands_twice_is_one_fruit(tmp_path: Path) -> None:
+    folder = yolo(tmp_path)
+    before = read_photographs(folder).train[0].boxes
+    path = folder / "train/labels/a_0.txt"
+    path.write_text(2 * path.read_text())
+    assert np.array_equal(read_photographs(folder).train[0].boxes, before)
+
+
 def test_files_that_a_mac_hides_beside_pictures_and_labels_are_left_out(tmp_path: Path) -> None:
     folder = yolo(tmp_path)
     for path in [*folder.glob("*/*/*")]:
@@ -320,6 +328,14 @@ MISTAKES = [
     (coco, _change("images", 1, id=0), r"image 1: another picture has the id 0"),
     (coco, _change("images", width="wide"), r"image 0: its width is no whole number"),
     (coco, _change("categories", name=None), r"category 0: has no name"),
+    (coco, _change("categories", 1, id=3), r"category 1: another category has the id 3"),
+    (coco, _change("annotations", image_id=0.0), r"annotation 0: its image_id is no text and no whole number"),
+    (yolo, _write("data.yaml", "names: apple\n"), r"data\.yaml: does not name the classes: names: \[apple\]"),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "1 1e308 0.5 0.1 0.1\n"),
+        r"a_0\.txt: line 4: a box without width or height",
+    ),
     (coco, _remove("images/b_0.jpg"), r"b_0\.jpg: is labelled in .*instances_val\.json, but there is no such picture"),
     (coco, lambda folder: draw(folder / "images" / "b_0.jpg", [], 300), r"b_0\.jpg: is 300 × 300, .*says 240 × 240"),
 ]

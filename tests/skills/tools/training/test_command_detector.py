@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from argparse import Namespace
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,10 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
+from pomona.executive.cli import main as pomona  # noqa: E402
 from pomona.skills.perception.detection.errors import BadTraining  # noqa: E402
 from pomona.skills.perception.fruit import load_fruit  # noqa: E402
+from pomona.skills.perception.fruit.catalogue import CATALOGUE  # noqa: E402
 from pomona.tools.training import command_detector, recipe, report  # noqa: E402
 from pomona.tools.training.evaluation import Evaluation, Match  # noqa: E402
 
@@ -80,3 +84,32 @@ def test_many_scales_are_learnt_from_photographs_alone(started, monkeypatch, tmp
 def test_photographs_of_a_fruit_without_such_weights_are_refused() -> None:
     with pytest.raises(BadTraining, match="has none that can be learnt on"):
         command_detector._start(options(fruit="lemon", photos=[Path("photos")]))
+
+
+TABLE = """include: sim.yaml
+name: table
+options: {include: "sim.yaml#options", fruit: tomato, skin: red}
+world:
+  include: sim.yaml#world
+  fruits:
+    tomato: {model: tomato, dimensions: [70 mm, 59 mm, 70 mm], mass: 150 g}
+"""
+
+
+@pytest.mark.long
+def test_a_tomato_of_a_quick_training_is_found_and_picked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without photographs; takes a quarter of an hour to an hour."""
+    monkeypatch.chdir(tmp_path)
+    about = shutil.copytree(CATALOGUE / "tomato", tmp_path / "tomato") / "fruit.yaml"
+    about.write_text(re.sub(r"^weights: .*$", "weights: tomato.weights", about.read_text(), flags=re.MULTILINE))
+    (tmp_path / "table.yaml").write_text(TABLE)
+    order = ["train", "detect", "--fruit", "./tomato", "--quick", "--workers", "1", "--work", "work"]
+    assert pomona([*order, "--out", "tomato/tomato.weights"]) == 0
+    (finder,) = re.findall(r"rendered AP50 ([\d.]+)", " ".join(capsys.readouterr().out.split()))
+    assert float(finder) >= 0.85
+    for seed in "123":
+        pick = ["run", "pick_apple", "--cell", "table.yaml", "--set", "kind=./tomato", "--seed", seed]
+        assert pomona(pick) == 0
+        assert "lifted: yes" in capsys.readouterr().out

@@ -186,8 +186,11 @@ class _Reader:
             return "has limits that are not finite"
         if not limited and self._is_slide(joint):
             return "slides and needs a range"
-        if max(-lower, upper) > ENDLESS:
-            return f"has a range up to {max(-lower, upper):g} rad: is it in degrees?"
+        most, unit = (
+            (10.0, "m: is it in millimetres?") if self._is_slide(joint) else (ENDLESS, "rad: is it in degrees?")
+        )
+        if max(-lower, upper) > most:
+            return f"has a range up to {max(-lower, upper):g} {unit}"
         leader = self._leader_of(joint)
         return f"follows '{leader}'; the joints of an arm must move independently of each other" if leader else ""
 
@@ -371,7 +374,8 @@ class _Reader:
         if values["velocity"] <= 0.0:
             raise BadRobotFile(self.path, f"the joint '{name}': velocity = '{said['velocity']}' is not positive")
         if QUICKEST < values["velocity"] < np.inf:
-            words = f"velocity = '{said['velocity']}' is more than {QUICKEST:g} rad/s: is it in degrees?"
+            unit = "m/s: is it in millimetres?" if joint.get("type") == "prismatic" else "rad/s: is it in degrees?"
+            words = f"velocity = '{said['velocity']}' is more than {QUICKEST:g} {unit}"
             raise BadRobotFile(self.path, f"the joint '{name}': {words}")
         return values["velocity"]
 

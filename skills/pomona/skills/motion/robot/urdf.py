@@ -19,11 +19,8 @@ SOFT = "safety_controller"  # narrows the range of its joint
 NUMBERED = ("origin", "axis", "mass", "inertia", "box", "cylinder", "sphere", "dynamics", SOFT)  # with numbers alone
 ONLY_SEEN = "only_seen"  # mark of a link of which only drawn geometry is known
 READ = (".stl", ".obj", ".msh")  # endings of mesh files that MuJoCo reads
-SMALLEST = {
-    "boundmass": "1e-6",
-    "boundinertia": "1e-9",
-    "balanceinertia": "true",  # vendors round: that of an xArm 6 has A + B < C
-}  # of links without inertia: only geometry is used here [kg, kg m²]
+SMALLEST = {"boundmass": "1e-6", "boundinertia": "1e-9", "balanceinertia": "true"}
+"""For links without inertia [kg, kg m²], since only geometry is used; vendors round theirs: an xArm 6 has A + B < C."""
 
 
 def read_urdf(path: Path) -> ElementTree.Element | None:
@@ -37,8 +34,11 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
         if path.is_file() and b"<robot" in path.read_bytes():  # MuJoCo may read it, and nothing here would be judged
             raise BadRobotFile(path, f"cannot be read as XML: {error}") from error
         return None  # MuJoCo gives the reason
-    if root.tag != "robot":
+    space = root.tag.removesuffix("robot")  # MuJoCo reads no namespaces
+    if root.tag != f"{space}robot":
         return None
+    for part in root.iter():
+        part.tag = part.tag.removeprefix(space)
     names = [joint.get("name", "") for joint in root.findall("joint")]
     if twice := [name for name in names if names.count(name) > 1]:
         raise BadRobotFile(path, f"has two joints with the name '{twice[0]}'")
@@ -51,8 +51,9 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
         for key, text in part.attrib.items() if part.tag in NUMBERED else ():
             if {"nan", "inf"} & set(re.findall("[a-z]+", text.lower().replace("infinity", "inf"))):
                 raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
-            if (part.tag, key) == ("origin", "xyz") and re.search(r"(?:^|\s)[+-]?\d\d[\d.]*(?:\s|$)", text):
-                raise BadRobotFile(path, f'<origin xyz="{text}"> is 10 m off or more: is it in millimetres?')
+            if part.tag == "origin" and re.search(r"(?:^|\s)[+-]?\d\d[\d.]*(?:\s|$)", text):
+                unit = "m off or more: is it in millimetres" if key == "xyz" else "rad or more: is it in degrees"
+                raise BadRobotFile(path, f'<origin {key}="{text}"> is 10 {unit}?')
     for joint in root.findall("joint[limit][safety_controller]"):
         limit, soft = (part.attrib for name in ("limit", SOFT) for part in joint.findall(name)[:1])
         for key, narrower in (("lower", max), ("upper", min)):
@@ -97,7 +98,7 @@ def _found(urdf: Path, name: str) -> Path:
     if found is None:
         looked = ", ".join(str(place.parent) for place in places[:4]) + (", …" if len(places) > 4 else "")
         remedy = "put its package beside the file or into ROS_PACKAGE_PATH, or write a path relative to the file"
-        raise BadRobotFile(urdf, f"the mesh '{name}' is not found (looked in {looked}): {remedy}")
+        raise BadRobotFile(urdf, f"the mesh '{name}' is not found (looked in {looked or 'no folder'}): {remedy}")
     if found.suffix.lower() not in READ:  # Kinova's package has the same shape beside it, in a format that is read
         beside = [path for path in sorted(found.parent.glob("*")) if path.suffix.lower() in READ]
         found = next((path for path in beside if path.stem == found.stem), found)

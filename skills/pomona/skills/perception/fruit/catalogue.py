@@ -139,10 +139,7 @@ class FruitFileSection:
     mass: float | None = value(Measure(MASS, "1 g", "10 kg"), None, "of a fruit of these dimensions, weighed")
     mass_spread: float = value(Number(0.0, 1.0), 0.1, "standard deviation of the mass among fruit of one size, a share")
     weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
-    photo_weights: str | None = value(
-        Text(), None, "of its detector for photographs, for pomona detect; found likewise"
-    )
-
+    photo_weights: str | None = value(Text(), None, "of its detector for photographs, found likewise")
     sizes: SizesSection | None = value(Section(SizesSection), None, "of this kind, where they were learnt")
 
     def problems(self) -> Iterator[Problem]:
@@ -163,11 +160,11 @@ class FruitFileSection:
         if np.any(np.abs(extents - self.dimensions) > 1e-4):
             measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
             yield Problem("dimensions", f"the mesh measures {measured} mm", "a mesh is in metres")
+        if np.any(np.abs(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) > 2e-4):
+            yield Problem("mesh", f"the middle of {self.mesh.name} is not its origin", "move it by its bounding box")
         closed, outwards = _surface(mesh)
         if not closed:
-            yield Problem(
-                "mesh", f"{self.mesh.name} has holes, or faces that do not meet", "close it: a fruit is solid"
-            )
+            yield Problem("mesh", f"{self.mesh.name} has holes, or faces that do not meet", "close it")
         elif not outwards:
             yield Problem("mesh", f"the normals of {self.mesh.name} do not all point outwards", "turn its faces")
 
