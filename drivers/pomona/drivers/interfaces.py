@@ -495,7 +495,7 @@ class PathWatchSettings:
         near: distance to unmapped standing objects, from the middle of their cell of 20 mm [m].
         padding: around the robot's shape; nearer points count as the robot itself [m].
         delay: from the exposure of a frame to the moment at which the arm begins to brake [s].
-        passing: volumes in which a line carries its goods: what they show is no obstacle.
+        passing: volumes in which a line carries its goods, which are no obstacles.
     """
 
     speed: float = 1.6

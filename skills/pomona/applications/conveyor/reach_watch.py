@@ -38,14 +38,14 @@ class PlannedMotion:
         return self._motion.problem
 
     def stop(self) -> None:
-        """Come to rest at once: whoever reaches in may be above the hand, so it does not rise."""
+        """Come to rest at once. A person who reaches in may be above the hand, so it does not rise."""
         self._motion.stop()
 
 
 def watch_reach(skill: Skill, arm: Arm, motion: Motion, clock: Clock, pick: InterceptPlan) -> LiveWatch | None:
     """Return the watch of a pick that begins now; None in a cell whose file requests none.
 
-    A camera on the hand sees what is before it, and what lies in the cell's `passing` volumes is taken for goods.
+    A camera on the hand sees nothing behind itself. Things in the `passing` volumes of the cell count as goods.
     """
     t, q = pick.times - pick.times[0], pick.postures
     qd = np.gradient(q, t, axis=0)
