@@ -314,11 +314,7 @@ def _set_projection(model: Any, camera: int, intrinsics: Intrinsics) -> None:
 
 def _pose_in_flange(model: Any) -> Float64:
     """T_tool0_camera, from the robot's sites."""
-    mujoco = load_mujoco()
-    site = model.site("camera")
-    rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, site.quat)
-    T = np.eye(4)
-    T[:3, :3] = rotation.reshape(3, 3)
-    T[:3, 3] = site.pos
+    site, rotation, T = model.site("camera"), np.zeros(9), np.eye(4)
+    load_mujoco().mju_quat2Mat(rotation, site.quat)
+    T[:3, :3], T[:3, 3] = rotation.reshape(3, 3), site.pos
     return T

@@ -61,16 +61,18 @@ class Intruder(FaultSwitch):
 
     known_faults = ("reach",)
 
-    def __init__(self, mujoco: Any, model: Any, state: Any, arm_dofs: Any, reach: Reach, after: float | None) -> None:
+    def __init__(self, mujoco: Any, model: Any, state: Any, arm_dofs: Any, said: IntruderSection) -> None:
         super().__init__()
         self._mujoco, self._model, self._state, self._dofs = mujoco, model, state, arm_dofs
         body = model.body(BODY)
         self._mocap = int(body.mocapid[0])
         self._geoms = [int(body.geomadr[0]) + i for i in range(int(body.geomnum[0]))]
         self._robot = _robot_geoms(model)
-        self._reach, self._after = reach, after
+        stays = np.inf if said.stays is None else said.stays
+        self._reach = Reach(np.array(said.start), np.array(said.goal), said.speed, stays)
+        self._after: float | None = said.after
         self._since: float | None = None
-        self._place(reach.start)
+        self._place(self._reach.start)
         mujoco.mj_kinematics(model, state)  # who looks before the first step sees it there
         self.forget()
 

@@ -13,7 +13,7 @@ from pomona.executive.cell.device import Device, FaultSwitch
 from pomona.executive.cell.errors import DeviceFault
 from pomona.executive.values.arrays import Float64
 from pomona.tools.simulation.gl import load_mujoco
-from pomona.tools.simulation.intruder import Intruder, IntruderSection, Reach
+from pomona.tools.simulation.intruder import Intruder, IntruderSection
 from pomona.tools.simulation.layout import gather
 from pomona.tools.simulation.scene import TIMESTEP, SimScene
 from pomona.tools.simulation.score import Scorer
@@ -83,13 +83,9 @@ class PhysicsWorld(Device, ABC):
 
     def invite(self, said: IntruderSection | None) -> None:
         """Let a person's hand come, whose body the model has."""
-        if said is None:
-            return
-        stays = np.inf if said.stays is None else said.stays
-        reach = Reach(np.array(said.start), np.array(said.goal), said.speed, stays)
-        dofs = self.model.jnt_dofadr[self.arm_joints]
-        self.intruder = Intruder(self.mujoco, self.model, self.state, dofs, reach, said.after)
-        self.before_step.append(self.intruder.step)
+        if said is not None:
+            self.intruder = Intruder(self.mujoco, self.model, self.state, self.model.jnt_dofadr[self.arm_joints], said)
+            self.before_step.append(self.intruder.step)
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
@@ -115,8 +111,7 @@ class PhysicsWorld(Device, ABC):
         self.state.qpos[addresses] = q_start
         self.state.ctrl[self.arm_actuators] = q_start
         opening = 0.75 * self.model.joint("finger_left").range[1]
-        for finger in ("finger_left", "finger_right"):
-            self.state.joint(finger).qpos[0] = opening
+        self.state.joint("finger_left").qpos[0] = self.state.joint("finger_right").qpos[0] = opening
         self.state.act[:] = opening
 
     def _settle(self) -> None:
