@@ -292,6 +292,23 @@ def test_a_load_that_is_too_much_for_a_moment_only_is_borne():
     assert fruit.lift(each_tick=jolt).status is Status.SUCCESS
 
 
+def test_a_wall_that_lets_go_of_the_fruit_again_ends_no_lift():
+    fruit = Standing(weight=2.0)
+    feel, begun = fruit.scene.fingers.feel, []
+
+    def wall(_tick: int) -> None:
+        """Its friction pulls until the arm has gone 20 mm up."""
+        begun.extend([True] if fruit.risen > 0.005 else [])
+        pulls = bool(begun) and fruit.risen < 0.02
+        fruit.scene.fingers.feel = (lambda now: feel(now) + np.array([2.5, 0, 0, 0, 0, 0])) if pulls else feel
+
+    outcome = fruit.lift(each_tick=wall)
+    assert begun
+    assert outcome.status is Status.SUCCESS
+    assert len(fruit.scene.arm.followed) == 2
+    assert fruit.risen == pytest.approx(0.15, abs=1e-3)
+
+
 def test_a_fruit_that_falls_while_it_is_put_back_is_lost_and_not_reported_as_put_back():
     fruit = Standing(weight=20.0)
     highest = 0.0

@@ -290,7 +290,7 @@ def test_a_load_that_is_jolted_again_and_again_is_not_put_down():
     held = Held(None)
 
     def jolt(tick: int) -> None:
-        held.pushed = -2.0 if tick % 20 < 2 else 0.0
+        held.pushed = -2.0 if 5 <= tick % 20 < 7 else 0.0
 
     outcome = held.release(jolt)
     assert outcome.reason.code == "NO_CONTACT"

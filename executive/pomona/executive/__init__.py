@@ -9,15 +9,9 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.executive.behaviours import (
-        run_behaviour as run_behaviour,
-    )
-    from pomona.executive.cell.cell import (
-        Cell as Cell,
-    )
-    from pomona.executive.cell.cell_file import (
-        read_cell_file as read_cell_file,
-    )
+    from pomona.executive.behaviours import run_behaviour as run_behaviour
+    from pomona.executive.cell.cell import Cell as Cell
+    from pomona.executive.cell.cell_file import read_cell_file as read_cell_file
     from pomona.executive.cell.connect import (
         load_cell as load_cell,
     )

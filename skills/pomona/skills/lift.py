@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, ClassVar
 
-from pomona.drivers.interfaces import Arm, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
 from pomona.executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
 from pomona.executive.skill import Work
 from pomona.skills.grip.hold import Hold
@@ -102,16 +102,20 @@ class Lift(MovingSkill):
         T_base_goal[2, 3] += height
         width, field = self.device(Gripper).state().width, usable_field(self, map)
         space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving(arm.state().q)
-        line = free_line(self, T_base_goal, space, ("LIFT_BLOCKED", "LIFT_BLOCKED"), "on the way up")
         jerk, braking = acceleration / JERK_TIME, deceleration or acceleration
-        trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, jerk, deceleration=braking)
         active = None if hold is None or hold.ended else hold
         hanging = None if active is None else Hanging(active)
         overload, lost = None if active is None else OverloadMonitor(active), watch_fruit(self, hold)
-        scale, hangs = weighing(self), False
 
         def risen() -> float:
             return float(tool_pose(self)[2, 3] - T_base_start[2, 3])
+
+        def way_up() -> Trajectory:
+            line = free_line(self, T_base_goal, space, ("LIFT_BLOCKED", "LIFT_BLOCKED"), "on the way up")
+            left = height - risen()
+            return time_curve(line.q, left, arm.limits, speed, acceleration, jerk, deceleration=braking)
+
+        trajectory, scale, hangs = way_up(), weighing(self), False
 
         def watch() -> None:
             gone = ""
@@ -127,7 +131,12 @@ class Lift(MovingSkill):
                 raise grip_failure(self, "LOST", f"the fruit was lost {1e3 * risen():.0f} mm up: {gone}", hold)
 
         try:
-            yield from self.travel(trajectory, watch, carrying=grasp)
+            try:
+                yield from self.travel(trajectory, watch, carrying=grasp)
+            except GripOverloaded:
+                if active is None or active.problem is not None:
+                    raise
+                yield from self.travel(way_up(), watch, carrying=grasp)  # a wall or a neighbour has let go of the fruit
             watch()
             if scale is not None:
                 yield from self.wait(RESTING)

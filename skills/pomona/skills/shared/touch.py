@@ -74,7 +74,7 @@ def landing_speeds(
 class Touch:
     """Listens to both fingers, or a load sensor, and remembers how much the force has changed since the beginning.
 
-    The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count. Use it
+    The first 10 ms are the reference: an offset of the sensors, or the weight of a held fruit, does not count. Use it
     as a context manager; the subscription ends with it. Without a sensor nothing changes.
 
     Attributes:
@@ -99,8 +99,8 @@ class Touch:
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
         rate = 1.0 if sensor is None else sensor.rate
         self._felt: deque[Float64] = deque(maxlen=max(1, round(0.1 * rate)))  # time of an average [s]
-        self.change = 0.0
-        self.finger = ""
+        self._first = round(0.01 * rate)  # samples whose mean is the reference: one sample has the noise of one
+        self.change, self.finger = 0.0, ""
         self._limit, self._act = np.inf, _nothing
         self._subscription = None if sensor is None else sensor.subscribe(self._on_sample)
 
@@ -163,9 +163,9 @@ class Touch:
         felt = self._of(sample.wrenches[:, :3])
         if not np.isfinite(felt).all():
             return
-        if self._reference is None:
-            self._reference = felt
         self._felt.append(felt)
+        if len(self._felt) <= self._first or self._reference is None:
+            self._reference = np.mean(self._felt, axis=0)
         self._recent.append(np.linalg.norm(felt - self._reference, axis=1))
         if len(self._recent) == SPIKE:
             lasting = np.min(self._recent, axis=0)
