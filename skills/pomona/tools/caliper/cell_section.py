@@ -60,6 +60,11 @@ class CaliperOptions:
         for interface, name in ((Camera, "camera"), (Gripper, "gripper"), (ForceSensor, "force finger")):
             if not any(interface in device.interfaces for device in around.above.values()):
                 yield Problem("driver", f"it needs a {name} above it: touches of each pad are compared with looks")
+        if around.has(Caliper):
+            yield Problem("driver", "a cell has one caliper, and another one stands above it")
+        if self.self_calibration == "apply" and not any(getattr(o, "hand_eye", None) for o in around.options.values()):
+            words = "'apply' corrects the file that a camera's `hand_eye` names, and none has one"
+            yield Problem("self_calibration", words)
 
 
 @driver(Caliper, CaliperOptions)

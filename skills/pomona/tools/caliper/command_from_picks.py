@@ -67,6 +67,8 @@ def main(options: argparse.Namespace) -> int:
             if not own.cell:
                 raise UsageError(f"{record}: the record holds no beginning of a run: leave it out")
             read.merge(own)
+            if not own.picks and not own.refused:
+                read.refused.append(f"{record.name}: it holds no touch and no look; was the record cut?")
         content, lines = propose(read)
         options.out.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except UsageError as error:
@@ -86,7 +88,7 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
     """
     refused = [f"not used: {reason}" for reason in read.refused]
     if len(read.picks) < LEAST_PICKS:
-        words = f"{len(read.picks)} usable picks in {len(read.runs)} runs, {LEAST_PICKS} are needed"
+        words = f"usable picks: {len(read.picks)}, in runs: {len(read.runs)}; needed are {LEAST_PICKS} picks"
         raise NoProposal("\n  ".join([words, *refused]))
     apart = read.picks[APART - 1 :: APART]
     rest = [pick for i, pick in enumerate(read.picks) if i % APART != APART - 1]
@@ -129,7 +131,7 @@ def _values(found: CameraErrors) -> list[str]:
     return [
         f"camera   x, y, z in its own frame {metres} mm; about them {angles}°",
         f"depth    too short by {1e2 * e[6]:+.2f} ± {1e2 * s[6]:.2f} %",
-        f"fingers  read wider than the camera by {1e3 * e[7]:+.2f} ± {1e3 * s[7]:.2f} mm",
+        f"fingers  widths less the camera's {1e3 * e[7]:+.2f} ± {1e3 * s[7]:.2f} mm",
         f"scatter  {found.scatter:.2f} of the assumed one",
     ]
 

@@ -96,7 +96,7 @@ class Picks:
         """
         run = next(iter(other.runs), "")
         if self.runs and (other.cell, other.cell_hash) != (self.cell, self.cell_hash):
-            words = f"cell '{other.cell}' differs from cell '{self.cell}' of {self.runs[0]}, in its name or its files"
+            words = f"its cell '{other.cell}' is not that of {self.runs[0]}, '{self.cell}': other name or files"
             error = OtherCalibration if other.cell == self.cell else OtherCell
             raise error(f"{run}: {words}; name runs of one cell as it is now")
         first = next(iter((*self.picks, *other.picks)), None)

@@ -153,16 +153,6 @@ def test_apply_beyond_its_bound_writes_nothing_and_the_limits_hold(tmp_path: Pat
     assert json.loads(lab.pose.read_text()) == {"T_mount_camera": np.eye(4).tolist()}
 
 
-def test_apply_without_a_pose_file_changes_nothing_and_gives_the_reason(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-):
-    lab = Lab(tmp_path, ", self_calibration: apply")
-    lab.pick(4e-3)
-    with caplog.at_level(logging.WARNING):
-        assert lab.admit().speed == 1.0
-    assert "no camera of the cell has its pose in a file" in caplog.text
-
-
 def test_propose_writes_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture):
     lab = Lab(tmp_path, ", self_calibration: propose", MOUNTED)
     lab.pick(4e-3)

@@ -54,6 +54,16 @@ def test_a_wrong_limit_is_refused_at_its_place(tmp_path: Path, options: str, why
     assert caught.value.column >= 5
 
 
+def test_a_second_section_is_refused(tmp_path: Path):
+    with pytest.raises(CellFileError, match="a cell has one caliper"):
+        read_cell_file(written(tmp_path, DEVICES + "  one: {driver: caliper}\n  two: {driver: caliper}\n"))
+
+
+def test_a_pose_is_corrected_only_in_a_file(tmp_path: Path):
+    with pytest.raises(CellFileError, match="'apply' corrects the file that a camera's `hand_eye` names"):
+        read_cell_file(written(tmp_path, DEVICES + "  caliper: {driver: caliper, self_calibration: apply}\n"))
+
+
 @pytest.mark.parametrize(
     ("lacking", "name"), [("gripper", "gripper"), ("camera", "camera"), ("fingers", "force finger")]
 )

@@ -58,7 +58,7 @@ def test_copies_of_a_record_count_once(tmp_path, capsys):
         shutil.copytree(tmp_path / "runs" / "2026-01-01_10-00-00_pick", tmp_path / "runs" / f"copy_{k}")
     assert call(tmp_path / "runs", "--out", tmp_path / "calibration.yaml") == 2
     told = capsys.readouterr().err
-    assert "5 usable picks in 8 runs, 6 are needed" in told
+    assert "usable picks: 5, in runs: 8; needed are 6 picks" in told
     assert told.count("a copy of its record") == 3
 
 
@@ -98,7 +98,7 @@ def test_too_few_picks_are_refused_and_unusable_touches_named(tmp_path, capsys):
     run = write_run(tmp_path / "run", *picks_of(6e-3, 4), recorded(wider=-0.06), recorded(wider=0.03))
     assert call(run, "--out", tmp_path / "c.yaml") == 2
     told = capsys.readouterr().err
-    assert "4 usable picks in 1 runs, 6 are needed" in told
+    assert "usable picks: 4, in runs: 1; needed are 6 picks" in told
     assert "touched each other" in told
     assert "another fruit" in told
 
@@ -110,6 +110,13 @@ def test_a_folder_without_records_and_a_file_that_is_there_are_refused(tmp_path,
     assert call(tmp_path, "--out", tmp_path / "c.yaml") == 2
     assert "is there already" in capsys.readouterr().err
     assert (tmp_path / "c.yaml").read_text() == "earlier"
+
+
+def test_a_run_that_holds_no_pick_is_named_beside_those_that_are_used(tmp_path, capsys):
+    runs = runs_of(tmp_path / "runs", 6e-3)
+    write_run(runs / "2026-01-01_11-00-00_pick")
+    assert call(runs, "--out", tmp_path / "c.yaml") == 0
+    assert "not used: 2026-01-01_11-00-00_pick: it holds no touch" in capsys.readouterr().out
 
 
 def test_a_record_that_was_cut_at_its_beginning_is_named(tmp_path, capsys):
