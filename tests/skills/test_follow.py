@@ -120,6 +120,7 @@ def test_frames_that_are_old_or_repeated_are_not_looked_at():
     assert drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock).status is Status.SUCCESS
 
 
+@pytest.mark.slow
 def test_beside_an_unmapped_object_the_arm_starts_slower_the_older_the_frame_is():
     durations = []
     for age in (0.0, 0.25):

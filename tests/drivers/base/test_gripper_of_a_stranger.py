@@ -28,6 +28,7 @@ def test_a_new_gripper_has_few_lines(package: Path) -> None:
     assert text.count("\n") <= MOST
 
 
+@pytest.mark.slow
 def test_a_cell_file_connects_it_and_a_tree_grips_with_it(package: Path) -> None:
     site = package.parent / "site"
     words = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(site)]

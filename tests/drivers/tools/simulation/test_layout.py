@@ -72,6 +72,7 @@ def test_of_two_layers_some_fruit_lies_on_others():
     assert places[:, 2].min() < -0.12 + 0.05
 
 
+@pytest.mark.slow
 def test_in_a_crate_half_of_the_fruit_is_at_the_walls_and_none_counts_as_put_away():
     places, widths, truth = positions("crate", 8, 3)
     to_wall = np.array([0.192, 0.142]) - np.abs(places[:, :2] - [-0.02, -0.37]) - widths[:, None] / 2.0

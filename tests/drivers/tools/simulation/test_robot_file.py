@@ -196,6 +196,7 @@ def test_both_arms_hold_the_hand_over_the_same_places():
         ('<geom type="hfield" hfield="h"/>', "needs more than 512 MB of memory"),
     ],
 )
+@pytest.mark.slow
 def test_a_robot_that_exhausts_time_or_memory_ends_in_its_trial(tmp_path: Path, body: str, words: str) -> None:
     path = tmp_path / "robot.xml"
     field = '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>'

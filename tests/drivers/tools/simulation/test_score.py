@@ -10,6 +10,7 @@ from pomona.tools.simulation.score import SLID_OUT, FruitRecord, Grip, Scorer
 
 
 @pytest.mark.parametrize("friction", ["0.5", "0.9"])
+@pytest.mark.slow
 def test_slip_begins_at_the_least_force(open_cell, probe_of, pick_with, friction):
     cell = open_cell(seed=9, fruit="apple_1", friction=friction, mass="200 g")
     probe = probe_of(cell)

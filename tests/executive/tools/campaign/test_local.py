@@ -51,11 +51,13 @@ def test_every_order_is_answered_by_a_result_or_its_exception() -> None:
     assert again == {0: 4}
 
 
+@pytest.mark.slow
 def test_an_order_whose_process_is_killed_once_is_done_by_another(tmp_path: Path) -> None:
     with open_engine("local", workers=1) as engine:
         assert dict(engine.map(die_once, [(str(tmp_path / "mark"),)], 60.0)) == {0: "lived"}
 
 
+@pytest.mark.slow
 def test_an_order_that_kills_every_process_is_given_up_and_the_others_are_not() -> None:
     with open_engine("local", workers=1) as engine:
         (index, lost), *_ = engine.map(die, [(0,)], 60.0)
@@ -77,6 +79,7 @@ def test_a_worker_computes_with_one_thread_and_this_process_keeps_its_own() -> N
     assert dict(os.environ) == before
 
 
+@pytest.mark.slow
 def test_a_worker_gives_way_to_a_fresh_one_after_some_orders() -> None:
     engine = LocalEngine(1, renewed_after=2)
     processes = [answer for _, answer in engine.map(process, [(i,) for i in range(5)], 60.0)]

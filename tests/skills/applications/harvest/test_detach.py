@@ -131,6 +131,7 @@ def test_a_fruit_is_rolled_off_and_held_with_the_hand_at_rest() -> None:
     ]  # it is drawn no more where it hung
 
 
+@pytest.mark.slow
 def test_a_stem_that_holds_is_let_back_and_the_fruit_is_released() -> None:
     rig = Rig(STRONG, bending=0.01)
     end = rig.drive()
@@ -234,6 +235,7 @@ def held_for(rig: Rig, duration: float) -> Callable[[], None]:
 
 
 @pytest.mark.parametrize(("duration", "expected"), [(0.5, "NOTHING_BROKE"), (1.5, "JAMMED"), (6.0, "STEM_UNCLEAR")])
+@pytest.mark.slow
 def test_a_fruit_is_left_while_something_holds_the_arm(duration: float, expected: str) -> None:
     rig = Rig(STRONG, bending=0.01)
     assert code(drive_until(rig, "rolling", held_for(rig, duration))) == expected
@@ -286,6 +288,7 @@ def test_a_posture_from_which_the_hand_cannot_roll_is_refused_before_anything_mo
     assert not rig.gripper.speeds
 
 
+@pytest.mark.slow
 def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     rig, rolls = Rig(STRONG, bending=0.01), []
 

@@ -57,6 +57,7 @@ def test_without_the_bound_the_same_way_tilts_it() -> None:
     assert np.degrees(tilts(result.path.q, 3)).max() > 15.5
 
 
+@pytest.mark.slow
 def test_a_segment_is_free_only_where_every_point_of_it_is() -> None:
     rng = np.random.default_rng(5)
     space = UprightSpace(around(), UP, np.radians(15.0))

@@ -247,6 +247,7 @@ def slow() -> bytes:
     ("finder", "words"),
     [(twofold, r"needs more than 512 MB of memory"), (slow, r"takes more than 4 s of processor time")],
 )
+@pytest.mark.slow
 def test_a_network_that_is_too_large_ends_in_its_trial(finder: Callable[[], bytes], words: str, tmp_path: Path) -> None:
     path = tmp_path / "x.weights"
     write_weights(path, StoredDetector(finder(), SHIPPED.close_look, {}, SHIPPED.scores))

@@ -47,6 +47,7 @@ class Drawn(DopeNetwork):
         return [self.maps[0]], [self.maps[1]]
 
 
+@pytest.mark.slow
 def test_a_cuboid_is_found_where_it_is_at_the_configs_scale(tmp_path: Path) -> None:
     T = transform(rotation_about((0.0, 1.0, 0.0), 0.4) @ rotation_about((1.0, 0.0, 0.0), 0.6), (0.03, -0.02, 0.35))
     corners = cuboid_keypoints(APPLE) @ T[:3, :3].T + T[:3, 3]

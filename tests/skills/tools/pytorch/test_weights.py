@@ -31,6 +31,7 @@ def save_with_torch(
     return content
 
 
+@pytest.mark.slow
 def test_saved_networks_load_again_with_their_story(tmp_path: Path) -> None:
     torch.manual_seed(0)
     finder, close_look = FinderNetwork().eval(), CloseLookNetwork().eval()
@@ -81,6 +82,7 @@ def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> 
     assert not (tmp_path / "large.weights").exists()
 
 
+@pytest.mark.slow
 def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path) -> None:
     networks = BeliefFinder((8, 12, 16, 24)), CloseLookNetwork((16, 24, 32, 8, 20))
     save_compact(tmp_path / "small.weights", *networks)

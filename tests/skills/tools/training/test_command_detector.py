@@ -47,6 +47,7 @@ def measured(monkeypatch: pytest.MonkeyPatch, score: float) -> None:
     monkeypatch.setattr(report, "write_report", lambda *given, **more: result)
 
 
+@pytest.mark.slow
 def test_weights_that_find_nothing_are_no_success(started, monkeypatch, tmp_path, capsys) -> None:
     measured(monkeypatch, score=0.2)
     assert command_detector.train_main(options(work=tmp_path)) == 1

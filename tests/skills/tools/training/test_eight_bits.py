@@ -41,6 +41,7 @@ def test_rounded_networks_answer_nearly_the_same(both: Both) -> None:
     assert 0.0 < errors.max() < 0.1 * np.std(expected, axis=(0, 2, 3)).max()
 
 
+@pytest.mark.slow
 def test_parameters_stay_in_the_file_as_they_were(both: Both) -> None:
     path, before, _ = both
     again = path.with_name("again.weights")
@@ -48,6 +49,7 @@ def test_parameters_stay_in_the_file_as_they_were(both: Both) -> None:
     assert read_weights(again).members() == before.members()
 
 
+@pytest.mark.slow
 def test_ends_keep_float32(both: Both) -> None:
     _, _, after = both
     for content, last in ((after.finder, 2), (after.close_look, 0)):  # the close look's last two are no convolutions
@@ -56,6 +58,7 @@ def test_ends_keep_float32(both: Both) -> None:
         assert rounded == [False] + [True] * (len(layers) - 1 - last) + [False] * last
 
 
+@pytest.mark.slow
 def test_weights_have_seven_bits(both: Both) -> None:
     """Sums of two products of an unsigned byte and a weight stay in 16 bits, without saturation."""
     _, _, after = both

@@ -72,6 +72,7 @@ def test_frames_without_depth_teach_nothing(monkeypatch: pytest.MonkeyPatch) -> 
     assert looks_of(monkeypatch, shown((20.0, 30.0), depth=False), lifted("SUCCESS")) == []
 
 
+@pytest.mark.slow
 def test_input_that_cannot_be_used_is_one_line_and_writes_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

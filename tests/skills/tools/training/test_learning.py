@@ -51,6 +51,7 @@ def trained(monkeypatch: pytest.MonkeyPatch, after: BenchFigures) -> None:
     monkeypatch.setattr(learning, "_figures", lambda *_: next(figures))
 
 
+@pytest.mark.slow
 def test_weights_that_are_no_worse_are_kept_with_both_benches_in_the_card(
     photographs: PhotoSet, start: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -64,6 +65,7 @@ def test_weights_that_are_no_worse_are_kept_with_both_benches_in_the_card(
 
 
 @pytest.mark.parametrize("name", ["rendered_recall", "rendered_precision", "photo_recall", "photo_ap50"])
+@pytest.mark.slow
 def test_weights_with_any_figure_that_is_worse_are_not_written(
     photographs: PhotoSet, start: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -75,11 +77,13 @@ def test_weights_with_any_figure_that_is_worse_are_not_written(
     assert start.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_finder_of_an_earlier_kind_is_refused(photographs: PhotoSet, tmp_path: Path) -> None:
     with pytest.raises(BadTraining, match=r"the finder of apple\.weights is of an older kind"):
         learn(tmp_path / "learnt.weights", tmp_path / "work", photographs, SHIPPED_WEIGHTS / "apple.weights")
 
 
+@pytest.mark.slow
 def test_too_few_labels_are_refused_before_anything_is_learnt(
     photographs: PhotoSet, start: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
