@@ -14,6 +14,7 @@ from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import (
+    BACK,
     JERK_TIME,
     LEAST,
     RESTING,
@@ -134,7 +135,7 @@ class Lift(MovingSkill):
             try:
                 yield from self.travel(trajectory, watch, carrying=grasp)
             except GripOverloaded:
-                if active is None or active.problem is not None:
+                if active is None or active.problem is not None or height - risen() < BACK:
                     raise
                 yield from self.travel(way_up(), watch, carrying=grasp)  # a wall or a neighbour has let go of the fruit
             watch()
