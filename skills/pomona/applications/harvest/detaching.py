@@ -105,8 +105,7 @@ class DetachSettings:
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
             which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows.
         leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
-        turn_behind, turn_held: share of its largest lead from which the roll's set-point leads a hand that wood may
-            hold, and the time after which an open hand goes back as it is rolled, without turning [s].
+        turn_behind, turn_held: share of the roll's largest lead, and time, that show an open hand that is held [s].
         lead, lead_angle: by which the set-point may lead a hand at rest [m, rad]; lead_time: and the way of a moving
             hand in this time is added [s]: the arm follows its set-points 0.1 to 0.15 s later.
         lead_most: largest lead [m].
@@ -290,9 +289,8 @@ class DetachController:
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
-        self._relieved = False
-        self._opened_from = 0.0
-        self._turn_behind, self._stays_rolled = 0.0, False  # time for which the roll is far behind [s]
+        self._relieved = self._stays_rolled = False
+        self._opened_from = self._turn_behind = 0.0  # opening [m]; time for which the roll is far behind [s]
 
     @property
     def grip_target(self) -> float:
@@ -677,8 +675,8 @@ class DetachController:
     def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
         """Open around a fruit that stays on the tree, then draw the hand straight back and out of its roll.
 
-        Fingers that meet wood open no further: pressed against it they would push the arm off its place. A hand that
-        wood or a wire holds in its roll goes back as it is: straight fingers slip past it.
+        Fingers that meet wood open no further: they would push the arm off its place. A hand that is held in its roll
+        goes back as it is.
         """
         s, since = self.settings, self._path - self._since
         self._stays_rolled = self._stays_rolled or self._turn_behind > s.turn_held
@@ -697,8 +695,7 @@ class DetachController:
         return replace(STILL, velocity=-self._speed_back * T_base_tcp[:3, 2], roll_rate=self._rate)
 
     def _turn_to(self, dt: float, goal: float) -> None:
-        left = goal - self._aimed
-        s = self.settings
+        s, left = self.settings, goal - self._aimed
         wanted = np.sign(left) * min(s.roll_rate, float(np.sqrt(2.0 * s.roll_acceleration * abs(left))))
         self._turn(dt, float(wanted))
 
@@ -813,6 +810,5 @@ def _turned(T_before: Float64, T: Float64) -> Float64:
 
 def _shortened(v: Float64, most: float) -> Float64:
     """Return a vector, not longer than `most`."""
-    size = float(np.linalg.norm(v))
-    shortened: Float64 = v * min(1.0, most / max(size, 1e-12))
+    shortened: Float64 = v * min(1.0, most / max(float(np.linalg.norm(v)), 1e-12))
     return shortened
