@@ -34,11 +34,13 @@ def _run(job: tuple[Case, str, int]) -> CaseVerdict:
 def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False) -> list[CaseVerdict]:
     """Run all cases, with a line on standard error for each; return them in the order of the table."""
     verdicts: list[CaseVerdict] = []
+    planned = len(cases)
 
     def tell(verdict: CaseVerdict) -> None:
         verdicts.append(verdict)
         mark, case = "✗" if verdict.wrong else "✓", verdict.case
-        words = f"{len(verdicts)}/{len(cases)} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"
+        done = sum(each.case.switch != "none" for each in verdicts)  # beside them the picks without a fault
+        words = f"{done}/{planned} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"
         print(words, verdict.reason, file=sys.stderr, flush=True)
 
     for case in [case for case in cases if case.ends == "refused"]:

@@ -125,7 +125,8 @@ class CaseWatcher:
         self._branch = branch
         self._plan: FaultPlan | None = None
         model = self.world.model
-        self._qvel = model.jnt_dofadr[self.world.arm_joints]
+        self._qvel, self._qpos = (adr[self.world.arm_joints] for adr in (model.jnt_dofadr, model.jnt_qposadr))
+        self._q_rested = np.zeros(len(self._qpos))
         self._finger = model.joint("finger_left").qposadr[0]
         self._killed_at = self._taken_at = np.inf
         self.endless = False
@@ -227,8 +228,11 @@ class CaseWatcher:
         if not np.isnan(self.safe_at):
             if self.width_held is not None:
                 self.widest = max(self.widest, width)
-            standing = self.speed < AT_REST  # a fruit that falls on a hand shakes it by 4 mrad/s
-            self.rested_at = (now if np.isnan(self.rested_at) else self.rested_at) if standing else np.nan
+            q = self.world.state.qpos[self._qpos]
+            if np.isnan(self.rested_at) and self.speed < AT_REST:
+                self.rested_at, self._q_rested = now, q.copy()
+            elif np.abs(q - self._q_rested).max() > STIRRED:  # a fruit that falls on the hand shakes it by less
+                self.rested_at = np.nan
 
     def _can_show(self) -> bool:
         assert self.case is not None

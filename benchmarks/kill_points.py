@@ -206,7 +206,8 @@ def _judge(
     from pomona.executive.running.events import RunEnded, SafeStopped
 
     problems, lost = [], 0.0
-    if status not in ALLOWED[point.way]:
+    unread = status == 1 and point.way == "reader gone" and phase == "starting"  # nothing has begun
+    if status not in ALLOWED[point.way] and not unread:
         problems.append(f"exit status {status}")
     if status == 0 and phase == "starting" and point.way != "reader gone":
         problems.append("the run began and went on to its end")

@@ -302,6 +302,21 @@ def test_ctrl_c_while_the_program_is_loaded_is_one_line_and_status_130(how: str)
     assert (ended.returncode, ended.stderr) == (130, "interrupted from the keyboard\n")
 
 
+def test_ctrl_c_before_signals_are_handled_gives_no_traceback() -> None:
+    program = """
+import sys
+from pomona.executive import cli
+
+def interrupted():
+    raise KeyboardInterrupt
+
+cli.unwaiting_output, sys.argv = interrupted, ["pomona", "run", "x"]
+sys.exit(cli.main())
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
 def test_a_module_that_cannot_be_loaded_is_not_reported_as_an_interruption() -> None:
     program = INTERRUPTED_IMPORT.replace("{how}", "ImportError('broken')")
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)

@@ -62,9 +62,12 @@ def _complete_streams() -> None:
 def _process(words: Sequence[str]) -> int:
     """Run one subcommand in a process that is there for it alone."""
     ticking = _command(words) in TICKING
-    with unwaiting_output() if ticking else contextlib.nullcontext():
-        status = _main(words)
-        _ignore_signals()
+    try:
+        with unwaiting_output() if ticking else contextlib.nullcontext():
+            status = _main(words)
+            _ignore_signals()
+    except KeyboardInterrupt as ended:  # before the signals were handled
+        status = status_of(ended)
     _end_without(_left(), status, ticking)
     _leave_quietly()
     return status

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from typing import Annotated
 
 import numpy as np
@@ -23,7 +22,7 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
 from pomona.skills.shared.planning import usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
-from pomona.skills.shared.touch import SINKS, Touch, all_felt, landing_speeds
+from pomona.skills.shared.touch import SINKS, Touch, felt, hand_felt, landing_speeds
 from pomona.skills.shared.touch_view import record_landing
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
@@ -93,25 +92,19 @@ class Approach(MovingSkill):
         most /= 1.0 + arm.limits.reaction / SINKS
         trajectory = time_curve(line.q, line.length, arm.limits, *rates, most=most)
         opened, fingers = gripper.state().width, YieldingFingers(gripper)
-        with ExitStack() as listening:
-            touches = [listening.enter_context(each) for each in all_felt(self)]
-            limits = [each.limit(contact, acceleration) for each in touches]
+        with felt(self) as fingertips, hand_felt(self) as hand:
+            limits = {each: each.limit(contact, acceleration) for each in (fingertips, hand)}
 
             def feel() -> None:
-                for touch, limit in zip(touches, limits, strict=True):
+                for touch, limit in limits.items():
                     self._feel(touch, limit, opened, grasp)
 
             def stop_at_touch(motion: Motion) -> None:
-                for touch, limit in zip(touches, limits, strict=True):
+                for touch, limit in limits.items():
                     touch.at_change(limit, motion.stop)
 
             known = KnownAround(map, (grasp.fruit,))
-            try:
-                yield from self.travel(trajectory, feel, known, None, stop_at_touch, fingers.rest)
-            except SkillFailure as failed:
-                if failed.failure.code == "STOPPED":
-                    feel()  # the touch has stopped it
-                raise
+            yield from self.travel(trajectory, feel, known, None, stop_at_touch, fingers.rest)
         return None
 
     def _open(self, width: float, grasp: Grasp) -> Watching:

@@ -19,6 +19,7 @@ from pomona.skills.retreat import Retreat
 from pomona.skills.shared.touch import FINE
 from pomona.tools.mock import MockLoadSensor
 from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, q_at_grasp
+from tests.skills.test_release import over_ground
 
 GRASP = a_grasp()
 WEIGHT = 1.8  # of the fruit [N]
@@ -178,3 +179,48 @@ def test_a_lifted_fruit_is_lowered_until_the_hand_feels_its_support() -> None:
 
     assert hand.run(Retreat(), {"grasp": GRASP}, watch).status is Status.SUCCESS
     assert support - 2e-3 < heights[0] < support
+
+
+def beside_fingers(presses: Callable[[PickingScene], float]) -> Hand:
+    """A fruit of 1.5 N that force fingers hold over nothing, while something presses up on the hand by this force."""
+    scene = over_ground(None)
+    hand = Hand(scene, lambda: 1.5 - presses(scene))
+    hand.devices = {**scene.devices, LoadSensor: hand.sensor}
+    return hand
+
+
+def test_a_finger_that_meets_something_beside_the_held_fruit_ends_the_way_down() -> None:
+    start = float(over_ground(None).tcp[2, 3])
+    pressed = [0.0]
+
+    def presses(scene: PickingScene) -> float:
+        pressed.append(1e4 * max(start - 0.03 - float(scene.tcp[2, 3]), 0.0))  # 10 N/mm
+        return pressed[-1]
+
+    hand = beside_fingers(presses)
+    outcome = hand.run(Release(), {"raise_again": True, "speed": 0.05})
+    assert outcome.reason.code == "LOWERING_BLOCKED"
+    assert "a finger met something" in outcome.reason.message
+    assert hand.scene.gripper.moves == []  # the fruit is still held
+    assert hand.scene.tcp[2, 3] == pytest.approx(start, abs=1e-3)
+    assert 1.0 < max(pressed) < 30.0  # 26 N; 32 N if the arm were stopped in the next tick
+
+
+def test_without_a_load_sensor_the_same_press_is_not_felt() -> None:
+    hand = beside_fingers(lambda scene: 30.0)
+    del hand.devices[LoadSensor]
+    assert hand.run(Release(), {"depth": 0.05}).reason.code == "NO_CONTACT"
+
+
+def test_the_inertia_of_the_hand_ends_no_way_down() -> None:
+    hand = beside_fingers(lambda scene: 0.9 * MockLoadSensor.mass if 0.1 < scene.clock.now() < 0.3 else 0.0)
+    assert hand.run(Release(), {"depth": 0.05}).reason.code == "NO_CONTACT"
+
+
+def test_a_fruit_that_the_hand_feels_on_its_support_too_is_put_down() -> None:
+    start = float(over_ground(None).tcp[2, 3])
+    scene = over_ground(start - 0.06)
+    hand = Hand(scene, lambda: 1.5 - 4e3 * max(start - 0.06 - float(scene.tcp[2, 3]), 0.0))
+    hand.devices = {**scene.devices, LoadSensor: hand.sensor}
+    outcome = hand.run(Release(), {})
+    assert outcome.status is Status.SUCCESS, outcome.reason

@@ -277,7 +277,7 @@ class FeelingSkill(MovingSkill):
         load = self.optional_device(LoadSensor)
         with contextlib.ExitStack() as open_:
             pads = open_.enter_context(Touch(self.device(ForceSensor)))
-            wrist = None if load is None else open_.enter_context(Touch(load, mass=load.mass, least=load.least))
+            wrist = None if load is None else open_.enter_context(Touch(load))
             yield ManoeuvreHand(pads, OuterFaces(self.device(Gripper)), wrist)
 
     def line_to(self, p_goal: Float64) -> Float64:

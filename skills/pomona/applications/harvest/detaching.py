@@ -105,6 +105,7 @@ class DetachSettings:
         opened, opening: opening around a fruit that stays on the tree [m], and its speed [m/s]; stuck: distance by
             which fingers that meet wood may lag meanwhile [m]: less than a supervisor allows.
         leaving, leaving_speed, leaving_acceleration: of the way of the open hand back from the fruit [m, m/s, m/s²].
+        turn_behind, turn_held: share of the roll's largest lead, and time, that show an open hand that is held [s].
         lead, lead_angle: by which the set-point may lead a hand at rest [m, rad]; lead_time: and the way of a moving
             hand in this time is added [s]: the arm follows its set-points 0.1 to 0.15 s later.
         lead_most: largest lead [m].
@@ -181,6 +182,8 @@ class DetachSettings:
     leaving: float = 0.10
     leaving_speed: float = 0.15
     leaving_acceleration: float = 1.0
+    turn_behind: float = 0.8
+    turn_held: float = 0.2
     lead: float = 0.008
     lead_angle: float = 0.06
     lead_time: float = 0.25
@@ -286,8 +289,8 @@ class DetachController:
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
         self._relieved_until = self._furthest = 0.0
-        self._relieved = False
-        self._opened_from = 0.0
+        self._relieved = self._stays_rolled = False
+        self._opened_from = self._turn_behind = 0.0  # opening [m]; time for which the roll is far behind [s]
 
     @property
     def grip_target(self) -> float:
@@ -407,7 +410,9 @@ class DetachController:
         self._aimed = _roll_between(self._R_start, T_aimed[:3, :3], roll)
         self._furthest = max(self._furthest, abs(roll))
         behind = float(np.linalg.norm(T_aimed[:3, 3] - T[:3, 3])) / min(s.lead + s.lead_time * speed, s.lead_most)
-        behind = max(behind, abs(self._aimed - roll) / (s.lead_angle + s.lead_time * turning))
+        unturned = abs(self._aimed - roll) / (s.lead_angle + s.lead_time * turning)
+        self._turn_behind = self._turn_behind + dt if unturned > s.turn_behind else 0.0
+        behind = behind if self._stays_rolled else max(behind, unturned)
         self._pace = float(np.clip(2.0 * (1.0 - behind), 0.0, 1.0))
 
     def _plausible(self, dt: float, wrenches: Float64, width: float) -> Float64:
@@ -670,10 +675,12 @@ class DetachController:
     def _leave(self, dt: float, T_base_tcp: Float64, width: float) -> DetachCommand:
         """Open around a fruit that stays on the tree, then draw the hand straight back and out of its roll.
 
-        Fingers that meet wood open no further: pressed against it they would push the arm off its place.
+        Fingers that meet wood open no further: they would push the arm off its place. A hand that is held in its roll
+        goes back as it is.
         """
         s, since = self.settings, self._path - self._since
-        self._turn_to(dt, 0.0)
+        self._stays_rolled = self._stays_rolled or self._turn_behind > s.turn_held
+        self._turn_to(dt, self.roll if self._stays_rolled else 0.0)
         if self.phase is DetachPhase.OPEN:
             wide = width > self._opened_from + s.opened - 1e-3 or since > s.leaving_patience
             if not wide and self._behind < s.stuck:
@@ -688,8 +695,7 @@ class DetachController:
         return replace(STILL, velocity=-self._speed_back * T_base_tcp[:3, 2], roll_rate=self._rate)
 
     def _turn_to(self, dt: float, goal: float) -> None:
-        left = goal - self._aimed
-        s = self.settings
+        s, left = self.settings, goal - self._aimed
         wanted = np.sign(left) * min(s.roll_rate, float(np.sqrt(2.0 * s.roll_acceleration * abs(left))))
         self._turn(dt, float(wanted))
 
@@ -804,6 +810,5 @@ def _turned(T_before: Float64, T: Float64) -> Float64:
 
 def _shortened(v: Float64, most: float) -> Float64:
     """Return a vector, not longer than `most`."""
-    size = float(np.linalg.norm(v))
-    shortened: Float64 = v * min(1.0, most / max(size, 1e-12))
+    shortened: Float64 = v * min(1.0, most / max(float(np.linalg.norm(v)), 1e-12))
     return shortened

@@ -19,8 +19,8 @@ leave the hand next to none, and it would be on its way for ever."""
 HELD, HELD_FOR, STANDS = 0.01, 0.4, 2e-3
 """Distance from its set-point and time at which an arm that stands is held [rad, s]; it stands within the last [rad].
 Set-points pass through the arm within 0.2 to 0.3 s. A supervisor ends the run at 0.02 rad after 0.7 s."""
-AWAY, PASSING = 0.035, 0.3
-"""Distance from every set-point of the last time at which a held arm is left behind [rad, s]: they come back to it."""
+AWAY, PASSING = 0.035, 0.2
+"""Distance from every set-point of the last time at which they come back to an arm; 0.08 rad end a run [rad, s]."""
 TRIES, MOVED = 2, 0.02
 """How often a set-point comes to an arm that is held at one place, within the second [rad]: a stuck arm looks like one
 that wood holds, and must be found."""
@@ -45,8 +45,7 @@ class HandAim:
                 it leads away.
         """
         self.q, self.T = q, robot.tcp(q)
-        self.beyond = self.unturned = 0.0
-        self.held = 0
+        self.beyond, self.unturned, self.held = 0.0, 0.0, 0
         self._robot, self._clear, self._cleared = robot, clear, clear(q)
         self._stands, self._held_at, self._off = q, q, 0.0
         self._passing: list[tuple[float, Float64]] = []
@@ -94,8 +93,7 @@ class HandAim:
         left = self._passing[0][0] >= PASSING and min(np.abs(each - q).max() for _, each in self._passing) > AWAY
         if self._off <= HELD_FOR and not left:
             return False
-        self._off = 0.0
-        self._passing = []
+        self._off, self._passing = 0.0, []
         if self.held < TRIES:
             self.held += 1
             self.q, self.T = q.copy(), self._robot.tcp(q)

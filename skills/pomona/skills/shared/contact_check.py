@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from pomona.drivers.interfaces import Gripper
+from pomona.drivers.interfaces import Gripper, Motion
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold
@@ -14,7 +14,7 @@ from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
 from pomona.skills.shared.held_fruit import is_pressed, show_grip, watch_fruit
 from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
-from pomona.skills.shared.touch import Touch, felt, load
+from pomona.skills.shared.touch import Touch, felt, hand_felt, load
 
 RAISED = 0.002
 """Height of raising the fruit from its support [m]: a fruit that hangs again loads the pads as before, while a drift
@@ -63,7 +63,7 @@ def lower_to_support(
         Jolted, SkillFailure: as `contact_doubt`.
     """
     limit, gripper, lost = contact, skill.device(Gripper), watch_fruit(skill)
-    with felt(skill, load) as touch:
+    with felt(skill, load) as touch, hand_felt(skill) as hand:
 
         def watch() -> None:
             if hold is not None:
@@ -76,14 +76,20 @@ def lower_to_support(
             if current_hold(gripper) is None and abs(width - opened) > PUSHED:
                 words = f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
                 raise skill.failure(code, f"{words}; the fruit is still held")
+            if hand.change > hand.limit(contact, accelerated):
+                raise skill.failure(code, f"a finger met something ({hand.change:.1f} N); the fruit is still held")
+
+        def stop_at_touch(motion: Motion) -> None:
+            hand.at_change(hand.limit(contact, accelerated), motion.stop)
 
         try:
             for leg in legs:
                 accelerated = leg.manner.acceleration
                 limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
                 touch.forget_change()
+                hand.forget_change()
                 rest_on_contact(skill, limit)
-                yield from follow_way(skill, leg.way, leg.manner, watch, grasp)
+                yield from follow_way(skill, leg.way, leg.manner, watch, grasp, stop_at_touch)
         except TouchedDown:
             return (yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code))
     return "" if ends_on else "the fruit met nothing"

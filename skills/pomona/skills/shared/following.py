@@ -32,8 +32,9 @@ def follow_motion(
 ) -> Watching:
     """Watch a motion that was just started until it is done and nothing moves any more.
 
-    `watch` is called in each tick; it raises to end the motion, or returns feedback. When it raises or the caller is
-    interrupted, the motion is stopped, and the exception passes once all is at rest. `each_tick` is called until then.
+    `watch` is called in each tick, and after a stop; it raises to end the motion, or returns feedback. When it raises
+    or the caller is interrupted, the motion is stopped, and the exception passes once all is at rest, until which
+    `each_tick` is called.
 
     Raises MotionEnded: it was stopped from outside, or failed.
     """
@@ -56,6 +57,8 @@ def follow_motion(
     while not motion.settled:
         each_tick()
         yield "coming to rest"
+    if motion.state is MotionState.STOPPED and watch is not None:
+        watch()  # a touch may have stopped it, in its sensor's own loop
     if motion.state is not MotionState.DONE:
         raise MotionEnded(motion.state, motion.problem)
 

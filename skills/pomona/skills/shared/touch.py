@@ -82,18 +82,10 @@ class Touch:
         finger: the finger with the change: left or right; empty before any, and when there is one force.
     """
 
-    def __init__(
-        self,
-        sensor: WrenchSensor | None,
-        of: Callable[[Float64], Float64] = each_finger,
-        mass: float = 0.0,
-        least: float = 0.0,
-    ) -> None:
-        """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared.
-
-        `mass` [kg] and `least` [N] are those of a `LoadSensor`.
-        """
-        self._sensor, self._of, self._mass, self._least = sensor, of, mass, least
+    def __init__(self, sensor: WrenchSensor | None, of: Callable[[Float64], Float64] = each_finger) -> None:
+        """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared."""
+        self._sensor, self._of = sensor, of
+        self._mass, self._least = (sensor.mass, sensor.least) if isinstance(sensor, LoadSensor) else (0.0, 0.0)
         first = None if sensor is None else sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
@@ -186,16 +178,14 @@ def felt(skill: Skill, of: Callable[[Float64], Float64] | None = None) -> Touch:
     if fingers is None and of is None and (tips := skill.optional_device(PressSensor)) is not None:
         return Touch(tips)
     if fingers is None and sensor is not None:
-        return Touch(sensor, each_finger, sensor.mass, sensor.least)
+        return Touch(sensor)
     return Touch(fingers, of or each_finger)
 
 
-def all_felt(skill: Skill) -> list[Touch]:
-    """Listen to `felt`, and beside force fingers to a load sensor, which alone feels their tips and backs."""
-    sensor, found = skill.optional_device(LoadSensor), [felt(skill)]
-    if sensor is not None and skill.optional_device(ForceSensor) is not None:
-        found.append(Touch(sensor, each_finger, sensor.mass, sensor.least))
-    return found
+def hand_felt(skill: Skill) -> Touch:
+    """Listen to a load sensor beside force fingers: it alone feels their tips and backs. Nothing changes without."""
+    alone = skill.optional_device(ForceSensor) is None  # `felt` listens to it
+    return Touch(None if alone else skill.optional_device(LoadSensor))
 
 
 def weighing(skill: Skill) -> Touch | None:

@@ -164,7 +164,7 @@ def test_the_edges_of_the_fingers_end_a_pull_and_a_pull_alone_is_not_pressed_dow
     load.feel = lambda _now: np.array([[0.0, 0.0, -pressed, 0.0, 0.0, 0.0]])
     scene.fingers.feel = lambda _now: np.array([[-down, 0.0, -pulled, 0.0, 0.0, 0.0], np.zeros(6)])
     down = pulled = pressed = 0.0
-    with Touch(scene.fingers) as pads, Touch(load, mass=load.mass, least=load.least) as wrist:
+    with Touch(scene.fingers) as pads, Touch(load) as wrist:
         scene.clock.advance(0.2)
         hand = feeling.ManoeuvreHand(pads, feeling.OuterFaces(scene.gripper), wrist)
         free = hand.forces

@@ -180,6 +180,32 @@ def test_a_hand_that_could_not_turn_back_turns_back_while_it_leaves():
     assert abs(control.roll) < 0.6
 
 
+def test_an_open_hand_that_a_wire_holds_in_its_roll_goes_back_as_it_is():
+    """A wire held the roll back at 34° for 4 s; the hand waited for it and did not move (wall 367)."""
+
+    class Wired(Stem):
+        def move(self, command, dt=DT):
+            super().move(command, dt)
+            if self.held and abs(self.roll) < 0.6:
+                self.roll = np.sign(self.roll) * 0.6
+                self.T[:3, :3] = self.R0 @ rot_z(self.roll)
+
+    stem, left = Wired(STRONG, bending=0.01), []
+    stem.held = False
+
+    def jam(control):
+        if control.phase in (DetachPhase.LAST_PULL, DetachPhase.LET_BACK) and abs(control.roll) > 2.2:
+            control._behind = 0.01
+        stem.held = control.phase in (DetachPhase.OPEN, DetachPhase.LEAVE)
+        if control.phase is DetachPhase.LEAVE:
+            left.append((stem.time, stem.T[:3, 3].copy()))
+
+    control = detach(stem, rolls=(2.4,), each=jam)
+    assert abs(control.roll) == pytest.approx(0.6)
+    assert np.linalg.norm(left[-1][1] - left[0][1]) > 0.085
+    assert left[-1][0] - left[0][0] < 2.5
+
+
 def test_wood_that_presses_fruit_harder_than_it_can_bear_is_a_jam():
     stem, pressed, rolls = Stem(STRONG, bending=0.01), np.zeros((2, 6)), []
     control = controller(stem, (2.4, -2.4))
