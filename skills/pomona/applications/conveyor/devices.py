@@ -8,7 +8,7 @@ import numpy as np
 
 from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.world import ConveyorWorld
-from pomona.drivers import Device, DeviceLost
+from pomona.drivers import Device, DeviceLost, StopFailed
 from pomona.executive import Clock
 from pomona.tools.simulation import FaultyDevice
 
@@ -57,10 +57,17 @@ class SimConveyor(FaultyDevice):
         if silent > SILENCE:
             raise DeviceLost(self.name, f"its encoder sent nothing for {1e3 * silent:.0f} ms")
 
-    def safe_stop(self, reason: str) -> None:
-        """Stop the belt. A line's own control starts it again, not an acknowledgement."""
+    def stop(self) -> bool:
         self._stopped = True
         self._world.wanted_speed = 0.0
+        return True
+
+    def safe_stop(self, reason: str) -> None:
+        """Stop the belt. A line's own control starts it again, not an acknowledgement."""
+        self.stop()
+
+    def settled(self) -> bool:
+        return not self._stopped or self._world.speed == 0.0
 
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
@@ -93,6 +100,7 @@ class MockConveyor(Device):
     Attributes:
         travel: position at a time; replace it to script the belt.
         silent_from: time from which the encoder sends nothing more [s].
+        stops: result of `stop`, or the error that it raises; stopped_at: when it was stopped [s].
     """
 
     interfaces = (Conveyor,)
@@ -102,8 +110,18 @@ class MockConveyor(Device):
         self.belt = belt
         self.travel: Callable[[float], float] = lambda t: speed * t
         self.silent_from = np.inf
+        self.stops: bool | StopFailed = True
+        self.stopped_at: float | None = None
         self._clock = clock
 
     def travelled(self) -> ConveyorState | None:
         now = min(self._clock.now(), self.silent_from)
         return ConveyorState(now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER)
+
+    def stop(self) -> bool:
+        if isinstance(self.stops, StopFailed):
+            raise self.stops
+        if self.stops and self.stopped_at is None:
+            at, travel = self._clock.now(), self.travel
+            self.stopped_at, self.travel = at, lambda t: travel(min(t, at))
+        return self.stops

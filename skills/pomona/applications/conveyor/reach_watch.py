@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.applications.conveyor.intercepting import InterceptPlan
 from pomona.drivers import Arm, Motion, MotionState, Trajectory
 from pomona.executive import Clock, Skill
@@ -11,10 +12,10 @@ from pomona.skills import KnownAround, LiveWatch
 
 
 class PlannedMotion:
-    """A streamed motion whose progress is that of a plan."""
+    """A streamed motion whose progress is that of a plan; the belt stops with it."""
 
-    def __init__(self, motion: Motion, clock: Clock, pick: InterceptPlan) -> None:
-        self._motion, self._clock, self._pick = motion, clock, pick
+    def __init__(self, motion: Motion, clock: Clock, pick: InterceptPlan, conveyor: Conveyor) -> None:
+        self._motion, self._clock, self._pick, self._conveyor = motion, clock, pick, conveyor
 
     @property
     def state(self) -> MotionState:
@@ -38,8 +39,12 @@ class PlannedMotion:
         return self._motion.problem
 
     def stop(self) -> None:
-        """Come to rest at once. A person who reaches in may be above the hand, so it does not rise."""
+        """Bring arm and belt to rest at once. A person who reaches in may be above the hand, so it does not rise.
+
+        Raises StopFailed: the belt may run on.
+        """
         self._motion.stop()
+        self._conveyor.stop()
 
 
 def watch_reach(skill: Skill, arm: Arm, motion: Motion, clock: Clock, pick: InterceptPlan) -> LiveWatch | None:
@@ -51,5 +56,5 @@ def watch_reach(skill: Skill, arm: Arm, motion: Motion, clock: Clock, pick: Inte
     qd = np.gradient(q, t, axis=0)
     eyes = LiveWatch.of(skill, arm, Trajectory(t, q, qd, np.gradient(qd, t, axis=0)), KnownAround())
     if eyes is not None:
-        eyes.begin(PlannedMotion(motion, clock, pick))
+        eyes.begin(PlannedMotion(motion, clock, pick, skill.device(Conveyor)))
     return eyes

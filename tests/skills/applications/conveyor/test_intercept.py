@@ -11,9 +11,9 @@ import pytest
 from py_trees.common import Status
 
 from pomona.applications.conveyor.intercept import Intercept
-from pomona.drivers import Cameras
-from pomona.executive import SkillEnd, drive
-from pomona.skills import TAKEN
+from pomona.drivers import Cameras, StopFailed
+from pomona.executive import SkillEnd, SkillFailure, drive
+from pomona.skills import TAKEN, LiveWatch
 from pomona.skills.grip.closing import PickTouches
 from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
 from tests.skills.overhead import Overhead
@@ -154,30 +154,70 @@ def test_a_neighbour_where_a_finger_would_come_down_lets_the_fruit_pass() -> Non
     assert nothing_moved(rig)
 
 
-@pytest.mark.parametrize(("place", "blocks"), [((-0.30, -0.42, 0.10), True), ((-0.30, -0.36, -0.06), False)])
-def test_what_comes_over_the_belt_stops_the_hand_where_it_is_and_fruit_on_it_does_not(
-    place: tuple[float, float, float], blocks: bool
-) -> None:
-    rig = BeltRig()
-    overhead = Overhead(rig.clock)
+OVER_THE_BELT, FRUIT = (-0.30, -0.42, 0.10), (-0.30, -0.36, -0.06)
+
+
+def intercept_under_a_camera(rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching") -> SkillEnd:
+    """Drive the skill under a camera above, which sees a ball at a place from a phase on."""
+    overhead, skill = Overhead(rig.clock), Intercept()
     devices = {**rig.devices, Cameras: Cameras((rig.camera, overhead))}
-    skill, began = Intercept(), rig.clock.now()
 
     def tick(_: int) -> None:
-        if "reaching" in skill.feedback_message and not overhead.balls:
+        if phase in skill.feedback_message and not overhead.balls:
             overhead.balls = ((*place, 0.045),)
 
     end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick)
     assert overhead.balls
     assert overhead.frames > 2
-    if not blocks:
-        assert end.status is Status.SUCCESS
-        return
-    assert code(end) == "PATH_BLOCKED"
-    assert rig.clock.now() - began < 5.0
+    return end
+
+
+def rests(rig: BeltRig) -> bool:
     before = rig.arm.q.copy()
     rig.clock.advance(0.2)
-    assert np.array_equal(before, rig.arm.q)
+    return np.array_equal(before, rig.arm.q)
+
+
+def test_what_comes_over_the_belt_stops_hand_and_belt_at_once_where_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, ask, stopped = BeltRig(), LiveWatch.look, list[float]()
+
+    def look(eyes: LiveWatch) -> str | None:
+        try:
+            return ask(eyes)
+        except SkillFailure:
+            stopped.append(rig.clock.now())
+            raise
+
+    monkeypatch.setattr(LiveWatch, "look", look)
+    assert code(intercept_under_a_camera(rig, OVER_THE_BELT)) == "PATH_BLOCKED"
+    assert rig.conveyor.stopped_at == stopped[0]
+    assert rig.clock.now() < 5.0
+    assert rests(rig)
+    state = rig.conveyor.travelled()
+    assert state is not None
+    assert state.speed == 0.0
+
+
+def test_fruit_on_the_belt_stops_neither_hand_nor_belt() -> None:
+    rig = BeltRig()
+    assert intercept_under_a_camera(rig, FRUIT).status is Status.SUCCESS
+    assert rig.conveyor.stopped_at is None
+
+
+def test_the_hand_stops_also_where_the_program_cannot_stop_the_belt() -> None:
+    rig = BeltRig()
+    rig.conveyor.stops = False
+    assert code(intercept_under_a_camera(rig, OVER_THE_BELT)) == "PATH_BLOCKED"
+    assert rests(rig)
+
+
+def test_a_belt_that_does_not_stop_is_an_error_and_no_failure_that_a_tree_could_handle() -> None:
+    rig = BeltRig()
+    rig.conveyor.stops = StopFailed("conveyor", "the belt may run on: its contactor is welded")
+    with pytest.raises(StopFailed, match="welded"):
+        intercept_under_a_camera(rig, OVER_THE_BELT)
+    rig.clock.advance(0.5)
+    assert rests(rig)
 
 
 @pytest.mark.slow
