@@ -15,6 +15,7 @@ from pomona.drivers import Cameras, StopFailed
 from pomona.executive import SkillEnd, SkillFailure, drive
 from pomona.skills import TAKEN, LiveWatch
 from pomona.skills.grip.closing import PickTouches
+from pomona.skills.grip.hold import current_hold
 from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
 from tests.skills.overhead import Overhead
 
@@ -157,13 +158,15 @@ def test_a_neighbour_where_a_finger_would_come_down_lets_the_fruit_pass() -> Non
 OVER_THE_BELT, FRUIT = (-0.30, -0.42, 0.10), (-0.30, -0.36, -0.06)
 
 
-def intercept_under_a_camera(rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching") -> SkillEnd:
-    """Drive the skill under a camera above, which sees a ball at a place from a phase on."""
+def intercept_under_a_camera(
+    rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching", least: float = -1.0
+) -> SkillEnd:
+    """Drive the skill under a camera above, which sees a ball at a place from a phase on, and a height of the hand."""
     overhead, skill = Overhead(rig.clock), Intercept()
     devices = {**rig.devices, Cameras: Cameras((rig.camera, overhead))}
 
     def tick(_: int) -> None:
-        if phase in skill.feedback_message and not overhead.balls:
+        if phase in skill.feedback_message and rig.height > least and not overhead.balls:
             overhead.balls = ((*place, 0.045),)
 
     end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick)
@@ -196,6 +199,21 @@ def test_what_comes_over_the_belt_stops_hand_and_belt_at_once_where_they_are(mon
     state = rig.conveyor.travelled()
     assert state is not None
     assert state.speed == 0.0
+
+
+@pytest.mark.parametrize(("phase", "least", "held"), [("closing", -1.0, False), ("rising", 0.02, True)])
+def test_hand_and_belt_stop_also_at_the_fruit_which_stays_on_the_belt_or_in_the_hand(
+    phase: str, least: float, held: bool
+) -> None:
+    rig = BeltRig()
+    assert code(intercept_under_a_camera(rig, (-0.10, -0.52, 0.15), phase, least)) == "PATH_BLOCKED"
+    assert rig.conveyor.stopped_at is not None
+    assert rests(rig)
+    assert rig.height < (0.1 if held else 0.01)  # on its way to 0.15 m, or beside the fruit
+    rig.clock.advance(1.0)
+    hold = current_hold(rig.gripper)
+    assert (hold is not None and hold.holds) is held
+    assert rig.gripper.width == pytest.approx(rig.size[0] if held else 0.103, abs=3e-3)
 
 
 def test_fruit_on_the_belt_stops_neither_hand_nor_belt() -> None:
