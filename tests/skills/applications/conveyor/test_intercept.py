@@ -270,6 +270,18 @@ def test_a_track_that_ends_before_or_during_the_reach_is_lost() -> None:
     within_limits(rig)
 
 
+def test_joints_whose_time_is_not_the_cameras_are_named_and_the_hand_rises() -> None:
+    rig = BeltRig()
+
+    def differ() -> None:
+        rig.watch.alter = lambda track: replace(track, innovation=7.0)
+
+    end = drive_until(rig, "reaching", differ)
+    assert code(end) == "POSE_MISMATCH"
+    assert "times of joints and frames differ" in end.reason.message  # type: ignore[union-attr]
+    assert rests_above_the_belt(rig, end)
+
+
 def test_an_arm_that_is_slowed_follows_no_fruit_and_nothing_moves() -> None:
     rig = BeltRig()
     rig.arm.go_at(0.15)
