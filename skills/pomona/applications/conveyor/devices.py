@@ -8,7 +8,7 @@ import numpy as np
 
 from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.world import ConveyorWorld
-from pomona.drivers import Device, DeviceLost, StopFailed
+from pomona.drivers import Device, DeviceLost
 from pomona.executive import Clock
 from pomona.tools.simulation import FaultyDevice
 
@@ -100,7 +100,6 @@ class MockConveyor(Device):
     Attributes:
         travel: position at a time; replace it to script the belt.
         silent_from: time from which the encoder sends nothing more [s].
-        stops: result of `stop`, or the error that it raises; stopped_at: when it was stopped [s].
     """
 
     interfaces = (Conveyor,)
@@ -110,8 +109,6 @@ class MockConveyor(Device):
         self.belt = belt
         self.travel: Callable[[float], float] = lambda t: speed * t
         self.silent_from = np.inf
-        self.stops: bool | StopFailed = True
-        self.stopped_at: float | None = None
         self._clock = clock
 
     def travelled(self) -> ConveyorState | None:
@@ -119,9 +116,4 @@ class MockConveyor(Device):
         return ConveyorState(now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER)
 
     def stop(self) -> bool:
-        if isinstance(self.stops, StopFailed):
-            raise self.stops
-        if self.stops and self.stopped_at is None:
-            at, travel = self._clock.now(), self.travel
-            self.stopped_at, self.travel = at, lambda t: travel(min(t, at))
-        return self.stops
+        return False

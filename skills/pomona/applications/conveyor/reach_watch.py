@@ -11,8 +11,7 @@ from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.drivers import Arm, Motion, MotionState, Trajectory, Workspace
 from pomona.executive import Clock, Float64, Skill
 from pomona.skills import KnownAround, LiveWatch, prepare_watch
-from pomona.skills.motion import RobotModel
-from pomona.skills.motion.collision import RobotShape
+from pomona.skills.motion import RobotModel, RobotShape
 
 
 class PlannedMotion:

@@ -11,16 +11,7 @@ import numpy as np
 from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.devices import OVER, SILENCE
 from pomona.devices.plc.signals import Signals
-from pomona.drivers import (
-    ConnectContext,
-    Device,
-    DeviceLost,
-    MotionRefused,
-    Settings,
-    StopFailed,
-    Surroundings,
-    driver,
-)
+from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
 from pomona.executive import LENGTH, Clock, Measure, Problem, Text, choose, value
 
 AT_REST = 2e-3
@@ -32,9 +23,7 @@ class SignalConveyorOptions:
     """Where the belt runs, and the signal that counts its travel."""
 
     travel: str = value(Text(), help="input of the PLC: the travel in metres, by the signal's `scale`; 32 bits")
-    runs: str = value(
-        Text(), "", help="output of the PLC that lets the belt run, a switch; '': the program cannot stop it"
-    )
+    runs: str = value(Text(), "", help="output of the PLC that lets the belt run; '': the program cannot stop it")
     beside: float = value(Measure(LENGTH, "-2 m", "2 m"), help="of the belt's middle line in the base frame, y")
     top: float = value(Measure(LENGTH, "-1 m", "1 m"), help="height of the belt's surface in the base frame")
     width: float = value(Measure(LENGTH, "100 mm", "1 m"), "240 mm", "of the belt")

@@ -121,7 +121,6 @@ class Tracks:
         belt: where it runs; `encoder`: whether the travel is measured.
         tracks: the fruit, oldest first; ended: numbers of tracks that have ended.
         born: number of the next track; looked: frames so far.
-        rolling_speed_known: with an encoder a fruit's own speed over the belt is known.
     """
 
     model: FruitModel
