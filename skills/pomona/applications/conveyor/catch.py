@@ -23,6 +23,8 @@ CHANGED = 0.02
 """Change of the belt's speed with which a pick is given up [m/s]."""
 BESIDE = 8e-3
 """Distance of the hand from its place when the fingers begin to close beyond which the fruit is let pass [m]."""
+SAME_TIME = 6.0
+"""Mean squared innovation of a track beyond which camera, joints and belt do not agree on the time."""
 CLEARANCE = 5e-3
 """Distance of the arm from fixed objects on its way [m]."""
 LATE = 0.8
@@ -92,6 +94,7 @@ class Catch:
         self.pick, self.track, self._fails = pick, track, fails
         self._tracks, self._stream, self._speed = tracks, stream, tracks.travel.speed
         self._closing = self._judged = False
+        self._first = track
 
     def reaches(self, now: float) -> bool:
         """Return True while the hand comes to the fruit, until the grip may take its bias; `now` [s]."""
@@ -102,11 +105,17 @@ class Catch:
         return self.pick.arrival, self._tracks.place(self.track, self.pick.arrival)[0]
 
     def reach(self) -> None:
-        """Lead the hand to the fruit. Raises SkillFailure: TRACK_LOST, BELT_CHANGED, END_OF_REACH, or of the motion."""
+        """Lead the hand to the fruit.
+
+        Raises SkillFailure: TRACK_LOST, POSE_MISMATCH, BELT_CHANGED, END_OF_REACH, or of the motion.
+        """
         require_motion(self._stream, self._fails)
         seen = self._tracks.tracks.track(self.track.number)
         if seen is None or (seen.missed > 0 and seen.likelier < 0.0):
             raise self._fails("TRACK_LOST", "the fruit is not where it should be; the hand has risen")
+        if (innovation := seen.innovation_since(self._first)) > SAME_TIME:
+            words = "the fruit seems to move with the camera: times of joints and frames differ, or its pose is wrong"
+            raise self._fails("POSE_MISMATCH", f"{words}; the hand has risen", innovation=round(innovation, 1))
         self.track = seen
         self._lead()
 

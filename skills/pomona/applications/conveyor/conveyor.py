@@ -51,3 +51,9 @@ class Conveyor(Protocol):
 
     def travelled(self) -> ConveyorState | None:
         """Return the newest measurement, or None before the first. Never waits; the caller judges the stamp's age."""
+
+    def stop(self) -> bool:
+        """Stop the belt as the safe state does; return False where the program cannot. It needs no ownership.
+
+        The line's own control starts it again. Raises StopFailed: it may run on.
+        """

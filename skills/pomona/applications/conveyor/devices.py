@@ -57,10 +57,17 @@ class SimConveyor(FaultyDevice):
         if silent > SILENCE:
             raise DeviceLost(self.name, f"its encoder sent nothing for {1e3 * silent:.0f} ms")
 
-    def safe_stop(self, reason: str) -> None:
-        """Stop the belt. A line's own control starts it again, not an acknowledgement."""
+    def stop(self) -> bool:
         self._stopped = True
         self._world.wanted_speed = 0.0
+        return True
+
+    def safe_stop(self, reason: str) -> None:
+        """Stop the belt. A line's own control starts it again, not an acknowledgement."""
+        self.stop()
+
+    def settled(self) -> bool:
+        return not self._stopped or self._world.speed == 0.0
 
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
@@ -107,3 +114,6 @@ class MockConveyor(Device):
     def travelled(self) -> ConveyorState | None:
         now = min(self._clock.now(), self.silent_from)
         return ConveyorState(now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER)
+
+    def stop(self) -> bool:
+        return False

@@ -10,7 +10,7 @@ from pomona.applications.conveyor.intercepting import Rise, aim_of
 from pomona.drivers import Arm, BadTrajectory, Gripper, MotionState, SetPoints
 from pomona.executive import Clock, Float64, Work
 from pomona.skills.grip import Hold
-from pomona.skills.motion import RobotModel
+from pomona.skills.motion import RobotModel, nearest_solution
 
 WATCHDOG = 0.15
 """Time without a set-point after which the arm comes to rest [s]."""
@@ -72,16 +72,22 @@ class HandStream:
             raise OutOfReach(f"the hand would leave the arm's limits: {bad}") from bad
         self.q = found[0]
 
+    def way_up(self, height: float) -> tuple[Float64, Float64]:
+        """Return postures of a rise that begins now, shape (n,) [s] and (n, dof) [rad], as far as the arm reaches."""
+        up, found = self._up(height), [self.q]
+        times = np.linspace(self.ahead, self.ahead + 0.1 if up is None else up.end, 12)
+        for t in times[1:]:
+            q = None if up is None else nearest_solution(self.robot, up.pose(float(t)), found[-1])
+            found.append(found[-1] if q is None else q)
+        return times, np.array(found)
+
     def rise(self, height: float, meanwhile: Callable[[], str | None]) -> Work[None]:
         """Rise from the moving pose, slow down along the belt, and come to rest. `meanwhile` is called in each tick.
 
         Where the arm reaches no further it comes to rest at once.
         """
-        pose = self._pose
-        if pose is not None:
-            t = self.ahead
-            T = pose(t)
-            up = Rise(t, T, (pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01, height)
+        up = self._up(height)
+        if up is not None:
             while self._clock.now() < up.end and self.motion.state is MotionState.RUNNING:
                 try:
                     self.follow(up.pose)
@@ -89,6 +95,14 @@ class HandStream:
                     break
                 yield meanwhile() or "rising"
         yield from self.rest(meanwhile)
+
+    def _up(self, height: float) -> Rise | None:
+        """Return the rise from where the hand is now; None if it was not led anywhere."""
+        if self._pose is None:
+            return None
+        t = self.ahead
+        T = self._pose(t)
+        return Rise(t, T, (self._pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01, height)
 
     def leave(self, opens: Callable[[], object] | None) -> Work[None]:
         """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest."""

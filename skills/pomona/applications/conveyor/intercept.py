@@ -14,11 +14,11 @@ from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, end_p
 from pomona.applications.conveyor.intercepting import InterceptPlan
 from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
-from pomona.applications.conveyor.reach_watch import watch_reach
+from pomona.applications.conveyor.reach_watch import ReachWatch, prepare_reach_watch
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.drivers import Arm, Camera, Cameras, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
 from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
-from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, prepare_watch, show_grip
+from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, show_grip
 from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
 from pomona.skills.motion import Grasp
 
@@ -44,15 +44,8 @@ class Intercept(BeltSkill):
     failures = (
         *MOTION_FAILURES,
         *BELT_FAILURES,
-        *(
-            "OUT_OF_REACH",
-            "TOO_UNSURE",
-            "TOO_WIDE",
-            "NEIGHBOUR_AT_RISK",
-            "PATH_BLOCKED",
-            "POSE_MISMATCH",
-            "DEPTH_MISMATCH",
-        ),
+        *("OUT_OF_REACH", "TOO_UNSURE", "TOO_WIDE", "NEIGHBOUR_AT_RISK"),
+        *("PATH_BLOCKED", "POSE_MISMATCH", "DEPTH_MISMATCH"),
         *("TRACK_LOST", "BELT_CHANGED", "BEHIND", "END_OF_REACH"),
         *("NO_CONTACT", "ONE_FINGER", "OUT_OF_STROKE", "FORCE_LIMIT", "SENSOR_STALE", "SENSOR_SATURATED"),
         *("SENSOR_FAULT", "SLIPPED", "LOST"),
@@ -60,7 +53,7 @@ class Intercept(BeltSkill):
 
     def prepare(self) -> None:
         prepare_moving(self)
-        prepare_watch(self)
+        prepare_reach_watch(self)
         warm_up(self.device(ForceSensor).rate)
 
     def run(
@@ -80,6 +73,7 @@ class Intercept(BeltSkill):
         yield from self.compute(surface_table, contact)
         arm, gripper = self.device(Arm), self.device(Gripper)
         take_over(gripper)
+        eyes = ReachWatch(self)
         try:
             stream = HandStream(arm, self.device(StreamedArm).stream(WATCHDOG), self.clock)
         except MotionRefused as refused:
@@ -90,16 +84,17 @@ class Intercept(BeltSkill):
             pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
             settings = grip_settings(contact, mu_uncertainty, target.measured, width, gripper, self.device(ForceSensor))
             catch = Catch(pick, track, tracks, stream, self.failure)
-            eyes = watch_reach(self, arm, stream.motion, self.clock, pick)
+            eyes.begin(stream.motion, pick.times, pick.postures)
             while catch.reaches(self.clock.now()):
                 self.look(tracks, False, catch.meeting())
-                ahead = None if eyes is None else eyes.look()
+                ahead = eyes.look()
                 catch.reach()
                 yield ahead or f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
             hold = Hold(gripper, self.device(ForceSensor), GripController(settings), self.clock.now).under(gripper)
             try:
                 while hold.phase is not GripPhase.HOLDING:
                     self.look(tracks, search=False)
+                    eyes.look()
                     catch.close(self.clock.now())
                     self._carry(hold)
                     catch.require_contact(self.clock.now())
@@ -110,7 +105,8 @@ class Intercept(BeltSkill):
             catch.note_touches(self, hold, self.clock.now())
             self.publish("belt", TAKEN)
             grasp = catch.grasp(arm.state().q, gripper.state().width)
-            yield from stream.rise(height, partial(self._carry, hold))
+            eyes.begin(stream.motion, *stream.way_up(height), holds=True)
+            yield from stream.rise(height, partial(self._carry, hold, eyes))
         except (SkillFailure, Interrupted):
             yield from end_pick(stream, hold, gripper)
             raise
@@ -148,7 +144,9 @@ class Intercept(BeltSkill):
             stream.stand()
             yield f"waiting: {pick.reason}"
 
-    def _carry(self, hold: Hold) -> None:
-        """Show the grip; a problem of it is a failure."""
+    def _carry(self, hold: Hold, eyes: ReachWatch | None = None) -> None:
+        """Show the grip, and look; a problem of it is a failure."""
         show_grip(self, hold)
         require_grip(hold, self.failures, self.failure)
+        if eyes is not None:
+            eyes.look()

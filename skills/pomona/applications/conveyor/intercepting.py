@@ -17,7 +17,6 @@ import numpy as np
 
 from pomona.drivers import ArmLimits
 from pomona.executive import Float64
-from pomona.skills import inverse
 from pomona.skills.motion import RobotModel, nearest_solution
 
 Place = Callable[[float], tuple[Float64, Float64]]
@@ -351,8 +350,3 @@ def in_the_way(
 
 FINGER = (0.016, 0.025)
 """Half-width of a finger along the belt, and how far it stands out beyond its pad [m]: trees/robots/sia5f_wsg32.xml."""
-
-
-def hand_beside(T_base_tcp: Float64, T_base_wanted: Float64) -> float:
-    """Return how far the hand is from where it should be [m]."""
-    return float(np.linalg.norm((inverse(T_base_wanted) @ T_base_tcp)[:3, 3]))

@@ -1,20 +1,25 @@
-"""Watch of the hand's way to a fruit on the belt: the camera's frames against the postures that are planned."""
+"""Watch of the hand's way to a fruit on the belt and up with it: the cameras' frames against the planned postures."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
+
 import numpy as np
 
-from pomona.applications.conveyor.intercepting import InterceptPlan
-from pomona.drivers import Arm, Motion, MotionState, Trajectory
-from pomona.executive import Clock, Skill
-from pomona.skills import KnownAround, LiveWatch
+from pomona.applications.conveyor.conveyor import Conveyor
+from pomona.drivers import Arm, Motion, MotionState, Trajectory, Workspace
+from pomona.executive import Clock, Float64, Skill
+from pomona.skills import KnownAround, LiveWatch, prepare_watch
+from pomona.skills.motion import RobotModel, RobotShape
 
 
 class PlannedMotion:
-    """A streamed motion whose progress is that of a plan."""
+    """A streamed motion whose progress is that of a plan, from `begin` to `end` [s]; the belt stops with it."""
 
-    def __init__(self, motion: Motion, clock: Clock, pick: InterceptPlan) -> None:
-        self._motion, self._clock, self._pick = motion, clock, pick
+    def __init__(self, motion: Motion, clock: Clock, begin: float, end: float, conveyor: Conveyor) -> None:
+        self._motion, self._clock, self._conveyor = motion, clock, conveyor
+        self._begin, self._end = begin, end
 
     @property
     def state(self) -> MotionState:
@@ -24,8 +29,7 @@ class PlannedMotion:
     @property
     def progress(self) -> float:
         """Share of the plan's time that has passed, 0 to 1."""
-        times = self._pick.times
-        return float(np.clip((self._clock.now() - times[0]) / (times[-1] - times[0]), 0.0, 1.0))
+        return float(np.clip((self._clock.now() - self._begin) / (self._end - self._begin), 0.0, 1.0))
 
     @property
     def settled(self) -> bool:
@@ -38,18 +42,62 @@ class PlannedMotion:
         return self._motion.problem
 
     def stop(self) -> None:
-        """Come to rest at once. A person who reaches in may be above the hand, so it does not rise."""
+        """Bring arm and belt to rest at once. A person who reaches in may be above the hand, so it does not rise.
+
+        Raises StopFailed: the belt may run on.
+        """
         self._motion.stop()
+        self._conveyor.stop()
 
 
-def watch_reach(skill: Skill, arm: Arm, motion: Motion, clock: Clock, pick: InterceptPlan) -> LiveWatch | None:
-    """Return the watch of a pick that begins now; None in a cell whose file requests none.
+class ReachWatch:
+    """The watch of a pick; it sees nothing in a cell whose file requests none. Made before the hand is streamed.
 
     A camera on the hand sees nothing behind itself. Things in the `passing` volumes of the cell count as goods.
     """
-    t, q = pick.times - pick.times[0], pick.postures
-    qd = np.gradient(q, t, axis=0)
-    eyes = LiveWatch.of(skill, arm, Trajectory(t, q, qd, np.gradient(qd, t, axis=0)), KnownAround())
-    if eyes is not None:
-        eyes.begin(PlannedMotion(motion, clock, pick))
-    return eyes
+
+    def __init__(self, skill: Skill) -> None:
+        self._skill, self._arm = skill, skill.device(Arm)
+        q = np.tile(self._arm.state().q, (2, 1))
+        still = Trajectory(np.array([0.0, 0.1]), q, np.zeros_like(q), np.zeros_like(q))
+        self._eyes = LiveWatch.of(skill, self._arm, still, KnownAround())
+
+    def begin(self, motion: Motion, times: Float64, q: Float64, holds: bool = False) -> None:
+        """Watch a way from now on; until then nothing is compared.
+
+        Args:
+            times, q: its postures, shape (n,) on the cell's clock [s] and (n, dof) [rad].
+            holds: whether the hand holds a fruit.
+        """
+        if self._eyes is None:
+            return
+        t = times - times[0]
+        qd = np.gradient(q, t, axis=0)
+        way = Trajectory(t, q, qd, np.gradient(qd, t, axis=0))
+        conveyor = self._skill.device(Conveyor)
+        led = PlannedMotion(motion, self._skill.clock, float(times[0]), float(times[-1]), conveyor)
+        self._eyes.begin(led, way, full_hand(self._arm.description) if holds else None)
+
+    def look(self) -> str | None:
+        """Compare new frames with the way; return a text for an obstacle ahead that is not near yet.
+
+        Raises SkillFailure: PATH_BLOCKED and others of `LiveWatch.look`; arm and belt come to rest.
+        """
+        return None if self._eyes is None else self._eyes.look()
+
+
+def prepare_reach_watch(skill: Skill) -> None:
+    """For `prepare`: the shapes and compiled loops, in a cell whose file requests a watch."""
+    prepare_watch(skill)
+    if skill.device(Workspace).watch is not None:
+        full_hand(skill.device(Arm).description)
+
+
+@lru_cache(maxsize=4)
+def full_hand(description: Path) -> RobotShape:
+    """Return a robot whose hand holds a ball as wide as its fingers open, as large as any fruit in it."""
+    robot = RobotModel.load(description)
+    steps = np.linspace(0.0, np.pi, 9)
+    polar, around = (angle.ravel() for angle in np.meshgrid(steps, 2.0 * steps[:-1]))
+    ball = np.column_stack((np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)))
+    return RobotShape.of(robot).holding(0.5 * robot.width_max * ball)

@@ -11,8 +11,11 @@ import numpy as np
 from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.devices import OVER, SILENCE
 from pomona.devices.plc.signals import Signals
-from pomona.drivers import ConnectContext, Device, DeviceLost, Settings, Surroundings, driver
+from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
 from pomona.executive import LENGTH, Clock, Measure, Problem, Text, choose, value
+
+AT_REST = 2e-3
+"""Speed below which a belt rests [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +23,7 @@ class SignalConveyorOptions:
     """Where the belt runs, and the signal that counts its travel."""
 
     travel: str = value(Text(), help="input of the PLC: the travel in metres, by the signal's `scale`; 32 bits")
+    runs: str = value(Text(), "", help="output of the PLC that lets the belt run; '': the program cannot stop it")
     beside: float = value(Measure(LENGTH, "-2 m", "2 m"), help="of the belt's middle line in the base frame, y")
     top: float = value(Measure(LENGTH, "-1 m", "1 m"), help="height of the belt's surface in the base frame")
     width: float = value(Measure(LENGTH, "100 mm", "1 m"), "240 mm", "of the belt")
@@ -28,6 +32,9 @@ class SignalConveyorOptions:
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not any(Signals in device.interfaces for device in around.above.values()):
             yield Problem("driver", "it needs a PLC above it", "plc: {driver: modbus-signals, …}")
+        if not self.runs and around.workspace is not None and around.workspace.watch is not None:
+            words = "where the watch of paths stops the arm, the belt runs on: the program cannot stop it"
+            yield Problem("driver", words, "runs: an output of the PLC that lets the belt run", warning=True)
 
     @property
     def belt(self) -> Belt:
@@ -38,13 +45,17 @@ class SignalConveyorOptions:
 
 
 class SignalConveyor(Device):
-    """The belt. Its speed is that over the last `OVER` seconds; an unknown travel ends the run."""
+    """The belt. Its speed is that over the last `OVER` seconds; an unknown travel ends the run.
+
+    A stop takes the output `runs` away; nothing here gives it again. In the safe state the PLC's driver takes it away.
+    """
 
     interfaces = (Conveyor,)
 
-    def __init__(self, belt: Belt, signals: Signals, travel: str, clock: Clock) -> None:
+    def __init__(self, belt: Belt, signals: Signals, travel: str, clock: Clock, runs: str = "") -> None:
         super().__init__("conveyor")
         self.belt = belt
+        self._runs, self._stopping = runs, False
         self._signals, self._travel, self._clock = signals, travel, clock
         self._read: deque[tuple[float, float]] = deque()
         self._since = clock.now()
@@ -59,6 +70,22 @@ class SignalConveyor(Device):
             return None
         (before, start), (stamp, position) = self._read[0], self._read[-1]
         return ConveyorState(stamp, position, 0.0 if stamp <= before else (position - start) / (stamp - before))
+
+    def stop(self) -> bool:
+        if self._runs:
+            self._stopping = True
+            try:
+                self._signals.write(self._runs, False)
+            except MotionRefused as refused:
+                raise StopFailed(self.name, f"the belt may run on: {refused.message}") from refused
+        return self._stopping
+
+    def settled(self) -> bool:
+        """Return False after a stop while the encoder still counts."""
+        state = self.travelled()
+        if state is None or self._clock.now() - state.stamp > SILENCE or abs(state.speed) < AT_REST:
+            self._stopping = False
+        return not self._stopping
 
     def last_seen(self) -> float | None:
         state = self.travelled()
@@ -80,4 +107,8 @@ def connect(settings: Settings[SignalConveyorOptions], context: ConnectContext) 
     if said.travel not in numbers:
         words = f"the PLC has no input '{said.travel}' that is a number"
         raise settings.error(words, "travel", choose(said.travel, numbers))
-    return SignalConveyor(said.belt, signals, said.travel, context.clock)
+    switches = [name for name in signals.names.outputs if name not in signals.names.numbers]
+    if said.runs and said.runs not in switches:
+        words = f"the PLC has no output '{said.runs}' that is a switch"
+        raise settings.error(words, "runs", choose(said.runs, switches))
+    return SignalConveyor(said.belt, signals, said.travel, context.clock, said.runs)

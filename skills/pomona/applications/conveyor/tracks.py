@@ -93,6 +93,10 @@ class FruitTrack:
         """Whether it lies still on the belt, as far as the camera has seen."""
         return self.hits >= BORN and self.likelier >= 0.0
 
+    def innovation_since(self, earlier: FruitTrack) -> float:
+        """Return the mean as if it had begun at an earlier state of the track, with 3; a fast camera may be before."""
+        return self.innovation - RECENT ** (self.hits - earlier.hits) * (earlier.innovation - 3.0)
+
     @property
     def seen_at(self) -> float:
         """Time of its newest measurement [s]."""
@@ -117,7 +121,6 @@ class Tracks:
         belt: where it runs; `encoder`: whether the travel is measured.
         tracks: the fruit, oldest first; ended: numbers of tracks that have ended.
         born: number of the next track; looked: frames so far.
-        rolling_speed_known: with an encoder a fruit's own speed over the belt is known.
     """
 
     model: FruitModel

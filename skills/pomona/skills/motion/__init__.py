@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.motion.collision import Convex as Convex, fruit_points as fruit_points
+    from pomona.skills.motion.collision import Convex as Convex, RobotShape as RobotShape, fruit_points as fruit_points
     from pomona.skills.motion.grasp import (
         SAME_PLACE as SAME_PLACE,
         Grasp as Grasp,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
-    "collision": "Convex fruit_points",
+    "collision": "Convex RobotShape fruit_points",
     "grasp": "Grasp GraspCandidates RuledOut SAME_PLACE",
     "grasps.gripper_shape": "GripperShape gripper_shape",
     "grasps.sample": "CandidateRejected GraspRules grasp_setting judge_candidate warm_up",

@@ -124,8 +124,10 @@ class LiveWatch:
             self._watch, self._duration = self._watch.on(slower), slower.duration
         return slower
 
-    def begin(self, motion: Motion) -> None:
-        """The motion has been started."""
+    def begin(self, motion: Motion, along: Trajectory | None = None, shape: RobotShape | None = None) -> None:
+        """The motion has been started; `along`: on this path instead, as a robot of this shape if it is another now."""
+        if along is not None:
+            self._watch, self._duration = self._watch.on(along, shape), along.duration
         self._motion = motion
 
     def look(self) -> str | None:
@@ -202,11 +204,8 @@ class LiveWatch:
 
 def prepare_watch(skill: Skill) -> None:
     """For `prepare` of a skill that watches its path: compile the loops, and read a frame of every camera."""
-    cameras, workspace, arm = (
-        skill.optional_device(Cameras),
-        skill.optional_device(Workspace),
-        skill.optional_device(Arm),
-    )
+    cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
+    arm = skill.optional_device(Arm)
     if cameras is None or not cameras.all or arm is None or workspace is None or workspace.watch is None:
         return
     _warm(arm.description)

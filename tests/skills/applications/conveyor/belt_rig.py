@@ -16,7 +16,17 @@ from pomona.applications.conveyor.devices import MockConveyor
 from pomona.applications.conveyor.intercept import Intercept
 from pomona.applications.conveyor.track_filter import FruitState
 from pomona.applications.conveyor.tracks import FruitTrack
-from pomona.drivers import Arm, Camera, Cameras, ForceSensor, Gripper, StreamedArm, Workspace, read_cell_file
+from pomona.drivers import (
+    Arm,
+    Camera,
+    Cameras,
+    ForceSensor,
+    Gripper,
+    StopFailed,
+    StreamedArm,
+    Workspace,
+    read_cell_file,
+)
 from pomona.executive import SkillEnd, drive, find_cell
 from pomona.skills.motion import RobotModel
 from pomona.skills.perception import MeasuredFruit
@@ -85,6 +95,25 @@ class ScriptedWatch(BeltWatch):
         return FruitTrack(number, measured, model, STAND, state, state, likelier=5.0, hits=20)
 
 
+class StoppableConveyor(MockConveyor):
+    """A belt that can be stopped.
+
+    Attributes:
+        stops: result of `stop`, or the error that it raises; stopped_at: when it was stopped [s].
+    """
+
+    stops: bool | StopFailed = True
+    stopped_at: float | None = None
+
+    def stop(self) -> bool:
+        if isinstance(self.stops, StopFailed):
+            raise self.stops
+        if self.stops and self.stopped_at is None:
+            at, travel = self._clock.now(), self.travel
+            self.stopped_at, self.travel = at, lambda t: travel(min(t, at))
+        return self.stops
+
+
 class BeltRig:
     """An arm at the belt, and a fruit that the fingers meet where it is."""
 
@@ -94,7 +123,7 @@ class BeltRig:
         self.gripper = MockGripper(self.clock, width=0.10)
         self.fingers = MockForceSensor(self.clock)
         self.fingers.feel = self._feel
-        self.conveyor = MockConveyor(self.clock, the_belt(), speed)
+        self.conveyor = StoppableConveyor(self.clock, the_belt(), speed)
         self.camera = MockCamera()
         self.watch = ScriptedWatch(self)
         self.watch.fruit[0] = (along, aside)

@@ -11,10 +11,11 @@ import pytest
 from py_trees.common import Status
 
 from pomona.applications.conveyor.intercept import Intercept
-from pomona.drivers import Cameras
-from pomona.executive import SkillEnd, drive
-from pomona.skills import TAKEN
+from pomona.drivers import Cameras, StopFailed
+from pomona.executive import SkillEnd, SkillFailure, drive
+from pomona.skills import TAKEN, LiveWatch
 from pomona.skills.grip.closing import PickTouches
+from pomona.skills.grip.hold import current_hold
 from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
 from tests.skills.overhead import Overhead
 
@@ -154,30 +155,87 @@ def test_a_neighbour_where_a_finger_would_come_down_lets_the_fruit_pass() -> Non
     assert nothing_moved(rig)
 
 
-@pytest.mark.parametrize(("place", "blocks"), [((-0.30, -0.42, 0.10), True), ((-0.30, -0.36, -0.06), False)])
-def test_what_comes_over_the_belt_stops_the_hand_where_it_is_and_fruit_on_it_does_not(
-    place: tuple[float, float, float], blocks: bool
-) -> None:
-    rig = BeltRig()
-    overhead = Overhead(rig.clock)
+OVER_THE_BELT, FRUIT = (-0.30, -0.42, 0.10), (-0.30, -0.36, -0.06)
+
+
+def intercept_under_a_camera(
+    rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching", least: float = -1.0
+) -> SkillEnd:
+    """Drive the skill under a camera above, which sees a ball at a place from a phase on, and a height of the hand."""
+    overhead, skill = Overhead(rig.clock), Intercept()
     devices = {**rig.devices, Cameras: Cameras((rig.camera, overhead))}
-    skill, began = Intercept(), rig.clock.now()
 
     def tick(_: int) -> None:
-        if "reaching" in skill.feedback_message and not overhead.balls:
+        if phase in skill.feedback_message and rig.height > least and not overhead.balls:
             overhead.balls = ((*place, 0.045),)
 
     end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick)
     assert overhead.balls
     assert overhead.frames > 2
-    if not blocks:
-        assert end.status is Status.SUCCESS
-        return
-    assert code(end) == "PATH_BLOCKED"
-    assert rig.clock.now() - began < 5.0
+    return end
+
+
+def rests(rig: BeltRig) -> bool:
     before = rig.arm.q.copy()
     rig.clock.advance(0.2)
-    assert np.array_equal(before, rig.arm.q)
+    return np.array_equal(before, rig.arm.q)
+
+
+def test_what_comes_over_the_belt_stops_hand_and_belt_at_once_where_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, ask, stopped = BeltRig(), LiveWatch.look, list[float]()
+
+    def look(eyes: LiveWatch) -> str | None:
+        try:
+            return ask(eyes)
+        except SkillFailure:
+            stopped.append(rig.clock.now())
+            raise
+
+    monkeypatch.setattr(LiveWatch, "look", look)
+    assert code(intercept_under_a_camera(rig, OVER_THE_BELT)) == "PATH_BLOCKED"
+    assert rig.conveyor.stopped_at == stopped[0]
+    assert rig.clock.now() < 5.0
+    assert rests(rig)
+    state = rig.conveyor.travelled()
+    assert state is not None
+    assert state.speed == 0.0
+
+
+@pytest.mark.parametrize(("phase", "least", "held"), [("closing", -1.0, False), ("rising", 0.02, True)])
+def test_hand_and_belt_stop_also_at_the_fruit_which_stays_on_the_belt_or_in_the_hand(
+    phase: str, least: float, held: bool
+) -> None:
+    rig = BeltRig()
+    assert code(intercept_under_a_camera(rig, (-0.10, -0.52, 0.15), phase, least)) == "PATH_BLOCKED"
+    assert rig.conveyor.stopped_at is not None
+    assert rests(rig)
+    assert rig.height < (0.1 if held else 0.01)  # on its way to 0.15 m, or beside the fruit
+    rig.clock.advance(1.0)
+    hold = current_hold(rig.gripper)
+    assert (hold is not None and hold.holds) is held
+    assert rig.gripper.width == pytest.approx(rig.size[0] if held else 0.103, abs=3e-3)
+
+
+def test_fruit_on_the_belt_stops_neither_hand_nor_belt() -> None:
+    rig = BeltRig()
+    assert intercept_under_a_camera(rig, FRUIT).status is Status.SUCCESS
+    assert rig.conveyor.stopped_at is None
+
+
+def test_the_hand_stops_also_where_the_program_cannot_stop_the_belt() -> None:
+    rig = BeltRig()
+    rig.conveyor.stops = False
+    assert code(intercept_under_a_camera(rig, OVER_THE_BELT)) == "PATH_BLOCKED"
+    assert rests(rig)
+
+
+def test_a_belt_that_does_not_stop_is_an_error_and_no_failure_that_a_tree_could_handle() -> None:
+    rig = BeltRig()
+    rig.conveyor.stops = StopFailed("conveyor", "the belt may run on: its contactor is welded")
+    with pytest.raises(StopFailed, match="welded"):
+        intercept_under_a_camera(rig, OVER_THE_BELT)
+    rig.clock.advance(0.5)
+    assert rests(rig)
 
 
 @pytest.mark.slow
@@ -210,6 +268,24 @@ def test_a_track_that_ends_before_or_during_the_reach_is_lost() -> None:
     assert code(end) == "TRACK_LOST"
     assert rests_above_the_belt(rig, end)
     within_limits(rig)
+
+
+def test_joints_whose_time_is_not_the_cameras_are_named_and_the_hand_rises() -> None:
+    rig = BeltRig()
+
+    def differ() -> None:
+        rig.watch.alter = lambda track: replace(track, innovation=7.0, hits=40)
+
+    end = drive_until(rig, "reaching", differ)
+    assert code(end) == "POSE_MISMATCH"
+    assert "times of joints and frames differ" in end.reason.message  # type: ignore[union-attr]
+    assert rests_above_the_belt(rig, end)
+
+
+def test_what_a_fast_camera_saw_before_the_hand_set_off_is_no_fault() -> None:
+    rig = BeltRig()
+    rig.watch.alter = lambda track: replace(track, innovation=12.0)
+    assert rig.intercept().status is Status.SUCCESS
 
 
 def test_an_arm_that_is_slowed_follows_no_fruit_and_nothing_moves() -> None:

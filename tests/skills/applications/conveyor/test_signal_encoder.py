@@ -8,8 +8,8 @@ import pytest
 
 from pomona.applications.conveyor import signal_encoder as leaf
 from pomona.devices.plc.simulated import MockSignals
-from pomona.drivers import CellFileError, ConnectContext, DeviceLost, Surroundings
-from pomona.executive import ManualClock
+from pomona.drivers import CellFileError, ConnectContext, DeviceLost, StopFailed, Surroundings, read_cell_file
+from pomona.executive import ManualClock, find_cell
 from pomona.executive.cell.registration import read_settings
 
 USUAL = "driver: signal-conveyor\ntravel: encoder\nbeside: -360 mm\ntop: -120 mm\n"
@@ -59,6 +59,47 @@ def test_a_signal_that_is_no_number_is_refused_with_its_place(tmp_path: Path) ->
     for wrong in ("start", "encodr"):
         with pytest.raises(CellFileError, match=f"(?s):2:9: .*no input '{wrong}' that is a number.*encoder"):
             belt(tmp_path, plc, clock, USUAL.replace("travel: encoder", f"travel: {wrong}"))
+
+
+def test_a_stop_takes_the_output_away_and_nothing_gives_it_again(tmp_path: Path) -> None:
+    clock = ManualClock()
+    plc = MockSignals(clock, {"encoder": 5.0}, ("belt_runs",))
+    conveyor = belt(tmp_path, plc, clock, USUAL + "runs: belt_runs\n")
+    plc.write("belt_runs", True)
+    for _ in range(10):
+        clock.advance(0.02)
+        plc.values["encoder"] += 0.15 * 0.02
+        assert conveyor.settled()  # nothing stopped it yet
+    assert conveyor.stop()
+    assert plc.read("belt_runs").value is False
+    assert not conveyor.settled()  # its encoder still counts
+    for _ in range(10):
+        clock.advance(0.02)
+        conveyor.check()
+    assert conveyor.settled()
+    assert plc.read("belt_runs").value is False
+
+
+def test_an_output_that_cannot_be_taken_away_is_an_error(tmp_path: Path) -> None:
+    clock = ManualClock()
+    plc = MockSignals(clock, {"encoder": 5.0}, ("belt_runs",))
+    conveyor = belt(tmp_path, plc, clock, USUAL + "runs: belt_runs\n")
+    plc.safe_stop("an operator")
+    with pytest.raises(StopFailed, match=r"the belt may run on: .*an operator"):
+        conveyor.stop()
+
+
+def test_a_belt_without_such_an_output_says_so_and_is_warned_of_in_a_cell_with_a_watch(tmp_path: Path) -> None:
+    clock = ManualClock()
+    plc = MockSignals(clock, {"encoder": 5.0}, ("belt_runs",))
+    assert not belt(tmp_path, plc, clock).stop()
+    around = Surroundings(read_cell_file(find_cell("conveyor")).workspace, {"plc": MockSignals})
+    for text, warned in ((USUAL, True), (USUAL + "runs: belt_runs\n", False)):
+        (tmp_path / "belt.yaml").write_text(text)
+        found = list(read_settings(leaf.connect, tmp_path / "belt.yaml").values.fits(around))
+        assert [problem.warning for problem in found] == [True] * warned
+    with pytest.raises(CellFileError, match=r"(?s):5:7: .*no output 'belt_run' that is a switch.*belt_runs"):
+        belt(tmp_path, plc, clock, USUAL + "runs: belt_run\n")
 
 
 def test_a_cell_without_a_plc_is_refused(tmp_path: Path) -> None:

@@ -57,12 +57,18 @@ def test_the_belt_brings_fruit_and_what_has_passed_comes_again() -> None:
     cell.close()
 
 
-def test_belt_and_arm_stop_together_and_the_belt_stays_stopped() -> None:
+@pytest.mark.parametrize("of", ["cell", "belt"])
+def test_belt_and_arm_stop_together_and_the_belt_stays_stopped(of: str) -> None:
     cell, world = belt(belt="0.3 m/s")
     cell.clock.advance(0.2)
-    cell.safe_stop("a hand in the way")
+    if of == "cell":
+        cell.safe_stop("a hand in the way")
+    else:
+        assert cell.device(Conveyor).stop()
+    assert not cell.settled()  # the belt brakes
     cell.clock.advance(0.3)
     assert world.speed == 0.0
+    assert cell.settled()
     cell.acknowledge()
     conveyor = cell.devices["conveyor"]
     assert isinstance(conveyor, SimConveyor)

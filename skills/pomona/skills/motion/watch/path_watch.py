@@ -175,9 +175,10 @@ class PathWatch:
             window *= 1.5
         return _at_paces(self._trajectory, times, np.full(len(times), paces.min()), window)
 
-    def on(self, trajectory: Trajectory) -> PathWatch:
-        """Return the same watch, with what the cameras have shown, of the same path with other times."""
+    def on(self, trajectory: Trajectory, shape: RobotShape | None = None) -> PathWatch:
+        """Return the same watch, with what the cameras have shown, of another path, or another shape of the robot."""
         other = copy.copy(self)
+        other._shape = shape or self._shape
         other._follow(trajectory)
         return other
 
