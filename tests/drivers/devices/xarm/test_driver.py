@@ -287,7 +287,7 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
     moving(cell, arm)
     cell.let_pass(0.2)
     assert cell.speed() < 1e-4
-    with pytest.raises(DeviceFault, match="holds it in servo mode.*stop the arm in UFACTORY Studio"):
+    with pytest.raises(DeviceFault, match=r"holds it in servo mode.*stop the arm in UFACTORY Studio"):
         arm_of(cell).connect()
     cell.controller.set_state(4)  # by its supervisor process, or in UFACTORY Studio
     again = connected(cell)
