@@ -52,6 +52,14 @@ def test_the_twin_has_what_is_written_into_the_real_cell(tmp_path, capsys):
     assert "finger_offset" in capsys.readouterr().out
 
 
+def test_an_arm_with_a_force_sensor_of_its_own_brings_it_into_each_file(tmp_path):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
+    for name, driver in (("cell", "universal-robots-force"), ("emulated", "cell.yaml#"), ("simulated", "sim-load")):
+        text = (tmp_path / "bench" / f"{name}.yaml").read_text("utf-8")
+        assert driver in text.partition("\n  load:\n")[2].splitlines()[0]
+    assert "`least`, measured on your arm" in (tmp_path / "bench" / "README.md").read_text("utf-8")
+
+
 def test_a_cell_of_no_named_camera_has_one_and_a_line_says_so(tmp_path, capsys):
     assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
     first, *_ = capsys.readouterr().err.splitlines()
