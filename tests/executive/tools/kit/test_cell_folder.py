@@ -16,7 +16,7 @@ from pomona.tools.kit import cell_folder
 from pomona.tools.kit.cell_folder import composed
 
 ROBOTS = installed_trees() / "robots"
-SHIPPED = [("sia5f", "wsg32"), ("ur5e", "hand-e"), ("ur5e", "wsg32"), ("xarm6", "hand-e")]
+SHIPPED = [("sia5f", "wsg32"), ("ur5e", "2f85"), ("ur5e", "hand-e"), ("ur5e", "wsg32"), ("xarm6", "hand-e")]
 FORCE = ("--set", "force=40 N")
 
 
@@ -25,7 +25,7 @@ def new(folder: Path, *words: str, name: str = "bench") -> int:
 
 
 def test_the_combinations_are_those_of_the_shipped_robots():
-    arms = {path.stem for path in ROBOTS.glob("*_*.xml")} - {"hand_e", "hand_e_body", "wsg32_body"}
+    arms = {path.stem for path in ROBOTS.glob("*_*.xml")} - {"hand_e", "hand_e_body", "wsg32_body", "2f85_body"}
     assert arms == {f"{arm}_{hand}".replace("-", "_") for arm, hand in SHIPPED}
 
 
@@ -116,7 +116,7 @@ def test_the_composed_robot_is_the_shipped_one_in_one_file(arm, hand, tmp_path):
             ("--arm", "ur5", "--hand", "hand-e"),
             "--arm: no 'ur5' is known here (did you mean 'ur5e'?; any other arm: `pomona new arm ITS.urdf`",
         ),
-        (("--arm", "ur5e", "--hand", "ur5e"), "--hand: no 'ur5e' is known here (known: hand-e, wsg32)"),
+        (("--arm", "ur5e", "--hand", "ur5e"), "--hand: no 'ur5e' is known here (known: 2f85, hand-e, wsg32)"),
         (("--arm", "ur5e", "--hand", "hand-e", "--camera", ""), "--camera: no '' is known here"),
         (("--arm", "ur5e", "--hand", "hand-e", "--camera", "d455"), "--camera: no 'd455' is known here (did"),
         (
