@@ -56,15 +56,12 @@ class SimGripper(DirectGripper, FaultyDevice):
             "gripper", world.clock, limits, acceleration=ACCELERATION, watchdog=watchdog, supervision=supervision
         )
         self._actuator = model.actuator("gripper").id
-        drive = 2.0 * force_max * self._across
-        model.actuator_forcerange[self._actuator] = [-drive, drive]
+        model.actuator_forcerange[self._actuator] = [-(drive := 2.0 * force_max * self._across), drive]
         self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
         self._joints, self._stroke = [int(finger.id) for finger in self._fingers], stroke
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
-        self._rate = 0.0
-        self._blocked_for = 0.0
-        self._latched_at = 0.0
+        self._rate = self._blocked_for = self._latched_at = 0.0
         self._frozen = GripperState(0.0, 0.0, 0.0, False)
         # noise of a width that sticks [m]: without it each reading would repeat the last one exactly
         self._noise = np.random.default_rng([world.seed, 9]).normal(0.0, 2e-5, 512).tolist()
@@ -136,8 +133,8 @@ class SimGripper(DirectGripper, FaultyDevice):
         state = self._world.state
         set_point = float(state.act[0])
         ahead = set_point - float(state.qpos[self._address[0]])
-        held = abs(ahead) >= self._gives and ahead * wanted > 0.0
-        state.ctrl[self._actuator] = 0.0 if held else 0.5 * wanted / self._across
+        rate = 0.5 * wanted / self._across
+        state.ctrl[self._actuator] = 0.0 if abs(ahead) >= self._gives and ahead * wanted > 0.0 else rate
         self._world.model.jnt_range[self._joints] = (
             max(set_point - self._gives, 0.0),
             min(set_point + self._gives, self._stroke),
