@@ -43,6 +43,7 @@ finger_offset: 0 mm       # opening between the pads' faces when the gripper is 
     twin_address="/tmp/pomona/2f_85",
     due=(
         "robot.xml: its fingers slide along the line that touches the linkage's circle at 65 mm.",
+        "With force fingers on its pads the twin slips and bruises: docs/reports/arms.md.",
         "Fruit of 76 mm at most between its fingertips, which open by 85 mm.",
         HEAVY,
     ),
