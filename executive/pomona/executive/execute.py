@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import hashlib
 import logging
 import platform
@@ -96,10 +97,7 @@ class RunOrder:
     simulated: bool = False
 
     def __post_init__(self) -> None:
-        """
-        Raises:
-            UsageError: the seed is negative, or greater than a record holds.
-        """
+        """Raises UsageError: the seed is negative, or greater than a record holds."""
         if not 0 <= self.seed <= MOST_SEED:
             raise UsageError(f"the seed {self.seed} is not from 0 to {MOST_SEED}")
 
@@ -281,8 +279,7 @@ WHAT_TO_DO = (
 def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
     """Refuse a picking tree with something between the fingers, independent of the last run's end and record.
 
-    Raises:
-        UsageError: the fingers measure a contact, and the order is not `cleared`.
+    Raises UsageError: the fingers measure a contact, and the order is not `cleared`.
     """
     hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
     if hand:
@@ -293,9 +290,7 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
 def _after_cut(order: RunOrder, followers: _Followers) -> None:
     """If the last run on this cell was cut off: recover if ordered, else refuse a cell that may hold something.
 
-    Raises:
-        UsageError: it may hold something, or the recovery did not succeed; nothing else has moved.
-        KeyboardInterrupt: the process was asked to end meanwhile.
+    Raises UsageError: it may hold something, or the recovery did not succeed; KeyboardInterrupt: a signal came.
     """
     starting, past = followers.starting, order.past or order.record
     cut = unfinished(past, order.cell) if past is not None and not order.cleared else None
@@ -371,6 +366,8 @@ def _run(work: _Work, followers: _Followers) -> Executed:
     try:
         starting.attach(runner)
         _prepare(runner, starting)
+        gc.freeze()  # from here on collections are short: they look at the run's own objects
+        gc.enable()
         with signals.ask(runner):
             session.begin(runner, events)
             supervision.begin(runner, session.folder)

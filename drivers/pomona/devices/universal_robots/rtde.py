@@ -152,10 +152,10 @@ class RtdeSession:
             raise Nonsense(self._device, Malformed(answer, f"has no types for {len(names)} fields"))
         wrong = [f"{name} ({kind})" for name, kind in zip(names, kinds, strict=True) if kind not in FORMATS]
         if wrong:
-            who = (
-                "another RTDE client or a field bus writes them" if "IN_USE" in kinds else "this controller lacks them"
-            )
-            raise RegisterTakenError(self._device, f"RTDE refuses {', '.join(wrong)}: {who}")
+            other = "another run, another RTDE client or a field bus writes them"
+            who = other if "IN_USE" in kinds else "this controller lacks them"
+            more = f" and {len(wrong) - 1} more" if wrong[1:] else ""
+            raise RegisterTakenError(self._device, f"RTDE refuses {wrong[0]}{more}: {who}")
         return answer[0], RtdeRecipe(names, kinds)
 
     def _whole(self, answer: bytes, size: int) -> bytes:

@@ -90,9 +90,11 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
             raise DeviceFault(self.name, error_words(error))
         if session.report.mode == BY_HAND:
             raise DeviceFault(self.name, "is in manual mode, in which it is guided by hand; end it in UFACTORY Studio")
-        queued = int.from_bytes(session.ask(Register.QUEUED), "big")
-        if queued or session.report.state == 1 or self._moves():
-            raise DeviceFault(self.name, "another program moves it, or has queued motions; end that one first")
+        held = not self._starting and session.report.mode == SERVO and session.report.state in READY
+        moves = self._state is not None and float(np.abs(self._state.qd).max()) > MOVES
+        if held or moves or session.report.state == 1 or int.from_bytes(session.ask(Register.QUEUED), "big"):
+            why = "another program moves it, holds it in servo mode, or has queued motions"
+            raise DeviceFault(self.name, f"{why}; end that one, or stop the arm in UFACTORY Studio, first")
         if self.options.enable:
             session.ask(Register.MOTION_ENABLE, bytes([ALL, 1]), SLOW)
         session.ask(Register.CLEAN_WARNING)
@@ -105,9 +107,6 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
                 raise DeviceFault(self.name, error_words(session.error()) if session.flags & ERROR else idle)
             session.listen(0.01)
         self._rests_at = None
-
-    def _moves(self) -> bool:
-        return self._state is not None and float(np.abs(self._state.qd).max()) > MOVES
 
     # ----------------------------------------------------------------------------------------- the wire
 

@@ -50,19 +50,18 @@ class SimGripper(DirectGripper, FaultyDevice):
         self._closed = _opening_when_closed(world)
         self._fingers = [model.joint(name) for name in ("finger_left", "finger_right")]
         stroke = float(self._fingers[0].range[1])
-        limits = GripperLimits(self._closed, self._closed + 2.0 * stroke, speed_max, force_max)
+        self._across = abs(float(self._fingers[0].axis[1]))  # part of a finger's way that opens; the rest is forward
+        limits = GripperLimits(self._closed, self._closed + 2.0 * stroke * self._across, speed_max, force_max)
         super().__init__(
             "gripper", world.clock, limits, acceleration=ACCELERATION, watchdog=watchdog, supervision=supervision
         )
         self._actuator = model.actuator("gripper").id
-        model.actuator_forcerange[self._actuator] = [-2.0 * force_max, 2.0 * force_max]
-        self._gives = 2.0 * force_max / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
+        model.actuator_forcerange[self._actuator] = [-(drive := 2.0 * force_max * self._across), drive]
+        self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
         self._joints, self._stroke = [int(finger.id) for finger in self._fingers], stroke
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
-        self._rate = 0.0
-        self._blocked_for = 0.0
-        self._latched_at = 0.0
+        self._rate = self._blocked_for = self._latched_at = 0.0
         self._frozen = GripperState(0.0, 0.0, 0.0, False)
         # noise of a width that sticks [m]: without it each reading would repeat the last one exactly
         self._noise = np.random.default_rng([world.seed, 9]).normal(0.0, 2e-5, 512).tolist()
@@ -79,9 +78,9 @@ class SimGripper(DirectGripper, FaultyDevice):
         if self.fault == "sticks":
             width, speed = self._frozen.width + self._noise[self._world.clock.steps % len(self._noise)], 0.0
         else:
-            width = self._closed + float(state.qpos[self._address[0]] + state.qpos[self._address[1]])
-            speed = float(state.qvel[self._dof[0]] + state.qvel[self._dof[1]])
-        motor_force = MOTOR_STEP * round(-float(state.actuator_force[self._actuator]) / MOTOR_STEP)
+            width = self._closed + self._across * float(sum(state.qpos[self._address]))
+            speed = self._across * float(sum(state.qvel[self._dof]))
+        motor_force = MOTOR_STEP * round(-float(state.actuator_force[self._actuator]) / self._across / MOTOR_STEP)
         return GripperState(self._clock.now(), width, speed, not self.settled(), motor_force, aim=self._aim)
 
     def check(self) -> None:
@@ -118,7 +117,7 @@ class SimGripper(DirectGripper, FaultyDevice):
 
     def step(self) -> None:
         """Command the opening's rate for this step, shared between the fingers."""
-        set_point = self._closed + 2.0 * float(self._world.state.act[0])
+        set_point = self._closed + 2.0 * self._across * float(self._world.state.act[0])
         self._end_stale_stream(self._clock.now())
         move = self._move
         wanted = self._speed if move is None or move.settled else self._rate_of_move(move, set_point)
@@ -134,7 +133,8 @@ class SimGripper(DirectGripper, FaultyDevice):
         state = self._world.state
         set_point = float(state.act[0])
         ahead = set_point - float(state.qpos[self._address[0]])
-        state.ctrl[self._actuator] = 0.0 if abs(ahead) >= self._gives and ahead * wanted > 0.0 else 0.5 * wanted
+        rate = 0.5 * wanted / self._across
+        state.ctrl[self._actuator] = 0.0 if abs(ahead) >= self._gives and ahead * wanted > 0.0 else rate
         self._world.model.jnt_range[self._joints] = (
             max(set_point - self._gives, 0.0),
             min(set_point + self._gives, self._stroke),

@@ -190,10 +190,11 @@ def _possible(pieces: Mapping[str, CellPiece]) -> str:
 def _words(chosen: list[CellPiece]) -> dict[str, str]:
     arm, hand, *_ = chosen
     twins = {piece.role: piece.twin_address for piece in (arm, hand)}
+    every = [each for piece in chosen for each in (piece, *piece.beside)]
     blocks = {
-        "real": [(piece.role, piece.device) for piece in chosen],
-        "twin": [(piece.role, piece.twin or f"include: cell.yaml#devices/{piece.role}") for piece in chosen],
-        "simulated": [(piece.role, piece.simulated) for piece in chosen],
+        "real": [(piece.role, piece.device) for piece in every],
+        "twin": [(piece.role, piece.twin or f"include: cell.yaml#devices/{piece.role}") for piece in every],
+        "simulated": [(piece.role, piece.simulated) for piece in every],
     }
     if len(chosen) < 3:  # the emulated world shows a camera
         blocks["simulated"].append(("camera", "include: sim.yaml#devices/camera"))
@@ -205,7 +206,7 @@ def _words(chosen: list[CellPiece]) -> dict[str, str]:
         "workspace": arm.workspace,
         "controller": arm.emulator,
         "hand": hand.emulator,
-        "due": "\n".join(f"- [ ] {text}" for text in (*COMMON, *(text for piece in chosen for text in piece.due))),
+        "due": "\n".join(f"- [ ] {text}" for text in (*COMMON, *(text for piece in every for text in piece.due))),
         "commands": indent("\n".join(_commands(chosen, Path())[:2]), "    "),
         **{name: _lines(f"{role}:\n{indent(text.strip(), '  ')}" for role, text in of) for name, of in blocks.items()},
     }

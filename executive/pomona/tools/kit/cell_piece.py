@@ -23,6 +23,7 @@ class CellPiece:
         workspace: shipped block with poses for this arm; empty for others.
         due: calibrations and settings before the first motion.
         settings: `--set` of a pick without force fingers, such as "force=40 N".
+        beside: devices that come with it, such as the force sensor in an arm; they may use its address.
     """
 
     role: str
@@ -36,3 +37,4 @@ class CellPiece:
     workspace: str = ""
     due: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
+    beside: tuple[CellPiece, ...] = ()

@@ -39,7 +39,11 @@ def add(subparsers: Any) -> None:
     parser.add_argument("name", help="such as Weigh; of an arm also its URDF: my_arm.urdf")
     about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
-    for option, about in (("arm", "ur5e"), ("hand", "hand-e"), ("camera", f"{CAMERA}, or {NONE} ({CAMERA})")):
+    for option, about in (
+        ("arm", "ur5e"),
+        ("hand", "hand-e; a word that is none lists all"),
+        ("camera", f"{CAMERA}, or {NONE} ({CAMERA})"),
+    ):
         shown = f"of a cell with these devices, such as {about}" if "cell" in kinds else argparse.SUPPRESS
         parser.add_argument(f"--{option}", metavar="MODEL", help=shown)
     about = "of an arm from its URDF: the link that the hand is bolted on" if "cell" in kinds else argparse.SUPPRESS

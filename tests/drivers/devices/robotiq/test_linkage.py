@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
 from pomona.devices.robotiq.linkage import LINKAGES
 from pomona.devices.robotiq.options import MODELS
+from pomona.executive.values.installation import installed_trees
 
+ROBOT = installed_trees() / "robots" / "ur5e_2f85.xml"
 models, shares = st.sampled_from(sorted(LINKAGES)), st.floats(0.0, 1.0)
 
 
@@ -35,6 +38,22 @@ def test_the_axis_is_the_direction_in_which_the_fingertip_moves(model: str, shar
     slope = (linkage.forward(width + step) - linkage.forward(width - step)) / step  # a finger moves half of the width
     assert along / across == pytest.approx(slope, abs=1e-5)
     assert np.hypot(across, along) == pytest.approx(1.0)
+
+
+def test_the_pads_of_the_described_2f_85_go_on_its_circle() -> None:
+    model = mujoco.MjModel.from_xml_path(str(ROBOT))
+    data, linkage = mujoco.MjData(model), LINKAGES["2f-85"]
+    for side, across in (("left", 1.0), ("right", -1.0)):
+        finger, curve = (model.joint(f"{name}_{side}") for name in ("finger", "curve"))
+        for q in np.linspace(*finger.range, 20):
+            data.qpos[finger.qposadr], data.qpos[curve.qposadr] = q, np.polyval(model.eq(curve.name).data[4::-1], q)
+            mujoco.mj_kinematics(model, data)
+            T = data.body("tool0")
+            _, y, z = T.xmat.reshape(3, 3).T @ (data.site(f"pad_{side}").xpos - T.xpos)
+            width = min(max(2.0 * across * y, 0.0), linkage.width_max)
+            assert 2.0 * across * y == pytest.approx(width, abs=1e-6)
+            assert z == pytest.approx(0.1481 + linkage.forward(width), abs=1e-4)
+    assert width == pytest.approx(linkage.width_max, abs=1e-6)
 
 
 @given(models, st.floats(0.03, 0.07), st.floats(-0.015, 0.015))

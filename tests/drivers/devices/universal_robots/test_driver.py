@@ -423,7 +423,7 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
     assert cell.controller.program is None
     assert np.abs(cell.joints.measured()[1]).max() < 1e-4
     again = arm_of(cell)
-    with pytest.raises(RegisterTakenError, match=r"input_int_register_24 \(IN_USE\).*another RTDE client"):
+    with pytest.raises(RegisterTakenError, match=r"input_int_register_24 \(IN_USE\) and 16 more: another run"):
         again.connect()
     cell.controller.rtde.disconnected(cell.opened[0].peer)
     again.connect()
@@ -479,6 +479,16 @@ def test_local_control_is_refused() -> None:
     cell = Cell()
     cell.controller.remote = False
     assert "switch it to Remote at the pendant" in refusal(cell)
+
+
+def test_a_second_run_is_refused_and_the_first_goes_on() -> None:
+    cell = Cell()
+    first = connected(cell)
+    motion = moving(cell, first)
+    with pytest.raises(RegisterTakenError, match="another run, another RTDE client"):
+        arm_of(cell).connect()
+    serve(first, cell, 6.0, lambda: motion.settled)
+    assert motion.state is MotionState.DONE
 
 
 def test_a_register_that_a_field_bus_owns_is_refused_by_its_name() -> None:

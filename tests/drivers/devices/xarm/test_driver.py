@@ -287,9 +287,25 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
     moving(cell, arm)
     cell.let_pass(0.2)
     assert cell.speed() < 1e-4
+    with pytest.raises(DeviceFault, match=r"holds it in servo mode.*stop the arm in UFACTORY Studio"):
+        arm_of(cell).connect()
+    cell.controller.set_state(4)  # by its supervisor process, or in UFACTORY Studio
     again = connected(cell)
     assert_never_resumes(cell, again)
     assert_moves(cell, again)
+
+
+@pytest.mark.parametrize("moves", [True, False], ids=["moving", "at rest"])
+def test_a_second_run_is_refused_and_the_first_goes_on(moves: bool) -> None:
+    cell = Cell()
+    first = connected(cell)
+    motion = moving(cell, first) if moves else None
+    with pytest.raises(DeviceFault, match="another program moves it, holds it"):
+        arm_of(cell).connect()
+    if motion is not None:
+        serve(first, cell, 3.0, lambda: motion.settled)
+        assert motion.state is MotionState.DONE
+    assert_moves(cell, first)
 
 
 def test_a_late_set_point_makes_the_arm_slower_and_jumps_nowhere() -> None:

@@ -16,7 +16,7 @@ from pomona.tools.kit import cell_folder
 from pomona.tools.kit.cell_folder import composed
 
 ROBOTS = installed_trees() / "robots"
-SHIPPED = [("sia5f", "wsg32"), ("ur5e", "hand-e"), ("ur5e", "wsg32"), ("xarm6", "hand-e")]
+SHIPPED = [("sia5f", "wsg32"), ("ur5e", "2f85"), ("ur5e", "hand-e"), ("ur5e", "wsg32"), ("xarm6", "hand-e")]
 FORCE = ("--set", "force=40 N")
 
 
@@ -25,7 +25,7 @@ def new(folder: Path, *words: str, name: str = "bench") -> int:
 
 
 def test_the_combinations_are_those_of_the_shipped_robots():
-    arms = {path.stem for path in ROBOTS.glob("*_*.xml")} - {"hand_e", "hand_e_body", "wsg32_body"}
+    arms = {path.stem for path in ROBOTS.glob("*_*.xml")} - {"hand_e", "hand_e_body", "wsg32_body", "2f85_body"}
     assert arms == {f"{arm}_{hand}".replace("-", "_") for arm, hand in SHIPPED}
 
 
@@ -50,6 +50,14 @@ def test_the_twin_has_what_is_written_into_the_real_cell(tmp_path, capsys):
     real.write_text(real.read_text("utf-8").replace("finger_offset: 53 mm", "finger_offset: 900 mm"), encoding="utf-8")
     assert main(["check", twin]) == 2
     assert "finger_offset" in capsys.readouterr().out
+
+
+def test_an_arm_with_a_force_sensor_of_its_own_brings_it_into_each_file(tmp_path):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
+    for name, driver in (("cell", "universal-robots-force"), ("emulated", "cell.yaml#"), ("simulated", "sim-load")):
+        text = (tmp_path / "bench" / f"{name}.yaml").read_text("utf-8")
+        assert driver in text.partition("\n  load:\n")[2].splitlines()[0]
+    assert "`least`, measured on your arm" in (tmp_path / "bench" / "README.md").read_text("utf-8")
 
 
 def test_a_cell_of_no_named_camera_has_one_and_a_line_says_so(tmp_path, capsys):
@@ -108,7 +116,7 @@ def test_the_composed_robot_is_the_shipped_one_in_one_file(arm, hand, tmp_path):
             ("--arm", "ur5", "--hand", "hand-e"),
             "--arm: no 'ur5' is known here (did you mean 'ur5e'?; any other arm: `pomona new arm ITS.urdf`",
         ),
-        (("--arm", "ur5e", "--hand", "ur5e"), "--hand: no 'ur5e' is known here (known: hand-e, wsg32)"),
+        (("--arm", "ur5e", "--hand", "ur5e"), "--hand: no 'ur5e' is known here (known: 2f85, hand-e, wsg32)"),
         (("--arm", "ur5e", "--hand", "hand-e", "--camera", ""), "--camera: no '' is known here"),
         (("--arm", "ur5e", "--hand", "hand-e", "--camera", "d455"), "--camera: no 'd455' is known here (did"),
         (
