@@ -166,6 +166,8 @@ def _checked(item: Labelled) -> Photograph:
             raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height")
         if not item.parts and (high[k] <= 1.0).all():
             raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in parts of the picture, expected pixels")
+        if item.parts and (boxes[k, 2:] > limits + SLACK).any():
+            raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in pixels, expected parts of the picture")
         if (low[k] < -SLACK).any() or (high[k] > limits + SLACK).any():
             x, y, w, h = boxes[k]
             corners = f"; as {CORNERS} it would: expected x, y, w, h" if fit_as_corners(item, limits) else ""
@@ -451,6 +453,8 @@ def _text(path: Path, at: str, entry: dict[str, Any], key: str) -> str:
 
 
 def _whole(path: Path, at: str, entry: dict[str, Any], key: str) -> int:
+    if isinstance(value := entry.get(key), float) and value.is_integer():  # as some tools write widths
+        return int(value)
     try:
         return int(_text(path, at, entry, key))
     except ValueError:

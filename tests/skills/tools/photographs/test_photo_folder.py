@@ -440,3 +440,23 @@ def test_an_area_of_the_box_or_of_the_fruit_in_it_is_no_doubt(area: float, tmp_p
 def test_a_box_that_lies_in_the_picture_as_corners_only_is_named_so(tmp_path: Path) -> None:
     with pytest.raises(BadPhotographs, match=r"does not lie in .*; as corners x1, y1, x2, y2 it would"):
         read_labels(labels_of("tables", tmp_path, [(120.0, 130.0, 160.0, 180.0)]))
+
+
+def test_pixels_where_yolo_has_parts_of_the_picture_are_named_so(tmp_path: Path) -> None:
+    one_square(tmp_path / "images", tmp_path / "labels", 1)
+    (tmp_path / "labels" / "p0.txt").write_text("0 120 120 60 60\n")
+    with pytest.raises(BadPhotographs, match="line 1: the box is in pixels, expected parts of the picture"):
+        read_labels(tmp_path)
+
+
+@pytest.mark.parametrize(("width", "right"), [(240.0, True), (240.5, False), (float("inf"), False)])
+def test_a_whole_number_may_be_written_with_a_point(width: float, right: bool, tmp_path: Path) -> None:
+    path = labels_of("coco", tmp_path, [(20.0, 30.0, 60.0, 60.0)]) / "labels.json"
+    content = json.loads(path.read_text())
+    content["images"][0]["width"] = width
+    path.write_text(json.dumps(content))
+    if right:
+        assert read_labels(tmp_path)[0].width == SIDE
+    else:
+        with pytest.raises(BadPhotographs, match="image 0: its width is no text and no whole number"):
+            read_labels(tmp_path)
