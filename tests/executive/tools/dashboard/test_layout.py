@@ -67,6 +67,7 @@ def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_pag
     expect(page.locator("#camera")).to_be_visible()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "height", "unfolded"), [(1280, 800, False), (1600, 900, True), (390, 844, False)])
 def test_the_legend_of_a_small_scene_is_folded_until_it_is_wanted(
     show: Show, open_page: Callable[..., Any], width: int, height: int, unfolded: bool
