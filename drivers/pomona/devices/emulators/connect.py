@@ -52,6 +52,7 @@ from pomona.drivers import (
     Intrinsics,
     Link,
     Settings,
+    Surroundings,
     depth_model_of,
     driver,
     load_cell,
@@ -153,8 +154,11 @@ class EmulatedWorldFile:
     @property
     def inner_wires(self) -> tuple[str, ...]:
         """Wires that end in this process: all of them on virtual time, none of them on wall time."""
-        if self.time != "virtual":
-            return ()
+        return self.emulated if self.time == "virtual" else ()
+
+    @property
+    def emulated(self) -> tuple[str, ...]:
+        """Wires at whose other end this world has a device."""
         wires = (kind_of(name).addresses(address) for name, address in self.choices.values())
         return (*(address for wire in wires for address in wire), self.camera)
 
@@ -172,7 +176,20 @@ class EmulatedWorldFile:
         try:
             read_cell_file(self.cell, self.options)
         except CellFileError as error:
-            yield Problem("cell", f"{self.cell.name} cannot be used with these options: {error.message}", error.hint)
+            for finding in (found for found in error.findings if found.severity == "error"):
+                place = f"{finding.path}:{finding.line}:{finding.column}: " if finding.line else ""
+                words = f"{self.cell.name} cannot be used with these options: {place}{finding.message}"
+                yield Problem("cell", words, finding.hint)
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        """A device at another address would not be this world's: perhaps the real one, which would move."""
+        emulated = self.emulated
+        for name, said in around.options.items():
+            for wire in (said.wire,) if isinstance(said, EmulatedCameraFile) else getattr(said, "wires", ()):
+                if wire not in emulated:
+                    words = f"the device '{name}' is reached at {wire}, where this world emulates none"
+                    advice = f'give both the same address: an option, such as "{{{name}}}", in its section and here'
+                    yield Problem(name if name in self.choices or name == "camera" else "", words, advice)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,6 +203,12 @@ class EmulatedCameraFile:
     depth_model: DepthModelSection | None = value(
         Section(DepthModelSection), None, "error model of the depth; by default a simulated camera's"
     )
+
+    @property
+    def wire(self) -> str:
+        """Its address, as the world has it."""
+        host, port = self.address
+        return f"{host}:{port}"
 
 
 @driver(EmulatedWorld, EmulatedWorldFile)

@@ -62,7 +62,21 @@ def _kind(word: str) -> str:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Write the new files."""
+    """Write the new files.
+
+    Raises UsageError: the options do not fit, something is there already, or the folder takes no files.
+    """
+    try:
+        return _begin(options)
+    except OSError as error:
+        place = Path(error.filename or options.into)
+        if place == Path(options.name):  # of a kind that is begun from a file
+            raise
+        advice = "`--into DIR` names a folder that takes new files"
+        raise UsageError(f"{place} cannot be written: {error.strerror}; {advice}") from error
+
+
+def _begin(options: argparse.Namespace) -> int:
     if Path(options.name).suffix:  # no name, but a file
         written, commands = _from_file(options)
         return _report(written, commands)

@@ -19,6 +19,7 @@ from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.tools.box_detectors.box_settings import ClassUnknown, class_of
+from pomona.tools.photographs.corners import CORNERS, fit_as_corners, refuse_areas_of_corners, refuse_corners
 from pomona.tools.photographs.photographs import (
     PICTURES,
     Labelled,
@@ -101,6 +102,7 @@ def _all_checked(labelled: list[Labelled], progress: Callable[[int, int], None] 
         photographs.append(_checked(item))
         if progress is not None:
             progress(number + 1, len(labelled))
+    refuse_corners(labelled)
     return photographs
 
 
@@ -164,12 +166,15 @@ def _checked(item: Labelled) -> Photograph:
             raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height")
         if not item.parts and (high[k] <= 1.0).all():
             raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in parts of the picture, expected pixels")
+        if item.parts and (boxes[k, 2:] > limits + SLACK).any():
+            raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in pixels, expected parts of the picture")
         if (low[k] < -SLACK).any() or (high[k] > limits + SLACK).any():
             x, y, w, h = boxes[k]
+            corners = f"; as {CORNERS} it would: expected x, y, w, h" if fit_as_corners(item, limits) else ""
             raise BadPhotographs(
                 item.says,
                 f"{item.lines[k]}: the box at {x:.0f}, {y:.0f} of {w:.0f} × {h:.0f} px does not lie in the picture "
-                f"{path.name} of {width} × {height}",
+                f"{path.name} of {width} × {height}{corners}",
             )
     once = np.sort(np.unique(boxes, axis=0, return_index=True)[1])  # a line that stands twice is one fruit
     low, high = np.clip(low[once], 0.0, limits), np.clip(high[once], 0.0, limits)
@@ -184,7 +189,7 @@ def _tables(folder: Path) -> list[Labelled]:
         if row["image"] in items:
             raise BadPhotographs(says, f"line {line}: {row['image']} is listed twice")
         group = row.get("tree") or row.get("group") or ""
-        items[row["image"]] = Labelled(folder / "images" / row["image"], str(fruit), row["split"], group)
+        items[row["image"]] = Labelled(folder / "images" / row["image"], str(fruit), row["split"], group, sizes=True)
     for line, row in _rows(fruit, ("image", "x", "y", "w", "h")):
         item = items.get(row["image"])
         if item is None:
@@ -234,13 +239,14 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
         for name in sorted(texts):
             split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
             text = (labels / name).with_name(f"{name.name}.txt")
-            item = Labelled(pictures[name], str(text), split, parts=True)
-            for line, kind, box in _yolo_lines(text, keypoints or 0):
+            item = Labelled(pictures[name], str(text), split, parts=True, sizes=True)
+            for line, kind, box, outlined in _yolo_lines(text, keypoints or 0):
                 if names is not None and kind not in names[1]:
                     raise BadPhotographs(text, f"line {line}: the class {kind} has no name in {names[0]}")
                 seen.add(kind)
                 if wanted is None or kind == wanted:
                     item.add(box, f"line {line}")
+                    item.sizes &= not outlined
             items.append(item)
     if wanted is None and len(seen) > 1:
         raise BadPhotographs(
@@ -304,8 +310,8 @@ def _may_be_keypoints(values: Float64) -> bool:
     return False
 
 
-def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[float, float, float, float]]]:
-    """Yield number, class and box (in parts of the picture) of each line; outlines become their boxes."""
+def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[float, float, float, float], bool]]:
+    """Yield number, class and box (in parts of the picture) of each line, and True for the box of an outline."""
     try:
         lines = read_plain_text(path).split("\n")
     except (OSError, ValueError) as error:
@@ -326,10 +332,11 @@ def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[fl
             values = values[:4]
         if len(values) == 4:
             x, y, w, h = values
-            yield number, int(kind), (x - 0.5 * w, y - 0.5 * h, w, h)
+            yield number, int(kind), (x - 0.5 * w, y - 0.5 * h, w, h), False
         elif len(values) >= 6 and len(values) % 2 == 0:
             across, down = values[::2], values[1::2]
-            yield number, int(kind), (min(across), min(down), max(across) - min(across), max(down) - min(down))
+            x, y = min(across), min(down)
+            yield number, int(kind), (x, y, max(across) - x, max(down) - y), True
         else:
             raise BadPhotographs(path, f"line {number}: expected class, x, y, w, h, not {len(values) + 1} numbers")
 
@@ -409,7 +416,8 @@ def _coco(path: Path, content: dict[str, Any], folder: Path, fruit: str) -> list
         if key in items:
             raise BadPhotographs(path, f"{at}: another picture has the id {key}")
         size = _whole(path, at, image, "width"), _whole(path, at, image, "height")
-        items[key] = Labelled(_picture(folder, path, name), str(path), split, size=size)
+        items[key] = Labelled(_picture(folder, path, name), str(path), split, size=size, sizes=True)
+    with_area: list[tuple[str, tuple[float, float, float, float], float]] = []
     for at, annotation in _entries(path, content, "annotations"):
         kind, key = _whole(path, at, annotation, "category_id"), _text(path, at, annotation, "image_id")
         if kind not in names:
@@ -417,7 +425,10 @@ def _coco(path: Path, content: dict[str, Any], folder: Path, fruit: str) -> list
         if key not in items:
             raise BadPhotographs(path, f"{at}: its picture {key} is not in images")
         if kind == wanted:
-            items[key].add(_box(path, at, annotation), at, bool(annotation.get("iscrowd")))
+            items[key].add(box := _box(path, at, annotation), at, bool(annotation.get("iscrowd")))
+            if isinstance(area := annotation.get("area"), int | float) and 0 < area < np.inf:
+                with_area.append((at, box, min(area, 1e300)))
+    refuse_areas_of_corners(path, with_area)
     return list(items.values())
 
 
@@ -442,6 +453,8 @@ def _text(path: Path, at: str, entry: dict[str, Any], key: str) -> str:
 
 
 def _whole(path: Path, at: str, entry: dict[str, Any], key: str) -> int:
+    if isinstance(value := entry.get(key), float) and value.is_integer():  # as some tools write widths
+        return int(value)
     try:
         return int(_text(path, at, entry, key))
     except ValueError:
@@ -451,7 +464,7 @@ def _whole(path: Path, at: str, entry: dict[str, Any], key: str) -> int:
 def _box(path: Path, at: str, entry: dict[str, Any]) -> tuple[float, float, float, float]:
     try:
         x, y, w, h = (float(value) for value in entry["bbox"])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise BadPhotographs(path, f"{at}: has no bbox of four numbers: x, y, w, h") from None
     return x, y, w, h
 

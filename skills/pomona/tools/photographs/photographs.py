@@ -112,6 +112,7 @@ class Labelled:
     group: str = ""
     size: tuple[int, int] | None = None  # width and height that the labels give [px]; None without
     parts: bool = False  # boxes are in parts of the picture, not in pixels
+    sizes: bool = False  # boxes are written as x, y, w, h, for which corners may be taken
     boxes: Boxes = field(default_factory=list)  # x, y, w, h
     lines: list[str] = field(default_factory=list)  # place of each box in `says`
     crowd: list[bool] = field(default_factory=list)  # whether each box is of more than one fruit or marked as doubtful

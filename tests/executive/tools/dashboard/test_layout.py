@@ -67,6 +67,30 @@ def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_pag
     expect(page.locator("#camera")).to_be_visible()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "height", "unfolded"), [(1280, 800, False), (1600, 900, True), (390, 844, False)])
+def test_the_legend_of_a_small_scene_is_folded_until_it_is_wanted(
+    show: Show, open_page: Callable[..., Any], width: int, height: int, unfolded: bool
+) -> None:
+    show.record(LOOK, "old_1")
+    page = open_page("run=old_1", viewport={"width": width, "height": height})
+    label, stage = page.locator("#scene-labels", has_text="planned path"), page.locator(".stage")
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    expect(page.locator("#scene-legend")).to_be_visible()
+    page.evaluate(DRAWN)
+    expect(label).to_be_visible(visible=unfolded)
+    before = stage.bounding_box()
+    page.locator("#scene-legend summary").press("Enter")
+    expect(label).to_be_visible(visible=not unfolded)
+    assert stage.bounding_box() == before
+    page.locator("#scene-legend summary").press("Space")
+    expect(label).to_be_visible(visible=unfolded)
+    page.locator("[data-enlarge=scene]").click()  # a choice stays, whatever room there is
+    expect(page.locator("#camera")).to_be_hidden()
+    page.evaluate(DRAWN)
+    expect(label).to_be_visible(visible=unfolded)
+
+
 @pytest.mark.parametrize("large", ["", "scene"])
 def test_on_a_phone_the_camera_or_a_large_scene_stands_above_the_tree(
     show: Show, open_page: Callable[..., Any], large: str

@@ -60,6 +60,33 @@ def test_an_arm_with_a_force_sensor_of_its_own_brings_it_into_each_file(tmp_path
     assert "`least`, measured on your arm" in (tmp_path / "bench" / "README.md").read_text("utf-8")
 
 
+@pytest.mark.parametrize(
+    ("file", "option", "address", "device"),
+    [
+        ("cell.yaml", "{arm}", "192.168.1.40", "arm' is reached at 192.168.1.40:30004"),
+        ("cell.yaml", "{gripper}", "/dev/ttyUSB0", "gripper' is reached at /dev/ttyUSB0"),
+        ("emulated.yaml", "{camera}", "127.0.0.1:41999", "camera' is reached at 127.0.0.1:41999"),
+    ],
+)
+def test_a_twin_whose_device_has_the_real_address_is_refused(file, option, address, device, tmp_path, capsys):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
+    text = (tmp_path / "bench" / file).read_text()
+    word = "port" if "/dev" in address else "address"
+    (tmp_path / "bench" / file).write_text(text.replace(f'{word}: "{option}"', f"{word}: {address}"))
+    assert main(["check", str(tmp_path / "bench" / "emulated.yaml")]) == 2
+    assert f"the device '{device}, where this world emulates none" in capsys.readouterr().out
+
+
+def test_a_twin_names_the_place_of_a_wrong_value_of_its_simulated_cell(tmp_path, capsys):
+    assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
+    path = tmp_path / "bench" / "simulated.yaml"
+    path.write_text(path.read_text().replace("150 mm/s", "-150 mm/s").replace("50 N", "0 N"))
+    assert main(["check", str(tmp_path / "bench" / "emulated.yaml")]) == 2
+    said = capsys.readouterr().out
+    assert f"{path}:16:16: devices.gripper.speed_max: it is -150 mm/s" in said
+    assert f"{path}:17:16: devices.gripper.force_max: it is 0 N" in said
+
+
 def test_a_cell_of_no_named_camera_has_one_and_a_line_says_so(tmp_path, capsys):
     assert new(tmp_path, "--arm", "ur5e", "--hand", "hand-e") == 0
     first, *_ = capsys.readouterr().err.splitlines()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -123,3 +124,16 @@ def test_the_next_step_is_named(tmp_path, capsys):
     ):
         assert main(["new", *words, "--into", str(tmp_path)]) == 0
         assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words", ["tree hang", "package my_kit", "skill Weigh", "cell my_cell --arm ur5e --hand hand-e"]
+)
+def test_a_folder_that_takes_no_files_is_named_with_the_way_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    (tmp_path / "file").write_text("no folder")
+    assert main(["new", *words.split(), "--into", str(tmp_path / "file")]) == 2
+    said = capsys.readouterr().err
+    assert re.search(r"/file\S* cannot be written: .*; `--into DIR` names a folder", said), said
+    assert (tmp_path / "file").read_text() == "no folder"

@@ -383,3 +383,80 @@ def test_one_coco_file_is_read_alone(tmp_path: Path) -> None:
     assert {photo.name for photo in read_labels(file)} == {"b_0.jpg", "b_1.jpg"}
     with pytest.raises(BadPhotographs, match="none of them is pear"):
         read_labels(file, "pear")
+
+
+CORNERS = [(20.0, 30.0, 60.0, 80.0), (70.0, 40.0, 110.0, 90.0)]
+"""Two fruit of one picture of 240 px; read as sizes they are larger boxes, which lie in it, too."""
+PAIRS = {"tables": CORNERS, "coco": CORNERS, "yolo": [(100.0, 110.0, 140.0, 150.0), (60.0, 70.0, 100.0, 110.0)]}
+
+
+def labels_of(layout: str, folder: Path, boxes: list[tuple[float, float, float, float]], **more: float) -> Path:
+    """A picture with these four numbers as its boxes, as each layout writes them."""
+    draw(folder / "images" / "p.jpg", [(40.0, 55.0, 20.0), (90.0, 65.0, 20.0)])
+    if layout == "yolo":
+        text = "\n".join(" ".join(["0", *(f"{value / SIDE}" for value in box)]) for box in boxes)
+        (folder / "labels").mkdir()
+        (folder / "labels" / "p.txt").write_text(text)
+    elif layout == "tables":
+        (folder / "images.csv").write_text("image,split\np.jpg,train\n")
+        rows = ["p.jpg," + ",".join(str(value) for value in box) for box in boxes]
+        (folder / "fruit.csv").write_text("\n".join(["image,x,y,w,h", *rows]))
+    else:
+        image = {"id": 1, "file_name": "p.jpg", "width": SIDE, "height": SIDE}
+        found = [{"image_id": 1, "category_id": 1, "bbox": box, **more} for box in boxes]
+        content = {"images": [image], "annotations": found, "categories": [{"id": 1, "name": "apple"}]}
+        (folder / "labels.json").write_text(json.dumps(content))
+    return folder
+
+
+@pytest.mark.parametrize("layout", ["tables", "coco", "yolo"])
+def test_corners_in_place_of_sizes_are_refused(layout: str, tmp_path: Path) -> None:
+    with pytest.raises(BadPhotographs, match=r"corners x1, y1, x2, y2, expected .*x, y, w, h: all 2 .* up to 2"):
+        read_labels(labels_of(layout, tmp_path, PAIRS[layout]))
+
+
+@pytest.mark.parametrize("layout", ["tables", "coco", "yolo"])
+def test_one_fruit_whose_box_is_no_corner_ends_the_doubt(layout: str, tmp_path: Path) -> None:
+    boxes = [*PAIRS[layout], (150.0, 150.0, 40.0, 40.0)]
+    assert len(read_labels(labels_of(layout, tmp_path, boxes))[0].boxes) == 3
+
+
+def test_a_close_up_is_no_pair_of_corners(tmp_path: Path) -> None:
+    photo = read_labels(labels_of("tables", tmp_path, [(20.0, 30.0, 200.0, 180.0)]))[0]
+    assert photo.boxes.tolist() == [[20.0, 30.0, 200.0, 180.0]]
+
+
+def test_the_area_of_a_single_box_says_that_it_is_of_corners(tmp_path: Path) -> None:
+    box = CORNERS[:1]
+    with pytest.raises(BadPhotographs, match=r"annotation 0: .* 20, 30, 60, 80 .* have 4800 px², its area is 2000"):
+        read_labels(labels_of("coco", tmp_path, box, area=2000.0))
+
+
+@pytest.mark.parametrize("area", [4800.0, 3770.0, 10**400])
+def test_an_area_of_the_box_or_of_the_fruit_in_it_is_no_doubt(area: float, tmp_path: Path) -> None:
+    assert len(read_labels(labels_of("coco", tmp_path, CORNERS[:1], area=area))[0].boxes) == 1
+
+
+def test_a_box_that_lies_in_the_picture_as_corners_only_is_named_so(tmp_path: Path) -> None:
+    with pytest.raises(BadPhotographs, match=r"does not lie in .*; as corners x1, y1, x2, y2 it would"):
+        read_labels(labels_of("tables", tmp_path, [(120.0, 130.0, 160.0, 180.0)]))
+
+
+def test_pixels_where_yolo_has_parts_of_the_picture_are_named_so(tmp_path: Path) -> None:
+    one_square(tmp_path / "images", tmp_path / "labels", 1)
+    (tmp_path / "labels" / "p0.txt").write_text("0 120 120 60 60\n")
+    with pytest.raises(BadPhotographs, match="line 1: the box is in pixels, expected parts of the picture"):
+        read_labels(tmp_path)
+
+
+@pytest.mark.parametrize(("width", "right"), [(240.0, True), (240.5, False), (float("inf"), False)])
+def test_a_whole_number_may_be_written_with_a_point(width: float, right: bool, tmp_path: Path) -> None:
+    path = labels_of("coco", tmp_path, [(20.0, 30.0, 60.0, 60.0)]) / "labels.json"
+    content = json.loads(path.read_text())
+    content["images"][0]["width"] = width
+    path.write_text(json.dumps(content))
+    if right:
+        assert read_labels(tmp_path)[0].width == SIDE
+    else:
+        with pytest.raises(BadPhotographs, match="image 0: its width is no text and no whole number"):
+            read_labels(tmp_path)

@@ -16,14 +16,16 @@ const AIR = 1.04; // around them
 const CLICK = 4; // px between down and up that are still a click
 const OFF_PATH = 0.004; // m by which a drawn path may pass beside a point of it
 const MOST_CORNERS = 500; // of an executed path, the newest
+const ROOM = 640; // px, width of a scene whose legend stands open
 const ROD = 0.0015; // m, radius of a drawn path
 let three = null; // the library, once there is something to show
 
 export class SceneView {
   constructor(onPick) {
     this.canvas = $("scene");
-    Object.assign(this, { onPick, key: null, topics: new Map(), robots: new Map(), run: null, selected: null, mine: true, problem: "" });
+    Object.assign(this, { onPick, key: null, topics: new Map(), robots: new Map(), run: null, selected: null, mine: true, problem: "", unfolded: null });
     $("scene-home").addEventListener("click", () => { this.mine = true; this.seen = null; this.home(); });
+    $("scene-legend").firstElementChild.addEventListener("click", () => { this.unfolded = !$("scene-legend").open; });
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
     this.canvas.addEventListener("keydown", (e) => this.turnedByKey(e));
     let down = null;
@@ -43,7 +45,9 @@ export class SceneView {
     const anything = views.length || robots.length;
     this.canvas.hidden = !anything || Boolean(this.problem);
     $("scene-home").hidden = !anything;
-    if (!anything || this.problem) { $("scene-caption").textContent = ""; $("scene-legend").dataset.key = ""; $("scene-legend").replaceChildren(h("p", { class: "empty" }, this.problem || "Nothing to show yet")); if (!anything) this.clear(); return; }
+    $("scene-legend").hidden = this.canvas.hidden;
+    $("scene-empty").hidden = !this.canvas.hidden;
+    if (this.canvas.hidden) { $("scene-caption").textContent = ""; $("scene-empty").textContent = this.problem || "Nothing to show yet"; if (!anything) this.clear(); return; }
     if (!three) { load().then(() => { this.key = null; this.update(state, selected, over); }, (error) => { this.problem = `The scene cannot be drawn: ${error.message}`; this.key = null; }); return; }
     if (!this.begin()) return;
     if (this.run !== state.run?.run) { this.clear(); this.run = state.run?.run; this.mine = true; }
@@ -133,7 +137,7 @@ export class SceneView {
     const words = JSON.stringify([...labels]);
     if ($("scene-legend").dataset.key !== words) {
       $("scene-legend").dataset.key = words;
-      $("scene-legend").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = style ? colour(style) : "conic-gradient(#c8452f, #2f86c9, #11703f, #c8452f)"; return h("span", {}, dot, label); }));
+      $("scene-labels").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = style ? colour(style) : "conic-gradient(#c8452f, #2f86c9, #11703f, #c8452f)"; return h("span", {}, dot, label); }));
     }
     $("scene-caption").textContent = $("scene-caption").title = views.map(([, v]) => (v.cloud ? "" : v.caption)).filter(Boolean).join(" · ");
   }
@@ -214,6 +218,7 @@ export class SceneView {
     if (!renderer || canvas.hidden) return;
     const [w, ht] = [canvas.parentElement.clientWidth, canvas.parentElement.clientHeight];
     if (!w || !ht) return;
+    $("scene-legend").open = this.unfolded ?? w >= ROOM;
     const ratio = Math.min(devicePixelRatio || 1, 2);
     if (this.size !== `${w}|${ht}|${ratio}`) {
       this.size = `${w}|${ht}|${ratio}`;
