@@ -1,4 +1,4 @@
-"""Tells boxes that are written as corners (x1, y1, x2, y2) from those written as sizes (x, y, w, h).
+"""Recognises boxes that are written as corners (x1, y1, x2, y2) from those written as sizes (x, y, w, h).
 
 Corners that are read as sizes mostly leave the picture. Of those that stay in it, a single box shows nothing: (10, 10,
 80, 80) may be either. Two things do. Of corners the third number is greater than the first and the fourth than the

@@ -82,9 +82,10 @@ def test_a_twin_names_the_place_of_a_wrong_value_of_its_simulated_cell(tmp_path,
     path = tmp_path / "bench" / "simulated.yaml"
     path.write_text(path.read_text().replace("150 mm/s", "-150 mm/s").replace("50 N", "0 N"))
     assert main(["check", str(tmp_path / "bench" / "emulated.yaml")]) == 2
-    said = capsys.readouterr().out
-    assert f"{path}:16:16: devices.gripper.speed_max: it is -150 mm/s" in said
-    assert f"{path}:17:16: devices.gripper.force_max: it is 0 N" in said
+    said, lines = capsys.readouterr().out, path.read_text().splitlines()
+    for option, value in (("speed_max", "-150 mm/s"), ("force_max", "0 N")):
+        row, column = next((n, line.index(value)) for n, line in enumerate(lines, 1) if f"{option}: {value}" in line)
+        assert f"{path}:{row}:{column + 1}: devices.gripper.{option}: it is {value}" in said
 
 
 def test_a_cell_of_no_named_camera_has_one_and_a_line_says_so(tmp_path, capsys):
