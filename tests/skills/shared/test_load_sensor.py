@@ -217,6 +217,12 @@ def test_the_inertia_of_the_hand_ends_no_way_down() -> None:
     assert hand.run(Release(), {"depth": 0.05}).reason.code == "NO_CONTACT"
 
 
+def test_an_arm_that_brakes_harder_than_its_set_points_ends_no_way_down() -> None:
+    """In the crates of the simulation each way down met 2.1 N in its first 0.1 s, by inertia alone."""
+    hand = beside_fingers(lambda scene: 1.4 * MockLoadSensor.mass if 0.1 < scene.clock.now() < 0.3 else 0.0)
+    assert hand.run(Release(), {"depth": 0.05}).reason.code == "NO_CONTACT"
+
+
 def test_a_fruit_that_the_hand_feels_on_its_support_too_is_put_down() -> None:
     start = float(over_ground(None).tcp[2, 3])
     scene = over_ground(start - 0.06)

@@ -62,7 +62,7 @@ def lower_to_support(
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    limit, gripper, lost = contact, skill.device(Gripper), watch_fruit(skill)
+    limit, most, gripper, lost = contact, contact, skill.device(Gripper), watch_fruit(skill)
     with felt(skill, load) as touch, hand_felt(skill) as hand:
 
         def watch() -> None:
@@ -76,16 +76,17 @@ def lower_to_support(
             if current_hold(gripper) is None and abs(width - opened) > PUSHED:
                 words = f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
                 raise skill.failure(code, f"{words}; the fruit is still held")
-            if hand.change > hand.limit(contact, accelerated):
+            if hand.change > most:
                 raise skill.failure(code, f"a finger met something ({hand.change:.1f} N); the fruit is still held")
 
         def stop_at_touch(motion: Motion) -> None:
-            hand.at_change(hand.limit(contact, accelerated), motion.stop)
+            hand.at_change(most, motion.stop)
 
         try:
             for leg in legs:
                 accelerated = leg.manner.acceleration
                 limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
+                most = hand.limit(contact + touch.at_first(), accelerated)  # a support takes the fruit's weight from it
                 touch.forget_change()
                 hand.forget_change()
                 rest_on_contact(skill, limit)
