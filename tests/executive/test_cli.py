@@ -73,7 +73,9 @@ def test_a_place_that_cannot_be_written_is_named_in_one_line(
     assert main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("file/")
-    assert line.endswith(": Not a directory")
+    what, _, advice = line.partition(";")
+    assert what.endswith(": Not a directory")
+    assert ("`--into DIR`" in advice) == ("--into" in words)
 
 
 @pytest.mark.parametrize(
