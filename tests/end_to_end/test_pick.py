@@ -105,6 +105,14 @@ def test_recover_keeps_the_apple_without_a_force_sensor(release: str) -> None:
         cell.close()
 
 
+def test_a_recovery_comes_before_the_task_and_each_has_its_record(tmp_path: Path) -> None:
+    """With every view that is installed: each follows two runs."""
+    assert main(["run", "pick_apple", "--recover", "--seed", "3", "--record", str(tmp_path)]) == 0
+    first, second = sorted(path.name for path in tmp_path.iterdir())
+    assert first.endswith("_recover")
+    assert second.endswith("_pick_apple")
+
+
 def test_another_fruit_is_picked_by_the_same_tree_with_its_own_weights() -> None:
     truth = pick(0, None, kind="lemon", fruit="lemon", place="5").result.truth
     assert truth is not None

@@ -12,7 +12,7 @@ import queue
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pomona.executive.encode import plain
 from pomona.executive.errors import PomonaError
@@ -66,6 +66,14 @@ class TouchesView(RunView):
                     view.on_event(Published(*self._at, "", TOPIC, table))
 
 
+class _Picked(NamedTuple):
+    """The touches of a run up to its newest pick, with the cell's name and digest."""
+
+    run: str
+    cell: tuple[str, str]
+    own: tuple[tuple[str, Any], ...]
+
+
 class CameraWords:
     """Words about the camera, made in a thread of their own."""
 
@@ -74,21 +82,25 @@ class CameraWords:
         self._records, self._run = records, ""
         self._cell = "", ""
         self._own: list[tuple[str, Any]] = []
-        self._picks: queue.SimpleQueue[int | None] = queue.SimpleQueue()
+        self._picks: queue.SimpleQueue[_Picked | None] = queue.SimpleQueue()
         self._ready: queue.SimpleQueue[tuple[bool, str]] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="pomona-caliper", daemon=True)
         self._begun = False
 
     def begin(self, event: RunStarted) -> None:
-        """Take the start of the run."""
+        """Take the start of the run; a recovery may have come before it."""
+        if self._begun:
+            self.close()
+            self._own = []
+        else:
+            self._thread.start()
         self._run, self._cell = event.run, (event.cell, hash_of(event.cell_text, *event.cell_files.values()))
-        self._thread.start()
         self._begun = True
 
     def take(self, t: float, touches: object) -> None:
         """Take the touches of a pick at a time of the run [s]; returns at once."""
         self._own.append((f"{self._run} at {t:.2f} s", plain(touches)))
-        self._picks.put(len(self._own))
+        self._picks.put(_Picked(self._run, self._cell, tuple(self._own)))
 
     def ready(self) -> list[tuple[bool, str]]:
         """Return the words about the picks since the last call, and whether the camera is off."""
@@ -120,9 +132,10 @@ class CameraWords:
 
         past: list[Path] | None = None
         said = set[str]()  # reasons: eight landings on one fruit need no eight sentences
-        while (count := self._picks.get()) is not None:
-            read = Picks.of_run(self._run, *self._cell, self._own[:count])
-            if read.refused and read.refused[-1].startswith(self._own[count - 1][0]):
+        while (picked := self._picks.get()) is not None:
+            run, name = picked.run, picked.own[-1][0]
+            read = Picks.of_run(run, *picked.cell, picked.own)
+            if read.refused and read.refused[-1].startswith(name):
                 reason = read.refused[-1].partition(": ")[2]
                 if reason not in said:
                     self._ready.put((False, f"No word about the camera: {reason}."))
@@ -130,10 +143,10 @@ class CameraWords:
                 continue
             if past is None:
                 beside = {path.parent for path in self._records.glob(f"*/{EVENTS_FILE}")}
-                past = [run for run in in_order(beside, lambda run: run.name) if run.name != self._run]
+                past = [other for other in in_order(beside, lambda other: other.name) if other.name != run]
             for _ in add_back(read, past, noted=True):
                 pass
             found = estimate(read.picks)
-            finding, last = find_error(found), [pick for pick in read.picks if pick.name == self._own[count - 1][0]]
+            finding, last = find_error(found), [pick for pick in read.picks if pick.name == name]
             words = filter(None, (finding.sentence, describe_widths(last, found)))
             self._ready.put((finding.is_off, " ".join(words)))

@@ -77,6 +77,21 @@ def test_picks_of_earlier_runs_count_once_they_are_noted(tmp_path: Path, capsys:
     assert "(7 picks)" in capsys.readouterr().out
 
 
+def test_a_recovery_before_the_task_has_its_own_picks(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    runs, view = runs_of(tmp_path / "runs", 6e-3, 2), TouchesView()
+    before, after = (run.name for run in sorted(runs.iterdir()))
+    assert view.open(argparse.Namespace(dry=None), ViewedRun(Screen(width=1000), runs, ()))
+    for run, picks in ((before, picks_of(6e-3, 1)), (after, picks_of(6e-3, 2, seed=3))):
+        view.on_event(started(cell_text=CELL, nodes=(), run=run))
+        for i, value in enumerate(picks):
+            view.on_event(Published(float(i), i, "pick/SlipAvoidGrasp", "touches", value))
+    view.ended("")
+    view.close()
+    assert len(capsys.readouterr().out.splitlines()) == 3
+    for run, count in ((before, 1), (after, 2)):
+        assert len(json.loads((runs / run / NOTED).read_text("utf-8"))["touches"]) == count
+
+
 def test_an_unusable_touch_gives_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     watch(tmp_path, recorded() | {"left": None, "right": None, "closed": NO_WIDTH})
     assert "No word about the camera" in (out := capsys.readouterr().out)
