@@ -163,7 +163,7 @@ def _checked(item: Labelled) -> Photograph:
     limits = np.array([width, height], np.float64)
     for k in range(len(boxes)):
         if not np.isfinite(boxes[k]).all() or (boxes[k, 2:] <= 0.0).any():
-            raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height")
+            raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height, or not finite")
         if not item.parts and (high[k] <= 1.0).all():
             raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in parts of the picture, expected pixels")
         if item.parts and (boxes[k, 2:] > limits + SLACK).any():
@@ -360,9 +360,12 @@ def _names(folder: Path) -> tuple[Path, dict[int, str]] | None:
 def _names_in(path: Path) -> dict[int, str]:
     try:
         text = read_plain_text(path)
-        names = text.split("\n") if path.suffix == ".txt" else yaml.safe_load(text)["names"]
+        content = {"names": text.split("\n")} if path.suffix == ".txt" else yaml.safe_load(text)
+        names = content["names"]
         if not isinstance(names, dict | list):  # a single word would be a class for each letter
             raise TypeError(names)
+        if content.get("nc", len(names)) != len(names):
+            raise BadPhotographs(path, f"names {len(names)} classes, and nc is {content['nc']}: expected one number")
         pairs = names.items() if isinstance(names, dict) else enumerate(names)
         return {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
     except (yaml.MarkedYAMLError, UnicodeDecodeError, OSError) as error:

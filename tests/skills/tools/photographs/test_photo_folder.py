@@ -284,6 +284,7 @@ MISTAKES = [
     ),
     (yolo, _write("data.yaml", "names: [red apple, green apple]\n"), r"2 of them could be apple"),
     (yolo, _write("data.yaml", "nc: 2\n"), r"data\.yaml: does not name the classes"),
+    (yolo, _write("data.yaml", "names: [leaf, apple]\nnc: 1\n"), r"data\.yaml: names 2 classes, and nc is 1"),
     (yolo, lambda folder: _renumber(folder, 7), r"its labels have class 7, and no data\.yaml or classes\.txt gives"),
     (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml or classes\.txt names the one"),
     (
