@@ -16,7 +16,7 @@ from pomona.executive.values.units import is_number
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.description import Description, Geom, read_description
 from pomona.skills.motion.robot.errors import BadRobotFile
-from pomona.skills.motion.robot.urdf import SOFT, read_urdf
+from pomona.skills.motion.robot.urdf import SOFT, leaders, read_urdf
 from pomona.tools.own_arm.flange import choose_flange
 
 FEWEST = 6  # joints of an arm that can hold its hand in any pose
@@ -74,6 +74,8 @@ def read_arm(path: Path, flange: str | None = None) -> UrdfArm:
     dof = len(description.joint_names)
     if dof < FEWEST:
         words = f"{dof} joints lead from the base to '{end}', and an arm needs {FEWEST} to hold its hand in any pose"
+        if follow := ", ".join(f"'{joint}' follows '{leader}'" for joint, leader in leaders(root).items()):
+            words += f"; joints that follow others (mimic) are not among them: {follow}"
         raise UsageError(f"{path}: {words}; --flange LINK names another end")
     return _Reader(path, root, end, description).arm()
 

@@ -228,6 +228,20 @@ def test_a_number_that_is_not_finite_is_named(tmp_path: Path, number: str) -> No
         load(tmp_path / "arm.urdf", arm(BOX + inertial))
 
 
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ('<origin xyz="0,0,0.17"/>', 'xyz="0,0,0.17"> has a comma: write 0.5, and spaces between numbers'),
+        ('<axis xyz="0 0.0 0"/>', 'xyz="0 0.0 0"> has no direction: write 0 0 1 for z'),
+    ],
+)
+def test_a_vector_with_commas_or_without_direction_is_named_with_the_remedy(
+    tmp_path: Path, part: str, words: str
+) -> None:
+    with pytest.raises(BadRobotFile, match=re.escape(words)):
+        load(tmp_path / "arm.urdf", arm().replace("</joint>", f"{part}</joint>", 1))
+
+
 def test_a_file_that_mujoco_refuses_is_refused_in_one_line_and_leaves_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -221,6 +221,10 @@ def test_a_second_time_nothing_is_overwritten(cell, capsys):
         (urdf(kind="fixed"), "--flange LINK names its end"),
         (urdf().replace('name="pan" type="revolute"', 'name="pan" type="fixed"'), "5 joints lead"),
         (urdf().replace('velocity="3" effort="150"/>', 'velocity="3" effort="150"/><mimic joint="pan"/>', 2), "joints"),
+        (
+            re.sub('(name="elbow".*?)</joint>', r'\1<mimic joint="pan"/></joint>', urdf(), flags=re.S),
+            "among them: 'elbow' follows 'pan'",
+        ),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_with_the_reason_and_nothing_is_written(text, words, tmp_path, capsys):

@@ -51,6 +51,12 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
         for key, text in part.attrib.items() if part.tag in NUMBERED else ():
             if {"nan", "inf"} & set(re.findall("[a-z]+", text.lower().replace("infinity", "inf"))):
                 raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
+            if "," in text:
+                raise BadRobotFile(
+                    path, f'<{part.tag} {key}="{text}"> has a comma: write 0.5, and spaces between numbers'
+                )
+            if part.tag == "axis" and not re.search("[1-9]", text):
+                raise BadRobotFile(path, f'<axis {key}="{text}"> has no direction: write 0 0 1 for z')
             if part.tag == "origin" and re.search(r"(?:^|\s)[+-]?\d\d[\d.]*(?:\s|$)", text):
                 unit = "m off or more: is it in millimetres" if key == "xyz" else "rad or more: is it in degrees"
                 raise BadRobotFile(path, f'<origin {key}="{text}"> is 10 {unit}?')
