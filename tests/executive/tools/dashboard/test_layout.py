@@ -100,6 +100,7 @@ def test_on_a_phone_the_camera_or_a_large_scene_stands_above_the_tree(
     expect(page.locator("#connection")).to_have_text("recorded run")
     if large:
         page.locator(f"[data-enlarge={large}]").click()
+    page.evaluate(DRAWN)
     seen = box(page, f".{large or 'camera'}-panel")
     assert seen["y"] + seen["height"] <= box(page, ".tree-panel")["y"]
     assert box(page, "#why")["y"] < seen["y"]
