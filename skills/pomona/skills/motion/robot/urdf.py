@@ -53,7 +53,7 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
                 raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
             if "," in text:
                 raise BadRobotFile(
-                    path, f'<{part.tag} {key}="{text}"> has a comma: write 0.5, and spaces between numbers'
+                    path, f'<{part.tag} {key}="{text}"> has a comma: use 0.5, and spaces between numbers'
                 )
             if part.tag == "axis" and not re.search("[1-9]", text):
                 raise BadRobotFile(path, f'<axis {key}="{text}"> has no direction: write 0 0 1 for z')
