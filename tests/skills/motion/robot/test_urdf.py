@@ -231,7 +231,7 @@ def test_a_number_that_is_not_finite_is_named(tmp_path: Path, number: str) -> No
 @pytest.mark.parametrize(
     ("part", "words"),
     [
-        ('<origin xyz="0,0,0.17"/>', 'xyz="0,0,0.17"> has a comma: use 0.5, and spaces between numbers'),
+        ('<origin xyz="0,0,0.17"/>', 'xyz="0,0,0.17"> has a comma: use 0.5 and spaces in between'),
         ('<axis xyz="0 0.0 0"/>', 'xyz="0 0.0 0"> has no direction: write 0 0 1 for z'),
     ],
 )

@@ -52,9 +52,7 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
             if {"nan", "inf"} & set(re.findall("[a-z]+", text.lower().replace("infinity", "inf"))):
                 raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> is not finite: correct or remove it')
             if "," in text:
-                raise BadRobotFile(
-                    path, f'<{part.tag} {key}="{text}"> has a comma: use 0.5, and spaces between numbers'
-                )
+                raise BadRobotFile(path, f'<{part.tag} {key}="{text}"> has a comma: use 0.5 and spaces in between')
             if part.tag == "axis" and not re.search("[1-9]", text):
                 raise BadRobotFile(path, f'<axis {key}="{text}"> has no direction: write 0 0 1 for z')
             if part.tag == "origin" and re.search(r"(?:^|\s)[+-]?\d\d[\d.]*(?:\s|$)", text):
