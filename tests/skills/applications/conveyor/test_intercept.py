@@ -278,7 +278,8 @@ def test_joints_whose_time_is_not_the_cameras_are_named_and_the_hand_rises() -> 
 
     end = drive_until(rig, "reaching", differ)
     assert code(end) == "POSE_MISMATCH"
-    assert "times of joints and frames differ" in end.reason.message  # type: ignore[union-attr]
+    assert end.reason is not None
+    assert "times of joints and frames differ" in end.reason.message
     assert rests_above_the_belt(rig, end)
 
 
