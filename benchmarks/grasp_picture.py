@@ -62,7 +62,7 @@ def draw(path: Path) -> None:
     force.plot(t, f_least, color=LEAST, lw=1.2, label="minimum grip force, sensed")
     force.axhline(least_grasp_force(FRUIT), color=INK, lw=0.8, ls=":", label="minimum grip force at rest, theory")
     force.axhline(SETTINGS.loop.max_force, color=MUTED, lw=0.9, ls="--", label="force limit")
-    force.plot([], [], ls="none", label=f"no bruise below {bruising_force():.0f} N")
+    force.plot([], [], ls="none", label=f"no bruise below {bruising_force(0.5 * FRUIT.width):.0f} N")
     force.legend(fontsize=7, loc="upper right", bbox_to_anchor=(1.0, 0.93))
     held = t >= t[starts[-1]]
     speed.plot(t[held], slip_speed[held], color=LEAST, lw=1.0)

@@ -21,6 +21,7 @@ from pomona.executive.views import SeriesView
 from pomona.skills.grip.closing import PickTouches, skin_along
 from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold, current_hold, take_over
+from pomona.skills.grip.limit_surface import bruising_force
 from pomona.skills.motion.collision import fruit_points
 from pomona.skills.pivot import Pivot
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
@@ -136,6 +137,24 @@ def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -
     slow = unknown.drive()
     assert fast.status is Status.SUCCESS
     assert fast.duration < slow.duration - 0.1
+
+
+def test_a_small_fruit_is_not_pressed_until_it_bruises() -> None:
+    """An apple of 62 mm bruises from 5 N of a finger on; a moment that needs more is a problem of the grip instead."""
+    measured = SimpleNamespace(
+        dimensions=np.array([0.062, 0.054, 0.062]), fruit=SimpleNamespace(mass=None), covariance=np.eye(6)
+    )
+    rig = Rig(opening=0.074, width=0.062)
+    hold = drive(_Ungated(), {"fruit": measured}, rig.devices, clock=rig.clock).outputs["hold"]
+    rig.carry(1.2, moment=0.025)
+    largest, limits = 0.0, set()
+    for _ in range(100):
+        rig.clock.advance(0.01)
+        largest = max(largest, hold.reading.f_n)
+        if hold.problem is not None and hold.problem.code == "FORCE_LIMIT":
+            limits.add(round(hold.problem.data["limit_n"], 2))
+    assert 8.0 < largest < 2.0 * bruising_force(0.031) < 10.0
+    assert limits == {8.94}
 
 
 class _Ungated(SlipAvoidGrasp):

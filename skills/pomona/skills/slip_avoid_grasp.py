@@ -17,7 +17,7 @@ from pomona.skills.grip.limit_surface import SoftContact, surface_table
 from pomona.skills.grip.observer import GENTLE, DynamicSettings
 from pomona.skills.grip.settings import ForceLaw, ForceLoopSettings, GripSettings, PadStiffness, check_rate
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.held_fruit import expected_load, show_grip, watch_grip
+from pomona.skills.shared.held_fruit import bearable_force, expected_load, show_grip, watch_grip
 from pomona.skills.shared.touch_view import record_touches
 
 CLEARANCE = 0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre
@@ -83,9 +83,10 @@ class SlipAvoidGrasp(Skill):
         initial_force: Annotated[Force, Port(min="0.6 N", max="10 N", help="grasp force before the lift")] = FORCE(
             "2.2 N"
         ),
-        max_force: Annotated[Force, Port(min="1 N", max="40 N", help="largest grasp force, both fingers")] = FORCE(
-            "14 N"
-        ),
+        max_force: Annotated[
+            Force,
+            Port(min="1 N", max="40 N", help="largest grasp force, both fingers; less where `fruit` would bruise"),
+        ] = FORCE("14 N"),
         stiffness: Annotated[
             Stiffness,
             Port(min="100 N/m", max="100 kN/m", help="stiffness of the pads: grasp force per closing distance"),
@@ -112,7 +113,7 @@ class SlipAvoidGrasp(Skill):
                 narrowest=0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min()),
                 loop=ForceLoopSettings(
                     stiffness=PadStiffness(stiffness),
-                    max_force=min(max_force, 2.0 * gripper.limits.force_max),
+                    max_force=min(max_force, 2.0 * gripper.limits.force_max, bearable_force(fruit)),
                     closing_speed=min(ForceLoopSettings().closing_speed, gripper.limits.speed_max),
                     step=gripper.limits.step,
                 ),

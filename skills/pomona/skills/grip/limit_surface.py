@@ -242,6 +242,7 @@ def grasp_force(
 
 
 NO_BRUISE = 0.10e6  # contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)
+PAD_MODULUS = 1.0e6  # of the contact of a pad and an apple [Pa]: 8 N on a fruit of 76 mm give that pressure
 
 
 def pressure(f_n: float, contact: SoftContact | None = None) -> float:
@@ -251,10 +252,6 @@ def pressure(f_n: float, contact: SoftContact | None = None) -> float:
     return float(xi(contact.k) * f_n / (math.pi * radius**2))
 
 
-def bruising_force(contact: SoftContact | None = None) -> float:
-    """Return the force of one finger below which no apple bruises [N]; inf where the pressure never rises with it."""
-    contact = contact or SoftContact()
-    if contact.gamma >= 0.5:
-        return math.inf
-    at_1_n = xi(contact.k) / (math.pi * contact.delta**2)
-    return float((NO_BRUISE / at_1_n) ** (1.0 / (1.0 - 2.0 * contact.gamma)))
+def bruising_force(radius: float) -> float:
+    """Return the force of one finger below which no apple of a radius [m] bruises [N], by Hertz's contact of a ball."""
+    return math.pi**3 * radius**2 * NO_BRUISE**3 / (6.0 * PAD_MODULUS**2)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from pomona.applications.harvest.bruises import impact_force, peak_pressure
+from pomona.skills.grip.limit_surface import NO_BRUISE, PAD_MODULUS, bruising_force
 
 
 def test_peak_pressure_is_one_and_a_half_times_the_mean_over_hertzs_circle():
@@ -20,6 +21,11 @@ def test_an_impacts_peak_conserves_energy():
 
 def test_pads_bruise_from_eight_newtons_as_the_numbers_say(numbers):
     assert peak_pressure(8.0, 0.038, numbers.modulus_pad) == pytest.approx(numbers.bruise_pressure, rel=0.05)
+
+
+def test_a_grip_stops_at_the_force_of_the_same_law():
+    for radius in (0.029, 0.038, 0.048):
+        assert peak_pressure(bruising_force(radius), radius, PAD_MODULUS) == pytest.approx(NO_BRUISE)
 
 
 def test_foam_saves_a_fall_that_wood_does_not(numbers):
