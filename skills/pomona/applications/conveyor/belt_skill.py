@@ -13,8 +13,6 @@ from pomona.executive import Float64, Skill
 from pomona.skills.motion import RobotModel
 from pomona.skills.perception import DetectError
 
-STALE = 0.5
-"""Age of the newest frame from which the belt is not seen [s]."""
 SHOWN_EVERY = 0.2
 """Time between two views of the belt [s]."""
 FASTEST = 0.5
@@ -51,6 +49,15 @@ class BeltSkill(Skill):
 
         return pose
 
+    def require_frames(self, watch: BeltWatch) -> None:
+        """Fail when the camera has stopped, while nothing is followed."""
+        try:
+            watch.note_frame(self.eye(), self.clock.now())
+        except FrameUnreadable as error:
+            raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
+        if problem := watch.problem(self.clock.now()):
+            raise self.failure("STALE_FRAME", problem)
+
     def look(self, watch: BeltWatch, search: bool, meeting: tuple[float, Float64] | None = None) -> None:
         """Keep the tracks up, in each tick, and show them; fails when camera or encoder do not.
 
@@ -67,5 +74,5 @@ class BeltSkill(Skill):
             self.publish("fruit", belt_table(watch, now))
         if watch.tracks.encoder and (problem := watch.travel.problem(now, FASTEST)):
             raise self.failure("ENCODER_FAULT", problem)
-        if now - watch.newest_frame > STALE:
-            raise self.failure("STALE_FRAME", f"no new frame for {1e3 * STALE:.0f} ms")
+        if problem := watch.problem(now):
+            raise self.failure("STALE_FRAME", problem)

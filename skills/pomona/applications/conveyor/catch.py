@@ -19,8 +19,6 @@ from pomona.skills.grip import Hold
 from pomona.skills.motion import Grasp, arm_space
 from pomona.skills.perception import MeasuredFruit
 
-CHANGED = 0.02
-"""Change of the belt's speed with which a pick is given up [m/s]."""
 BESIDE = 8e-3
 """Distance of the hand from its place when the fingers begin to close beyond which the fruit is let pass [m]."""
 SAME_TIME = 6.0
@@ -92,8 +90,9 @@ class Catch:
         self, pick: InterceptPlan, track: FruitTrack, tracks: BeltWatch, stream: HandStream, fails: Fails
     ) -> None:
         self.pick, self.track, self._fails = pick, track, fails
-        self._tracks, self._stream, self._speed = tracks, stream, tracks.travel.speed
-        self._closing = self._judged = False
+        self._tracks, self._stream = tracks, stream
+        self._speed, self._change = tracks.travel.steady()
+        self._judged = False
         self._first = track
 
     def reaches(self, now: float) -> bool:
@@ -124,8 +123,6 @@ class Catch:
 
         Raises SkillFailure: BELT_CHANGED, END_OF_REACH, BEHIND, or of the motion.
         """
-        if not self._closing:  # from here on the belt may change once more
-            self._closing, self._speed = True, self._tracks.travel.speed
         require_motion(self._stream, self._fails)
         self._lead()
         if now >= self.pick.arrival and not self._judged:
@@ -161,8 +158,8 @@ class Catch:
 
     def _lead(self) -> None:
         speed = self._tracks.travel.speed
-        if abs(speed - self._speed) > CHANGED:
-            words = f"the belt ran at {self._speed:.2f} m/s and now at {speed:.2f} m/s; the hand has risen"
+        if abs(speed - self._speed) > self._change:
+            words = f"the belt ran at {self._speed:.3f} m/s and now at {speed:.3f} m/s; the hand has risen"
             raise self._fails("BELT_CHANGED", words, before=self._speed, now=speed)
         place = partial(self._tracks.place, self.track)
         try:

@@ -7,6 +7,9 @@ from typing import Protocol, runtime_checkable
 
 from pomona.executive import Float64, ReadOnly
 
+SILENCE = 0.15
+"""Age of an encoder's newest measurement from which it is lost [s]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belt(ReadOnly):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
+from pomona.applications.conveyor.conveyor import SILENCE, Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.world import ConveyorWorld
 from pomona.drivers import Device, DeviceLost
 from pomona.executive import Clock
@@ -16,8 +16,6 @@ COUNT = 1e-4
 """Travel of one count of the encoder [m]: a wheel of 200 mm with 2000 counts a turn."""
 OVER = 0.1
 """Time over which the encoder's speed is measured [s]."""
-SILENCE = 0.2
-"""Age of the encoder's newest value from which the belt is lost [s]."""
 WRONG = 1.1
 """Factor on the travel with the fault wrong_scale."""
 CREEP = 0.05

@@ -42,6 +42,7 @@ class HandStream:
         self.q: Float64 = arm.state().q.copy()
         self._arm, self._clock = arm, clock
         self._pose: Callable[[float], Float64] | None = None
+        self._rises: Rise | None = None
 
     @property
     def ahead(self) -> float:
@@ -84,9 +85,9 @@ class HandStream:
     def rise(self, height: float, meanwhile: Callable[[], str | None]) -> Work[None]:
         """Rise from the moving pose, slow down along the belt, and come to rest. `meanwhile` is called in each tick.
 
-        Where the arm reaches no further it comes to rest at once.
+        Where the arm reaches no further it comes to rest at once. A rise that has begun goes on as it is.
         """
-        up = self._up(height)
+        up = self._rises = self._rises or self._up(height)
         if up is not None:
             while self._clock.now() < up.end and self.motion.state is MotionState.RUNNING:
                 try:
@@ -138,7 +139,7 @@ def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper) -> Work[No
     if not stream.moved or stream.motion.state is not MotionState.RUNNING:
         yield from stream.rest()
     elif hold is not None and hold.holds:
-        yield from stream.rise(CLEAR, lambda: None)
+        yield from stream.rise(CLEAR, lambda: "rising with the fruit")
     else:
         yield from stream.leave(None if hold is None else opens)
 

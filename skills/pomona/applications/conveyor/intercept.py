@@ -106,7 +106,7 @@ class Intercept(BeltSkill):
             self.publish("belt", TAKEN)
             grasp = catch.grasp(arm.state().q, gripper.state().width)
             eyes.begin(stream.motion, *stream.way_up(height), holds=True)
-            yield from stream.rise(height, partial(self._carry, hold, eyes))
+            yield from stream.rise(height, partial(self._carry, hold, eyes, tracks))
         except (SkillFailure, Interrupted):
             yield from end_pick(stream, hold, gripper)
             raise
@@ -144,9 +144,10 @@ class Intercept(BeltSkill):
             stream.stand()
             yield f"waiting: {pick.reason}"
 
-    def _carry(self, hold: Hold, eyes: ReachWatch | None = None) -> None:
+    def _carry(self, hold: Hold, eyes: ReachWatch | None = None, tracks: BeltWatch | None = None) -> None:
         """Show the grip, and look; a problem of it is a failure."""
         show_grip(self, hold)
         require_grip(hold, self.failures, self.failure)
-        if eyes is not None:
+        if eyes is not None and tracks is not None:
             eyes.look()
+            self.require_frames(tracks)

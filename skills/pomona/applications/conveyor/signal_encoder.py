@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
-from pomona.applications.conveyor.devices import OVER, SILENCE
+from pomona.applications.conveyor.conveyor import SILENCE, Belt, Conveyor, ConveyorState
+from pomona.applications.conveyor.devices import OVER
 from pomona.devices.plc.signals import Signals
 from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
 from pomona.executive import LENGTH, Clock, Measure, Problem, Text, choose, value

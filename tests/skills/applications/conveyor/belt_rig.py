@@ -73,15 +73,19 @@ class ScriptedWatch(BeltWatch):
         self.rig = rig
         self.fruit: dict[int, tuple[float, float]] = {}
         self.spread, self.frames_until = 5e-4, np.inf
+        self._oldest = 0.12  # as after a second of frames of 30 Hz
         self.alter: Callable[[FruitTrack], FruitTrack | None] = lambda track: track
 
     def step(self, *_: Any, **__: Any) -> None:
         self.travel.note(self.rig.conveyor.travelled())
         now = self.rig.clock.now()
-        if now <= self.frames_until:
-            self.newest_frame = now
+        self.note_frame(self.rig.camera, now)
         seen = [self.alter(self.seen(number, now)) for number in self.fruit]
         self.tracks = replace(self.tracks, tracks=tuple(track for track in seen if track is not None))
+
+    def note_frame(self, camera: Camera, now: float, searches: bool = False) -> None:
+        if now <= self.frames_until:
+            self.newest_frame = now
 
     def seen(self, number: int, now: float) -> FruitTrack:
         along, aside = self.fruit[number]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.applications.conveyor.conveyor import ConveyorState
 from pomona.applications.conveyor.intercept import Intercept
 from pomona.drivers import Cameras, StopFailed
 from pomona.executive import SkillEnd, SkillFailure, drive
@@ -329,6 +330,26 @@ def test_a_belt_that_stops_slows_or_speeds_up_is_noticed_and_the_hand_rises(phas
     within_limits(rig)
 
 
+@pytest.mark.parametrize("phase", ["reaching", "closing"])
+def test_a_belt_that_creeps_is_noticed_within_200_ms(phase: str) -> None:
+    rig, began, gave_up, skill = BeltRig(0.3, along=-0.5), list[float](), list[float](), Intercept()
+    for t in (-0.5, -0.1):  # as Track has listened
+        rig.watch.travel.note(ConveyorState(t, 0.3 * t, 0.3))
+
+    def tick(_: int) -> None:
+        now, travel = rig.clock.now(), rig.conveyor.travel
+        if phase in skill.feedback_message and not began:
+            began.append(now)
+            rig.conveyor.travel = lambda t: travel(t) - 0.025 * max(t - now, 0.0) ** 2  # 50 mm/s²
+        if skill.feedback_message.startswith(("letting the fruit go", "rising without")) and not gave_up:
+            gave_up.append(now)
+
+    end = rig.intercept(skill, each_tick=tick)
+    assert code(end) == "BELT_CHANGED"
+    assert gave_up[0] - began[0] < 0.2001
+    assert rests_above_the_belt(rig, end)
+
+
 def test_fingers_that_meet_nothing_open_and_the_hand_rises() -> None:
     rig = BeltRig()
     rig.there = False
@@ -400,6 +421,27 @@ def test_frames_that_stop_are_noticed_and_the_hand_rises() -> None:
     end = drive_until(rig, "waiting", lambda: setattr(rig.watch, "frames_until", rig.clock.now()))
     assert code(end) == "STALE_FRAME"
     assert nothing_moved(rig) or rests_above_the_belt(rig, end)
+
+
+@pytest.mark.parametrize("phase", ["reaching", "closing", "rising"])
+def test_frames_that_stop_are_noticed_within_200_ms_and_a_fruit_in_the_hand_is_lifted(phase: str) -> None:
+    rig, stopped, gave_up, skill = BeltRig(), list[float](), list[float](), Intercept()
+    words = "rising with the fruit" if phase == "rising" else ("rising without", "letting the fruit go")
+
+    def tick(_: int) -> None:
+        if phase in skill.feedback_message and not stopped:
+            rig.watch.frames_until = rig.clock.now()
+            stopped.append(rig.clock.now())
+        if skill.feedback_message.startswith(words) and not gave_up:
+            gave_up.append(rig.clock.now())
+
+    end = rig.intercept(skill, each_tick=tick)
+    assert code(end) == "STALE_FRAME"
+    assert gave_up[0] - stopped[0] < 0.2001
+    assert rests_above_the_belt(rig, end)
+    within_limits(rig)
+    if phase == "rising":
+        assert rig.height == pytest.approx(0.15, abs=5e-3)  # as high as without it
 
 
 @pytest.mark.parametrize("phase", ["waiting", "reaching", "closing"])
