@@ -26,6 +26,7 @@ from pomona.drivers import (
     Arm,
     Camera,
     Cameras,
+    Carrier,
     Cell,
     DriverError,
     ForceSensor,
@@ -88,7 +89,7 @@ class Bench:
 
     def __init__(self, cell: str, speed: float, seed: int, settings: Mapping[str, str]) -> None:
         self.cell: Cell = load_cell(find_cell(cell), seed=seed, overrides={"belt": f"{speed} m/s", **settings})
-        wanted = (Arm, StreamedArm, Gripper, ForceSensor, Camera, Cameras, Workspace, Conveyor)
+        wanted = (Arm, StreamedArm, Gripper, ForceSensor, Camera, Cameras, Workspace, Conveyor, Carrier)
         self.devices: dict[type, object] = {interface: self.cell.device(interface) for interface in wanted}
         world = self.cell.devices["world"]
         assert isinstance(world, ConveyorWorld)

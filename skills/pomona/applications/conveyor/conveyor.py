@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from pomona.drivers import Carrier
 from pomona.executive import Float64, ReadOnly
 
 SILENCE = 0.15
@@ -45,8 +46,8 @@ class ConveyorState:
 
 
 @runtime_checkable
-class Conveyor(Protocol):
-    """A belt with an encoder."""
+class Conveyor(Carrier, Protocol):
+    """A belt with an encoder. The line's own control starts it again after a stop."""
 
     @property
     def belt(self) -> Belt:
@@ -54,9 +55,3 @@ class Conveyor(Protocol):
 
     def travelled(self) -> ConveyorState | None:
         """Return the newest measurement, or None before the first. Never waits; the caller judges the stamp's age."""
-
-    def stop(self) -> bool:
-        """Stop the belt as the safe state does; return False where the program cannot. It needs no ownership.
-
-        The line's own control starts it again. Raises StopFailed: it may run on.
-        """

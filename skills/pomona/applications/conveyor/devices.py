@@ -8,7 +8,7 @@ import numpy as np
 
 from pomona.applications.conveyor.conveyor import SILENCE, Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.world import ConveyorWorld
-from pomona.drivers import Device, DeviceLost
+from pomona.drivers import Carrier, Device, DeviceLost
 from pomona.executive import Clock
 from pomona.tools.simulation import FaultyDevice
 
@@ -31,7 +31,7 @@ class SimConveyor(FaultyDevice):
     encoder `lost`, `backwards`, `wrong_scale` (a tenth more than the truth).
     """
 
-    interfaces = (Conveyor,)
+    interfaces = (Conveyor, Carrier)
     known_faults = ("stop", "jump", "creep", "lost", "backwards", "wrong_scale")
 
     def __init__(self, world: ConveyorWorld) -> None:
@@ -100,7 +100,7 @@ class MockConveyor(Device):
         silent_from: time from which the encoder sends nothing more [s].
     """
 
-    interfaces = (Conveyor,)
+    interfaces = (Conveyor, Carrier)
 
     def __init__(self, clock: Clock, belt: Belt, speed: float = 0.15) -> None:
         super().__init__("conveyor")

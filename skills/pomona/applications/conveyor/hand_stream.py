@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from pomona.applications.conveyor.intercepting import Rise, aim_of
+from pomona.applications.conveyor.reach_watch import ReachWatch
 from pomona.drivers import Arm, BadTrajectory, Gripper, MotionState, SetPoints
-from pomona.executive import Clock, Float64, Work
+from pomona.executive import Clock, Float64, SkillFailure, Work
 from pomona.skills.grip import Hold
 from pomona.skills.motion import RobotModel, nearest_solution
 
@@ -33,7 +34,7 @@ class HandStream:
 
     Attributes:
         motion: the streamed motion; q: joints of the newest set-point, shape (dof,) [rad].
-        moved: whether it was led anywhere.
+        moved: whether it was led anywhere; rises: its way up, once it has begun.
     """
 
     def __init__(self, arm: Arm, motion: SetPoints, clock: Clock) -> None:
@@ -42,7 +43,7 @@ class HandStream:
         self.q: Float64 = arm.state().q.copy()
         self._arm, self._clock = arm, clock
         self._pose: Callable[[float], Float64] | None = None
-        self._rises: Rise | None = None
+        self.rises: Rise | None = None
 
     @property
     def ahead(self) -> float:
@@ -73,12 +74,19 @@ class HandStream:
             raise OutOfReach(f"the hand would leave the arm's limits: {bad}") from bad
         self.q = found[0]
 
-    def way_up(self, height: float) -> tuple[Float64, Float64]:
-        """Return postures of a rise that begins now, shape (n,) [s] and (n, dof) [rad], as far as the arm reaches."""
-        up, found = self._up(height), [self.q]
-        times = np.linspace(self.ahead, self.ahead + 0.1 if up is None else up.end, 12)
-        for t in times[1:]:
-            q = None if up is None else nearest_solution(self.robot, up.pose(float(t)), found[-1])
+    def way_up(self, height: float, after: float = 0.0) -> tuple[Float64, Float64]:
+        """Return postures of a rise, shape (n,) [s] and (n, dof) [rad], as far as the arm reaches.
+
+        Args:
+            height: of the rise [m].
+            after: time for which the hand goes on as it does before it rises [s].
+        """
+        begin, found, on = self.ahead, [self.q], self._pose
+        up = self.rises or self._up(height, begin + after)
+        times = np.linspace(begin, begin + 0.1 if up is None else up.end, 12 + round(after / 0.05))
+        for t in map(float, times[1:]):
+            T = None if up is None or on is None else on(t) if t < begin + after else up.pose(t)
+            q = None if T is None else nearest_solution(self.robot, T, found[-1])
             found.append(found[-1] if q is None else q)
         return times, np.array(found)
 
@@ -87,7 +95,7 @@ class HandStream:
 
         Where the arm reaches no further it comes to rest at once. A rise that has begun goes on as it is.
         """
-        up = self._rises = self._rises or self._up(height)
+        up = self.rises = self.rises or self._up(height, self.ahead)
         if up is not None:
             while self._clock.now() < up.end and self.motion.state is MotionState.RUNNING:
                 try:
@@ -97,16 +105,18 @@ class HandStream:
                 yield meanwhile() or "rising"
         yield from self.rest(meanwhile)
 
-    def _up(self, height: float) -> Rise | None:
-        """Return the rise from where the hand is now; None if it was not led anywhere."""
+    def _up(self, height: float, t: float) -> Rise | None:
+        """Return the rise from where the hand is at a time [s]; None if it was not led anywhere."""
         if self._pose is None:
             return None
-        t = self.ahead
         T = self._pose(t)
         return Rise(t, T, (self._pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01, height)
 
-    def leave(self, opens: Callable[[], object] | None) -> Work[None]:
-        """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest."""
+    def leave(self, opens: Callable[[], object] | None, look: Callable[[], str | None]) -> Work[None]:
+        """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest.
+
+        `look` is called in each tick.
+        """
         pose, began = self._pose, self._clock.now()
         if opens is not None and pose is not None:
             opens()
@@ -115,8 +125,9 @@ class HandStream:
                     self.follow(pose)
                 except OutOfReach:
                     break
+                look()
                 yield "letting the fruit go"
-        yield from self.rise(CLEAR, lambda: "rising without the fruit")
+        yield from self.rise(CLEAR, lambda: look() or "rising without the fruit")
 
     def rest(self, meanwhile: Callable[[], str | None] = lambda: None) -> Work[None]:
         """Come to rest."""
@@ -125,10 +136,12 @@ class HandStream:
             yield meanwhile() or "coming to rest"
 
 
-def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper) -> Work[None]:
+def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper, eyes: ReachWatch) -> Work[None]:
     """Rise and rest after a pick that failed or was interrupted: with the fruit if it is held, else with open fingers.
 
     Without a running motion the hand comes to rest where it is.
+
+    Raises SkillFailure: PATH_BLOCKED and others of `ReachWatch.look`, once the hand rests.
     """
 
     def opens() -> None:
@@ -138,10 +151,19 @@ def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper) -> Work[No
 
     if not stream.moved or stream.motion.state is not MotionState.RUNNING:
         yield from stream.rest()
-    elif hold is not None and hold.holds:
-        yield from stream.rise(CLEAR, lambda: "rising with the fruit")
-    else:
-        yield from stream.leave(None if hold is None else opens)
+        return
+    holds = hold is not None and hold.holds
+    lets_go = hold is not None and not holds
+    if not stream.rises:
+        eyes.begin(stream.motion, *stream.way_up(CLEAR, HOVER if lets_go else 0.0), holds=holds)
+    try:
+        if holds:
+            yield from stream.rise(CLEAR, lambda: eyes.look() or "rising with the fruit")
+        else:
+            yield from stream.leave(opens if lets_go else None, eyes.look)
+    except SkillFailure:
+        yield from stream.rest()
+        raise
 
 
 def inner_robot(arm: Arm) -> RobotModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
 from typing import Annotated, ClassVar
 
@@ -16,7 +17,7 @@ from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.reach_watch import ReachWatch, prepare_reach_watch
 from pomona.applications.conveyor.tracks import FruitTrack
-from pomona.drivers import Arm, Camera, Cameras, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
+from pomona.drivers import Arm, Camera, Cameras, Carrier, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
 from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
 from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, show_grip
 from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
@@ -39,7 +40,7 @@ class Intercept(BeltSkill):
     """
 
     devices = (Camera, Conveyor, Arm, StreamedArm, Gripper, ForceSensor, Workspace)
-    optional_devices: ClassVar[tuple[type, ...]] = (Cameras,)
+    optional_devices: ClassVar[tuple[type, ...]] = (Cameras, Carrier)
     moves = (Arm, StreamedArm, Gripper)
     failures = (
         *MOTION_FAILURES,
@@ -107,8 +108,12 @@ class Intercept(BeltSkill):
             grasp = catch.grasp(arm.state().q, gripper.state().width)
             eyes.begin(stream.motion, *stream.way_up(height), holds=True)
             yield from stream.rise(height, partial(self._carry, hold, eyes, tracks))
-        except (SkillFailure, Interrupted):
-            yield from end_pick(stream, hold, gripper)
+        except SkillFailure:
+            yield from end_pick(stream, hold, gripper, eyes)
+            raise
+        except Interrupted:
+            with suppress(SkillFailure):  # what blocks the way up has stopped arm and belt
+                yield from end_pick(stream, hold, gripper, eyes)
             raise
         except BaseException:
             stream.motion.stop()

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.drivers import Arm, Motion, MotionState, Trajectory, Workspace
 from pomona.executive import Clock, Float64, Skill
 from pomona.skills import KnownAround, LiveWatch, prepare_watch
@@ -15,10 +14,10 @@ from pomona.skills.motion import RobotModel, RobotShape
 
 
 class PlannedMotion:
-    """A streamed motion whose progress is that of a plan, from `begin` to `end` [s]; the belt stops with it."""
+    """A streamed motion whose progress is that of a plan, from `begin` to `end` [s]."""
 
-    def __init__(self, motion: Motion, clock: Clock, begin: float, end: float, conveyor: Conveyor) -> None:
-        self._motion, self._clock, self._conveyor = motion, clock, conveyor
+    def __init__(self, motion: Motion, clock: Clock, begin: float, end: float) -> None:
+        self._motion, self._clock = motion, clock
         self._begin, self._end = begin, end
 
     @property
@@ -42,12 +41,8 @@ class PlannedMotion:
         return self._motion.problem
 
     def stop(self) -> None:
-        """Bring arm and belt to rest at once. A person who reaches in may be above the hand, so it does not rise.
-
-        Raises StopFailed: the belt may run on.
-        """
+        """Bring the arm to rest at once. A person who reaches in may be above the hand, so it does not rise."""
         self._motion.stop()
-        self._conveyor.stop()
 
 
 class ReachWatch:
@@ -74,8 +69,7 @@ class ReachWatch:
         t = times - times[0]
         qd = np.gradient(q, t, axis=0)
         way = Trajectory(t, q, qd, np.gradient(qd, t, axis=0))
-        conveyor = self._skill.device(Conveyor)
-        led = PlannedMotion(motion, self._skill.clock, float(times[0]), float(times[-1]), conveyor)
+        led = PlannedMotion(motion, self._skill.clock, float(times[0]), float(times[-1]))
         self._eyes.begin(led, way, full_hand(self._arm.description) if holds else None)
 
     def look(self) -> str | None:

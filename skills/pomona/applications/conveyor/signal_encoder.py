@@ -11,7 +11,17 @@ import numpy as np
 from pomona.applications.conveyor.conveyor import SILENCE, Belt, Conveyor, ConveyorState
 from pomona.applications.conveyor.devices import OVER
 from pomona.devices.plc.signals import Signals
-from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
+from pomona.drivers import (
+    Carrier,
+    ConnectContext,
+    Device,
+    DeviceLost,
+    MotionRefused,
+    Settings,
+    StopFailed,
+    Surroundings,
+    driver,
+)
 from pomona.executive import LENGTH, Clock, Measure, Problem, Text, choose, value
 
 AT_REST = 2e-3
@@ -50,7 +60,7 @@ class SignalConveyor(Device):
     A stop takes the output `runs` away; nothing here gives it again. In the safe state the PLC's driver takes it away.
     """
 
-    interfaces = (Conveyor,)
+    interfaces = (Conveyor, Carrier)
 
     def __init__(self, belt: Belt, signals: Signals, travel: str, clock: Clock, runs: str = "") -> None:
         super().__init__("conveyor")

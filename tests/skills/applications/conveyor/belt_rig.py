@@ -20,6 +20,7 @@ from pomona.drivers import (
     Arm,
     Camera,
     Cameras,
+    Carrier,
     ForceSensor,
     Gripper,
     StopFailed,
@@ -145,7 +146,8 @@ class BeltRig:
     def devices(self) -> dict[type, object]:
         return {
             Arm: self.arm, StreamedArm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers,
-            Workspace: workspace(), Conveyor: self.conveyor, Camera: self.camera, Cameras: Cameras((self.camera,)),
+            Workspace: workspace(), Conveyor: self.conveyor, Carrier: self.conveyor, Camera: self.camera,
+            Cameras: Cameras((self.camera,)),
         }  # fmt: skip
 
     @property

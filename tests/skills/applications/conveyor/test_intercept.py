@@ -160,7 +160,7 @@ OVER_THE_BELT, FRUIT = (-0.30, -0.42, 0.10), (-0.30, -0.36, -0.06)
 
 
 def intercept_under_a_camera(
-    rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching", least: float = -1.0
+    rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching", least: float = -1.0, **how: Any
 ) -> SkillEnd:
     """Drive the skill under a camera above, which sees a ball at a place from a phase on, and a height of the hand."""
     overhead, skill = Overhead(rig.clock), Intercept()
@@ -170,7 +170,7 @@ def intercept_under_a_camera(
         if phase in skill.feedback_message and rig.height > least and not overhead.balls:
             overhead.balls = ((*place, 0.045),)
 
-    end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick)
+    end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick, **how)
     assert overhead.balls
     assert overhead.frames > 2
     return end
@@ -215,6 +215,36 @@ def test_hand_and_belt_stop_also_at_the_fruit_which_stays_on_the_belt_or_in_the_
     hold = current_hold(rig.gripper)
     assert (hold is not None and hold.holds) is held
     assert rig.gripper.width == pytest.approx(rig.size[0] if held else 0.103, abs=3e-3)
+
+
+@pytest.mark.parametrize("phase", ["letting the fruit go", "rising without the fruit"])
+def test_the_way_up_after_a_failed_pick_is_watched_as_well(phase: str) -> None:
+    rig = BeltRig()
+    rig.there = False
+    assert code(intercept_under_a_camera(rig, (0.05, -0.42, 0.10), phase)) == "PATH_BLOCKED"
+    assert rig.conveyor.stopped_at is not None
+    assert rests(rig)
+    assert rig.gripper.width == pytest.approx(0.103, abs=1e-3)
+    within_limits(rig)
+
+
+def test_what_blocks_the_way_up_after_an_interruption_stops_hand_and_belt_and_is_no_error() -> None:
+    rig, skill, ticks = BeltRig(), Intercept(), 40
+    overhead = Overhead(rig.clock)
+
+    def come() -> None:
+        if rig.clock.now() > 0.02 * ticks and not overhead.balls:
+            assert skill.feedback_message.startswith("reaching")
+            x, y, z = rig.hand()[:3, 3]
+            overhead.balls = ((x + 0.1, y, z + 0.1, 0.045),)
+
+    rig.clock.each_step.append(come)
+    devices = {**rig.devices, Cameras: Cameras((rig.camera, overhead))}
+    inputs = {"target": rig.target, "tracks": rig.watch}
+    end = drive(skill, inputs, devices, clock=rig.clock, interrupt_after=ticks)
+    assert end.status is Status.INVALID
+    assert rig.conveyor.stopped_at is not None
+    assert rests(rig)
 
 
 def test_fruit_on_the_belt_stops_neither_hand_nor_belt() -> None:
