@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import ClassVar
 
 from pomona.applications.conveyor.belt_view import belt_scene, belt_table
 from pomona.applications.conveyor.belt_watch import BeltWatch
-from pomona.applications.conveyor.conveyor import Conveyor
+from pomona.applications.conveyor.conveyor import FASTEST, Conveyor
 from pomona.drivers import Arm, Camera, Cameras, Frame, FrameUnreadable
 from pomona.executive import Float64, Skill
 from pomona.skills.motion import RobotModel
@@ -15,8 +16,6 @@ from pomona.skills.perception import DetectError
 
 SHOWN_EVERY = 0.2
 """Time between two views of the belt [s]."""
-FASTEST = 0.5
-"""Speed of a belt up to which the arm was tried [m/s]."""
 
 BELT_FAILURES = ("NO_FRAME", "STALE_FRAME", "ENCODER_FAULT")
 """Codes of every skill that looks at a belt."""
@@ -51,10 +50,8 @@ class BeltSkill(Skill):
 
     def require_frames(self, watch: BeltWatch) -> None:
         """Fail when the camera has stopped, while nothing is followed."""
-        try:
+        with suppress(FrameUnreadable):
             watch.note_frame(self.eye(), self.clock.now())
-        except FrameUnreadable as error:
-            raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         if problem := watch.problem(self.clock.now()):
             raise self.failure("STALE_FRAME", problem)
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.hand_stream import HandStream, OutOfReach
@@ -29,11 +28,8 @@ LATE = 0.8
 """Time beyond `CLOSING` after which fingers that hold nothing are opened [s]."""
 
 
-class Fails(Protocol):
-    """`Skill.failure` of the skill that picks."""
-
-    def __call__(self, code: str, message: str, **data: object) -> SkillFailure:
-        """Return a failure to raise."""
+Fails = Callable[..., SkillFailure]
+"""`Skill.failure` of the skill that picks."""
 
 
 def ready_hand(stream: HandStream, arm: Arm, workspace: Workspace, opening: float, height: float) -> ReadyHand:
@@ -92,8 +88,7 @@ class Catch:
         self.pick, self.track, self._fails = pick, track, fails
         self._tracks, self._stream = tracks, stream
         self._speed, self._change = tracks.travel.steady()
-        self._judged = False
-        self._first = track
+        self._first, self._judged = track, False
 
     def reaches(self, now: float) -> bool:
         """Return True while the hand comes to the fruit, until the grip may take its bias; `now` [s]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -57,10 +58,6 @@ class HandStream:
             return 0.0
         p = self.robot.tcp(self._arm.state().q)[:3, 3]
         return float(np.linalg.norm(p - self._pose(self._clock.now())[:3, 3]))
-
-    def stand(self) -> None:
-        """Stay where it is for another moment."""
-        self.motion.aim(self.q)
 
     def follow(self, pose: Callable[[float], Float64]) -> None:
         """Lead the hand along T_base_tcp as a function of time [s]. Raises OutOfReach: the arm cannot."""
@@ -144,26 +141,26 @@ def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper, eyes: Reac
     Raises SkillFailure: PATH_BLOCKED and others of `ReachWatch.look`, once the hand rests.
     """
 
-    def opens() -> None:
-        if hold is not None:
-            hold.take_over()
-        gripper.move(gripper.limits.width_max, gripper.limits.speed_max)
-
     if not stream.moved or stream.motion.state is not MotionState.RUNNING:
         yield from stream.rest()
         return
     holds = hold is not None and hold.holds
-    lets_go = hold is not None and not holds
+    lets_go = None if hold is None or holds else partial(_open, hold, gripper)
     if not stream.rises:
         eyes.begin(stream.motion, *stream.way_up(CLEAR, HOVER if lets_go else 0.0), holds=holds)
     try:
         if holds:
             yield from stream.rise(CLEAR, lambda: eyes.look() or "rising with the fruit")
         else:
-            yield from stream.leave(opens if lets_go else None, eyes.look)
+            yield from stream.leave(lets_go, eyes.look)
     except SkillFailure:
         yield from stream.rest()
         raise
+
+
+def _open(hold: Hold, gripper: Gripper) -> None:
+    hold.take_over()
+    gripper.move(gripper.limits.width_max, gripper.limits.speed_max)
 
 
 def inner_robot(arm: Arm) -> RobotModel:

@@ -146,7 +146,7 @@ class Intercept(BeltSkill):
                 return pick, track, grip.width
             if pick.code:
                 raise self.failure(pick.code, f"{pick.reason}; nothing has moved")
-            stream.stand()
+            stream.motion.aim(stream.q)  # it stays where it is
             yield f"waiting: {pick.reason}"
 
     def _carry(self, hold: Hold, eyes: ReachWatch | None = None, tracks: BeltWatch | None = None) -> None:

@@ -47,11 +47,6 @@ class Travel:
             self._states.popleft()
 
     @property
-    def newest(self) -> ConveyorState | None:
-        """The newest measurement."""
-        return self._states[-1] if self._states else None
-
-    @property
     def speed(self) -> float:
         """Present speed [m/s]; 0 without an encoder."""
         return self._states[-1].speed if self._states else 0.0
@@ -88,11 +83,9 @@ class Travel:
         Args:
             fastest: speed that the arm can follow [m/s].
         """
-        newest = self.newest
-        if newest is None:
-            return "the encoder has sent nothing yet"
-        if self._jumped:
-            return self._jumped
+        if not self._states or self._jumped:
+            return self._jumped or "the encoder has sent nothing yet"
+        newest = self._states[-1]
         if now - newest.stamp > SILENCE:
             return f"the encoder sent nothing for {1e3 * (now - newest.stamp):.0f} ms"
         if newest.position - self._states[0].position < -BACKWARDS or newest.speed < -SAME_SPEED:

@@ -52,7 +52,7 @@ def test_without_measurements_a_change_is_as_coarse_as_of_any_encoder() -> None:
 def test_without_an_encoder_nothing_has_travelled() -> None:
     travel = Travel()
     travel.note(None)
-    assert (travel.at(3.0), travel.speed, travel.newest) == (0.0, 0.0, None)
+    assert (travel.at(3.0), travel.speed) == (0.0, 0.0)
 
 
 def test_a_measurement_that_came_before_is_ignored() -> None:
