@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from pomona.applications.conveyor.intercepting import Rise, aim_of
+from pomona.applications.conveyor.intercepting import BRAKES, Rise, aim_of, is_fast
 from pomona.applications.conveyor.reach_watch import ReachWatch
 from pomona.drivers import Arm, BadTrajectory, Gripper, MotionState, SetPoints
 from pomona.executive import Clock, Float64, SkillFailure, Work
@@ -22,6 +22,8 @@ LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 CLEAR = 0.10
 """Height to which a hand rises that has not picked [m]."""
+SLIGHTLY = 1.15
+"""Speed of a joint over its limit that is cut off to the limit [relative]: near the end of the reach."""
 HOVER = 0.35
 """Time for which the hand goes on with the belt while its fingers open [s]: 20 mm at 0.1 m/s and some more."""
 
@@ -65,11 +67,15 @@ class HandStream:
         found = aim_of(self.robot, pose, self.ahead, self.q)
         if found is None:
             raise OutOfReach("the arm reaches no further along the belt in this posture")
+        q, qd = found
+        most = self._arm.limits.velocity
+        if (np.abs(qd) <= SLIGHTLY * most).all():  # it falls behind a little
+            qd = np.clip(qd, -most, most)
         try:
-            self.motion.aim(*found, self.ahead)
+            self.motion.aim(q, qd, self.ahead)
         except BadTrajectory as bad:
             raise OutOfReach(f"the hand would leave the arm's limits: {bad}") from bad
-        self.q = found[0]
+        self.q = q
 
     def way_up(self, height: float, after: float = 0.0) -> tuple[Float64, Float64]:
         """Return postures of a rise, shape (n,) [s] and (n, dof) [rad], as far as the arm reaches.
@@ -78,14 +84,25 @@ class HandStream:
             height: of the rise [m].
             after: time for which the hand goes on as it does before it rises [s].
         """
-        begin, found, on = self.ahead, [self.q], self._pose
+        begin, on = self.ahead, self._pose
         up = self.rises or self._up(height, begin + after)
         times = np.linspace(begin, begin + 0.1 if up is None else up.end, 12 + round(after / 0.05))
-        for t in map(float, times[1:]):
-            T = None if up is None or on is None else on(t) if t < begin + after else up.pose(t)
-            q = None if T is None else nearest_solution(self.robot, T, found[-1])
-            found.append(found[-1] if q is None else q)
-        return times, np.array(found)
+        still = np.tile(self.q, (len(times), 1))
+        if up is None or on is None:
+            return times, still
+        way = self._way(lambda t: on(t) if t < begin + after else up.pose(t), times)
+        still[:] = way[-1]
+        still[: len(way)] = way
+        return times, still
+
+    def _way(self, pose: Callable[[float], Float64], times: Float64) -> Float64:
+        """Return postures from the newest set-point on, as far as the arm reaches, shape (n, dof) [rad]."""
+        found = [self.q]
+        for t in times[1:]:
+            if (q := nearest_solution(self.robot, pose(float(t)), found[-1])) is None:
+                break
+            found.append(q)
+        return np.array(found)
 
     def rise(self, height: float, meanwhile: Callable[[], str | None]) -> Work[None]:
         """Rise from the moving pose, slow down along the belt, and come to rest. `meanwhile` is called in each tick.
@@ -103,11 +120,20 @@ class HandStream:
         yield from self.rest(meanwhile)
 
     def _up(self, height: float, t: float) -> Rise | None:
-        """Return the rise from where the hand is at a time [s]; None if it was not led anywhere."""
+        """Return the rise from where the hand is at a time [s], with the softest brakes for which it lies within reach
+        and the joints' speeds; None if it was not led anywhere.
+        """
         if self._pose is None:
             return None
         T = self._pose(t)
-        return Rise(t, T, (self._pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01, height)
+        velocity = (self._pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01
+        for brakes in BRAKES[is_fast(velocity) :]:
+            up = Rise(t, T, velocity, height, brakes)
+            times = np.linspace(self.ahead, up.end, 12)
+            speeds = np.abs(np.diff(way := self._way(up.pose, times), axis=0)) / (times[1] - times[0])
+            if len(way) == len(times) and (speeds <= self._arm.limits.velocity).all():
+                break
+        return up
 
     def leave(self, opens: Callable[[], object] | None, look: Callable[[], str | None]) -> Work[None]:
         """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest.

@@ -12,7 +12,7 @@ from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.catch import Catch, ready_hand, require_grip, require_motion
 from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, end_pick
-from pomona.applications.conveyor.intercepting import InterceptPlan
+from pomona.applications.conveyor.intercepting import FAST, InterceptPlan
 from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.reach_watch import ReachWatch, prepare_reach_watch
@@ -83,7 +83,8 @@ class Intercept(BeltSkill):
         try:
             tracks.newest_frame = self.clock.now()
             pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
-            settings = grip_settings(contact, mu_uncertainty, target.measured, width, gripper, self.device(ForceSensor))
+            fast, sensor = tracks.travel.speed > FAST, self.device(ForceSensor)
+            settings = grip_settings(contact, mu_uncertainty, target.measured, width, gripper, sensor, fast)
             catch = Catch(pick, track, tracks, stream, self.failure)
             eyes.begin(stream.motion, pick.times, pick.postures)
             while catch.reaches(self.clock.now()):
@@ -91,7 +92,7 @@ class Intercept(BeltSkill):
                 ahead = eyes.look()
                 catch.reach()
                 yield ahead or f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
-            hold = Hold(gripper, self.device(ForceSensor), GripController(settings), self.clock.now).under(gripper)
+            hold = Hold(gripper, sensor, GripController(settings), self.clock.now).under(gripper)
             try:
                 while hold.phase is not GripPhase.HOLDING:
                     self.look(tracks, search=False)

@@ -17,7 +17,8 @@ from pomona.executive import SkillEnd, SkillFailure, drive
 from pomona.skills import TAKEN, LiveWatch
 from pomona.skills.grip.closing import PickTouches
 from pomona.skills.grip.hold import current_hold
-from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
+from pomona.tools.mock import MockArm
+from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig, workspace
 from tests.skills.overhead import Overhead
 
 
@@ -72,6 +73,31 @@ def test_a_fruit_is_gripped_on_the_belt_and_lifted_and_the_hand_rests(speed: flo
     assert belts[0].lines
     assert belts[-1] is TAKEN  # the fruit is drawn no more where it lay
     within_limits(rig)
+
+
+@pytest.mark.parametrize("speed", [0.4, 0.5])
+def test_a_fruit_on_a_fast_belt_is_gripped_from_the_watch_pose_upstream(speed: float) -> None:
+    rig = BeltRig(speed, along=-0.57)
+    rig.arm = MockArm(rig.clock, workspace().poses["watch_2"])
+    end = rig.intercept()
+    assert end.status is Status.SUCCESS, end.reason
+    assert rests_above_the_belt(rig, end)
+    assert rig.height == pytest.approx(0.15, abs=5e-3)
+    assert end.outputs["hold"].holds
+
+
+def test_times_that_differ_count_by_the_speed_of_the_belt() -> None:
+    codes = []
+    for innovation in (9.0, 25.0):  # of 6 up to 0.3 m/s: 16.7
+        rig = BeltRig(0.5, along=-0.57)
+        rig.arm = MockArm(rig.clock, workspace().poses["watch_2"])
+
+        def differ(rig: BeltRig = rig, innovation: float = innovation) -> None:
+            rig.watch.alter = lambda track: replace(track, innovation=innovation, hits=40)
+
+        end = drive_until(rig, "reaching", differ)
+        codes.append("" if end.reason is None else end.reason.code)
+    assert codes == ["", "POSE_MISMATCH"]
 
 
 def test_the_hand_is_beside_the_fruit_to_a_millimetre_while_the_fingers_close() -> None:
