@@ -188,7 +188,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200, help="fruit at each speed")
     parser.add_argument("--seed", type=int, default=1000, help="of the first cell")
     parser.add_argument("--cell", default="conveyor", help="cell file with a conveyor")
-    parser.add_argument("--watch", default="watch", help="pose that the arm watches from: watch_2 from 0.4 m/s on")
+    parser.add_argument("--watch", default="watch", help="pose that the arm watches from: watch_2 from 0.45 m/s on")
     parser.add_argument("--set", nargs="*", default=[], help="options of the cell: fruit=apple_4")
     options = parser.parse_args()
     settings = dict(each.split("=", 1) for each in options.set)
