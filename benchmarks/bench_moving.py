@@ -26,6 +26,7 @@ from pomona.drivers import (
     Arm,
     Camera,
     Cameras,
+    Carrier,
     Cell,
     DriverError,
     ForceSensor,
@@ -86,15 +87,18 @@ class BeltOutcomes:
 class Bench:
     """One cell with a running belt."""
 
-    def __init__(self, cell: str, speed: float, seed: int, settings: Mapping[str, str]) -> None:
+    def __init__(self, cell: str, speed: float, seed: int, settings: Mapping[str, str], watch: str = "watch") -> None:
         self.cell: Cell = load_cell(find_cell(cell), seed=seed, overrides={"belt": f"{speed} m/s", **settings})
-        wanted = (Arm, StreamedArm, Gripper, ForceSensor, Camera, Cameras, Workspace, Conveyor)
+        wanted = (Arm, StreamedArm, Gripper, ForceSensor, Camera, Cameras, Workspace, Conveyor, Carrier)
         self.devices: dict[type, object] = {interface: self.cell.device(interface) for interface in wanted}
         world = self.cell.devices["world"]
         assert isinstance(world, ConveyorWorld)
         self.world = world
+        self.watch: np.ndarray = self.cell.device(Workspace).poses[watch]
         self.set_off: float | None = None  # when the hand set off for its fruit [s]
         self.kind = world.built.fruits[0].model.name
+        if watch != "watch":
+            self._put_away([])
         began = self.drive(Track(), fruit=self.kind)
         if began.reason is not None:
             raise SystemExit(f"{speed:4.2f} m/s: {began.reason.message}")
@@ -141,10 +145,9 @@ class Bench:
             self.world.give_back(number)
         self.cell.device(Gripper).move(0.1, 0.2)
         self._run(0.6)
-        watch = self.cell.device(Workspace).poses["watch"]
         motion = self.cell.device(StreamedArm).stream(0.3)
-        while np.abs(self.cell.device(Arm).state().q - watch).max() > 1e-3:
-            motion.aim(watch)
+        while np.abs(self.cell.device(Arm).state().q - self.watch).max() > 1e-3:
+            motion.aim(self.watch)
             self._run(TICK)
         motion.stop()
         while not motion.settled:
@@ -156,11 +159,13 @@ class Bench:
             self.cell.check()
 
 
-def run(cell: str, speed: float, count: int, seed: int, settings: Mapping[str, str]) -> BeltOutcomes:
+def run(
+    cell: str, speed: float, count: int, seed: int, settings: Mapping[str, str], watch: str = "watch"
+) -> BeltOutcomes:
     """Try `count` reachable fruit, and those of the last cell, at a speed [m/s]."""
     tried, number = BeltOutcomes(), 0
     while tried.reachable < count:
-        bench = Bench(cell, speed, seed + number, settings)
+        bench = Bench(cell, speed, seed + number, settings, watch)
         number += 1
         try:
             for _ in range(FRUIT_A_CELL):
@@ -183,11 +188,12 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200, help="fruit at each speed")
     parser.add_argument("--seed", type=int, default=1000, help="of the first cell")
     parser.add_argument("--cell", default="conveyor", help="cell file with a conveyor")
+    parser.add_argument("--watch", default="watch", help="pose that the arm watches from: watch_2 from 0.45 m/s on")
     parser.add_argument("--set", nargs="*", default=[], help="options of the cell: fruit=apple_4")
     options = parser.parse_args()
     settings = dict(each.split("=", 1) for each in options.set)
-    lines = [run(options.cell, each, options.count, options.seed, settings).line(each) for each in options.speeds]
-    print("\n".join(lines))
+    for each in options.speeds:
+        print(run(options.cell, each, options.count, options.seed, settings, options.watch).line(each), flush=True)
 
 
 if __name__ == "__main__":

@@ -90,6 +90,8 @@ ROBOT = slice(0, 8)
 ENDLESS = 600.0
 """Time on the run's clock after its fault at which a case is given up [s]: a pause of a minute, or an arm at a tenth of
 its speed, takes less."""
+GIVES_UP = frozenset({"letting the fruit go", "rising without the fruit", "rising with the fruit"})
+"""Feedback of a skill that has noticed a fault, and fails once the hand is up: Intercept's."""
 HANGS = 1200.0
 """Processor time of a case after which it is given up [s]: the run's clock stands."""
 
@@ -118,7 +120,7 @@ class CaseWatcher:
         self.events: list[Event] = []
         self.began_at: dict[str, float] = {"": 0.0}
         """When each node began, by its name; the run itself has none."""
-        self.safe_at = self.failed_at = self.shows_at = self.rested_at = np.nan
+        self.safe_at = self.failed_at = self.shows_at = self.rested_at = self.gave_up_at = np.nan
         self.peak = 0.0
         self.width_held: float | None = None
         self.widest = -np.inf
@@ -184,6 +186,8 @@ class CaseWatcher:
             if event.status == "RUNNING":
                 self.leftovers.remember(event.path)
                 self.began_at.setdefault(node, now)
+            if event.feedback in GIVES_UP and self.injected and np.isnan(self.gave_up_at):
+                self.gave_up_at = now
             ends = not self.truth.failing or node in self.truth.failing
             if event.status == "FAILURE" and np.isnan(self.failed_at) and self.injected and ends:
                 self.failed_at = now
@@ -265,6 +269,10 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
         return
     ended = np.fmin(watcher.safe_at, watcher.failed_at) if case.ends == "failure" else watcher.safe_at
     verdict.noticed = float(ended - np.fmin(watcher.shows_at, ended))  # some show before they must
+    if case.notices is not None:
+        verdict.gave_up = float(np.nanmin([watcher.gave_up_at, watcher.safe_at, np.inf]) - watcher.shows_at)
+        if verdict.gave_up > case.notices + 1e-9:
+            wrong.append(f"given up after {1e3 * verdict.gave_up:.0f} ms, not within {1e3 * case.notices:.0f} ms")
     if case.ends == "harmless":
         if result.outcome == "success" and truth.claimed is not True and not truth.may_end_empty:
             wrong.append("FALSE SUCCESS: no claim was true")

@@ -41,6 +41,8 @@ class Case:
         lasts: seconds until the fault goes by itself; infinite for good.
         spoils: the fruit may fall, or be pressed: no program can stop what this fault does.
         says: a word that the reason must contain.
+        notices: seconds from there within which a skill gives up what it does, or the safe state begins; its failure
+            may come later, once the hand has risen. None: whenever.
     """
 
     switch: str
@@ -52,6 +54,7 @@ class Case:
     lasts: float = np.inf
     spoils: bool = False
     says: str = ""
+    notices: float | None = None
 
     @property
     def device(self) -> str:
@@ -69,6 +72,7 @@ class CaseVerdict:
 
     Attributes:
         noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN without either.
+        gave_up: the same to a skill that gives up what it does, where the row says when it must [s].
         rested: from the safe state to an arm that stands [s].
         peak: the largest force of both pads together, on the wall of one pad on an apple [N].
         contact: the largest force between the robot and the table, a fruit or a fixed thing [N], and its name.
@@ -79,6 +83,7 @@ class CaseVerdict:
     outcome: str = ""
     reason: str = ""
     noticed: float = np.nan
+    gave_up: float = np.nan
     rested: float = np.nan
     peak: float = 0.0
     contact: tuple[float, str] = (0.0, "")
@@ -110,18 +115,21 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
             raise ValueError(f"{row['fault']}: a run ends {', '.join(ENDS)}, not {row['ends']}")
         within = TIME(row["within"]) if "within" in row else np.inf
         lasts = TIME(row["lasts"]) if "lasts" in row else np.inf
-        said = row["ends"], within, row.get("shows", ""), lasts, row.get("spoils", False), row.get("says", "")
+        notices = TIME(row["notices"]) if "notices" in row else None
+        said = row["ends"], within, row.get("shows", ""), lasts, row.get("spoils", False), row.get("says", ""), notices
         cases += [Case(switch, kind, phases[name], *said) for name in names]
     return cases
 
 
 def report(verdicts: Sequence[CaseVerdict]) -> str:
     """Case by case, then each row of the table with its deadline, the median and the worst, then the sums."""
-    lines = [f"{'fault':26}{'phase':13}{'ended':9}{'noticed':>9}{'rest':>9}{'peak N':>8}{'contact N':>11}  "]
+    lines = [
+        f"{'fault':26}{'phase':13}{'ended':9}{'noticed':>9}{'gave up':>9}{'rest':>9}{'peak N':>8}{'contact N':>11}  "
+    ]
     for v in verdicts:
         said = "WRONG " + "; ".join(v.wrong) + " – " if v.wrong else ""
         lines.append(
-            f"{v.case.name:26}{v.case.phase.name:13}{v.outcome:9}{_ms(v.noticed):>9}{_ms(v.rested):>9}"
+            f"{v.case.name:26}{v.case.phase.name:13}{v.outcome:9}{_ms(v.noticed):>9}{_ms(v.gave_up):>9}{_ms(v.rested):>9}"
             f"{v.peak:8.1f}{v.contact[0]:11.1f}  {said}{v.reason}"[:240]
         )
     rows: dict[tuple[str, str, float], list[CaseVerdict]] = {}

@@ -10,6 +10,7 @@ import numpy as np
 from pomona.drivers.interfaces import Cameras, Frame, Intrinsics, PathWatchSettings, Workspace
 from pomona.executive.clock import Clock
 from pomona.skills.geometry import inverse, rot_y, transform
+from pomona.tools.mock import MockArm
 from tests.skills.picking_scene import TABLE_Z, PickingScene
 
 LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)
@@ -87,6 +88,22 @@ class Overhead:
         self.frames += 1
         now = self.clock.now()
         return untrue_frame(now, self.untrue) if self.untrue else frame(now, *self.balls)
+
+
+class BeltBeside:
+    """Something that carries things to where an arm is.
+
+    Attributes:
+        stopped: at each stop, whether the arm had come to rest by then.
+    """
+
+    def __init__(self, arm: MockArm) -> None:
+        self.stopped: list[bool] = []
+        self._arm = arm
+
+    def stop(self) -> bool:
+        self.stopped.append(self._arm.settled())
+        return True
 
 
 def watched(scene: PickingScene) -> tuple[dict[type, object], Overhead]:

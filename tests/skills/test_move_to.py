@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import Arm, Box, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, Box, Carrier, Gripper, Workspace
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform
@@ -14,7 +14,7 @@ from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.move_to import MoveTo
 from pomona.skills.shared.moving import named_pose
 from tests.skills.motion.planning.test_arm_space import GOAL as UPRIGHT, tilts
-from tests.skills.overhead import comes_near, watched
+from tests.skills.overhead import BeltBeside, comes_near, watched
 from tests.skills.picking_scene import (
     HOME,
     OBSERVE,
@@ -195,13 +195,15 @@ def test_a_fruit_that_the_map_leaves_out_is_avoided():
     assert world.check_path(np.array([HOME, OBSERVE]), scene.width) is not None
 
 
-def test_an_approaching_object_in_view_stops_the_arm():
+def test_an_approaching_object_in_view_stops_the_arm_and_in_the_same_moment_a_belt():
     scene = PickingScene()
     devices, camera = watched(scene)
+    belt = devices[Carrier] = BeltBeside(scene.arm)
     come = comes_near(scene, camera)
     outcome = drive(MoveTo(), {"pose": "home"}, devices, clock=scene.clock, each_tick=come)
     assert outcome.reason.code == "PATH_BLOCKED"
     assert scene.arm.settled()
+    assert belt.stopped == [False]
 
 
 @pytest.mark.parametrize("code", ["POSE_MISMATCH", "DEPTH_MISMATCH"])

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import Hand, MotionState
+from pomona.drivers.interfaces import Carrier, Hand, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.lines import STEP
 from pomona.skills.release import BESIDE, Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.hand import spring_fruit
-from tests.skills.overhead import comes_near, watched
+from tests.skills.overhead import BeltBeside, comes_near, watched
 from tests.skills.picking_scene import HOME, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 
 
@@ -487,13 +487,15 @@ def test_an_unknown_support_is_met_no_faster_than_the_arm_can_stop():
     assert scene.gripper.moves == []
 
 
-def test_an_approaching_object_in_view_stops_the_arm():
+def test_an_approaching_object_in_view_stops_the_arm_and_in_the_same_moment_a_belt():
     scene = over_ground(None)
     devices, camera = watched(scene)
+    belt = devices[Carrier] = BeltBeside(scene.arm)
     come = comes_near(scene, camera)
     outcome = drive(Release(), {"into": "home"}, devices, clock=scene.clock, each_tick=come)
     assert outcome.reason.code == "PATH_BLOCKED"
     assert scene.arm.settled()
+    assert belt.stopped == [False]
 
 
 @pytest.mark.parametrize("code", ["POSE_MISMATCH", "DEPTH_MISMATCH"])

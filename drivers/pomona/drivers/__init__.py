@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         Box as Box,
         Camera as Camera,
         Cameras as Cameras,
+        Carrier as Carrier,
         DepthCamera as DepthCamera,
         ForceSensor as ForceSensor,
         Frame as Frame,
@@ -138,9 +139,9 @@ PUBLIC = {
     "gripper_supervisor": "GripperMotion GripperSupervision GripperSupervisor allowed_speed require_move",
     "hold_watch": "HandMemory HandRecord may_hold",
     "interfaces": (
-        "Arm ArmLimits ArmState Box Camera Cameras DepthCamera ForceSensor Frame FrameSequence FruitKinds Gripper "
-        "GripperLimits GripperState HandTask Hands Hull Intrinsics LoadSensor Motion MotionState PathWatchSettings "
-        "PressSensor SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample WrenchSensor"
+        "Arm ArmLimits ArmState Box Camera Cameras Carrier DepthCamera ForceSensor Frame FrameSequence FruitKinds "
+        "Gripper GripperLimits GripperState HandTask Hands Hull Intrinsics LoadSensor Motion MotionState PressSensor "
+        "PathWatchSettings SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample WrenchSensor"
     ),
     "motion_supervisor": "Supervision",
     "path_arm": "AT_REST PathArm SetPointStream StreamingArm words",

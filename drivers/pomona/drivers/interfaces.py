@@ -115,6 +115,14 @@ class Cameras:
 
 
 @runtime_checkable
+class Carrier(Protocol):
+    """Carries things into the cell, as a belt does; where the watch of a motion stops the arm, it stops as well."""
+
+    def stop(self) -> bool:
+        """Stop as in the safe state; False where no program can. Needs no owner. Raises StopFailed: it may run on."""
+
+
+@runtime_checkable
 class FrameSequence(Protocol):
     """A camera that shows recorded frames one after the other; `Camera.latest` gives the one that is shown."""
 

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import ClassVar
 
 from pomona.applications.conveyor.belt_view import belt_scene, belt_table
 from pomona.applications.conveyor.belt_watch import BeltWatch
-from pomona.applications.conveyor.conveyor import Conveyor
+from pomona.applications.conveyor.conveyor import FASTEST, Conveyor
 from pomona.drivers import Arm, Camera, Cameras, Frame, FrameUnreadable
 from pomona.executive import Float64, Skill
 from pomona.skills.motion import RobotModel
 from pomona.skills.perception import DetectError
 
-STALE = 0.5
-"""Age of the newest frame from which the belt is not seen [s]."""
 SHOWN_EVERY = 0.2
 """Time between two views of the belt [s]."""
-FASTEST = 0.5
-"""Speed of a belt up to which the arm was tried [m/s]."""
 
 BELT_FAILURES = ("NO_FRAME", "STALE_FRAME", "ENCODER_FAULT")
 """Codes of every skill that looks at a belt."""
@@ -51,6 +48,13 @@ class BeltSkill(Skill):
 
         return pose
 
+    def require_frames(self, watch: BeltWatch) -> None:
+        """Fail when the camera has stopped, while nothing is followed."""
+        with suppress(FrameUnreadable):
+            watch.note_frame(self.eye(), self.clock.now())
+        if problem := watch.problem(self.clock.now()):
+            raise self.failure("STALE_FRAME", problem)
+
     def look(self, watch: BeltWatch, search: bool, meeting: tuple[float, Float64] | None = None) -> None:
         """Keep the tracks up, in each tick, and show them; fails when camera or encoder do not.
 
@@ -67,5 +71,5 @@ class BeltSkill(Skill):
             self.publish("fruit", belt_table(watch, now))
         if watch.tracks.encoder and (problem := watch.travel.problem(now, FASTEST)):
             raise self.failure("ENCODER_FAULT", problem)
-        if now - watch.newest_frame > STALE:
-            raise self.failure("STALE_FRAME", f"no new frame for {1e3 * STALE:.0f} ms")
+        if problem := watch.problem(now):
+            raise self.failure("STALE_FRAME", problem)

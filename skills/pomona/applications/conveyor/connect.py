@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from pomona.applications.conveyor.belt_model import build_belt_model, waiting_place
-from pomona.applications.conveyor.conveyor import Belt
+from pomona.applications.conveyor.conveyor import FASTEST, BeltPlace
 from pomona.applications.conveyor.devices import SimConveyor
+from pomona.applications.conveyor.reach_watch import unseen_people
 from pomona.applications.conveyor.world import ConveyorWorld, Feed
 from pomona.drivers import ConnectContext, FruitKinds, Settings, Surroundings, UnusableRobotFile, driver, read_limits
 from pomona.executive import (
@@ -41,22 +42,16 @@ from pomona.tools.simulation import (
     read_robot,
 )
 
-FASTEST = 0.5
-"""Speed of a belt up to which the simulated one is checked: tests/skills/applications/conveyor/test_world.py [m/s]."""
 TILT = 0.1
 """Largest tilt of a stem when a fruit is put on the belt [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConveyorOptions:
+class ConveyorOptions(BeltPlace):
     """A belt beside a robot, and the fruit that comes on it."""
 
     robot: Path = value(PathTo("file"), help="MJCF of the robot")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
-    beside: float = value(Measure(LENGTH, "-2 m", "2 m"), help="of the belt's middle line in the base frame, y")
-    top: float = value(Measure(LENGTH, "-1 m", "1 m"), help="height of the belt's surface in the base frame")
-    width: float = value(Measure(LENGTH, "100 mm", "1 m"), "240 mm", "of the belt")
-    length: float = value(Measure(LENGTH, "1 m", "4 m"), "1.8 m", "of the belt, its middle before the robot")
     speed: float = value(Measure(SPEED, "0 m/s", f"{FASTEST} m/s"), "0.15 m/s", "of the belt, towards +x")
     gap: tuple[float, float] = value(
         Span(Measure(LENGTH, "0 m", "3 m")), "200 mm..450 mm", "between fruit along the belt"
@@ -74,13 +69,6 @@ class ConveyorOptions:
     torsion: float = value(Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding")
     intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
 
-    @property
-    def belt(self) -> Belt:
-        """Where the belt runs."""
-        T = np.eye(4)
-        T[:3, 3] = 0.0, self.beside, self.top
-        return Belt(T, self.length, self.width)
-
     def problems(self) -> Iterator[Problem]:
         try:
             read_robot(self.robot)
@@ -96,6 +84,8 @@ class ConveyorOptions:
         poses = around.workspace.poses if around.workspace else {}
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
+        if self.intruder is not None:
+            yield from unseen_people(around, "intruder")
 
     def known(self) -> Iterator[object]:
         yield read_limits(self.robot)

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from pomona.executive import Float64, ReadOnly
+import numpy as np
+
+from pomona.drivers import Carrier
+from pomona.executive import LENGTH, Float64, Measure, ReadOnly, value
+
+FASTEST = 0.5
+"""Speed of a belt up to which the arm was tried and the simulated one is checked [m/s]."""
+SILENCE = 0.15
+"""Age of an encoder's newest measurement from which it is lost [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +40,23 @@ class Belt(ReadOnly):
         return self.T_base_belt[:3, 0]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeltPlace:
+    """Options of a cell file: where a belt runs, along x of the base frame."""
+
+    beside: float = value(Measure(LENGTH, "-2 m", "2 m"), help="of the belt's middle line in the base frame, y")
+    top: float = value(Measure(LENGTH, "-1 m", "1 m"), help="height of the belt's surface in the base frame")
+    width: float = value(Measure(LENGTH, "100 mm", "1 m"), "240 mm", "of the belt")
+    length: float = value(Measure(LENGTH, "1 m", "4 m"), "1.8 m", "of the belt, its middle before the robot")
+
+    @property
+    def belt(self) -> Belt:
+        """Where the belt runs."""
+        T = np.eye(4)
+        T[:3, 3] = 0.0, self.beside, self.top
+        return Belt(T, self.length, self.width)
+
+
 @dataclass(frozen=True, slots=True)
 class ConveyorState:
     """Measurements of a belt's encoder: at `stamp` [s] it has travelled `position` [m] and moves at `speed` [m/s]."""
@@ -42,8 +67,8 @@ class ConveyorState:
 
 
 @runtime_checkable
-class Conveyor(Protocol):
-    """A belt with an encoder."""
+class Conveyor(Carrier, Protocol):
+    """A belt with an encoder. The line's own control starts it again after a stop."""
 
     @property
     def belt(self) -> Belt:
@@ -52,8 +77,6 @@ class Conveyor(Protocol):
     def travelled(self) -> ConveyorState | None:
         """Return the newest measurement, or None before the first. Never waits; the caller judges the stamp's age."""
 
-    def stop(self) -> bool:
-        """Stop the belt as the safe state does; return False where the program cannot. It needs no ownership.
 
-        The line's own control starts it again. Raises StopFailed: it may run on.
-        """
+BELT = (Conveyor, Carrier)
+"""Interfaces of a belt's device."""

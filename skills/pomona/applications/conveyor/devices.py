@@ -1,23 +1,18 @@
-"""Belts behind the interface: the simulated one with its faults, and one for tests without a world."""
+"""The simulated belt behind the interface, with its faults."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
+from pomona.applications.conveyor.conveyor import BELT, SILENCE, ConveyorState
 from pomona.applications.conveyor.world import ConveyorWorld
-from pomona.drivers import Device, DeviceLost
-from pomona.executive import Clock
+from pomona.drivers import DeviceLost
 from pomona.tools.simulation import FaultyDevice
 
 COUNT = 1e-4
 """Travel of one count of the encoder [m]: a wheel of 200 mm with 2000 counts a turn."""
 OVER = 0.1
 """Time over which the encoder's speed is measured [s]."""
-SILENCE = 0.2
-"""Age of the encoder's newest value from which the belt is lost [s]."""
 WRONG = 1.1
 """Factor on the travel with the fault wrong_scale."""
 CREEP = 0.05
@@ -33,7 +28,7 @@ class SimConveyor(FaultyDevice):
     encoder `lost`, `backwards`, `wrong_scale` (a tenth more than the truth).
     """
 
-    interfaces = (Conveyor,)
+    interfaces = BELT
     known_faults = ("stop", "jump", "creep", "lost", "backwards", "wrong_scale")
 
     def __init__(self, world: ConveyorWorld) -> None:
@@ -83,8 +78,7 @@ class SimConveyor(FaultyDevice):
     def _count(self) -> None:
         now = self._world.clock.now()
         if self.fault == "creep" and not self._stopped:
-            least = 0.1 * self._usual
-            self._world.wanted_speed = max(least, self._world.wanted_speed - CREEP * 0.002)
+            self._world.wanted_speed = max(0.1 * self._usual, self._world.wanted_speed - CREEP * 0.002)
         if self.fault == "lost" or now - self._counted[-1][0] < 0.0099:
             return
         scale = {"backwards": -1.0, "wrong_scale": WRONG}.get(self.fault or "", 1.0)
@@ -92,28 +86,3 @@ class SimConveyor(FaultyDevice):
         self._counted.append((now, position))
         while now - self._counted[0][0] > OVER + 1e-9:
             self._counted.pop(0)
-
-
-class MockConveyor(Device):
-    """A belt that runs by a function of time.
-
-    Attributes:
-        travel: position at a time; replace it to script the belt.
-        silent_from: time from which the encoder sends nothing more [s].
-    """
-
-    interfaces = (Conveyor,)
-
-    def __init__(self, clock: Clock, belt: Belt, speed: float = 0.15) -> None:
-        super().__init__("conveyor")
-        self.belt = belt
-        self.travel: Callable[[float], float] = lambda t: speed * t
-        self.silent_from = np.inf
-        self._clock = clock
-
-    def travelled(self) -> ConveyorState | None:
-        now = min(self._clock.now(), self.silent_from)
-        return ConveyorState(now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER)
-
-    def stop(self) -> bool:
-        return False

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
-from pomona.applications.conveyor.intercepting import Rise, aim_of
+from pomona.applications.conveyor.intercepting import BRAKES, Rise, aim_of, is_fast
+from pomona.applications.conveyor.reach_watch import ReachWatch
 from pomona.drivers import Arm, BadTrajectory, Gripper, MotionState, SetPoints
-from pomona.executive import Clock, Float64, Work
+from pomona.executive import Clock, Float64, SkillFailure, Work
 from pomona.skills.grip import Hold
 from pomona.skills.motion import RobotModel, nearest_solution
 
@@ -20,6 +22,8 @@ LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 CLEAR = 0.10
 """Height to which a hand rises that has not picked [m]."""
+SLIGHTLY = 1.15
+"""Speed of a joint over its limit that is cut off to the limit [relative]: near the end of the reach."""
 HOVER = 0.35
 """Time for which the hand goes on with the belt while its fingers open [s]: 20 mm at 0.1 m/s and some more."""
 
@@ -33,7 +37,7 @@ class HandStream:
 
     Attributes:
         motion: the streamed motion; q: joints of the newest set-point, shape (dof,) [rad].
-        moved: whether it was led anywhere.
+        moved: whether it was led anywhere; rises: its way up, once it has begun.
     """
 
     def __init__(self, arm: Arm, motion: SetPoints, clock: Clock) -> None:
@@ -42,6 +46,7 @@ class HandStream:
         self.q: Float64 = arm.state().q.copy()
         self._arm, self._clock = arm, clock
         self._pose: Callable[[float], Float64] | None = None
+        self.rises: Rise | None = None
 
     @property
     def ahead(self) -> float:
@@ -56,37 +61,55 @@ class HandStream:
         p = self.robot.tcp(self._arm.state().q)[:3, 3]
         return float(np.linalg.norm(p - self._pose(self._clock.now())[:3, 3]))
 
-    def stand(self) -> None:
-        """Stay where it is for another moment."""
-        self.motion.aim(self.q)
-
     def follow(self, pose: Callable[[float], Float64]) -> None:
         """Lead the hand along T_base_tcp as a function of time [s]. Raises OutOfReach: the arm cannot."""
         self._pose, self.moved = pose, True
         found = aim_of(self.robot, pose, self.ahead, self.q)
         if found is None:
             raise OutOfReach("the arm reaches no further along the belt in this posture")
+        q, qd = found
+        most = self._arm.limits.velocity
+        if (np.abs(qd) <= SLIGHTLY * most).all():  # it falls behind a little
+            qd = np.clip(qd, -most, most)
         try:
-            self.motion.aim(*found, self.ahead)
+            self.motion.aim(q, qd, self.ahead)
         except BadTrajectory as bad:
             raise OutOfReach(f"the hand would leave the arm's limits: {bad}") from bad
-        self.q = found[0]
+        self.q = q
 
-    def way_up(self, height: float) -> tuple[Float64, Float64]:
-        """Return postures of a rise that begins now, shape (n,) [s] and (n, dof) [rad], as far as the arm reaches."""
-        up, found = self._up(height), [self.q]
-        times = np.linspace(self.ahead, self.ahead + 0.1 if up is None else up.end, 12)
+    def way_up(self, height: float, after: float = 0.0) -> tuple[Float64, Float64]:
+        """Return postures of a rise, shape (n,) [s] and (n, dof) [rad], as far as the arm reaches.
+
+        Args:
+            height: of the rise [m].
+            after: time for which the hand goes on as it does before it rises [s].
+        """
+        begin, on = self.ahead, self._pose
+        up = self.rises or self._up(height, begin + after)
+        times = np.linspace(begin, begin + 0.1 if up is None else up.end, 12 + round(after / 0.05))
+        still = np.tile(self.q, (len(times), 1))
+        if up is None or on is None:
+            return times, still
+        way = self._way(lambda t: on(t) if t < begin + after else up.pose(t), times)
+        still[:] = way[-1]
+        still[: len(way)] = way
+        return times, still
+
+    def _way(self, pose: Callable[[float], Float64], times: Float64) -> Float64:
+        """Return postures from the newest set-point on, as far as the arm reaches, shape (n, dof) [rad]."""
+        found = [self.q]
         for t in times[1:]:
-            q = None if up is None else nearest_solution(self.robot, up.pose(float(t)), found[-1])
-            found.append(found[-1] if q is None else q)
-        return times, np.array(found)
+            if (q := nearest_solution(self.robot, pose(float(t)), found[-1])) is None:
+                break
+            found.append(q)
+        return np.array(found)
 
     def rise(self, height: float, meanwhile: Callable[[], str | None]) -> Work[None]:
         """Rise from the moving pose, slow down along the belt, and come to rest. `meanwhile` is called in each tick.
 
-        Where the arm reaches no further it comes to rest at once.
+        Where the arm reaches no further it comes to rest at once. A rise that has begun goes on as it is.
         """
-        up = self._up(height)
+        up = self.rises = self.rises or self._up(height, self.ahead)
         if up is not None:
             while self._clock.now() < up.end and self.motion.state is MotionState.RUNNING:
                 try:
@@ -96,16 +119,27 @@ class HandStream:
                 yield meanwhile() or "rising"
         yield from self.rest(meanwhile)
 
-    def _up(self, height: float) -> Rise | None:
-        """Return the rise from where the hand is now; None if it was not led anywhere."""
+    def _up(self, height: float, t: float) -> Rise | None:
+        """Return the rise from where the hand is at a time [s], with the softest brakes for which it lies within reach
+        and the joints' speeds; None if it was not led anywhere.
+        """
         if self._pose is None:
             return None
-        t = self.ahead
         T = self._pose(t)
-        return Rise(t, T, (self._pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01, height)
+        velocity = (self._pose(t + 0.01)[:3, 3] - T[:3, 3]) / 0.01
+        for brakes in BRAKES[is_fast(velocity) :]:
+            up = Rise(t, T, velocity, height, brakes)
+            times = np.linspace(self.ahead, up.end, 12)
+            speeds = np.abs(np.diff(way := self._way(up.pose, times), axis=0)) / (times[1] - times[0])
+            if len(way) == len(times) and (speeds <= self._arm.limits.velocity).all():
+                break
+        return up
 
-    def leave(self, opens: Callable[[], object] | None) -> Work[None]:
-        """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest."""
+    def leave(self, opens: Callable[[], object] | None, look: Callable[[], str | None]) -> Work[None]:
+        """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest.
+
+        `look` is called in each tick.
+        """
         pose, began = self._pose, self._clock.now()
         if opens is not None and pose is not None:
             opens()
@@ -114,8 +148,9 @@ class HandStream:
                     self.follow(pose)
                 except OutOfReach:
                     break
+                look()
                 yield "letting the fruit go"
-        yield from self.rise(CLEAR, lambda: "rising without the fruit")
+        yield from self.rise(CLEAR, lambda: look() or "rising without the fruit")
 
     def rest(self, meanwhile: Callable[[], str | None] = lambda: None) -> Work[None]:
         """Come to rest."""
@@ -124,23 +159,34 @@ class HandStream:
             yield meanwhile() or "coming to rest"
 
 
-def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper) -> Work[None]:
+def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper, eyes: ReachWatch) -> Work[None]:
     """Rise and rest after a pick that failed or was interrupted: with the fruit if it is held, else with open fingers.
 
     Without a running motion the hand comes to rest where it is.
-    """
 
-    def opens() -> None:
-        if hold is not None:
-            hold.take_over()
-        gripper.move(gripper.limits.width_max, gripper.limits.speed_max)
+    Raises SkillFailure: PATH_BLOCKED and others of `ReachWatch.look`, once the hand rests.
+    """
 
     if not stream.moved or stream.motion.state is not MotionState.RUNNING:
         yield from stream.rest()
-    elif hold is not None and hold.holds:
-        yield from stream.rise(CLEAR, lambda: None)
-    else:
-        yield from stream.leave(None if hold is None else opens)
+        return
+    holds = hold is not None and hold.holds
+    lets_go = None if hold is None or holds else partial(_open, hold, gripper)
+    if not stream.rises:
+        eyes.begin(stream.motion, *stream.way_up(CLEAR, HOVER if lets_go else 0.0), holds=holds)
+    try:
+        if holds:
+            yield from stream.rise(CLEAR, lambda: eyes.look() or "rising with the fruit")
+        else:
+            yield from stream.leave(lets_go, eyes.look)
+    except SkillFailure:
+        yield from stream.rest()
+        raise
+
+
+def _open(hold: Hold, gripper: Gripper) -> None:
+    hold.take_over()
+    gripper.move(gripper.limits.width_max, gripper.limits.speed_max)
 
 
 def inner_robot(arm: Arm) -> RobotModel:

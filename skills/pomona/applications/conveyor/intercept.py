@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
 from typing import Annotated, ClassVar
 
@@ -11,12 +12,12 @@ from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.catch import Catch, ready_hand, require_grip, require_motion
 from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, end_pick
-from pomona.applications.conveyor.intercepting import InterceptPlan
+from pomona.applications.conveyor.intercepting import FAST, InterceptPlan
 from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.reach_watch import ReachWatch, prepare_reach_watch
 from pomona.applications.conveyor.tracks import FruitTrack
-from pomona.drivers import Arm, Camera, Cameras, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
+from pomona.drivers import Arm, Camera, Cameras, Carrier, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
 from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
 from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, show_grip
 from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
@@ -39,7 +40,7 @@ class Intercept(BeltSkill):
     """
 
     devices = (Camera, Conveyor, Arm, StreamedArm, Gripper, ForceSensor, Workspace)
-    optional_devices: ClassVar[tuple[type, ...]] = (Cameras,)
+    optional_devices: ClassVar[tuple[type, ...]] = (Cameras, Carrier)
     moves = (Arm, StreamedArm, Gripper)
     failures = (
         *MOTION_FAILURES,
@@ -82,7 +83,8 @@ class Intercept(BeltSkill):
         try:
             tracks.newest_frame = self.clock.now()
             pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
-            settings = grip_settings(contact, mu_uncertainty, target.measured, width, gripper, self.device(ForceSensor))
+            fast, sensor = tracks.travel.speed > FAST, self.device(ForceSensor)
+            settings = grip_settings(contact, mu_uncertainty, target.measured, width, gripper, sensor, fast)
             catch = Catch(pick, track, tracks, stream, self.failure)
             eyes.begin(stream.motion, pick.times, pick.postures)
             while catch.reaches(self.clock.now()):
@@ -90,7 +92,7 @@ class Intercept(BeltSkill):
                 ahead = eyes.look()
                 catch.reach()
                 yield ahead or f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
-            hold = Hold(gripper, self.device(ForceSensor), GripController(settings), self.clock.now).under(gripper)
+            hold = Hold(gripper, sensor, GripController(settings), self.clock.now).under(gripper)
             try:
                 while hold.phase is not GripPhase.HOLDING:
                     self.look(tracks, search=False)
@@ -106,9 +108,13 @@ class Intercept(BeltSkill):
             self.publish("belt", TAKEN)
             grasp = catch.grasp(arm.state().q, gripper.state().width)
             eyes.begin(stream.motion, *stream.way_up(height), holds=True)
-            yield from stream.rise(height, partial(self._carry, hold, eyes))
-        except (SkillFailure, Interrupted):
-            yield from end_pick(stream, hold, gripper)
+            yield from stream.rise(height, partial(self._carry, hold, eyes, tracks))
+        except SkillFailure:
+            yield from end_pick(stream, hold, gripper, eyes)
+            raise
+        except Interrupted:
+            with suppress(SkillFailure):  # what blocks the way up has stopped arm and belt
+                yield from end_pick(stream, hold, gripper, eyes)
             raise
         except BaseException:
             stream.motion.stop()
@@ -141,12 +147,13 @@ class Intercept(BeltSkill):
                 return pick, track, grip.width
             if pick.code:
                 raise self.failure(pick.code, f"{pick.reason}; nothing has moved")
-            stream.stand()
+            stream.motion.aim(stream.q)  # it stays where it is
             yield f"waiting: {pick.reason}"
 
-    def _carry(self, hold: Hold, eyes: ReachWatch | None = None) -> None:
+    def _carry(self, hold: Hold, eyes: ReachWatch | None = None, tracks: BeltWatch | None = None) -> None:
         """Show the grip, and look; a problem of it is a failure."""
         show_grip(self, hold)
         require_grip(hold, self.failures, self.failure)
-        if eyes is not None:
+        if eyes is not None and tracks is not None:
             eyes.look()
+            self.require_frames(tracks)

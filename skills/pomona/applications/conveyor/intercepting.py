@@ -31,13 +31,16 @@ REACHES = tuple(float(reach) for reach in np.arange(0.45, 1.55, 0.1))
 """Times of the reach that are tried [s]."""
 DESCENTS = (0.3, 0.4)
 """Times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s."""
-CLOSING = 0.85
-"""Time at the fruit for which reach is kept [s]: closing took 0.7 s (median) to 0.9 s in 200 picks, of which 0.15 s are
-now before the arrival."""
+FAST = 0.35
+"""Speed of a belt from which a pick must be shorter, to end within the reach [m/s]."""
+CLOSING, QUICK = 0.85, 0.7
+"""Time at the fruit for which reach is kept [s], and on a fast belt: closing took 0.7 s (median) to 0.9 s in 200 picks,
+of which 0.15 s are now before the arrival; so it ended 0.49 to 0.67 s after the arrival in 16."""
 LIFTS = 2.0
 """Largest acceleration of a lift [m/s²], as of a fruit that is carried."""
-RIDE, SLOWING = 0.10, 0.5
-"""Times of the lift with the belt's speed, and then until the hand has no speed along the belt [s]."""
+BRAKES = ((0.10, 0.5), (0.05, 0.3), (0.0, 0.2))
+"""Times of the lift with the belt's speed, and then until the hand has no speed along the belt [s]: as usual, as
+planned on a fast belt, and where the reach ends."""
 SAMPLES = 24
 """Postures of the way that are checked, and a few more at the fruit and during the lift."""
 SHARE = 0.8
@@ -105,17 +108,19 @@ class Rise:
 
     Attributes:
         t0: its begin [s]; T_base_start: the hand's pose then; velocity: shape (3,) [m/s]; height: of the rise [m].
+        brakes: one of `BRAKES`.
     """
 
     t0: float
     T_base_start: Float64
     velocity: Float64
     height: float
+    brakes: tuple[float, float] = BRAKES[0]
 
     @property
     def end(self) -> float:
         """When the hand rests [s]."""
-        return self.t0 + max(self._lift, RIDE + SLOWING)
+        return self.t0 + max(self._lift, sum(self.brakes))
 
     @property
     def _lift(self) -> float:
@@ -126,8 +131,9 @@ class Rise:
         """T_base_tcp at a time, shape (4, 4)."""
         s, T = max(t - self.t0, 0.0), self.T_base_start.copy()
         u = min(s / self._lift, 1.0)
-        slowing = min(max(s - RIDE, 0.0), SLOWING)
-        ridden = min(s, RIDE) + slowing - slowing**2 / (2.0 * SLOWING)
+        ride, brake = self.brakes
+        slowing = min(max(s - ride, 0.0), brake)
+        ridden = min(s, ride) + slowing - slowing**2 / (2.0 * brake)
         T[:3, 3] += self.velocity * np.array([1.0, 1.0, 0.0]) * ridden
         T[2, 3] += self.height * (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5)
         return T
@@ -250,6 +256,11 @@ def aim_of(
     return q, (later - q) / step
 
 
+def is_fast(velocity: Float64) -> bool:
+    """Return True for a belt whose picks must be shorter; velocity of its load, shape (3,) [m/s]."""
+    return bool(np.linalg.norm(velocity) > FAST)
+
+
 def _steady(p: Float64, v: Float64, now: float) -> Place:
     """Where a fruit of a steady velocity is: a filter's prediction costs 0.1 ms, and a plan asks 2 000 times."""
     return lambda t: (p + (t - now) * v, v)
@@ -272,8 +283,9 @@ def _pick(
 
 def _planned(hand: ReadyHand, pick: InterceptPlan, place: Place) -> InterceptPlan | None:
     """Return a pick with its postures from start to rest, and its share of the limits; None out of reach."""
-    closed = pick.arrival + CLOSING
-    rise = Rise(closed, pick.pose(closed, place), place(closed)[1], hand.lift)
+    fast = is_fast(place(pick.t0)[1])
+    closed = pick.arrival + (QUICK if fast else CLOSING)
+    rise = Rise(closed, pick.pose(closed, place), place(closed)[1], hand.lift, BRAKES[fast])
 
     def way() -> Iterator[tuple[float, Float64]]:
         for t in np.linspace(pick.t0, pick.arrival, SAMPLES + 1):

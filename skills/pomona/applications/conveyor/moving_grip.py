@@ -11,10 +11,12 @@ EARLY = 0.15
 touch before they are there."""
 FIRST_BIAS = 0.23 + EARLY
 """Time before the arrival at which the grip begins to record its bias [s]."""
+SOONER = 0.07
+"""Time by which all that begins sooner on a fast belt [s]."""
 OPENING = 0.018
 """Opening over the fruit's width with which the hand comes down [m]."""
-SLOWS = 0.008
-"""Opening over the fruit's width at which the fingers slow down [m]: it may lie off the middle."""
+SLOWS, SLOWS_LATER = 0.008, 0.005
+"""Opening over the fruit's width at which the fingers slow down, also on a fast belt [m]: it may lie off the middle."""
 NARROWEST = 0.5
 """Smallest width of a fruit between the fingers, relative to its smallest dimension."""
 FIRST_FORCE, MOST = 2.2, 14.0
@@ -32,6 +34,7 @@ def grip_settings(
     width: float,
     gripper: Gripper,
     sensor: ForceSensor,
+    fast: bool = False,
 ) -> GripSettings:
     """Return settings of a grip that slows down at the width of the fruit between the pads [m].
 
@@ -46,7 +49,7 @@ def grip_settings(
         offset=0.003,
         mu_uncertainty=mu_uncertainty,
         initial_force=FIRST_FORCE,
-        contact_width=width + SLOWS,
+        contact_width=width + (SLOWS_LATER if fast else SLOWS),
         narrowest=NARROWEST * float(fruit.dimensions.min()),
         loop=ForceLoopSettings(
             max_force=min(MOST, 2.0 * limits.force_max),

@@ -12,6 +12,7 @@ from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.intercepting import (
     CLOSING,
     DESCENTS,
+    QUICK,
     REACHES,
     InterceptPlan,
     NoPick,
@@ -19,6 +20,7 @@ from pomona.applications.conveyor.intercepting import (
     ellipse_radius,
     grip_yaws,
     in_the_way,
+    is_fast,
     plan_pick,
     plumb,
     reachable,
@@ -105,4 +107,4 @@ class PickChoice:
         if self._end is None:
             _, behind = reachable(self._hand, p, plumb(along, self._grip.yaws[0]), along)
             self._end = float(p @ along) + behind
-        return float(p @ along) + max(float(v @ along), 0.0) * SOONEST > self._end
+        return float(p @ along) + max(float(v @ along), 0.0) * (SOONEST - is_fast(v) * (CLOSING - QUICK)) > self._end

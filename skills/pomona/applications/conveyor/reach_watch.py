@@ -2,52 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
-from pomona.applications.conveyor.conveyor import Conveyor
-from pomona.drivers import Arm, Motion, MotionState, Trajectory, Workspace
-from pomona.executive import Clock, Float64, Skill
+from pomona.drivers import Arm, Motion, Surroundings, Trajectory, Workspace
+from pomona.executive import Clock, Float64, Problem, Skill
 from pomona.skills import KnownAround, LiveWatch, prepare_watch
 from pomona.skills.motion import RobotModel, RobotShape
 
 
 class PlannedMotion:
-    """A streamed motion whose progress is that of a plan, from `begin` to `end` [s]; the belt stops with it."""
+    """A streamed motion whose progress is that of a plan, from `begin` to `end` [s]; all else is the motion's."""
 
-    def __init__(self, motion: Motion, clock: Clock, begin: float, end: float, conveyor: Conveyor) -> None:
-        self._motion, self._clock, self._conveyor = motion, clock, conveyor
-        self._begin, self._end = begin, end
-
-    @property
-    def state(self) -> MotionState:
-        """As of the streamed motion."""
-        return self._motion.state
+    def __init__(self, motion: Motion, clock: Clock, begin: float, end: float) -> None:
+        self._motion, self._clock, self._begin, self._end = motion, clock, begin, end
 
     @property
     def progress(self) -> float:
         """Share of the plan's time that has passed, 0 to 1."""
         return float(np.clip((self._clock.now() - self._begin) / (self._end - self._begin), 0.0, 1.0))
 
-    @property
-    def settled(self) -> bool:
-        """As of the streamed motion."""
-        return self._motion.settled
-
-    @property
-    def problem(self) -> str:
-        """As of the streamed motion."""
-        return self._motion.problem
-
-    def stop(self) -> None:
-        """Bring arm and belt to rest at once. A person who reaches in may be above the hand, so it does not rise.
-
-        Raises StopFailed: the belt may run on.
-        """
-        self._motion.stop()
-        self._conveyor.stop()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._motion, name)
 
 
 class ReachWatch:
@@ -74,9 +54,8 @@ class ReachWatch:
         t = times - times[0]
         qd = np.gradient(q, t, axis=0)
         way = Trajectory(t, q, qd, np.gradient(qd, t, axis=0))
-        conveyor = self._skill.device(Conveyor)
-        led = PlannedMotion(motion, self._skill.clock, float(times[0]), float(times[-1]), conveyor)
-        self._eyes.begin(led, way, full_hand(self._arm.description) if holds else None)
+        led = PlannedMotion(motion, self._skill.clock, float(times[0]), float(times[-1]))
+        self._eyes.begin(cast(Motion, led), way, full_hand(self._arm.description) if holds else None)
 
     def look(self) -> str | None:
         """Compare new frames with the way; return a text for an obstacle ahead that is not near yet.
@@ -84,6 +63,25 @@ class ReachWatch:
         Raises SkillFailure: PATH_BLOCKED and others of `LiveWatch.look`; arm and belt come to rest.
         """
         return None if self._eyes is None else self._eyes.look()
+
+
+def unseen_people(around: Surroundings, key: str) -> Iterator[Problem]:
+    """Yield a warning of a cell that watches its paths by cameras on the hand alone.
+
+    A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file.
+    """
+    if around.workspace is None or around.workspace.watch is None:
+        return
+    on_hand, others, arm = list[str](), 0, False
+    for name, said in around.options.items():
+        arm |= name in around.above and Arm in around.above[name].interfaces
+        if hasattr(said, "hand_eye"):
+            rides = said.fixed is None if hasattr(said, "fixed") else arm
+            on_hand, others = ([*on_hand, name], others) if rides else (on_hand, others + 1)
+    if on_hand and not others:
+        words = f"paths are watched by the hand's camera '{on_hand[0]}' alone, which sees no person beside or above it"
+        remedy = "a camera that is fixed over the belt; a real one stands above the arm in the file"
+        yield Problem(key, f"{words} while the fingers close and the hand rises", remedy, warning=True)
 
 
 def prepare_reach_watch(skill: Skill) -> None:

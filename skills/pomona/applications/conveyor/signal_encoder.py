@@ -6,28 +6,23 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
-from pomona.applications.conveyor.conveyor import Belt, Conveyor, ConveyorState
-from pomona.applications.conveyor.devices import OVER, SILENCE
+from pomona.applications.conveyor.conveyor import BELT, SILENCE, Belt, BeltPlace, ConveyorState
+from pomona.applications.conveyor.devices import OVER
+from pomona.applications.conveyor.reach_watch import unseen_people
 from pomona.devices.plc.signals import Signals
 from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
-from pomona.executive import LENGTH, Clock, Measure, Problem, Text, choose, value
+from pomona.executive import Clock, Problem, Text, choose, value
 
 AT_REST = 2e-3
 """Speed below which a belt rests [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SignalConveyorOptions:
+class SignalConveyorOptions(BeltPlace):
     """Where the belt runs, and the signal that counts its travel."""
 
     travel: str = value(Text(), help="input of the PLC: the travel in metres, by the signal's `scale`; 32 bits")
     runs: str = value(Text(), "", help="output of the PLC that lets the belt run; '': the program cannot stop it")
-    beside: float = value(Measure(LENGTH, "-2 m", "2 m"), help="of the belt's middle line in the base frame, y")
-    top: float = value(Measure(LENGTH, "-1 m", "1 m"), help="height of the belt's surface in the base frame")
-    width: float = value(Measure(LENGTH, "100 mm", "1 m"), "240 mm", "of the belt")
-    length: float = value(Measure(LENGTH, "1 m", "4 m"), "1.8 m", "of the belt, its middle before the robot")
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not any(Signals in device.interfaces for device in around.above.values()):
@@ -35,13 +30,7 @@ class SignalConveyorOptions:
         if not self.runs and around.workspace is not None and around.workspace.watch is not None:
             words = "where the watch of paths stops the arm, the belt runs on: the program cannot stop it"
             yield Problem("driver", words, "runs: an output of the PLC that lets the belt run", warning=True)
-
-    @property
-    def belt(self) -> Belt:
-        """Where the belt runs: along x of the base frame."""
-        T = np.eye(4)
-        T[:3, 3] = 0.0, self.beside, self.top
-        return Belt(T, self.length, self.width)
+        yield from unseen_people(around, "driver")
 
 
 class SignalConveyor(Device):
@@ -50,7 +39,7 @@ class SignalConveyor(Device):
     A stop takes the output `runs` away; nothing here gives it again. In the safe state the PLC's driver takes it away.
     """
 
-    interfaces = (Conveyor,)
+    interfaces = BELT
 
     def __init__(self, belt: Belt, signals: Signals, travel: str, clock: Clock, runs: str = "") -> None:
         super().__init__("conveyor")

@@ -6,9 +6,9 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from pomona.applications.conveyor.belt_skill import BELT_FAILURES, FASTEST
+from pomona.applications.conveyor.belt_skill import BELT_FAILURES
 from pomona.applications.conveyor.belt_watch import BeltWatch
-from pomona.applications.conveyor.conveyor import Belt, Conveyor
+from pomona.applications.conveyor.conveyor import FASTEST, Belt, Conveyor
 from pomona.applications.conveyor.drawn_frame import warm_up
 from pomona.applications.conveyor.travel import SAME_SPEED, Travel
 from pomona.drivers import Arm, Camera, Frame

@@ -97,11 +97,6 @@ class FruitTrack:
         """Return the mean as if it had begun at an earlier state of the track, with 3; a fast camera may be before."""
         return self.innovation - RECENT ** (self.hits - earlier.hits) * (earlier.innovation - 3.0)
 
-    @property
-    def seen_at(self) -> float:
-        """Time of its newest measurement [s]."""
-        return self.resting.t
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeltFrame:
@@ -162,8 +157,6 @@ class Tracks:
                     kept.append(self._begin(born, measured, at))
                     born += 1
         return replace(self, tracks=tuple(kept), ended=tuple(ended[-50:]), born=born, looked=self.looked + 1)
-
-    # ---------------------------------------------------------------------------------------------------- one fruit
 
     def _follow(self, track: FruitTrack, at: BeltFrame) -> FruitTrack:
         t = at.frame.stamp

@@ -5,14 +5,16 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 
-from pomona.applications.conveyor.conveyor import ConveyorState
+from pomona.applications.conveyor.conveyor import SILENCE, ConveyorState
 
 KEPT = 2.0
 """Time over which measurements are kept [s]: longer than a frame takes to be looked at."""
-STALE = 0.2
-"""Age from which the encoder's newest measurement is stale [s]."""
 SAME_SPEED = 0.02
-"""Change of a belt's speed that is a change and no noise [m/s]."""
+"""Change of a belt's speed that is a change and no noise, of whatever encoder [m/s]."""
+LEAST_CHANGE, RIPPLE = 4e-3, 1.5
+"""A smaller change is one as well, from this one on [m/s], if it is so many times what the speed varied by lately."""
+STEADY = 0.3
+"""Time over which the speed is measured before a pick [s]: counts of 0.1 mm then err by 0.3 mm/s."""
 FASTEST_CHANGE = 5.0
 """Acceleration that no loaded belt passes [m/s²]; its speed is measured over the last `MEASURED` seconds."""
 MEASURED = 0.1
@@ -45,14 +47,19 @@ class Travel:
             self._states.popleft()
 
     @property
-    def newest(self) -> ConveyorState | None:
-        """The newest measurement."""
-        return self._states[-1] if self._states else None
-
-    @property
     def speed(self) -> float:
         """Present speed [m/s]; 0 without an encoder."""
         return self._states[-1].speed if self._states else 0.0
+
+    def steady(self) -> tuple[float, float]:
+        """Return the speed of the last `STEADY` seconds, and the least difference from it that is a change [m/s]."""
+        if len(self._states) < 2:
+            return self.speed, SAME_SPEED
+        speeds = [state.speed for state in self._states]
+        bound = min(max(LEAST_CHANGE, RIPPLE * (max(speeds) - min(speeds))), SAME_SPEED)
+        newest = self._states[-1]
+        since = max(newest.stamp - STEADY, self._states[0].stamp)
+        return (newest.position - self.at(since)) / (newest.stamp - since), bound
 
     def at(self, t: float) -> float:
         """Return the travel at a time [m]; beyond the newest measurement with its speed, 0 without an encoder."""
@@ -76,12 +83,10 @@ class Travel:
         Args:
             fastest: speed that the arm can follow [m/s].
         """
-        newest = self.newest
-        if newest is None:
-            return "the encoder has sent nothing yet"
-        if self._jumped:
-            return self._jumped
-        if now - newest.stamp > STALE:
+        if not self._states or self._jumped:
+            return self._jumped or "the encoder has sent nothing yet"
+        newest = self._states[-1]
+        if now - newest.stamp > SILENCE:
             return f"the encoder sent nothing for {1e3 * (now - newest.stamp):.0f} ms"
         if newest.position - self._states[0].position < -BACKWARDS or newest.speed < -SAME_SPEED:
             words = "the encoder counts backwards"

@@ -74,12 +74,6 @@ class ConveyorWorld(PhysicsWorld):
         T[:3, 3], T[:3, :3] = body.xpos, body.xmat.reshape(3, 3)
         return T
 
-    def velocity(self, number: int) -> Float64:
-        """Velocity of a fruit's body in the base frame, shape (3,) [m/s]."""
-        at = int(self.model.joint(f"fruit_{number}").dofadr[0])
-        velocity: Float64 = self.state.qvel[at : at + 3].copy()
-        return velocity
-
     def jump(self, distance: float) -> None:
         """Carry all that lies on the belt on by a distance at once [m]."""
         self.travelled += distance

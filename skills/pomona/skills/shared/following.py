@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import Arm, Cameras, Gripper, Motion, MotionState, Trajectory, Workspace
+from pomona.drivers.interfaces import Arm, Cameras, Carrier, Gripper, Motion, MotionState, Trajectory, Workspace
 from pomona.executive.skill import Skill
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
@@ -71,7 +71,7 @@ class MovingSkill(Skill):
     """A skill that moves the arm or the gripper; its `failures` must contain `MOTION_FAILURES`."""
 
     failures: ClassVar[tuple[str, ...]] = MOTION_FAILURES
-    optional_devices: ClassVar[tuple[type, ...]] = (Gripper, Workspace, Cameras)
+    optional_devices: ClassVar[tuple[type, ...]] = (Gripper, Workspace, Cameras, Carrier)
     """The zones and the watched path need them."""
 
     def travel(

@@ -17,6 +17,7 @@ from pomona.drivers.interfaces import (
     ArmState,
     Camera,
     Cameras,
+    Carrier,
     DepthCamera,
     Frame,
     Gripper,
@@ -77,9 +78,7 @@ class LiveWatch:
 
     @staticmethod
     def of(skill: Skill, arm: Arm, trajectory: Trajectory, around: KnownAround) -> LiveWatch | None:
-        """Return the watch of a trajectory; None in a cell without a camera, or with a file that does not request a
-        watch.
-        """
+        """Return the watch of a trajectory; None in a cell without a camera, or whose file requests no watch."""
         cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
         if cameras is None or not cameras.all or workspace is None or workspace.watch is None:
             return None
@@ -155,6 +154,8 @@ class LiveWatch:
             ahead = self._watch.look(frame, T_base_camera, q, max(age, 0.0), motion.progress * self._duration, number)
             if ahead is not None and ahead.stop:
                 motion.stop()
+                if (carrier := self._skill.optional_device(Carrier)) is not None:
+                    carrier.stop()
                 self._refuse(ahead, camera, frame)
             note_pose(self._skill, frame, T_base_camera)
             if ahead is not None:
@@ -163,14 +164,8 @@ class LiveWatch:
 
     def _posture(self, stamp: float) -> Float64:
         """Return joints when a fixed camera looked, (dof,) [rad], from the states around that time."""
-        times = [state.stamp for state in self._states]
-        i = int(np.searchsorted(times, stamp))
-        if i == 0 or i == len(times):
-            return self._states[min(i, len(times) - 1)].q
-        before, after = self._states[i - 1], self._states[i]
-        share = (stamp - before.stamp) / (after.stamp - before.stamp)
-        q: Float64 = before.q + share * (after.q - before.q)
-        return q
+        times, joints = [state.stamp for state in self._states], np.transpose([state.q for state in self._states])
+        return np.array([np.interp(stamp, times, q) for q in joints])
 
     def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
         self._refuse_untrue(camera, frame)
@@ -178,17 +173,10 @@ class LiveWatch:
         spot = Points3(np.array([ahead.point]), "obstacle", "occupied", 0.04)
         words = "a moving object entered" if ahead.moved else "an unmapped object stands"
         self._skill.publish("blocked", SceneView(points=(spot,), caption=f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m"))
-        raise self._skill.failure(
-            BLOCKED,
-            f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}: "
-            "detect again, or clear the path",
-            point_m=list(ahead.point),
-            distance_m=round(ahead.distance, 4),
-            after_s=round(ahead.after, 3),
-            part=ahead.part,
-            moved=ahead.moved,
-            camera=frame.label,
-        )
+        words += f" at ({x:.2f}, {y:.2f}, {z:.2f}) m, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}"
+        at = {"point_m": list(ahead.point), "distance_m": round(ahead.distance, 4), "after_s": round(ahead.after, 3)}
+        who = {"part": ahead.part, "moved": ahead.moved, "camera": frame.label}
+        raise self._skill.failure(BLOCKED, f"{words}: detect again, or clear the path", **at, **who)
 
     def _refuse_untrue(self, camera: Camera, frame: Frame) -> None:
         """Depth that is no depth of its frame shows obstacles where nothing is: name the camera instead."""

@@ -11,8 +11,8 @@ import numpy as np
 
 from pomona.applications.conveyor.await_fruit import ComingFruit
 from pomona.applications.conveyor.belt_watch import BeltWatch
-from pomona.applications.conveyor.conveyor import Belt, Conveyor
-from pomona.applications.conveyor.devices import MockConveyor
+from pomona.applications.conveyor.conveyor import BELT, Belt, Conveyor, ConveyorState
+from pomona.applications.conveyor.devices import OVER
 from pomona.applications.conveyor.intercept import Intercept
 from pomona.applications.conveyor.track_filter import FruitState
 from pomona.applications.conveyor.tracks import FruitTrack
@@ -20,6 +20,8 @@ from pomona.drivers import (
     Arm,
     Camera,
     Cameras,
+    Carrier,
+    Device,
     ForceSensor,
     Gripper,
     StopFailed,
@@ -27,7 +29,7 @@ from pomona.drivers import (
     Workspace,
     read_cell_file,
 )
-from pomona.executive import SkillEnd, drive, find_cell
+from pomona.executive import Clock, SkillEnd, drive, find_cell
 from pomona.skills.motion import RobotModel
 from pomona.skills.perception import MeasuredFruit
 from pomona.tools.mock import MockArm, MockCamera, MockClock, MockForceSensor, MockGripper
@@ -73,15 +75,19 @@ class ScriptedWatch(BeltWatch):
         self.rig = rig
         self.fruit: dict[int, tuple[float, float]] = {}
         self.spread, self.frames_until = 5e-4, np.inf
+        self._oldest = 0.12  # as after a second of frames of 30 Hz
         self.alter: Callable[[FruitTrack], FruitTrack | None] = lambda track: track
 
     def step(self, *_: Any, **__: Any) -> None:
         self.travel.note(self.rig.conveyor.travelled())
         now = self.rig.clock.now()
-        if now <= self.frames_until:
-            self.newest_frame = now
+        self.note_frame(self.rig.camera, now)
         seen = [self.alter(self.seen(number, now)) for number in self.fruit]
         self.tracks = replace(self.tracks, tracks=tuple(track for track in seen if track is not None))
+
+    def note_frame(self, camera: Camera, now: float, searches: bool = False) -> None:
+        if now <= self.frames_until:
+            self.newest_frame = now
 
     def seen(self, number: int, now: float) -> FruitTrack:
         along, aside = self.fruit[number]
@@ -95,15 +101,29 @@ class ScriptedWatch(BeltWatch):
         return FruitTrack(number, measured, model, STAND, state, state, likelier=5.0, hits=20)
 
 
-class StoppableConveyor(MockConveyor):
-    """A belt that can be stopped.
+class MockConveyor(Device):
+    """A belt that runs by a function of time, and can be stopped.
 
     Attributes:
+        travel: position at a time; replace it to script the belt.
+        silent_from: time from which the encoder sends nothing more [s].
         stops: result of `stop`, or the error that it raises; stopped_at: when it was stopped [s].
     """
 
+    interfaces = BELT
     stops: bool | StopFailed = True
     stopped_at: float | None = None
+
+    def __init__(self, clock: Clock, belt: Belt, speed: float = 0.15) -> None:
+        super().__init__("conveyor")
+        self.belt = belt
+        self.travel: Callable[[float], float] = lambda t: speed * t
+        self.silent_from = np.inf
+        self._clock = clock
+
+    def travelled(self) -> ConveyorState | None:
+        now = min(self._clock.now(), self.silent_from)
+        return ConveyorState(now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER)
 
     def stop(self) -> bool:
         if isinstance(self.stops, StopFailed):
@@ -123,7 +143,7 @@ class BeltRig:
         self.gripper = MockGripper(self.clock, width=0.10)
         self.fingers = MockForceSensor(self.clock)
         self.fingers.feel = self._feel
-        self.conveyor = StoppableConveyor(self.clock, the_belt(), speed)
+        self.conveyor = MockConveyor(self.clock, the_belt(), speed)
         self.camera = MockCamera()
         self.watch = ScriptedWatch(self)
         self.watch.fruit[0] = (along, aside)
@@ -141,7 +161,8 @@ class BeltRig:
     def devices(self) -> dict[type, object]:
         return {
             Arm: self.arm, StreamedArm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers,
-            Workspace: workspace(), Conveyor: self.conveyor, Camera: self.camera, Cameras: Cameras((self.camera,)),
+            Workspace: workspace(), Conveyor: self.conveyor, Carrier: self.conveyor, Camera: self.camera,
+            Cameras: Cameras((self.camera,)),
         }  # fmt: skip
 
     @property

@@ -17,6 +17,7 @@ from pomona.drivers import Arm, Camera, Cameras, Frame
 from pomona.drivers.errors import FrameUnreadable
 from pomona.executive import SkillEnd, drive
 from pomona.skills.perception import load_fruit
+from pomona.tools.mock import MockCamera
 from tests.skills.applications.conveyor.belt_rig import BeltRig, the_belt
 
 
@@ -141,6 +142,38 @@ def test_frames_and_encoder_that_stop_end_the_wait() -> None:
     rig.watch.fruit.clear()
     rig.conveyor.silent_from = 0.3
     assert code(await_fruit(rig)) == "ENCODER_FAULT"
+
+
+def ages(watch: BeltWatch, camera: MockCamera, every: float, late: float) -> float:
+    """Let frames come for two seconds, and return after what time without one they are missing [s]."""
+    watch.newest_frame, shown = 0.0, drawn()
+    for k in range(101):
+        now = 0.02 * k
+        stamp = every * int((now - late) / every)
+        if stamp > 0.0:
+            camera.show(replace(shown, stamp=stamp, sequence=round(stamp / every)))
+        watch.note_frame(camera, now)
+        assert watch.problem(now) == "", now
+    return next(0.01 * k for k in range(1000) if watch.problem(watch.newest_frame + 0.01 * k))
+
+
+@pytest.mark.parametrize(
+    ("every", "late", "least", "most"),
+    [(1.0 / 30.0, 0.065, 0.17, 0.19), (1.0 / 15.0, 0.065, 0.17, 0.21), (0.1, 0.1, 0.22, 0.28), (0.2, 0.2, 0.42, 0.48)],
+)
+def test_frames_are_missing_once_they_are_later_than_lately(
+    every: float, late: float, least: float, most: float
+) -> None:
+    watch = BeltWatch(load_fruit("apple"), the_belt(), encoder=True)
+    assert least <= ages(watch, MockCamera(), every, late) <= most
+
+
+def test_a_frame_that_is_older_than_the_newest_or_of_the_future_makes_no_frame_newer() -> None:
+    watch, camera = BeltWatch(load_fruit("apple"), the_belt(), encoder=True), MockCamera()
+    for stamp, newest in ((1.0, 1.0), (0.9, 1.0), (9.0, 1.02)):
+        camera.show(replace(drawn(), stamp=stamp))
+        watch.note_frame(camera, 1.02)
+        assert watch.newest_frame == newest
 
 
 def test_a_frame_from_an_arm_needs_the_arm() -> None:

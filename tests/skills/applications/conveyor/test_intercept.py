@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.applications.conveyor.conveyor import ConveyorState
 from pomona.applications.conveyor.intercept import Intercept
 from pomona.drivers import Cameras, StopFailed
 from pomona.executive import SkillEnd, SkillFailure, drive
 from pomona.skills import TAKEN, LiveWatch
 from pomona.skills.grip.closing import PickTouches
 from pomona.skills.grip.hold import current_hold
-from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig
+from pomona.tools.mock import MockArm
+from tests.skills.applications.conveyor.belt_rig import MODEL, SIZE, BeltRig, workspace
 from tests.skills.overhead import Overhead
 
 
@@ -71,6 +73,31 @@ def test_a_fruit_is_gripped_on_the_belt_and_lifted_and_the_hand_rests(speed: flo
     assert belts[0].lines
     assert belts[-1] is TAKEN  # the fruit is drawn no more where it lay
     within_limits(rig)
+
+
+@pytest.mark.parametrize("speed", [0.4, 0.5])
+def test_a_fruit_on_a_fast_belt_is_gripped_from_the_watch_pose_upstream(speed: float) -> None:
+    rig = BeltRig(speed, along=-0.57)
+    rig.arm = MockArm(rig.clock, workspace().poses["watch_2"])
+    end = rig.intercept()
+    assert end.status is Status.SUCCESS, end.reason
+    assert rests_above_the_belt(rig, end)
+    assert rig.height == pytest.approx(0.15, abs=5e-3)
+    assert end.outputs["hold"].holds
+
+
+def test_times_that_differ_count_by_the_speed_of_the_belt() -> None:
+    codes = []
+    for innovation in (9.0, 25.0):  # of 6 up to 0.3 m/s: 16.7
+        rig = BeltRig(0.5, along=-0.57)
+        rig.arm = MockArm(rig.clock, workspace().poses["watch_2"])
+
+        def differ(rig: BeltRig = rig, innovation: float = innovation) -> None:
+            rig.watch.alter = lambda track: replace(track, innovation=innovation, hits=40)
+
+        end = drive_until(rig, "reaching", differ)
+        codes.append("" if end.reason is None else end.reason.code)
+    assert codes == ["", "POSE_MISMATCH"]
 
 
 def test_the_hand_is_beside_the_fruit_to_a_millimetre_while_the_fingers_close() -> None:
@@ -159,7 +186,7 @@ OVER_THE_BELT, FRUIT = (-0.30, -0.42, 0.10), (-0.30, -0.36, -0.06)
 
 
 def intercept_under_a_camera(
-    rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching", least: float = -1.0
+    rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching", least: float = -1.0, **how: Any
 ) -> SkillEnd:
     """Drive the skill under a camera above, which sees a ball at a place from a phase on, and a height of the hand."""
     overhead, skill = Overhead(rig.clock), Intercept()
@@ -169,7 +196,7 @@ def intercept_under_a_camera(
         if phase in skill.feedback_message and rig.height > least and not overhead.balls:
             overhead.balls = ((*place, 0.045),)
 
-    end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick)
+    end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick, **how)
     assert overhead.balls
     assert overhead.frames > 2
     return end
@@ -214,6 +241,36 @@ def test_hand_and_belt_stop_also_at_the_fruit_which_stays_on_the_belt_or_in_the_
     hold = current_hold(rig.gripper)
     assert (hold is not None and hold.holds) is held
     assert rig.gripper.width == pytest.approx(rig.size[0] if held else 0.103, abs=3e-3)
+
+
+@pytest.mark.parametrize("phase", ["letting the fruit go", "rising without the fruit"])
+def test_the_way_up_after_a_failed_pick_is_watched_as_well(phase: str) -> None:
+    rig = BeltRig()
+    rig.there = False
+    assert code(intercept_under_a_camera(rig, (0.05, -0.42, 0.10), phase)) == "PATH_BLOCKED"
+    assert rig.conveyor.stopped_at is not None
+    assert rests(rig)
+    assert rig.gripper.width == pytest.approx(0.103, abs=1e-3)
+    within_limits(rig)
+
+
+def test_what_blocks_the_way_up_after_an_interruption_stops_hand_and_belt_and_is_no_error() -> None:
+    rig, skill, ticks = BeltRig(), Intercept(), 40
+    overhead = Overhead(rig.clock)
+
+    def come() -> None:
+        if rig.clock.now() > 0.02 * ticks and not overhead.balls:
+            assert skill.feedback_message.startswith("reaching")
+            x, y, z = rig.hand()[:3, 3]
+            overhead.balls = ((x + 0.1, y, z + 0.1, 0.045),)
+
+    rig.clock.each_step.append(come)
+    devices = {**rig.devices, Cameras: Cameras((rig.camera, overhead))}
+    inputs = {"target": rig.target, "tracks": rig.watch}
+    end = drive(skill, inputs, devices, clock=rig.clock, interrupt_after=ticks)
+    assert end.status is Status.INVALID
+    assert rig.conveyor.stopped_at is not None
+    assert rests(rig)
 
 
 def test_fruit_on_the_belt_stops_neither_hand_nor_belt() -> None:
@@ -329,6 +386,26 @@ def test_a_belt_that_stops_slows_or_speeds_up_is_noticed_and_the_hand_rises(phas
     within_limits(rig)
 
 
+@pytest.mark.parametrize("phase", ["reaching", "closing"])
+def test_a_belt_that_creeps_is_noticed_within_200_ms(phase: str) -> None:
+    rig, began, gave_up, skill = BeltRig(0.3, along=-0.5), list[float](), list[float](), Intercept()
+    for t in (-0.5, -0.1):  # as Track has listened
+        rig.watch.travel.note(ConveyorState(t, 0.3 * t, 0.3))
+
+    def tick(_: int) -> None:
+        now, travel = rig.clock.now(), rig.conveyor.travel
+        if phase in skill.feedback_message and not began:
+            began.append(now)
+            rig.conveyor.travel = lambda t: travel(t) - 0.025 * max(t - now, 0.0) ** 2  # 50 mm/s²
+        if skill.feedback_message.startswith(("letting the fruit go", "rising without")) and not gave_up:
+            gave_up.append(now)
+
+    end = rig.intercept(skill, each_tick=tick)
+    assert code(end) == "BELT_CHANGED"
+    assert gave_up[0] - began[0] < 0.2001
+    assert rests_above_the_belt(rig, end)
+
+
 def test_fingers_that_meet_nothing_open_and_the_hand_rises() -> None:
     rig = BeltRig()
     rig.there = False
@@ -400,6 +477,27 @@ def test_frames_that_stop_are_noticed_and_the_hand_rises() -> None:
     end = drive_until(rig, "waiting", lambda: setattr(rig.watch, "frames_until", rig.clock.now()))
     assert code(end) == "STALE_FRAME"
     assert nothing_moved(rig) or rests_above_the_belt(rig, end)
+
+
+@pytest.mark.parametrize("phase", ["reaching", "closing", "rising"])
+def test_frames_that_stop_are_noticed_within_200_ms_and_a_fruit_in_the_hand_is_lifted(phase: str) -> None:
+    rig, stopped, gave_up, skill = BeltRig(), list[float](), list[float](), Intercept()
+    words = "rising with the fruit" if phase == "rising" else ("rising without", "letting the fruit go")
+
+    def tick(_: int) -> None:
+        if phase in skill.feedback_message and not stopped:
+            rig.watch.frames_until = rig.clock.now()
+            stopped.append(rig.clock.now())
+        if skill.feedback_message.startswith(words) and not gave_up:
+            gave_up.append(rig.clock.now())
+
+    end = rig.intercept(skill, each_tick=tick)
+    assert code(end) == "STALE_FRAME"
+    assert gave_up[0] - stopped[0] < 0.2001
+    assert rests_above_the_belt(rig, end)
+    within_limits(rig)
+    if phase == "rising":
+        assert rig.height == pytest.approx(0.15, abs=5e-3)  # as high as without it
 
 
 @pytest.mark.parametrize("phase", ["waiting", "reaching", "closing"])

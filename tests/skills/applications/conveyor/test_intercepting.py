@@ -8,7 +8,10 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.applications.conveyor.intercepting import (
     ABOVE,
+    BRAKES,
+    CLOSING,
     LIFTS,
+    QUICK,
     SINKING,
     InterceptPlan,
     NoPick,
@@ -121,6 +124,32 @@ def test_the_hand_can_set_off_all_along_120_mm_of_a_belt_at_300_mm_a_second_and_
             way.append(q)
         pace = np.abs(np.gradient(np.gradient(np.array(way), 0.01, axis=0), 0.01, axis=0)) / SIA5F_LIMITS.acceleration
         assert pace.max() < 1.0
+
+
+UPSTREAM = ReadyHand(MODEL, SIA5F_LIMITS, workspace().poses["watch_2"], 0.15, lambda _: "")
+
+
+@pytest.mark.parametrize(("x", "speed"), [(-0.57, 0.4), (-0.57, 0.5), (-0.5, 0.5)])
+def test_a_fast_belt_is_caught_from_further_upstream_with_less_time_at_the_fruit(x: float, speed: float) -> None:
+    pick = plan_pick(UPSTREAM, 0.0, belt_place(x, speed), np.zeros(3), (0.0,), ALONG)
+    assert isinstance(pick, InterceptPlan), pick.reason
+    assert pick.share <= 0.8
+    rests = max(np.sqrt(5.774 * 0.15 / LIFTS), sum(BRAKES[1]))
+    assert pick.times[-1] == pytest.approx(pick.arrival + QUICK + rests)
+
+
+def test_at_300_mm_a_second_and_below_the_time_at_the_fruit_and_the_brakes_are_as_before() -> None:
+    pick = planned(-0.5, 0.3)
+    rests = max(np.sqrt(5.774 * 0.15 / LIFTS), sum(BRAKES[0]))
+    assert pick.times[-1] == pytest.approx(pick.arrival + CLOSING + rests)
+
+
+@pytest.mark.parametrize("brakes", BRAKES)
+def test_the_brakes_of_a_rise_bring_it_to_rest_within_their_times(brakes: tuple[float, float]) -> None:
+    rise = Rise(0.0, np.eye(4), np.array([0.5, 0.0, 0.0]), 0.05, brakes)
+    ridden = rise.pose(sum(brakes))[0, 3]
+    assert ridden == pytest.approx(0.5 * (brakes[0] + brakes[1] / 2.0))
+    assert rise.pose(5.0)[0, 3] == ridden
 
 
 def test_a_fruit_beyond_the_reach_gives_no_pick_and_no_code_since_another_may_come() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,7 +11,10 @@ from pomona.applications.conveyor import signal_encoder as leaf
 from pomona.devices.plc.simulated import MockSignals
 from pomona.drivers import CellFileError, ConnectContext, DeviceLost, StopFailed, Surroundings, read_cell_file
 from pomona.executive import ManualClock, find_cell
+from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.cell.registration import read_settings
+from pomona.executive.values.findings import Findings
+from pomona.tools.mock import MockArm
 
 USUAL = "driver: signal-conveyor\ntravel: encoder\nbeside: -360 mm\ntop: -120 mm\n"
 
@@ -108,3 +112,42 @@ def test_a_cell_without_a_plc_is_refused(tmp_path: Path) -> None:
     said = read_settings(leaf.connect, path).values
     assert [problem.message for problem in said.fits(Surroundings())] == ["it needs a PLC above it"]
     assert list(said.fits(Surroundings(above={"plc": MockSignals}))) == []
+
+
+REAL, ON_HAND, FIXED = (SimpleNamespace(hand_eye=None, **more) for more in ({}, {"fixed": None}, {"fixed": object()}))
+
+
+@pytest.mark.parametrize(
+    ("options", "warned"),
+    [
+        ({"arm": object(), "camera": REAL}, True),
+        ({"arm": object(), "camera": ON_HAND}, True),
+        ({"arm": object(), "camera": ON_HAND, "above": FIXED}, False),
+        ({"above": REAL, "arm": object(), "camera": REAL}, False),  # connected before the arm it stands in the cell
+        ({"arm": object()}, False),
+    ],
+)
+def test_a_watch_by_cameras_on_the_hand_alone_is_warned_of(
+    tmp_path: Path, options: dict[str, object], warned: bool
+) -> None:
+    (tmp_path / "belt.yaml").write_text(USUAL + "runs: belt_runs\n")
+    said = read_settings(leaf.connect, tmp_path / "belt.yaml").values
+    workspace = read_cell_file(find_cell("conveyor")).workspace
+    found = list(said.fits(Surroundings(workspace, {"plc": MockSignals, "arm": MockArm}, options)))
+    assert [(problem.warning, "'camera' alone" in problem.message) for problem in found] == [(True, True)] * warned
+    assert not list(said.fits(Surroundings(None, {"plc": MockSignals, "arm": MockArm}, options)))
+
+
+def test_a_simulated_belt_warns_of_it_where_a_person_can_come(tmp_path: Path) -> None:
+    shipped = find_cell("conveyor")
+    text = shipped.read_text().replace("../", f"{shipped.parent.parent}/")
+    person = "  intruder: {start: 1 0 0 m, goal: 0 0 0.3 m}\n"
+    for name, added, lines in (
+        ("without", "", []),
+        ("with", person, [text[: text.index("  fruits:")].count("\n") + 1]),
+    ):
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(text.replace("  fruits:", f"{added}  fruits:"))
+        findings = Findings()
+        judge_cell_file(path, findings)
+        assert [(found.severity, found.line) for found in findings.sorted()] == [("warning", line) for line in lines]

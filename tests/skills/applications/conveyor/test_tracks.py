@@ -130,7 +130,7 @@ def test_a_fruit_out_of_the_picture_is_expected_and_not_missed_until_the_belt_en
     empty = draw(apple, belt, film.T_base_camera, [], 3.0, 90)
     away = film.tracks.look(BeltFrame(empty, film.T_base_camera, SPEED * 3.0), None)
     assert away.tracks[0].missed == 0
-    assert away.tracks[0].seen_at == track.seen_at
+    assert away.tracks[0].resting.t == track.resting.t
     gone = film.tracks.look(BeltFrame(replace(empty, stamp=6.0), film.T_base_camera, SPEED * 6.0), None)
     assert gone.tracks == ()
 

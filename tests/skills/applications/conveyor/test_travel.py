@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
@@ -21,10 +22,37 @@ def test_between_and_beyond_measurements_a_steady_belt_is_where_it_is(speed: flo
     assert ran(speed).at(t) == pytest.approx(speed * t, abs=1e-9)
 
 
+def test_a_steady_speed_is_that_of_a_third_of_a_second_and_counts_are_no_change() -> None:
+    travel = Travel()
+    for k in range(100):
+        counted = [1e-4 * int(0.1537 * t / 1e-4) for t in (0.01 * k, 0.01 * k - 0.1)]
+        travel.note(ConveyorState(0.01 * k, counted[0], (counted[0] - counted[1]) / 0.1))
+    speed, change = travel.steady()
+    assert speed == pytest.approx(0.1537, abs=3.4e-4)
+    assert change == 4e-3
+
+
+@given(st.floats(1e-3, 5e-3), st.floats(1.0, 8.0))
+def test_a_ripple_of_the_speed_is_no_change_of_it(ripple: float, rate: float) -> None:
+    travel = Travel()
+    for k in range(200):
+        t = 0.01 * k
+        v = 0.2 + ripple * np.sin(rate * t)
+        travel.note(ConveyorState(t, 0.2 * t - ripple / rate * np.cos(rate * t), v))
+    speed, change = travel.steady()
+    assert abs(v - speed) < change
+    wide = np.ptp(0.2 + ripple * np.sin(rate * 0.01 * np.arange(200)))
+    assert change == pytest.approx(min(max(4e-3, 1.5 * wide), 0.02))
+
+
+def test_without_measurements_a_change_is_as_coarse_as_of_any_encoder() -> None:
+    assert Travel().steady() == (0.0, 0.02)
+
+
 def test_without_an_encoder_nothing_has_travelled() -> None:
     travel = Travel()
     travel.note(None)
-    assert (travel.at(3.0), travel.speed, travel.newest) == (0.0, 0.0, None)
+    assert (travel.at(3.0), travel.speed) == (0.0, 0.0)
 
 
 def test_a_measurement_that_came_before_is_ignored() -> None:
