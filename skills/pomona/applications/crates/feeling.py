@@ -7,6 +7,7 @@ sensor at the wrist alone, where the cell has one.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -78,11 +79,25 @@ class OuterFaces:
 
 
 class ManoeuvreHand(NamedTuple):
-    """The senses of a manoeuvre; `wrist` is None in a cell without a load sensor."""
+    """The senses of a manoeuvre.
+
+    Attributes:
+        wrist: None in a cell without a load sensor.
+        R_tool_tcp: orientation of the hand in the frame of that sensor, shape (3, 3).
+        free: forces of a hand that touches nothing; None until they are measured.
+        bears: force of the fingers' edges that ends a way [N].
+    """
 
     pads: Touch
     outer: OuterFaces
     wrist: Touch | None = None
+    R_tool_tcp: Float64 = np.eye(3)
+    free: Forces | None = None
+    bears: float = math.inf
+
+    def touching_nothing(self, bears: float = math.inf) -> ManoeuvreHand:
+        """Return these senses with the forces of now as those of a free hand."""
+        return self._replace(free=self.forces, bears=bears)
 
     def forget_change(self) -> None:
         """Start the largest changes again."""
@@ -107,24 +122,31 @@ class ManoeuvreHand(NamedTuple):
 
     @property
     def edges(self) -> float:
-        """Force of the fingers' edges, which the wrist feels and the pads do not [N]."""
-        return 0.0 if self.wrist is None else self.wrist.present - self.at_rest - self.pads.present
+        """Force that the wrist feels and the pads do not: of the fingers' edges, and the sensors' errors [N]; or 0."""
+        if self.wrist is None or self.free is None or self.free[1] is None:
+            return 0.0
+        left, right = self.pads.average() - self.free[0]
+        by_pads = np.array([right[1] - left[1], right[2] - left[2], left[0] + right[0]])  # in the hand's frame
+        by_all = self.R_tool_tcp.T @ (self.wrist.average() - self.free[1])[0]
+        return float(np.linalg.norm(by_all - by_pads))
 
     @property
     def forces(self) -> Forces:
         """Forces now of the pads, shape (2, 3), and at the wrist, shape (1, 3), if it has a sensor [N]."""
         return self.pads.average(), None if self.wrist is None else self.wrist.average()
 
-    def downwards(self, free: Forces) -> float:
-        """Return the force by which the hand presses along its approach [N]; `free` are the forces without a touch.
+    @property
+    def downwards(self) -> float:
+        """Force by which the hand presses along its approach [N].
 
         The pads feel it along their faces, the wrist that of the fingers' edges too.
         """
+        assert self.free is not None
         pads, wrist = self.forces
-        by_pads = -float((pads - free[0])[:, 0].sum())
-        if wrist is None or free[1] is None:
+        by_pads = -float((pads - self.free[0])[:, 0].sum())
+        if wrist is None or self.free[1] is None:
             return by_pads
-        return max(by_pads, -float((wrist - free[1])[0, 2]) - self.at_rest)
+        return max(by_pads, -float((wrist - self.free[1])[0, 2]) - self.at_rest)
 
     def stop_at(self, limit: float, stop: Callable[[], None]) -> None:
         """Call `stop` in the sensors' own loops when `change` exceeds a limit [N]."""
@@ -134,7 +156,7 @@ class ManoeuvreHand(NamedTuple):
 
 
 class _Pushed(Exception):
-    """Something pushes the fingers from outside."""
+    """Something pushes the fingers from outside, or their edges."""
 
 
 class FeelingSkill(MovingSkill):
@@ -202,7 +224,7 @@ class FeelingSkill(MovingSkill):
     def _feel_way(self, way: Float64, manner: Manner, hand: ManoeuvreHand, felt: float, outer: float) -> Work[bool]:
         def look() -> None:
             self.require_fresh(hand)
-            if hand.outer.pushed(outer):
+            if hand.outer.pushed(outer) or hand.edges > hand.bears:
                 raise _Pushed
 
         def stop_at_touch(motion: Motion) -> None:
@@ -278,7 +300,8 @@ class FeelingSkill(MovingSkill):
         with contextlib.ExitStack() as open_:
             pads = open_.enter_context(Touch(self.device(ForceSensor)))
             wrist = None if load is None else open_.enter_context(Touch(load))
-            yield ManoeuvreHand(pads, OuterFaces(self.device(Gripper)), wrist)
+            R_tool_tcp = RobotModel.load(self.device(Arm).description).T_tool_tcp[:3, :3]
+            yield ManoeuvreHand(pads, OuterFaces(self.device(Gripper)), wrist, R_tool_tcp)
 
     def line_to(self, p_goal: Float64) -> Float64:
         """Return postures straight to a place of the tool, shape (3,) [m] -> (n, dof) [rad]."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.applications.crates.feeling import GENTLE, OVER_FAILURES, SETTLE, FeelingSkill, Forces, ManoeuvreHand
-from pomona.applications.crates.pull import DOWNWARDS, EDGES, ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull
+from pomona.applications.crates.feeling import GENTLE, OVER_FAILURES, SETTLE, FeelingSkill, ManoeuvreHand
+from pomona.applications.crates.pull import DOWNWARDS, ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull, bears_at_edges
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import FORCE, LENGTH, SPEED, Float64, Force, Length, Outputs, Port, SkillFailure, Speed, Work
 from pomona.skills import Manner, follow_way, prepare_moving, tool_pose, vertical_way
@@ -54,10 +54,10 @@ class Hook(FeelingSkill):
         try:
             with self.feeling() as hand:
                 yield from self.wait(SETTLE)
-                free = hand.forces
+                hand = hand.touching_nothing(bears_at_edges(hook))
                 yield from self._down(hook, hand, touch)
-                yield from self._give_way(hand, free, 0.0)
-                moved = yield from self._across(hook, hand, free, (touch, force), distance, speed)
+                yield from self._give_way(hand, 0.0)
+                moved = yield from self._across(hook, hand, (touch, force), distance, speed)
         except SkillFailure as failed:
             if failed.failure.code in ("PULL_BLOCKED", "NOTHING_MOVED", "NO_STRAIGHT_LINE", "CONTACT"):
                 yield from self.rise_to(before)
@@ -80,7 +80,6 @@ class Hook(FeelingSkill):
         self,
         hook: Grasp,
         hand: ManoeuvreHand,
-        free: Forces,
         limits: tuple[float, float],
         distance: float,
         speed: float,
@@ -95,10 +94,10 @@ class Hook(FeelingSkill):
             hand.forget_change()
             manner = TOUCHING if pull.is_held else Manner(speed, GENTLE, 10.0)
             at_limit = yield from self._felt(self.line_to(place), manner, hand, pull.limit)
-            if (edges := hand.edges) <= EDGES:
-                pull.off = yield from self._give_way(hand, free, pull.off)
+            if not (at_edges := hand.edges > hand.bears):
+                pull.off = yield from self._give_way(hand, pull.off)
                 pull.off = yield from self._sink(hand, touch, pull.off)
-            if pull.ends(x, at_limit, hand.change, hand.downwards(free), edges):
+            if at_edges or pull.ends(x, at_limit, hand.change, hand.downwards):
                 if pull.came >= ENOUGH:
                     return pull.came
                 raise self.failure("PULL_BLOCKED", pull.blocked, moved_m=pull.came, force_n=pull.most)
@@ -116,12 +115,12 @@ class Hook(FeelingSkill):
             raise self.failure("CONTACT", words, force_n=hand.outer.force, moved_m=hand.outer.moved)
         return stopped
 
-    def _give_way(self, hand: ManoeuvreHand, free: Forces, off: float) -> Work[float]:
+    def _give_way(self, hand: ManoeuvreHand, off: float) -> Work[float]:
         """Rise until the finger presses down less than `DOWNWARDS`; return the height over a rolling ball's way [m].
 
         A pull alone is no reason: the rubber holds the fruit by it, and would slip over its shoulder.
         """
-        while hand.downwards(free) > DOWNWARDS and off + RELIEF <= FARTHEST_OFF:
+        while hand.downwards > DOWNWARDS and off + RELIEF <= FARTHEST_OFF:
             yield from follow_way(self, self.line_to(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING)
             yield from self.wait(SETTLE)
             off += RELIEF

@@ -92,7 +92,7 @@ class Insert(FeelingSkill):
         side = crowded_side(beside, fingers, insert)
         law = Insertion(before, float(insert.T_base_grasp[2, 3]), limit, side, blocked)
         yield from self.wait(SETTLE)
-        offset = hand.pads.average()
+        hand, offset = hand.touching_nothing(), hand.pads.average()
         crown = max(float(fruit_points(each)[:, 2].max()) for each in (insert.fruit, *insert.fruit.beside))
         fast = float(before[2, 3] - fingers.points[:, 2].max()) - crown - ABOVE
         if fast > 0.0:
@@ -109,4 +109,4 @@ class Insert(FeelingSkill):
 
     def _felt(self, hand: ManoeuvreHand, offset: Float64) -> FeltByHand:
         self.require_fresh(hand)
-        return FeltByHand(hand.pads.average() - offset, max(hand.outer.force, hand.edges))
+        return FeltByHand(hand.pads.average() - offset, max(hand.outer.force, hand.edges - hand.at_rest))

@@ -14,8 +14,6 @@ RELIEF = 0.1e-3
 """Way by which a finger gives way at a time [m]: 0.5 to 1 N, less than what holds by friction."""
 DOWNWARDS = 1.5
 """Force downwards from which a finger gives way [N]: it holds a fruit on its base, and wedges it in a corner."""
-EDGES = 1.5
-"""Force of the fingers' edges that ends a pull [N]: they are hard, and brown a fruit at half of the pads' force."""
 FARTHEST_OFF = 3e-3
 """Farthest from the way of a rolling ball [m]: a fruit that does not roll is not to be slid over."""
 STEP = 3e-3
@@ -32,8 +30,15 @@ HARDER = 1.5
 BEARS = 960.0
 """Largest limit over the square of the fruit's width [N/m²]: three quarters of the force that browns an apple, 7.4 N
 at 76 mm (docs/evidence/orchard-wall.md)."""
+EDGES = BEARS / 1.5**2
+"""The same of the fingers' edges, whose contact is 1.5 times as stiff (trees/walls/apple_wall.yaml)."""
 ENOUGH = 0.015
 """A pull that ended at its force after this distance has made room [m]: a finger is 12 mm thick."""
+
+
+def bears_at_edges(hook: Grasp) -> float:
+    """Return the force of the fingers' edges that ends a pull [N]: they are hard, and brown a fruit before the pads."""
+    return EDGES * float(hook.fruit.dimensions[0]) ** 2
 
 
 class HookPull:
@@ -73,19 +78,19 @@ class HookPull:
         """Whether the last step ended at its limit, or it is one of the first."""
         return self._hits > 0 or self._begins
 
-    def ends(self, x: float, at_limit: bool, change: float, down: float, edges: float) -> bool:
+    def ends(self, x: float, at_limit: bool, change: float, down: float) -> bool:
         """Take a step, and return True when something holds the fruit: `HITS` limits, or a finger that cannot rise.
 
         Args:
             x: distance at the end of the step [m].
             at_limit: the step ended at the limit.
             change: largest change of force in the step [N].
-            down, edges: forces that are left, downwards and of the fingers' edges [N].
+            down: force downwards that is left [N].
         """
         self.most = max(self.most, change)
         self._hits = self._hits + 1 if at_limit else 0
         self.limit = min(self._first + HARDER * self._hits, self._most)
-        if edges > EDGES or self._hits >= HITS or (down > DOWNWARDS and self.off > FARTHEST_OFF - RELIEF):
+        if self._hits >= HITS or (down > DOWNWARDS and self.off > FARTHEST_OFF - RELIEF):
             return True
         self.came = self.came if at_limit else x
         return False

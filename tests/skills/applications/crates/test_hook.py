@@ -7,7 +7,8 @@ from py_trees.common import Status
 from pomona.applications.crates import feeling
 from pomona.applications.crates.feeling import PRESSED
 from pomona.applications.crates.hook import OUTER, Hook
-from pomona.applications.crates.pull import BEARS, EDGES
+from pomona.applications.crates.hooks import pull_of
+from pomona.applications.crates.pull import BEARS, bears_at_edges
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import LoadSensor, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
@@ -158,27 +159,49 @@ def test_a_tip_on_the_fruits_shoulder_ends_the_way_down_at_its_force():
     assert is_up_again(scene)
 
 
-def test_the_edges_of_the_fingers_end_a_pull_and_a_pull_alone_is_not_pressed_down():
+def test_the_wrist_feels_the_edges_beside_the_pads():
+    """Pad and edge push in different directions: the difference of the vectors counts, not that of their lengths."""
     scene = over_the_fruit()
     load = MockLoadSensor(scene.clock)
-    load.feel = lambda _now: np.array([[0.0, 0.0, -pressed, 0.0, 0.0, 0.0]])
+    load.feel = lambda _now: np.array([[edge, pulled, -(down + pressed), 0.0, 0.0, 0.0]])
     scene.fingers.feel = lambda _now: np.array([[-down, 0.0, -pulled, 0.0, 0.0, 0.0], np.zeros(6)])
-    down = pulled = pressed = 0.0
+    down = pulled = pressed = edge = 0.0
     with Touch(scene.fingers) as pads, Touch(load) as wrist:
         scene.clock.advance(0.2)
-        hand = feeling.ManoeuvreHand(pads, feeling.OuterFaces(scene.gripper), wrist)
-        free = hand.forces
+        hand = feeling.ManoeuvreHand(pads, feeling.OuterFaces(scene.gripper), wrist).touching_nothing()
         pulled = 4.0
         scene.clock.advance(0.2)
-        assert hand.downwards(free) < 0.1
-        down = pressed = 2.0
+        assert hand.downwards < 0.1
+        assert hand.edges < 0.1
+        down = 2.0
         scene.clock.advance(0.2)
-        assert hand.downwards(free) == pytest.approx(2.0, abs=0.1)
-        assert hand.edges < 0.0
-        pressed = 8.0
+        assert hand.downwards == pytest.approx(2.0, abs=0.1)
+        assert hand.edges < 0.1
+        pressed = 6.0
         scene.clock.advance(0.2)
-        assert hand.downwards(free) > 6.0
-        assert hand.edges > EDGES
+        assert hand.downwards > 6.0
+        assert hand.edges == pytest.approx(6.0, abs=0.1)
+        down, pressed, edge = 0.0, 0.0, 3.0
+        scene.clock.advance(0.2)
+        assert hand.edges == pytest.approx(3.0, abs=0.1)
+        assert hand.present < 4.5
+
+
+def test_hard_edges_end_a_pull_within_its_step_below_the_force_that_bruises():
+    scene = over_the_fruit()
+    load, most = MockLoadSensor(scene.clock), [0.0]
+
+    def feel(_now: float) -> np.ndarray:
+        come = max(float((scene.tcp[:3, 3] - begin) @ pull_of(a_hook())) - 0.006, 0.0)
+        most[0] = max(most[0], 1.5e3 * come)
+        return np.array([[1.5e3 * come, 0.0, 0.0, 0.0, 0.0, 0.0]])
+
+    begin = scene.tcp[:3, 3]
+    load.feel = feel
+    outcome = draw_with_wrist(scene, load)
+    assert outcome.reason.code == "PULL_BLOCKED"
+    assert bears_at_edges(a_hook()) < most[0] < 1.3 * bears_at_edges(a_hook())
+    assert is_up_again(scene)
 
 
 def test_a_wrist_that_feels_nothing_any_more_stops_the_arm():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pomona.applications.crates.hooks import STEP, WALL_AIR, Beside, behind, pull_of, rolled_height
-from pomona.applications.crates.pull import BEARS, DOWNWARDS, EDGES, FARTHEST_OFF, HARDER, HITS, LOWER, HookPull
+from pomona.applications.crates.pull import BEARS, DOWNWARDS, FARTHEST_OFF, HARDER, HITS, LOWER, HookPull
 from pomona.drivers.interfaces import Box
 from pomona.skills.geometry import transform
 from pomona.skills.motion.grasp import Grasp
@@ -87,18 +87,17 @@ def test_a_pull_ends_when_its_force_is_reached_in_succession_or_the_finger_canno
     pull = HookPull(hook, start, limit=2.0)
     (x, place), *_ = pull.places(0.03)
     np.testing.assert_allclose((place - start) @ pull_of(hook), x)
-    assert not pull.ends(0.003, at_limit=False, change=0.5, down=0.2, edges=0.0)
+    assert not pull.ends(0.003, at_limit=False, change=0.5, down=0.2)
     assert pull.limit == 2.0
     for hit in range(1, HITS):
-        assert not pull.ends(0.003 * (1 + hit), at_limit=True, change=2.1, down=0.2, edges=0.0)
+        assert not pull.ends(0.003 * (1 + hit), at_limit=True, change=2.1, down=0.2)
         assert pull.limit == pytest.approx(min(2.0 + hit * HARDER, BEARS * hook.fruit.dimensions[0] ** 2))
     assert pull.came == 0.003
-    assert pull.ends(0.003 * (1 + HITS), at_limit=True, change=2.2, down=0.2, edges=0.0)
+    assert pull.ends(0.003 * (1 + HITS), at_limit=True, change=2.2, down=0.2)
     assert (pull.came, pull.most) == (0.003, 2.2)
     pressed = HookPull(hook, start, limit=2.0)
     pressed.off = FARTHEST_OFF
-    assert pressed.ends(0.003, at_limit=False, change=1.5, down=2.0 * DOWNWARDS, edges=0.0)
-    assert HookPull(hook, start, limit=2.0).ends(0.003, at_limit=False, change=1.5, down=0.2, edges=2.0 * EDGES)
+    assert pressed.ends(0.003, at_limit=False, change=1.5, down=2.0 * DOWNWARDS)
 
 
 def test_a_step_that_the_fruit_follows_sets_the_limit_back_and_the_first_steps_are_slow_and_low():
@@ -109,7 +108,7 @@ def test_a_step_that_the_fruit_follows_sets_the_limit_back_and_the_first_steps_a
     for x, place in pull.places(0.012):
         heights.append(pull.off)
         held.append(pull.is_held)
-        pull.ends(x, at_limit=x < 0.004, change=1.0, down=0.0, edges=0.0)
+        pull.ends(x, at_limit=x < 0.004, change=1.0, down=0.0)
         assert (pull.limit > 3.0) is (x < 0.004)
         assert place[2] < start[2] + 0.01
     np.testing.assert_allclose(heights, [-LOWER, -2 * LOWER, -2 * LOWER, -2 * LOWER])
