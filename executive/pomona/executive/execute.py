@@ -153,30 +153,26 @@ def execute(
     starting.reach("reading the tree")
     followers = _Followers(listeners, readers, on_ready, on_latched, starting)
     try:
-        return _execute(order, followers)
+        if order.record is not None:
+            refuse_unwritable(order.record)
+        if order.dry:
+            return _run_dry(order, followers)
+        ready = _read(order, starting)
+        if ready.cell.record_required and order.record is None:
+            raise UsageError(f"{ready.cell.name}: its file has `record: required`, but this run would not be recorded")
+        # No other run may start between the check of the last run's end and the start of this one.
+        with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
+            if order.tree.resolve() != _recovery():
+                ready = replace(ready, order=admitted(order, ready.cell))
+                _after_cut(ready.order, followers)
+            try:
+                return _run_on_cell(ready, followers)
+            finally:
+                give_back_memory()
     except KeyboardInterrupt as ended:
         if starting.stage is not None:
             ended.add_note(f"The run had not begun ({starting.stage.what}): no skill of it moved anything.")
         raise
-
-
-def _execute(order: RunOrder, followers: _Followers) -> Executed:
-    if order.record is not None:
-        refuse_unwritable(order.record)
-    if order.dry:
-        return _run_dry(order, followers)
-    ready = _read(order, followers.starting)
-    if ready.cell.record_required and order.record is None:
-        raise UsageError(f"{ready.cell.name}: its file has `record: required`, but this run would not be recorded")
-    # No other run may start between the check of the last run's end and the start of this one.
-    with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
-        if order.tree.resolve() != _recovery():
-            ready = replace(ready, order=admitted(order, ready.cell))
-            _after_cut(ready.order, followers)
-        try:
-            return _run_on_cell(ready, followers)
-        finally:
-            give_back_memory()
 
 
 def admitted(order: RunOrder, cell: CellFile) -> RunOrder:

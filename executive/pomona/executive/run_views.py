@@ -118,8 +118,7 @@ class RunViews:
 
     def attend(self, options: argparse.Namespace) -> bool:
         """Return True if a view brings an operator. Raises UsageError: options contradict each other."""
-        attending = [view for view in self._views if view.attends(options)]  # each judges its options
-        return bool(attending)
+        return bool([view for view in self._views if view.attends(options)])  # each judges its options
 
     @contextlib.contextmanager
     def open(self, options: argparse.Namespace, console: Screen, records: Path) -> Iterator[None]:

@@ -102,8 +102,12 @@ class RobotiqGripper(ParallelGripper):
             try:
                 status = self._session.serve(self._command, PATIENCE)
             except Malformed as error:
-                nonsense = f": {error}"
+                nonsense = nonsense or f": {error}"
                 continue
+            except OSError:
+                if not nonsense:
+                    raise
+                break
             if status is not None and until(status):
                 return status
         raise DeviceLost(self.name, f"{problem} within {seconds:g} s{nonsense}")

@@ -111,6 +111,27 @@ def test_a_move_ends_at_its_width(model: str, way: str) -> None:
     gripper.check()
 
 
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_web_server_in_the_place_of_the_urcap_is_named(stays: bool) -> None:
+    cell = Cell()
+
+    class Web:
+        def connected(self, peer: Any) -> None: ...
+
+        def received(self, peer: Any, chunk: bytes) -> None:
+            peer.send(b"HTTP/1.1 400 Bad Request\r\n\r\n<html>\r\n</html>\r\n")
+            if not stays:
+                peer.close()
+
+        def disconnected(self, peer: Any) -> None: ...
+
+        def flush(self) -> None: ...
+
+    cell.gripper.urcap = Web()  # type: ignore[assignment]
+    with pytest.raises(DeviceLost, match=r"a web server \(HTTP\) answers there"):
+        connected(cell, "urcap")
+
+
 def test_a_move_slower_than_the_gripper_s_slowest_speed_advances_in_steps() -> None:
     cell = Cell()
     gripper = connected(cell)
