@@ -21,7 +21,7 @@ class XArmSession:
     """
 
     def __init__(self, device: str, command: Link, reports: Link, clock: Clock, silence: float) -> None:
-        """`silence`: deadline of an answer [s]. Read the version, and wait for the first report. Raises DeviceLost, Nonsense, OSError."""
+        """`silence`: deadline of an answer [s]. Read version and first report. Raises DeviceLost, Nonsense, OSError."""
         self._device, self._command, self._reports, self._clock = device, command, reports, clock
         self._silence = silence
         self._answered, self._pushed = bytearray(), bytearray()

@@ -36,7 +36,6 @@ from pomona.executive.clock import Clock
 from pomona.executive.values.kinds import ScalarKind, Schema
 from pomona.executive.values.yaml_nodes import Unfit
 
-
 _PAGE = re.compile(rb"\s*(HTTP/\d|<(!doctype )?html)", re.IGNORECASE)
 
 
