@@ -75,8 +75,11 @@ class RobotiqGripper(ParallelGripper):
             status = self._await(lambda status: True, CONNECT, "does not answer")
             if status.activation != ACTIVE:
                 self._activate()
-            status = self._await(lambda status: True, CONNECT, "does not answer")
+                status = self._await(lambda status: True, CONNECT, "does not answer")
+            before, status = status, self._await(lambda status: True, CONNECT, "does not answer")
             self._check_fault(status)
+            if abs(status.position - before.position) > 1:
+                raise DeviceFault(self.name, "moves without a command of this run: another program moves it")
             self._take(status)
             if self._problem is not None:
                 raise self._problem

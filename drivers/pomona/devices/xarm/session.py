@@ -15,8 +15,7 @@ class XArmSession:
     """Asks the controller, until something fails. It belongs to one thread.
 
     Attributes:
-        version: the controller's answer to VERSION.
-        flags: of the newest answer.
+        version: the controller's answer to VERSION; flags: of the newest answer.
         report: the newest; reported_at: when it came, on the cell's clock [s].
     """
 
