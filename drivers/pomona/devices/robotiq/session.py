@@ -63,7 +63,7 @@ class UrcapSession:
 
     def __init__(self, link: Link, clock: Clock, device: str = "gripper") -> None:
         self._link, self._clock, self._device = link, clock, device
-        # positions that may be requested now: the newest that was (None: the first one, of anyone), and those sent since
+        # positions that may be requested now: the newest that was (None: any), and those sent since
         self._ours: list[int | None] = [None]
         self._buffer = b""
         self._sent: RobotiqCommand | None = None
