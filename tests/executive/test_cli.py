@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from pomona.executive.cell import connect as connecting
+from pomona.executive.cell.device import ConnectContext, Device
+from pomona.executive.cell.registration import Settings
 from pomona.executive.cli import main
 from pomona.executive.recording.scan import examine
 from pomona.executive.running.runner import Runner
+from pomona.executive.values.processes import WORDS
 from pomona.tools.listings.declared_skills import declared_skills
 
 
@@ -281,7 +288,49 @@ def test_a_signal_that_a_compiled_module_turned_into_an_error_gives_no_traceback
 
     monkeypatch.setattr("pomona.executive.cli._run", interrupted)
     assert main(["skills"]) == 130
-    assert "Traceback" not in capsys.readouterr().err
+    assert capsys.readouterr().err == "interrupted from the keyboard\n"
+
+
+MOCK_CELL = """name: bench
+kind: mock
+clock: manual
+world: {driver: mock}
+devices:
+  arm: {driver: mock-arm}
+  gripper: {driver: mock-gripper}
+"""
+
+
+@pytest.mark.parametrize("number", list(WORDS))
+@pytest.mark.parametrize("stage", ["connecting the cell", "preparing Turn"])
+def test_a_signal_before_the_run_is_one_line_with_the_stage_and_closes_the_devices(
+    stage: str, number: int, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tree, cell, records = tmp_path / "t.yaml", tmp_path / "cell.yaml", tmp_path / "runs"
+    tree.write_text("pomona: 1\ntree: t\nroot: {wait: 100 ms}\n")
+    cell.write_text(MOCK_CELL)
+    closed: list[str] = []
+    connect = connecting._connect
+
+    def connect_one(settings: Settings[Any], context: ConnectContext) -> Device:
+        if stage == "connecting the cell" and settings.name == "gripper":
+            signal.raise_signal(number)
+        device = connect(settings, context)
+        monkeypatch.setattr(device, "close", lambda: closed.append(device.name))
+        return device
+
+    def prepare(_runner: Runner, tell: Callable[[str, int, int], None]) -> None:
+        tell("Turn", 0, 2)
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(connecting, "_connect", connect_one)
+    monkeypatch.setattr(Runner, "prepare", prepare)
+    status = main(["run", str(tree), "--cell", str(cell), "--record", str(records)])
+    reason = WORDS[signal.Signals(number)]
+    said = f"{reason}. The run had not begun ({stage}): no skill of it moved anything.\n"
+    assert (status, capsys.readouterr().err) == (128 + number, said)
+    assert closed == (["arm", "world"] if stage == "connecting the cell" else ["gripper", "arm", "world"])
+    assert not list(records.glob("*"))
 
 
 INTERRUPTED_IMPORT = """
@@ -304,7 +353,7 @@ def test_ctrl_c_while_the_program_is_loaded_is_one_line_and_status_130(how: str)
     assert (ended.returncode, ended.stderr) == (130, "interrupted from the keyboard\n")
 
 
-def test_ctrl_c_before_signals_are_handled_gives_no_traceback() -> None:
+def test_ctrl_c_before_signals_are_handled_is_one_line_and_status_130() -> None:
     program = """
 import sys
 from pomona.executive import cli
@@ -316,7 +365,7 @@ cli.unwaiting_output, sys.argv = interrupted, ["pomona", "run", "x"]
 sys.exit(cli.main())
 """
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert (ended.returncode, ended.stderr) == (130, "")
+    assert (ended.returncode, ended.stderr) == (130, "interrupted from the keyboard\n")
 
 
 def test_a_module_that_cannot_be_loaded_is_not_reported_as_an_interruption() -> None:

@@ -22,6 +22,27 @@ def test_a_name_that_is_nearly_one_is_asked_back_and_a_path_is_not() -> None:
     assert "did you mean" not in str(failed.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("lab/cel.yaml", r"^no cell file 'lab/cel\.yaml': lab/cel\.yaml does not exist; did you mean 'cell\.yaml'\?$"),
+        ("lap/cell.yaml", r"^no cell file 'lap/cell\.yaml': lap does not exist; did you mean 'lab'\?$"),
+        ("lab/x/y/cell.yaml", r"^no cell file 'lab/x/y/cell\.yaml': lab/x does not exist$"),
+        ("lab/cell.yaml/cell.yaml", r"cell\.yaml/cell\.yaml does not exist$"),
+        ("orchrd_7.yaml", r"^no cell file 'orchrd_7\.yaml'; did you mean 'orchard_7\.yaml'\? installed: "),
+    ],
+)
+def test_a_path_that_does_not_exist_is_named_with_the_nearest_one(
+    name: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lab").mkdir()
+    for file in ("lab/cell.yaml", "orchard_7.yaml"):
+        (tmp_path / file).touch()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match=said):
+        find_cell(name)
+
+
 def test_a_folder_of_an_installed_name_hides_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "frames").mkdir()
     monkeypatch.chdir(tmp_path)

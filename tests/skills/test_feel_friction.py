@@ -25,17 +25,20 @@ PADS = 1500.0
 
 
 class Standing(PickingScene):
-    """A fruit on a table between the fingers: pads that move along it bend, then rub; a light one comes along."""
+    """A fruit on a table between the fingers: pads that move along it bend, then rub; a light one comes along.
 
-    def __init__(self, mu: float = 0.8, weight: float = 2.0) -> None:
+    With a `linkage` the pads go down by this share of the closing.
+    """
+
+    def __init__(self, mu: float = 0.8, weight: float = 2.0, linkage: float = 0.0) -> None:
         super().__init__(q=q_at_grasp().copy(), width=0.085)
         press = spring_fruit(self.gripper, 0.08, 2000.0)
         self.bent = self.risen = 0.0
-        self.before = self.tcp[2, 3]
+        self.before = self.tcp[2, 3] + linkage * self.gripper.state().width
 
         def feel(now: float) -> np.ndarray:
             wrenches = press(now)
-            moved = self.tcp[2, 3] - self.before
+            moved = self.tcp[2, 3] + linkage * self.gripper.state().width - self.before
             self.before += moved
             if self.risen > 0.0 and moved < 0.0:  # a fruit that hangs goes down with the fingers until it stands
                 down = min(-moved, self.risen)
@@ -77,6 +80,16 @@ def test_it_feels_the_friction_and_holds_for_it(mu):
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
     np.testing.assert_allclose(scene.tcp[:3, 3], a_grasp().T_base_grasp[:3, 3] + [0.0, 0.0, 0.001], atol=1e-4)
     assert outcome.duration < 1.3
+
+
+@pytest.mark.parametrize(("linkage", "ways"), [(0.0, 2), (1.0, 3)])
+def test_pads_that_a_linkage_moves_down_as_they_close_leave_no_push_on_the_floor(linkage, ways):
+    scene = Standing(0.8, weight=4.0, linkage=linkage)
+    hold = scene.grasp()
+    assert (scene.bent < -1e-4) is (linkage > 0.0)
+    assert scene.feel_friction(hold).status is Status.SUCCESS
+    assert len(scene.arm.followed) == ways
+    assert 2.0 * PADS * scene.bent > 0.5  # [N], towards the lift
 
 
 def test_an_arm_that_has_arrived_and_whose_joints_stand_still_is_not_believed():

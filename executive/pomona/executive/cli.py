@@ -67,7 +67,7 @@ def _process(words: Sequence[str]) -> int:
             status = _main(words)
             _ignore_signals()
     except KeyboardInterrupt as ended:  # before the signals were handled
-        status = status_of(ended)
+        status = _interrupted(ended)
     _end_without(_left(), status, ticking)
     _leave_quietly()
     return status
@@ -79,22 +79,26 @@ def _main(words: Sequence[str]) -> int:
     try:
         with raising():
             try:
-                status = _run(words)
+                return _run(words)
             except Exception:
                 raise_again()  # a signal that a foreign module swallowed while it was imported
                 raise
-    except KeyboardInterrupt as ended:
-        status = status_of(ended)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == "pomona":
             raise
         sys.stderr.write(f"the package {error.name} is not installed; run: {remedy(error.name)}\n")
-        status = 2
-    except Exception as error:
-        ended_by = signalled(error)
-        if ended_by is None:
+        return 2
+    except BaseException as error:
+        if (ended := signalled(error)) is None:
             raise
-        status = status_of(ended_by)
+        return _interrupted(ended)
+
+
+def _interrupted(ended: KeyboardInterrupt) -> int:
+    """Print which signal ended the command, with the notes of those that it interrupted; return the exit status."""
+    status = status_of(ended)
+    words = WORDS[signal.Signals(status - INTERRUPTED)]
+    _print_error(". ".join([words, *getattr(ended, "__notes__", ())]))
     return status
 
 

@@ -34,7 +34,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.cell_watch import installed_watchers
 from pomona.executive.running.events import Listener, OperatorActed, RunEnded, RunStarted
 from pomona.executive.running.runner import Runner
-from pomona.executive.running.signals import RunSignals, error_of
+from pomona.executive.running.signals import RunSignals, Terminated
 from pomona.executive.running.starting import RunResult, StartCancelledError, Starting, alone_on
 from pomona.executive.running.supervisor import RunSupervision
 from pomona.executive.running.tick import EventStream
@@ -147,26 +147,32 @@ def execute(
     Raises:
         UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
         StartCancelledError: it was cancelled before there was a cell.
+        KeyboardInterrupt: a signal came before the run had begun; a note names the stage.
     """
     starting = starting or Starting()
     starting.reach("reading the tree")
     followers = _Followers(listeners, readers, on_ready, on_latched, starting)
-    if order.record is not None:
-        refuse_unwritable(order.record)
-    if order.dry:
-        return _run_dry(order, followers)
-    ready = _read(order, starting)
-    if ready.cell.record_required and order.record is None:
-        raise UsageError(f"{ready.cell.name}: its file has `record: required`, but this run would not be recorded")
-    # No other run may start between the check of the last run's end and the start of this one.
-    with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
-        if order.tree.resolve() != _recovery():
-            ready = replace(ready, order=admitted(order, ready.cell))
-            _after_cut(ready.order, followers)
-        try:
-            return _run_on_cell(ready, followers)
-        finally:
-            give_back_memory()
+    try:
+        if order.record is not None:
+            refuse_unwritable(order.record)
+        if order.dry:
+            return _run_dry(order, followers)
+        ready = _read(order, starting)
+        if ready.cell.record_required and order.record is None:
+            raise UsageError(f"{ready.cell.name}: its file has `record: required`, but this run would not be recorded")
+        # No other run may start between the check of the last run's end and the start of this one.
+        with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
+            if order.tree.resolve() != _recovery():
+                ready = replace(ready, order=admitted(order, ready.cell))
+                _after_cut(ready.order, followers)
+            try:
+                return _run_on_cell(ready, followers)
+            finally:
+                give_back_memory()
+    except KeyboardInterrupt as ended:
+        if starting.stage is not None:
+            ended.add_note(f"The run had not begun ({starting.stage.what}): no skill of it moved anything.")
+        raise
 
 
 def admitted(order: RunOrder, cell: CellFile) -> RunOrder:
@@ -306,7 +312,7 @@ def _after_cut(order: RunOrder, followers: _Followers) -> None:
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
         if recovered.signal is not None:  # it came while the recovery's record and cell were being closed
-            raise error_of(recovered.signal)
+            raise Terminated(recovered.signal)
     elif (cut.kind or starting.cell_kind) in ("real", "emulated") and cut.hand != "":
         raise UsageError(f"{words}.\nNothing was run. {WHAT_TO_DO}")
     else:

@@ -80,7 +80,11 @@ def _find(name: str, kind: str, folder: Path) -> Path:
     if given.is_symlink():
         raise UsageError(f"{name}: this link leads to no file")
     known = sorted(path.stem for path in folder.glob("*.yaml"))
-    hint = did_you_mean(given.stem, known) if given.name == name else ""
+    lost = next(path for path in (*reversed(given.parents), given) if not exists(path))
+    beside = did_you_mean(lost.name, (path.name for path in lost.parent.glob("*")))
+    if given.name != name:
+        raise UsageError(f"no {kind} file '{name}': {lost} does not exist{f'; {beside}' if beside else ''}")
+    hint = (given.suffix and beside) or did_you_mean(given.stem, known)
     raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")
 
 

@@ -45,9 +45,6 @@ class RunView:
     `add` and `attends` are called for each `pomona run`, so import costly modules in `open` only.
     """
 
-    keeps_process = False
-    """Whether the process may outlive the run, so that a signal ends the process as well."""
-
     def add(self, parser: argparse.ArgumentParser) -> None:
         """Add the view's options to `pomona run`."""
 
@@ -85,7 +82,7 @@ class RunView:
         """Note the end of the run; `problem` is the reason why it did not begin, else empty."""
 
     def stay(self) -> None:
-        """Stay open after the run of a terminal, until Ctrl-C."""
+        """Stay open after a run that no signal to the process has ended, until Ctrl-C."""
 
     def close(self) -> None:
         """Release everything. Called once for each opened view, in the reverse order."""
@@ -121,8 +118,7 @@ class RunViews:
 
     def attend(self, options: argparse.Namespace) -> bool:
         """Return True if a view brings an operator. Raises UsageError: options contradict each other."""
-        attending = [view for view in self._views if view.attends(options)]  # each judges its options
-        return bool(attending)
+        return bool([view for view in self._views if view.attends(options)])  # each judges its options
 
     @contextlib.contextmanager
     def open(self, options: argparse.Namespace, console: Screen, records: Path) -> Iterator[None]:
@@ -133,11 +129,6 @@ class RunViews:
                     self.opened.append(view)
                     stack.callback(view.close)
             yield
-
-    @property
-    def keep_process(self) -> bool:
-        """Whether the process may outlive the run."""
-        return any(view.keeps_process for view in self.opened)
 
     @property
     def listeners(self) -> list[Listener]:

@@ -44,9 +44,9 @@ class FeelFriction(MovingSkill):
     """Measure the friction of a standing fruit by sliding the pads down and up, and use it from then on.
 
     With a light grip force the fruit stands still and the pads slide. At the end of the way up the force rises while
-    they slide, so that the weight comes on them gently. A fruit that is lighter than the friction moves with the pads;
-    then only the way down counts. If the pads do not slide, the configured friction is kept. The grip presses with
-    `force_after` afterwards, however the slides end.
+    they slide, so that the weight comes on them gently; pads that a linkage moves down meanwhile rise once more. A
+    fruit that is lighter than the friction moves with the pads; then only the way down counts. If the pads do not
+    slide, the configured friction is kept. The grip presses with `force_after` afterwards, however the slides end.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
@@ -85,8 +85,7 @@ class FeelFriction(MovingSkill):
                 feedback += ", from the way down only" if slide.came_along else ""
             except NoSlideError as problem:
                 feedback = f"{problem}: {slide.mu:.2f} ± {slide.uncertainty:.0%} is kept"
-            hold.slide(force_after)
-            yield from self._press(hold, force_after)
+                yield from self._press(hold, force_after)
         finally:
             hold.slide(None)
         hold.set_friction(replace(configured.contact, mu=slide.mu), slide.uncertainty, force_after)
@@ -99,37 +98,40 @@ class FeelFriction(MovingSkill):
     ) -> Generator[str | None, None, Slide]:
         """Slide down, and up with the force rising at the end; NoSlideError: blocked, or the pads did not slide."""
         settings = hold.settings
-        down, up = self._lines(distance)
+        down = self._line("down", -distance)
         hold.slide(force)
         # Down at once: the pads slide also while the force of closing comes down.
         wrenches_down = yield from self._slide(hold, down, distance, distance, speed)
+        load_down = hold.estimate.load
         yield from self._press(hold, force)
         if moves_with_pads(wrenches_down, force, hold.estimate.force_sum, settings.expected_load):
             hold.slide(force_after)
-        wrenches_up = yield from self._slide(hold, up, (1.0 + RISING) * distance, distance, speed, force_after)
+        more = RISING * distance
+        up = self._line("up", distance + more)
+        wrenches_up = yield from self._slide(hold, up, distance + more, distance, speed, force_after)
+        yield from self._press(hold, force_after)
+        if np.dot(load_down, hold.estimate.load) > 0.0:  # a linkage moves closing pads down: relieve the fruit
+            yield from self._slide(hold, self._line("up", more), more, more, speed)
         return friction_of_slides(wrenches_up, wrenches_down, settings.contact, hold.estimate.bias_std, settings.rate)
 
-    def _lines(self, distance: float) -> tuple[Float64, Float64]:
-        """Return the joints of a path down by the distance and of one up; NoSlideError: one is blocked."""
+    def _line(self, way: str, rise: float) -> Float64:
+        """Return the joints of a path up by `rise` [m]; NoSlideError: it is blocked."""
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
         q = arm.state().q
-        T_base_goal, height = robot.tcp(q), robot.tcp(q)[2, 3]
+        T_base_goal = robot.tcp(q)
+        T_base_goal[2, 3] += rise
+        line = straight_line(robot, q, T_base_goal, step=0.25 * abs(rise))
         space = arm_space(arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0)
-        lines = []
-        for way, rise in (("down", -distance), ("up", RISING * distance)):
-            T_base_goal[2, 3] = height + rise
-            line = straight_line(robot, q, T_base_goal, step=0.25 * distance)
-            blocked = space.first_blocked(line.q)
-            if not line.complete or blocked is not None:
-                reason = line.reason if blocked is None else space.explain(line.q[blocked + 1])[0]
-                raise NoSlideError(f"the slide {way} is blocked: {reason}")
-            lines.append(line.q)
-            q = line.q[-1]
-        return lines[0], lines[1]
+        blocked = space.first_blocked(line.q)
+        if not line.complete or blocked is not None:
+            reason = line.reason if blocked is None else space.explain(line.q[blocked + 1])[0]
+            raise NoSlideError(f"the slide {way} is blocked: {reason}")
+        return line.q
 
     def _press(self, hold: Hold, force: float) -> Watching:
-        """Wait until the fingers press with this grip force [N]."""
+        """Let the fingers press with this grip force [N], and wait until they do."""
+        hold.slide(force)
         began = self.context.elapsed()
         # longest time for the grip force to be reached [s]
         while abs(hold.tracked_force - force) > SETTLING and self.context.elapsed() - began < 1.0:

@@ -17,6 +17,7 @@ from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import is_being_written
 from pomona.executive.running import launcher
 from pomona.executive.running.launcher import LEFT
+from pomona.executive.values.processes import WORDS
 
 ENDS = """
 import ctypes, os, resource, signal, sys, threading
@@ -135,7 +136,7 @@ def test_a_signal_reaches_the_run_once_in_whichever_process_it_arrives(
         assert int(process.stdout.readline()) != process.pid
         send(process, number)
         said, complaint = process.communicate(timeout=60)
-    assert (process.returncode, said, complaint) == (status, "once\n", "")
+    assert (process.returncode, said, complaint) == (status, "once\n", f"{WORDS[signal.Signals(number)]}\n")
 
 
 def is_alive(pid: int) -> bool:

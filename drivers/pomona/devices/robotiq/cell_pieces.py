@@ -4,48 +4,43 @@ from __future__ import annotations
 
 from pomona.tools.kit.cell_piece import CellPiece
 
-SIMULATED = """driver: sim-gripper
+
+def _piece(model: str, offset: str, due: tuple[str, ...], settings: tuple[str, ...] = ()) -> CellPiece:
+    """Return a gripper on a serial line; `offset` is the opening between its pads when it is closed."""
+    force = '--set force="40 N"'
+    return CellPiece(
+        role="gripper",
+        address="/dev/ttyUSB0",
+        address_help="its serial port; better /dev/serial/by-id/…",
+        device=f"""driver: robotiq           # its least force is 20 N a finger: pomona run … {force}
+model: {model}
+port: "{{gripper}}"
+finger_offset: {offset:<10} # opening between the pads' faces when the gripper is closed
+""",
+        simulated="""driver: sim-gripper
 speed_max: 150 mm/s
 force_max: 50 N
 watchdog: 100 ms
-"""
-PORT = "its serial port; better /dev/serial/by-id/…"
-HEAVY = "Fruit that bears 40 N: the gripper presses with 20 N a finger at least."
-HAND_E = CellPiece(
-    role="gripper",
-    address="/dev/ttyUSB0",
-    address_help=PORT,
-    device="""driver: robotiq           # the least force of a Hand-E is 20 N a finger: pomona run … --set force="40 N"
-model: hand-e
-port: "{gripper}"
-finger_offset: 53 mm      # opening between the pads' faces when the gripper is closed
 """,
-    simulated=SIMULATED,
-    emulator="hand-e",
-    twin_address="/tmp/pomona/hand_e",
-    due=(
-        "`devices.gripper.finger_offset` in cell.yaml: opening between the pads' faces when the gripper is closed.",
-        HEAVY,
-    ),
-    settings=("force=40 N",),
+        emulator=model,
+        twin_address=f"/tmp/pomona/{model.replace('-', '_')}",
+        due=(*due, "Fruit that bears 40 N: the gripper presses with 20 N a finger at least."),
+        settings=("force=40 N", *settings),
+    )
+
+
+HAND_E = _piece(
+    "hand-e",
+    "53 mm",
+    ("`devices.gripper.finger_offset` in cell.yaml: opening between the pads' faces when the gripper is closed.",),
 )
-ROBOTIQ_2F_85 = CellPiece(
-    role="gripper",
-    address="/dev/ttyUSB0",
-    address_help=PORT,
-    device="""driver: robotiq           # the least force of a 2F-85 is 20 N a finger: pomona run … --set force="40 N"
-model: 2f-85
-port: "{gripper}"
-finger_offset: 0 mm       # opening between the pads' faces when the gripper is closed
-""",
-    simulated=SIMULATED,
-    emulator="2f-85",
-    twin_address="/tmp/pomona/2f_85",
-    due=(
+ROBOTIQ_2F_85 = _piece(
+    "2f-85",
+    "0 mm",
+    (
         "robot.xml: its fingers slide along the line that touches the linkage's circle at 65 mm.",
-        "With force fingers on its pads the twin slips and bruises: docs/reports/arms.md.",
+        "With force fingers on its pads a light fruit slips on the twin: docs/reports/arms.md.",
         "Fruit of 76 mm at most between its fingertips, which open by 85 mm.",
-        HEAVY,
     ),
-    settings=("force=40 N", "fruit=apple_4"),
+    ("fruit=apple_4",),
 )

@@ -45,19 +45,19 @@ class RobotiqCommand:
 
 @dataclass(frozen=True, slots=True)
 class RobotiqStatus:
-    """Activation status, object detection, fault code, position in counts, and current of the motor in 10 mA."""
+    """Activation status, object detection, fault code, position that was requested, and position, in counts."""
 
     activation: int
     object: int
     fault: int
+    requested: int
     position: int
-    current: int
 
     @classmethod
     def decode(cls, registers: bytes) -> RobotiqStatus:
         """Return the status in the registers, six bytes."""
-        first, _, fault, _, position, current = registers
-        return cls(first >> 4 & 3, first >> 6, fault & 15, position, current)
+        first, _, fault, requested, position, _ = registers
+        return cls(first >> 4 & 3, first >> 6, fault & 15, requested, position)
 
 
 def crc(message: bytes) -> bytes:

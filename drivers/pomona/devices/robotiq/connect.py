@@ -33,4 +33,4 @@ def connect(settings: Settings[RobotiqFile], context: ConnectContext) -> Robotiq
     silent = "port", f"{serial_ports()}; is the gripper powered, with the Modbus address {said.unit} ('unit')?"
     if said.urcap is not None:
         silent = "urcap", "is the Robotiq URCap installed, and no other client connected? is the gripper powered?"
-    return settings.opened(gripper, {OSError: silent, DeviceLost: silent, DeviceError: ("model", "")})
+    return settings.opened(gripper, {OSError: silent, DeviceLost: silent, DeviceError: (silent[0], "")})

@@ -75,8 +75,11 @@ class RobotiqGripper(ParallelGripper):
             status = self._await(lambda status: True, CONNECT, "does not answer")
             if status.activation != ACTIVE:
                 self._activate()
-            status = self._await(lambda status: True, CONNECT, "does not answer")
+                status = self._await(lambda status: True, CONNECT, "does not answer")
+            before, status = status, self._await(lambda status: True, CONNECT, "does not answer")
             self._check_fault(status)
+            if abs(status.position - before.position) > 1:
+                raise DeviceFault(self.name, "moves without a command of this run: another program moves it")
             self._take(status)
             if self._problem is not None:
                 raise self._problem
@@ -102,8 +105,12 @@ class RobotiqGripper(ParallelGripper):
             try:
                 status = self._session.serve(self._command, PATIENCE)
             except Malformed as error:
-                nonsense = f": {error}"
+                nonsense = nonsense or f": {error}"
                 continue
+            except OSError:
+                if not nonsense:
+                    raise
+                break
             if status is not None and until(status):
                 return status
         raise DeviceLost(self.name, f"{problem} within {seconds:g} s{nonsense}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from pomona.devices.robotiq.codec import SLAVE, RobotiqCommand, RobotiqStatus, answer, request
-from pomona.drivers import Link, Malformed
+from pomona.drivers import DeviceFault, Link, Malformed
 from pomona.executive import Clock
 
 BAUD = 115200  # of the grippers when they are delivered [bit/s]
@@ -19,7 +19,8 @@ class RobotiqSession(Protocol):
     def serve(self, command: RobotiqCommand | None, patience: float) -> RobotiqStatus | None:
         """Send the command when the wire is free, and return a status that has come, waiting up to `patience` [s].
 
-        Without a command the gripper is only read. Raises OSError: the wire failed; Malformed: no gripper answers.
+        Without a command the gripper is only read.
+        Raises OSError: the wire failed; Malformed: no gripper answers; DeviceFault: another program commands it.
         """
 
     def close(self) -> None: ...
@@ -53,15 +54,17 @@ class RtuSession:
         self._link.close()
 
 
-QUESTIONS = {"STA": "activation", "OBJ": "object", "FLT": "fault", "POS": "position", "COU": "current"}
+QUESTIONS = {"STA": "activation", "OBJ": "object", "FLT": "fault", "PRE": "requested", "POS": "position"}
 """Questions of the URCap by the field of the status that each answers."""
 
 
 class UrcapSession:
     """The URCap on a UR: lines of text, one question at a time, about 30 statuses a second."""
 
-    def __init__(self, link: Link, clock: Clock) -> None:
-        self._link, self._clock = link, clock
+    def __init__(self, link: Link, clock: Clock, device: str = "gripper") -> None:
+        self._link, self._clock, self._device = link, clock, device
+        # positions that may be requested now: the newest that was (None: any), and those sent since
+        self._ours: list[int | None] = [None]
         self._buffer = b""
         self._sent: RobotiqCommand | None = None
         self._told: dict[str, int] = {}
@@ -82,14 +85,24 @@ class UrcapSession:
         if name != self._asked or not number.strip().isdigit():
             raise Malformed(line, f"is no answer to GET {self._asked}")
         self._told[QUESTIONS[name]], self._asked = int(number), ""
+        if name == "PRE":
+            self._own(int(number))
         if len(self._told) < len(QUESTIONS):
             return None
         status, self._told = RobotiqStatus(**self._told), {}
         return status
 
+    def _own(self, position: int) -> None:
+        """Look whether a requested position is one of ours. Raises DeviceFault: it is not."""
+        ours = [position, *self._ours[1:]] if self._ours[0] is None else self._ours
+        self._ours = ours[ours.index(position) :] if position in ours else [position]
+        if position not in ours:
+            raise DeviceFault(self._device, "another program commands it: only one may, so stop the other one")
+
     def _ask(self, command: RobotiqCommand | None) -> None:
         if command is not None and command != self._sent:
             self._sent, self._asked = command, "SET"
+            self._ours.append(command.position)
             values = {"ACT": command.active, "POS": command.position, "SPE": command.speed, "FOR": command.force}
             told = " ".join(f"{name} {int(number)}" for name, number in (values | {"GTO": command.go}).items())
             self._link.send(f"SET {told}\n".encode())

@@ -71,7 +71,7 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
 
     def _require_arm(self, session: XArmSession) -> None:
         try:
-            model, version = identity(session.ask(Register.VERSION, deadline=1.0))
+            model, version = identity(session.version)
         except Malformed as error:
             raise Nonsense(self.name, error) from error
         if model != self.options.model:

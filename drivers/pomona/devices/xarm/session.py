@@ -15,18 +15,19 @@ class XArmSession:
     """Asks the controller, until something fails. It belongs to one thread.
 
     Attributes:
-        flags: of the newest answer.
+        version: the controller's answer to VERSION; flags: of the newest answer.
         report: the newest; reported_at: when it came, on the cell's clock [s].
     """
 
     def __init__(self, device: str, command: Link, reports: Link, clock: Clock, silence: float) -> None:
-        """`silence`: deadline of an answer [s]. Wait for the first report. Raises DeviceLost, Nonsense, OSError."""
+        """`silence`: deadline of an answer [s]. Read version and first report. Raises DeviceLost, Nonsense, OSError."""
         self._device, self._command, self._reports, self._clock = device, command, reports, clock
         self._silence = silence
         self._answered, self._pushed = bytearray(), bytearray()
         self._transaction = 0
         self.flags, self.reported_at = 0, clock.now()
         self.report: Report
+        self.version = self.ask(Register.VERSION, deadline=1.0)
         end = clock.now() + 1.0  # deadline of the first report [s]: it has a hundred in this time
         while not self.listen(0.01):
             if clock.now() > end:

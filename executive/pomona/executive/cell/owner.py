@@ -36,14 +36,16 @@ from pomona.executive.clock import Clock
 from pomona.executive.values.kinds import ScalarKind, Schema
 from pomona.executive.values.yaml_nodes import Unfit
 
+_PAGE = re.compile(rb"\s*(HTTP/\d|<(!doctype )?html)", re.IGNORECASE)
+
 
 class Malformed(DriverError):
     """Bytes that are no message of the protocol."""
 
     def __init__(self, received: bytes, message: str) -> None:
         self.received = received
-        shown = received[:32].hex(" ") + (" …" if len(received) > 32 else "")
-        super().__init__(f"{message}: {shown or 'no byte'}")
+        shown = received[:32].hex(" ") + (" …" if len(received) > 32 else "") or "no byte"
+        super().__init__(f"{message}: {'a web server (HTTP) answers there' if _PAGE.match(received) else shown}")
 
 
 class Nonsense(DeviceLost):

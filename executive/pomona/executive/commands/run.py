@@ -17,7 +17,6 @@ from pomona.executive.files import default_name, find_cell, find_tree
 from pomona.executive.language.interface import parse_settings
 from pomona.executive.run_views import RunViews
 from pomona.executive.running.runner import Runner
-from pomona.executive.running.signals import Terminated
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.keys import Keys
 from pomona.executive.terminal.live import LiveTree
@@ -99,9 +98,8 @@ def main(options: argparse.Namespace, views: RunViews) -> int:
     order = _order(options, attended or here)
     with views.open(options, console, options.record):
         executed = _run(options, order, views, console, here)
-        if executed.signal not in (None, signal.SIGINT) and views.keep_process:
-            raise Terminated(executed.signal)  # it was meant for the whole process, not for this run
-        if sys.stdin.isatty() and not options.quiet:
+        ends = executed.signal not in (None, signal.SIGINT)  # it was meant for the whole process, not for this run
+        if sys.stdin.isatty() and not options.quiet and not ends:
             views.stay()
     return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
 

@@ -1,10 +1,9 @@
 """Signals that request the end of a process: Ctrl-C, SIGTERM, and SIGHUP of a closed terminal or ssh session.
 
-While nothing moves they raise; SIGTERM and SIGHUP raise as KeyboardInterrupt does. If a callback of a compiled library
-swallows the exception, the signal is sent again shortly after, and raised again before a run begins. During a run they
-request the safe state; while the record and the cell are closed they wait. A process that was started to ignore a
-signal (nohup, a shell's background job, a campaign's worker for Ctrl-C) continues to ignore it. Signals reach the main
-thread only.
+While nothing moves they raise. If a callback of a compiled library swallows the exception, the signal is sent again
+shortly after, and raised again before a run begins. During a run they request the safe state; while the record and the
+cell are closed they wait. A process that was started to ignore a signal (nohup, a shell's background job, a campaign's
+worker for Ctrl-C) continues to ignore it. Signals reach the main thread only.
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ def _report(number: int) -> float:
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM or SIGHUP, raised where Ctrl-C would raise KeyboardInterrupt."""
+    """A signal that ends the process while nothing moves; its text is the signal's description."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -99,14 +98,14 @@ _came = False  # whether any signal was raised since `raising` began
 
 @contextmanager
 def raising() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise `Terminated`, Ctrl-C KeyboardInterrupt."""
+    """Each signal raises `Terminated`."""
     global _raised, _came
 
     def handle(number: int, _frame: FrameType | None) -> None:
         global _raised, _came
         _report(number)
         _raised, _came = number, True
-        raise error_of(number)
+        raise Terminated(number)
 
     _raised, _came = None, False
 
@@ -131,7 +130,7 @@ def raise_again() -> None:
     Raises KeyboardInterrupt: there was one since `raising` began.
     """
     if _raised is not None:
-        raise error_of(_raised)
+        raise Terminated(_raised)
 
 
 def _tell_unless_signalled(
@@ -148,11 +147,6 @@ def _tell_unless_signalled(
             later.start()
 
     return told
-
-
-def error_of(number: int) -> KeyboardInterrupt:
-    """Return the exception that a signal raises while nothing moves."""
-    return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
 
 
 class _Phase(Enum):
@@ -182,7 +176,7 @@ class RunSignals:
         _restore(self._before)
         # A library that swallowed the signal while something was prepared may then fail in words of its own.
         if isinstance(error, Exception) and self._raised is not None and self._run is None:
-            raise error_of(self._raised) from error
+            raise Terminated(self._raised) from error
 
     @contextmanager
     def ask(self, run: Requests) -> Iterator[None]:
@@ -197,7 +191,7 @@ class RunSignals:
         self._enter(_Phase.RUNNING)
         try:
             if self._raised is not None:
-                raise error_of(self._raised)
+                raise Terminated(self._raised)
             yield
         finally:
             self._enter(_Phase.CLOSING)
@@ -231,7 +225,7 @@ class RunSignals:
         before, self._last = self._last, _report(number)
         if self._phase is _Phase.RAISING:
             self._raised, _came = number, True
-            raise error_of(number)
+            raise Terminated(number)
         first = self.number is None
         self.number = self.number or number
         if self._phase is _Phase.CLOSING:

@@ -26,7 +26,6 @@ WAITING = 0.05  # time between two looks for a page [s]
 class PageView(RunView):
     """The operator's page of this run."""
 
-    keeps_process = True
     page: PageProcess
     _console: Screen
     _held_open: contextlib.ExitStack

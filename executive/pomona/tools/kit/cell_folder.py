@@ -118,9 +118,9 @@ def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str = CA
     if arm is None or hand is None:
         raise UsageError(f"a cell of devices needs --arm and --hand: {_possible(_pieces())}")
     pieces = _pieces()
-    chosen = [_choose(pieces, "arm", arm, "--arm"), _choose(pieces, "gripper", hand, "--hand")]
-    if camera != NONE:
-        chosen.append(_choose(pieces, "camera", camera, "--camera"))
+    arm, hand = _choose(pieces, "arm", arm, "--arm"), _choose(pieces, "gripper", hand, "--hand")
+    camera = camera if camera == NONE else _choose(pieces, "camera", camera, "--camera")
+    chosen = [pieces[name] for name in (arm, hand, camera) if name != NONE]
     robot = _robot(arm, hand)
     if not robot.is_file():
         raise UsageError(f"no robot description of {arm} with {hand} is shipped: {_possible(pieces)}")
@@ -152,7 +152,7 @@ def inlined(text: str, folder: Path) -> str:
 def shipped_hand(hand: str) -> str:
     """Return the block `devices:` of a simulated cell with a shipped hand. Raises UsageError: there is none."""
     pieces = _pieces()
-    piece = _choose(pieces, "gripper", hand, "--hand")
+    piece = pieces[_choose(pieces, "gripper", hand, "--hand")]
     blocks = {name: f"include: sim.yaml#devices/{name}" for name in ("arm", "gripper", "fingers", "hands", "camera")}
     blocks["gripper"] = piece.simulated
     return "\ndevices:\n" + _lines(f"{role}:\n{indent(text.strip(), '  ')}" for role, text in blocks.items()) + "\n"
@@ -162,12 +162,14 @@ def _pieces() -> dict[str, CellPiece]:
     return {point.name: point.load() for point in sorted(entry_points(group=GROUP), key=lambda point: point.name)}
 
 
-def _choose(pieces: Mapping[str, CellPiece], role: str, word: str, option: str) -> CellPiece:
-    known = {name: piece for name, piece in pieces.items() if piece.role == role}
-    if word not in known:
-        other = _other() if role == "arm" and word.lower() not in known else ""
-        raise UsageError(f"{option}: no '{word}' is known here ({choose(word, known)}{other}). Nothing was written.")
-    return known[word]
+def _choose(pieces: Mapping[str, CellPiece], role: str, word: str, option: str) -> str:
+    """Return the piece's name; case, hyphens and underscores of the word are free: 2F-85, hand_e, xarm-6."""
+    known = [name for name, piece in pieces.items() if piece.role == role]
+    for name in known:
+        if re.sub("[-_ ]", "", name) == re.sub("[-_ ]", "", word.lower()):
+            return name
+    other = _other() if role == "arm" else ""
+    raise UsageError(f"{option}: no '{word}' is known here ({choose(word, known)}{other}). Nothing was written.")
 
 
 def _other() -> str:

@@ -23,12 +23,12 @@ def test_a_command_is_written_and_the_status_read_in_one_frame() -> None:
 
 @given(st.integers(0, 3), st.integers(0, 3), st.integers(0, 15), BYTE, BYTE, st.binary(max_size=20))
 def test_a_status_has_its_fields_again(
-    activation: int, met: int, fault: int, position: int, current: int, rest: bytes
+    activation: int, met: int, fault: int, requested: int, position: int, rest: bytes
 ) -> None:
-    body = bytes([9, 23, 6, activation << 4 | met << 6, 0, fault, 255, position, current])
+    body = bytes([9, 23, 6, activation << 4 | met << 6, 0, fault, requested, position, 255])
     buffer = bytearray(body + crc(body))
     assert answer(bytearray(buffer[:-1])) is None
-    assert answer(buffer + rest) == RobotiqStatus(activation, met, fault, position, current)
+    assert answer(buffer + rest) == RobotiqStatus(activation, met, fault, requested, position)
 
 
 @given(st.binary(max_size=60))

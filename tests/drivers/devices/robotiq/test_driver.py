@@ -111,6 +111,63 @@ def test_a_move_ends_at_its_width(model: str, way: str) -> None:
     gripper.check()
 
 
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_web_server_in_the_place_of_the_urcap_is_named(stays: bool) -> None:
+    cell = Cell()
+
+    class Web:
+        def connected(self, peer: Any) -> None: ...
+
+        def received(self, peer: Any, chunk: bytes) -> None:
+            peer.send(b"HTTP/1.1 400 Bad Request\r\n\r\n<html>\r\n</html>\r\n")
+            if not stays:
+                peer.close()
+
+        def disconnected(self, peer: Any) -> None: ...
+
+        def flush(self) -> None: ...
+
+    cell.gripper.urcap = Web()  # type: ignore[assignment]
+    with pytest.raises(DeviceLost, match=r"a web server \(HTTP\) answers there"):
+        connected(cell, "urcap")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_gripper_that_another_program_moves_is_refused(way: str) -> None:
+    cell = Cell()
+    cell.gripper.write(0, bytes([9, 0, 0, 230, 255, 0]))  # one command, on the way
+    cell.let_pass(0.02)
+    with pytest.raises(DeviceFault, match="moves without a command of this run: another program moves it"):
+        connected(cell, way)
+    assert cell.gripper.written == bytes([9, 0, 0, 230, 255, 0])
+
+
+def test_of_two_programs_on_a_urcap_each_sees_the_commands_of_the_other() -> None:
+    cell = Cell()
+    first, second = connected(cell, "urcap"), connected(cell, "urcap")
+
+    def serve_both(seconds: float) -> None:
+        end = cell.clock.now() + seconds
+        while cell.clock.now() < end:
+            serve(first, cell, 0.004)
+            serve(second, cell, 0.004)
+
+    serve_both(0.3)
+    move = first.move(0.045, 0.05)
+    serve_both(0.5)
+    first.check()
+    assert move.state is MotionState.DONE
+    with pytest.raises(DeviceFault, match="another program commands it: only one may"):
+        second.check()
+    second.acknowledge()
+    serve_both(0.1)
+    second.check()
+    second.move(0.040, 0.05)
+    serve_both(0.1)
+    with pytest.raises(DeviceFault, match="another program commands it: only one may"):
+        first.check()
+
+
 def test_a_move_slower_than_the_gripper_s_slowest_speed_advances_in_steps() -> None:
     cell = Cell()
     gripper = connected(cell)

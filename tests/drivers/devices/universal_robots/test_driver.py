@@ -538,4 +538,4 @@ def test_a_service_that_is_no_controller_is_refused() -> None:
         def disconnected(self, peer: Any) -> None: ...
 
     cell.controller.rtde = Web()  # type: ignore[assignment]
-    assert "answered nonsense" in refusal(cell)
+    assert "a web server (HTTP) answers there" in refusal(cell)

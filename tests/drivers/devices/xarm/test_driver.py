@@ -408,4 +408,4 @@ def test_another_service_at_the_address_is_refused() -> None:
         def disconnected(self, peer: Any) -> None: ...
 
     cell.controller.command = Web()  # type: ignore[assignment]
-    assert "answered nonsense" in refusal(cell)
+    assert "a web server (HTTP) answers there" in refusal(cell)
