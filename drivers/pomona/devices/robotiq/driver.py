@@ -67,7 +67,7 @@ class RobotiqGripper(ParallelGripper):
     def connect(self) -> None:
         """Open the wire and read the status; nothing moves, unless the options allow an activation.
 
-        Raises DeviceError, OSError: no gripper answers, it is not activated, or reports a fault.
+        Raises DeviceError, OSError: no gripper answers, or it is not activated; DeviceFault: a fault, or it moves.
         """
         self._session = self._open_session()
         try:

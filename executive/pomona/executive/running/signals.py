@@ -127,7 +127,7 @@ def raising() -> Iterator[None]:
 def raise_again() -> None:
     """For long loops: a signal that a library swallowed, as ctypes does in a callback, ends them all the same.
 
-    Raises KeyboardInterrupt: there was one since `raising` began.
+    Raises Terminated: there was one since `raising` began.
     """
     if _raised is not None:
         raise Terminated(_raised)
@@ -182,7 +182,7 @@ class RunSignals:
     def ask(self, run: Requests) -> Iterator[None]:
         """For the time of a run: the first signal requests the safe state, a later one interrupts a call that hangs.
 
-        Raises KeyboardInterrupt: an earlier signal has not been handled.
+        Raises Terminated: an earlier signal has not been handled.
         """
         # The cell is stopped by a thread: the tick that the handler interrupts may hold the cell's lock, or hang.
         self._run = run
