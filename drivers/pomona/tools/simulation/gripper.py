@@ -19,7 +19,7 @@ ARRIVED = 1e-4  # a move is done this near to its width [m]
 BLOCKED = 2e-3  # fingers this far behind their set-point [m] …
 STANDING = 2e-3  # … that move slower than this [m/s] …
 PATIENCE = 0.05  # … for this long [s] are blocked …
-PATIENCE_NEAR = 0.2  # … as are resting fingers nearer to it that do not arrive in this time [s]
+PATIENCE_NEAR = 0.2  # … as are fingers nearer to it, held by a branch that sways, that do not arrive in this time [s]
 STALE = 0.045  # a state that is older than this is none [s]; as of a WSG
 RUNAWAY, FAST_STOP = 0.03, 0.2  # speed of runaway fingers [m/s], and time from a safe stop to the fast stop [s]
 MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
@@ -152,7 +152,7 @@ class SimGripper(DirectGripper, FaultyDevice):
             return 0.0
         resting = abs(speed) < STANDING
         far = (abs(set_point - measured) > BLOCKED and resting) or self.fault == "jam"
-        near = resting and abs(left) < ARRIVED / 4.0
+        near = abs(left) < ARRIVED / 4.0
         self._blocked_for = self._blocked_for + TIMESTEP if far or near else 0.0
         if self._blocked_for > (PATIENCE if far else PATIENCE_NEAR):
             self._end_move(MotionState.FAILED, f"the fingers are blocked at {1e3 * measured:.1f} mm")

@@ -109,6 +109,23 @@ def test_fingers_held_just_before_their_width_fail_a_move_instead_of_the_run(cel
     assert "blocked at" in motion.problem
 
 
+def test_fingers_that_a_swaying_branch_holds_open_fail_a_move_instead_of_the_run(cell, gripper):
+    """Wood stood between the pads and swayed: the fingers neither arrived nor rested, and the run ended (wall 374)."""
+    run_out(cell, gripper.move(0.078, 0.1))
+    state = cell.devices["world"].state
+    motion = gripper.move(0.0769, 0.1)
+    start = cell.clock.now()
+    while not motion.settled:
+        sway = np.sin(2.0 * np.pi * 10.0 * cell.clock.now())
+        for finger in ("finger_left", "finger_right"):
+            state.joint(finger).qfrc_applied[0] = 4.0 + 1.5 * sway
+        cell.clock.advance(0.002)
+        cell.check()
+        assert cell.clock.now() - start < 2.0
+    assert motion.state is MotionState.FAILED
+    assert "blocked at" in motion.problem
+
+
 def test_a_move_pauses_and_goes_on(cell, gripper):
     motion = gripper.move(0.04, 0.05)
     cell.clock.advance(0.2)
