@@ -1,8 +1,9 @@
-"""Places from which a finger beside a wall draws a fruit away from it.
+"""Places from which a finger beside a wall or a neighbour draws a fruit away from it.
 
 The hand points down, its sliding direction along the pull. One finger goes down between the fruit and the wall, as
 far behind the fruit's middle as the wall allows; the other one is in front of the fruit. Pulled sideways, the rubber
-of a pad holds on a flank on which pressing down would move nothing.
+of a pad holds on a flank on which pressing down would move nothing. Where no such place is free, the fruit is drawn
+away from its neighbours, and along a wall: between two neighbours there is often room for the finger.
 """
 
 from __future__ import annotations
@@ -98,28 +99,32 @@ class Beside:
         return gap < WALL_NEAR and abs(float(normal[2])) < 0.5
 
     @property
-    def away(self) -> Float64 | None:
-        """Direction away from the walls beside the fruit, a unit vector in the plane, shape (3,); None without one."""
-        total = np.zeros(3)
-        for wall in self.walls:
-            if self._is_near(wall):
-                total += facing(self.points, wall)[0] * [1.0, 1.0, 0.0]
-        size = float(np.linalg.norm(total))
-        return total / size if size > 0.5 else None
+    def away(self) -> tuple[Float64, ...]:
+        """Directions away from the walls beside the fruit, and from its neighbours: unit vectors, shape (3,).
+
+        Away from neighbours, the fruit does not go towards a wall that is beside it.
+        """
+        walls, others = (
+            [facing(self.points, shape)[0] * [1.0, 1.0, 0.0] for shape in shapes if self._is_near(shape)]
+            for shapes in (self.walls, self.neighbours)
+        )
+        total = sum([*walls, *others], np.zeros(3))
+        for normal in walls:
+            total -= min(float(total @ normal), 0.0) * normal
+        found = [sum(walls, np.zeros(3)), *([total] if others else [])]
+        return tuple(way / np.linalg.norm(way) for way in found if np.linalg.norm(way) > 0.5)
 
 
 def hooks(
-    beside: Beside, fingers: GripperShape, width: float, distance: float
+    beside: Beside, away: Float64, fingers: GripperShape, width: float, distance: float
 ) -> Iterator[tuple[float, Float64, Float64, str]]:
     """Yield hooks: the pull's angle [rad], T_base_tcp at the lowest place, (4, 4), the pull, (3,), and an obstacle.
 
     Args:
+        away: the straightest pull, a unit vector in the plane, shape (3,).
         width: opening of the fingers [m].
         distance: of the pull [m].
     """
-    away = beside.away
-    if away is None:
-        return
     for turn in TURNS:
         pull = rot_z(turn) @ away
         for flip in (0.0, np.pi):
@@ -134,15 +139,30 @@ def hook_candidates(
 ) -> GraspCandidates:
     """Return hooks whose ways down and across the arm can go, the straightest pull first.
 
-    A candidate's `T_base_pre_grasp` is over the fruit, its `T_base_grasp` the lowest place; the pull is along the
-    sliding direction of the fingers, to the side of the fruit (`pull_of`).
+    They lead away from the walls; where none is free, away from neighbours. A candidate's `T_base_pre_grasp` is over
+    the fruit, its `T_base_grasp` the lowest place; the pull is along the sliding direction of the fingers, to the side
+    of the fruit (`pull_of`).
 
     Args:
         space: the arm among its obstacles, with the fingers open.
         near: joints from which short ways are preferred, shape (dof,) [rad].
     """
-    robot, grasps, ruled_out = space.world.shape.model, [], []
-    for index, (turn, T_base_tcp, pull, why) in enumerate(hooks(beside, gripper_shape(robot), space.width, distance)):
+    ruled_out: list[RuledOut] = []
+    for away in beside.away:
+        grasps = _reachable(beside, away, space, near, distance, ruled_out)
+        if grasps:
+            far = [hook for hook in grasps if behind(hook) > behind(grasps[0]) - STEP]  # nearer, it slides over
+            return GraspCandidates(tuple(far), tuple(ruled_out), attempt)
+    return GraspCandidates((), tuple(ruled_out), attempt)
+
+
+def _reachable(
+    beside: Beside, away: Float64, space: ArmSpace, near: Float64, distance: float, ruled_out: list[RuledOut]
+) -> list[Grasp]:
+    """Return the hooks about one direction that the arm can go, and add the others to `ruled_out`."""
+    robot, grasps = space.world.shape.model, []
+    found = hooks(beside, away, gripper_shape(robot), space.width, distance)
+    for index, (turn, T_base_tcp, pull, why) in enumerate(found, len(ruled_out)):
         q_free: Float64 = np.empty((0, robot.dof))
         T_base_over = T_base_tcp.copy()
         if not why:
@@ -154,8 +174,7 @@ def hook_candidates(
         grasps.append(
             Grasp(index, 0.0, turn, T_base_over, T_base_tcp, space.width, q_free, WALL_AIR, 0.0, beside.fruit)
         )
-    far = [hook for hook in grasps if behind(hook) > behind(grasps[0]) - STEP]  # nearer, it slides over the shoulder
-    return GraspCandidates(tuple(far), tuple(ruled_out), attempt)
+    return grasps
 
 
 def behind(hook: Grasp) -> float:
@@ -212,8 +231,8 @@ def _ahead(beside: Beside, fingers: GripperShape, width: float, T_base_tcp: Floa
 
 
 def _pushed(beside: Beside, pull: Float64) -> str:
-    """Return which neighbour the fruit would push on its way; it may slide along one that it touches."""
-    for shape in beside.neighbours:
+    """Return which neighbour or wall the fruit would push on its way; it may slide along one that it touches."""
+    for shape in (*beside.neighbours, *beside.walls):
         before = min(facing(beside.points, shape)[1], 0.0)
         for share in (0.2, 0.5, 1.0):
             if facing(beside.points + share * pull, shape)[1] < before - PUSH:

@@ -21,7 +21,7 @@ class HooksSampled(Outputs):
 
 
 class SampleHook(Skill):
-    """Sample places from which a finger beside a wall can draw a fruit away from it.
+    """Sample places from which a finger beside a wall or a neighbour can draw a fruit away from it.
 
     A hook's pre-grasp is over the fruit, and its grasp the lowest place of the fingers: `Hook` carries it out.
     """
@@ -41,8 +41,8 @@ class SampleHook(Skill):
     ) -> Work[HooksSampled]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         beside = Beside.of(around, workspace)
-        if beside.away is None:
-            raise self.failure("NO_WALL", "no wall of the cell file is within 20 mm of the fruit")
+        if not beside.away:
+            raise self.failure("NO_WALL", "neither a wall of the cell file nor another fruit is within 20 mm of it")
         robot = RobotModel.load(arm.description)
         space = arm_space(arm, workspace, usable_field(self, map), robot.width_max, clearance)
         found = yield from self.compute(hook_candidates, beside, space, arm.state().q, distance)

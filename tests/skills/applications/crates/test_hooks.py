@@ -32,14 +32,49 @@ def test_the_straightest_hook_pulls_away_from_the_wall_with_a_finger_behind_the_
 
 
 def test_a_fruit_in_the_open_needs_no_hook():
-    assert Beside.of(apple(), WORKSPACE).away is None
+    assert Beside.of(apple(), WORKSPACE).away == ()
     assert not hooks_at(apple(), WORKSPACE).grasps
 
 
 def test_in_a_corner_the_pull_leads_away_from_both_walls():
     side = Box("source", transform(None, [-0.085, -0.52, -0.06]), (0.004, 0.3, 0.06))
-    away = Beside.of(apple(), replace(AT_WALL, obstacles=(*AT_WALL.obstacles, side))).away
+    (away,) = Beside.of(apple(), replace(AT_WALL, obstacles=(*AT_WALL.obstacles, side))).away
     np.testing.assert_allclose(away, [np.sqrt(0.5), np.sqrt(0.5), 0.0], atol=1e-9)
+
+
+def test_between_two_neighbours_in_the_open_the_pull_leads_away_from_both():
+    """Five apples of a crate lay so close that no grasp was free, two of them at no wall (crate of 8, seed 4226)."""
+    enclosed = apple((-0.063, -0.065), (0.063, -0.065))
+    (away,) = Beside.of(enclosed, WORKSPACE).away
+    np.testing.assert_allclose(away, [0.0, 1.0, 0.0], atol=0.05)
+    hook = hooks_at(enclosed, WORKSPACE).grasps[0]
+    np.testing.assert_allclose(pull_of(hook), away, atol=1e-9)
+    assert behind(hook) > 0.025
+
+
+FRONT = (0.08, 0.045), (-0.02, 0.095)
+"""Places of two neighbours in front of an apple at a wall, the first to its right."""
+
+
+def test_away_from_neighbours_a_fruit_goes_along_the_wall_beside_it_and_not_into_it():
+    walls, others = Beside.of(apple(*FRONT), AT_WALL).away
+    np.testing.assert_allclose(walls, [0.0, 1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(others, [-1.0, 0.0, 0.0], atol=1e-9)
+
+
+def test_where_neighbours_are_in_front_of_every_pull_from_the_wall_pulls_lead_along_it():
+    found = hooks_at(apple(*FRONT))
+    assert found.grasps
+    assert all(pull_of(hook)[0] < -0.5 for hook in found.grasps)
+    assert any("neighbour" in out.reason for out in found.ruled_out)
+
+
+def test_the_fruit_is_not_drawn_against_a_wall_that_the_other_finger_is_beyond():
+    fruit = apple(*FRONT)
+    side = Box("source", transform(None, [fruit.T_base_fruit[0, 3] - 0.0665, -0.52, -0.06]), (0.0015, 0.3, 0.06))
+    found = hooks_at(fruit, replace(AT_WALL, obstacles=(*AT_WALL.obstacles, side)))
+    assert not found.grasps
+    assert any("the fruit would touch the source" in out.reason for out in found.ruled_out)
 
 
 def test_in_a_corner_no_hook_is_given_whose_finger_is_nearer_than_that_of_the_straightest():
