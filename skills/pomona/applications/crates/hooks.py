@@ -2,8 +2,8 @@
 
 The hand points down, its sliding direction along the pull. One finger goes down between the fruit and the wall, as
 far behind the fruit's middle as the wall allows; the other one is in front of the fruit. Pulled sideways, the rubber
-of a pad holds on a flank on which pressing down would move nothing. Where no such place is free, the fruit is drawn
-away from its neighbours, and along a wall: between two neighbours there is often room for the finger.
+of a pad holds on a flank on which pressing down would move nothing. Beside neighbours the fruit is drawn away from them
+where a finger comes farther behind it there: on the crown of a small fruit it would press it down.
 """
 
 from __future__ import annotations
@@ -139,21 +139,19 @@ def hook_candidates(
 ) -> GraspCandidates:
     """Return hooks whose ways down and across the arm can go, the straightest pull first.
 
-    They lead away from the walls; where none is free, away from neighbours. A candidate's `T_base_pre_grasp` is over
-    the fruit, its `T_base_grasp` the lowest place; the pull is along the sliding direction of the fingers, to the side
-    of the fruit (`pull_of`).
+    They lead away from the walls, or from the neighbours where the finger of the straightest pull comes farther behind
+    the fruit. A candidate's `T_base_pre_grasp` is over the fruit, its `T_base_grasp` the lowest place; the pull is
+    along the sliding direction of the fingers, to the side of the fruit (`pull_of`).
 
     Args:
         space: the arm among its obstacles, with the fingers open.
         near: joints from which short ways are preferred, shape (dof,) [rad].
     """
     ruled_out: list[RuledOut] = []
-    for away in beside.away:
-        grasps = _reachable(beside, away, space, near, distance, ruled_out)
-        if grasps:
-            far = [hook for hook in grasps if behind(hook) > behind(grasps[0]) - STEP]  # nearer, it slides over
-            return GraspCandidates(tuple(far), tuple(ruled_out), attempt)
-    return GraspCandidates((), tuple(ruled_out), attempt)
+    found = [_reachable(beside, away, space, near, distance, ruled_out) for away in beside.away]
+    grasps = max(found, key=lambda hooks: round(behind(hooks[0]) / STEP) if hooks else 0, default=[])
+    far = [hook for hook in grasps if behind(hook) > behind(grasps[0]) - STEP]  # nearer, it slides over the shoulder
+    return GraspCandidates(tuple(far), tuple(ruled_out), attempt)
 
 
 def _reachable(

@@ -69,6 +69,18 @@ def test_where_neighbours_are_in_front_of_every_pull_from_the_wall_pulls_lead_al
     assert any("neighbour" in out.reason for out in found.ruled_out)
 
 
+def test_beside_one_neighbour_at_a_wall_a_small_fruit_is_drawn_away_from_both():
+    """At the wall alone the finger stood 14 mm behind an apple of 61 mm, pressed it down (crate, seed 4224)."""
+    small = apple((0.074, 0.0))
+    small = replace(small, dimensions=0.68 * small.dimensions, T_base_fruit=small.T_base_fruit.copy())
+    small.T_base_fruit[1, 3] -= 0.014
+    walls, others = Beside.of(small, AT_WALL).away
+    found = hooks_at(small).grasps
+    assert pull_of(found[0]) @ others > 0.99
+    assert pull_of(found[0]) @ walls < 0.9
+    assert behind(found[0]) > 0.018
+
+
 def test_the_fruit_is_not_drawn_against_a_wall_that_the_other_finger_is_beyond():
     fruit = apple(*FRONT)
     side = Box("source", transform(None, [fruit.T_base_fruit[0, 3] - 0.0665, -0.52, -0.06]), (0.0015, 0.3, 0.06))
