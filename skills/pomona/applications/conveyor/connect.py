@@ -42,8 +42,7 @@ from pomona.tools.simulation import (
     read_robot,
 )
 
-TILT = 0.1
-"""Largest tilt of a stem when a fruit is put on the belt [rad]."""
+TILT = 0.1  # largest tilt of a stem when a fruit is put on the belt [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,10 +10,8 @@ import numpy as np
 from pomona.drivers import Carrier
 from pomona.executive import LENGTH, Float64, Measure, ReadOnly, value
 
-FASTEST = 0.5
-"""Speed of a belt up to which the arm was tried and the simulated one is checked [m/s]."""
-SILENCE = 0.15
-"""Age of an encoder's newest measurement from which it is lost [s]."""
+FASTEST = 0.5  # speed of a belt up to which the arm was tried and the simulated one is checked [m/s]
+SILENCE = 0.15  # age of an encoder's newest measurement from which it is lost [s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,5 +76,4 @@ class Conveyor(Carrier, Protocol):
         """Return the newest measurement, or None before the first. Never waits; the caller judges the stamp's age."""
 
 
-BELT = (Conveyor, Carrier)
-"""Interfaces of a belt's device."""
+BELT = (Conveyor, Carrier)  # interfaces of a belt's device

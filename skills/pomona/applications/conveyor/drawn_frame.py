@@ -13,10 +13,8 @@ from pomona.executive import Float64
 from pomona.skills import inverse
 from pomona.skills.perception import DepthLook, Detection, FruitModel
 
-LENS = Intrinsics(305.3, 305.3, 158.6, 118.8, 320, 240)
-"""A D435i's depth image with half of its pixels each way."""
-HIGH = 0.45
-"""Height of the camera over the belt [m]."""
+LENS = Intrinsics(305.3, 305.3, 158.6, 118.8, 320, 240)  # a D435i's depth image with half of its pixels each way
+HIGH = 0.45  # height of the camera over the belt [m]
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Orientation of a fruit that stands, its y axis down."""
 

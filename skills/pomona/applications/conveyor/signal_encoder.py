@@ -13,8 +13,7 @@ from pomona.devices.plc.signals import Signals
 from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
 from pomona.executive import Clock, Problem, Text, choose, value
 
-AT_REST = 2e-3
-"""Speed below which a belt rests [m/s]."""
+AT_REST = 2e-3  # speed below which a belt rests [m/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,13 +15,11 @@ from pomona.drivers import Arm, Camera, Frame
 from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
 from pomona.skills import LOOKING_FAILURES, LookingSkill, inverse
 
-LISTENS = 0.25
-"""Time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s."""
+LISTENS = 0.25  # time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
 NEAR, LEAST = 0.02, 0.3
 """Distance from the belt's surface within which depth is the belt's [m], and the least share of such depth: the rest
 may be fruit."""
-FEWEST = 20
-"""Points of the belt's surface that a picture must show."""
+FEWEST = 20  # points of the belt's surface that a picture must show
 
 
 class Tracked(Outputs):

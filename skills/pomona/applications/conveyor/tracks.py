@@ -37,27 +37,18 @@ from pomona.skills.perception import (
     measure,
 )
 
-BORN = 10
-"""Frames in which a fruit must have been measured before it counts."""
-GONE = 3
-"""Frames in a row in which a fruit should have been seen and was not, after which its track ends."""
-GATE = 60.0
-"""Squared innovation beyond which a measurement is another object's."""
-SAME = 0.03
-"""Distance of a detection's ray from a known fruit within which it is that fruit [m]."""
-EDGE = 0.04
-"""Share of the picture at its edges in which a fruit is expected but not missed."""
-CLOSE_TO_EDGE = 0.11
-"""The same for a new fruit: its whole surface is measured at first."""
+BORN = 10  # frames in which a fruit must have been measured before it counts
+GONE = 3  # frames in a row in which a fruit should have been seen and was not, after which its track ends
+GATE = 60.0  # squared innovation beyond which a measurement is another object's
+SAME = 0.03  # distance of a detection's ray from a known fruit within which it is that fruit [m]
+EDGE = 0.04  # share of the picture at its edges in which a fruit is expected but not missed
+CLOSE_TO_EDGE = 0.11  # the same for a new fruit: its whole surface is measured at first
 NO_DEPTH = 0.26
 """Distance of a fruit's middle from the camera below which there may be no depth of it [m]: a D435i measures from 180
 mm on, and the fruit's skin is nearer by half its size."""
-FORGETS = 0.85
-"""Share of the models' likelihoods that is kept from frame to frame."""
-ROLLS = 0.015
-"""Speed over the belt from which a fruit rolls [m/s]."""
-RECENT = 0.9
-"""Share of the mean squared innovation that is kept from frame to frame."""
+FORGETS = 0.85  # share of the models' likelihoods that is kept from frame to frame
+ROLLS = 0.015  # speed over the belt from which a fruit rolls [m/s]
+RECENT = 0.9  # share of the mean squared innovation that is kept from frame to frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
