@@ -23,9 +23,7 @@ Place = Callable[[float], tuple[Float64, Float64]]
 """Where a fruit is at a time [s], and its velocity: base frame, shape (3,) each [m], [m/s]."""
 
 ABOVE = 0.08  # height over the grasp at which the hand has matched the fruit's speed along the belt [m]
-SINKING = 1.875
-"""Speed at which it sinks there, in heights per time of the descent: the middle of a polynomial from rest to rest, so
-that the descent needs half the acceleration of one that begins at rest."""
+SINKING = 1.875  # speed there, in heights per time of the descent: half the acceleration of one from rest to rest
 REACHES = tuple(float(reach) for reach in np.arange(0.45, 1.55, 0.1))  # times of the reach that are tried [s]
 DESCENTS = (0.3, 0.4)  # times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s
 FAST = 0.35  # speed of a belt from which a pick must be shorter, to end within the reach [m/s]
@@ -345,8 +343,7 @@ def in_the_way(
     worst = -np.inf
     for p, radius in p_others:
         x, y, _ = R_base_grasp.T @ (p - p_fruit)
-        beside = np.hypot(max(abs(x) - along, 0.0), max(abs(y) - across, 0.0))
-        worst = max(worst, radius - float(beside))
+        worst = max(worst, radius - float(np.hypot(max(abs(x) - along, 0.0), max(abs(y) - across, 0.0))))
     return float(worst)
 
 

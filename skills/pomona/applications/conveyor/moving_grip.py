@@ -6,9 +6,7 @@ from pomona.drivers import ForceSensor, Gripper
 from pomona.skills.grip import ForceLoopSettings, GripSettings, Hold, SoftContact, WatchSettings
 from pomona.skills.perception import MeasuredFruit, mass_of
 
-EARLY = 0.15
-"""Time before the arrival at which the fingers begin to close [s]: they are 17 mm over their place, and no finger can
-touch before they are there."""
+EARLY = 0.15  # time before the arrival at which the fingers begin to close [s], 17 mm over their place
 FIRST_BIAS = 0.23 + EARLY  # time before the arrival at which the grip begins to record its bias [s]
 SOONER = 0.07  # time by which all that begins sooner on a fast belt [s]
 OPENING = 0.018  # opening over the fruit's width with which the hand comes down [m]

@@ -8,7 +8,7 @@ belt's frame (x with the travel, z up) unless a name says another one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,17 +105,14 @@ class Tracks:
     Attributes:
         model: the kind of fruit.
         belt: where it runs; `encoder`: whether the travel is measured.
-        tracks: the fruit, oldest first; ended: numbers of tracks that have ended.
-        born: number of the next track; looked: frames so far.
+        tracks: the fruit, oldest first; born: number of the next one.
     """
 
     model: FruitModel
     belt: Belt
     encoder: bool
     tracks: tuple[FruitTrack, ...] = ()
-    ended: tuple[int, ...] = ()
     born: int = 0
-    looked: int = field(default=0)
 
     @property
     def still(self) -> MotionModel:
@@ -133,13 +130,7 @@ class Tracks:
 
     def look(self, at: BeltFrame, find: Callable[[Frame], Sequence[Detection]] | None) -> Tracks:
         """Return the tracks after a frame; `find` detects fruit in it, None: nothing new is looked for."""
-        kept, ended = [], list(self.ended)
-        for track in self.tracks:
-            followed = self._follow(track, at)
-            if followed.missed >= GONE:
-                ended.append(track.number)
-            else:
-                kept.append(followed)
+        kept = [followed for track in self.tracks if (followed := self._follow(track, at)).missed < GONE]
         born = self.born
         for detection in () if find is None else find(at.frame):
             if self._is_new(detection, at, kept):
@@ -147,7 +138,7 @@ class Tracks:
                 if measured is not None:
                     kept.append(self._begin(born, measured, at))
                     born += 1
-        return replace(self, tracks=tuple(kept), ended=tuple(ended[-50:]), born=born, looked=self.looked + 1)
+        return replace(self, tracks=tuple(kept), born=born)
 
     def _follow(self, track: FruitTrack, at: BeltFrame) -> FruitTrack:
         t = at.frame.stamp

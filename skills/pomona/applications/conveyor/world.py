@@ -151,10 +151,9 @@ class ConveyorWorld(PhysicsWorld):
                 ending = "fell"
             elif place[0] > belt.length / 2.0 - 0.05 and place[2] < 0.1:
                 ending = "passed"
-            if not crate:
+            if ending or not crate:
                 self._rests.pop(number, None)
             if ending:
-                self._rests.pop(number, None)
                 self.score.end(number, ending)
                 self.park(number)
                 self.give_back(number)
