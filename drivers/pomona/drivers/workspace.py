@@ -182,7 +182,7 @@ class MeshSection:
 class ZoneSection:
     """A box along the axes of the base frame in which nothing of the robot, and nothing that it holds, may be."""
 
-    name: str = value(Text(), help="by which messages name it: 'window'")
+    name: str = value(Text(), help="the zone's name in messages, such as 'window'")
     lower: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="corner of the zone")
     upper: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="the opposite corner")
 

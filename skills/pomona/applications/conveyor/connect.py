@@ -84,8 +84,8 @@ class ConveyorOptions(BeltPlace):
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
         yield from BeltPlace.fits(self, around)
-        if self.intruder is not None:
-            yield from unseen_people(around, "intruder", self.belt)
+        comes = self.intruder is not None
+        yield from unseen_people(around, "intruder" if comes else "driver", self.belt, comes)
 
     def known(self) -> Iterator[object]:
         yield read_limits(self.robot)

@@ -68,11 +68,12 @@ class ReachWatch:
         return None if self._eyes is None else self._eyes.look()
 
 
-def unseen_people(around: Surroundings, key: str, belt: Belt) -> Iterator[Problem]:
+def unseen_people(around: Surroundings, key: str, belt: Belt, comes: bool = True) -> Iterator[Problem]:
     """Yield a warning of a cell that watches its paths by cameras on the hand alone.
 
     A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file, an
-    emulated one always. One that is `fixed` counts if a part of the belt is in its picture.
+    emulated one always. One that is `fixed` counts if a part of the belt is in its picture; where no person `comes`,
+    the warning is of one that is not.
     """
     if around.workspace is None or around.workspace.watch is None:
         return
@@ -86,7 +87,7 @@ def unseen_people(around: Surroundings, key: str, belt: Belt) -> Iterator[Proble
             on_hand.append(name)
         else:
             others += camera
-    if on_hand and not others:
+    if on_hand and not others and (comes or away):
         words = f"paths are watched by the hand's camera '{on_hand[0]}' alone, which sees no person beside or above it"
         words += " while the fingers close and the hand rises" + (f"; '{away[0]}' looks past the belt" if away else "")
         remedy = "fix a camera over the belt: a simulated one by `fixed`, a real one stands above the arm in the file"
