@@ -182,7 +182,7 @@ class MeshSection:
 class ZoneSection:
     """A box along the axes of the base frame in which nothing of the robot, and nothing that it holds, may be."""
 
-    name: str = value(Text(), help="refusals call it so: 'window'")
+    name: str = value(Text(), help="the zone's name in messages, such as 'window'")
     lower: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="corner of the zone")
     upper: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="the opposite corner")
 
@@ -210,7 +210,6 @@ class WatchSection:
     delay: float = value(
         Measure(TIME, "0 s", "2 s"), "50 ms", "from a look at a frame until the arm begins to brake; measure yours"
     )
-
     passing: tuple[ZoneSection, ...] = value(ListOf(Section(ZoneSection)), (), "volumes of a belt's goods: not watched")
 
     def settings(self) -> PathWatchSettings:
@@ -235,7 +234,6 @@ class WorkspaceSection:
         ListOf(Section(ZoneSection)), (), "where nothing of the robot, and nothing that it holds, may be"
     )
     poses: Mapping[str, tuple[float, ...]] = value(MappingOf(Row(Measure(ANGLE))), {}, "joints, by the pose's name")
-
     watch: WatchSection | None = value(
         Section(WatchSection), None, "watch of paths while the arm moves; off if omitted"
     )

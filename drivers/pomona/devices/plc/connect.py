@@ -149,7 +149,9 @@ class ModbusSignalsFile:
         """Yield the names of the signals, which a check of a tree needs."""
         places = {**self.input_places, **self.output_places}
         numbers = frozenset(name for name, place in places.items() if not place.is_bit)
-        yield SignalNames(tuple(self.inputs), tuple(self.outputs), numbers)
+        spans = {name: places[name].scale * 2.0 ** (16 * places[name].span.count) for name in numbers}
+        counts = {name: (places[name].scale, span) for name, span in spans.items() if places[name].kind != "float32"}
+        yield SignalNames(tuple(self.inputs), tuple(self.outputs), numbers, counts)
 
 
 @driver(ModbusSignals, ModbusSignalsFile)

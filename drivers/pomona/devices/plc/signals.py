@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from pomona.executive import command, stamped
+from pomona.drivers import Surroundings
+from pomona.executive import Problem, choose, command, stamped
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +32,22 @@ class SignalNames:
     Attributes:
         inputs, outputs: all of the PLC's signals that a run reads, and those that it writes.
         numbers: those of them that are numbers.
+        counts: of those that are counted in registers, the value of one count and the span of all, after which they
+            begin anew.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     numbers: frozenset[str] = frozenset()
+    counts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def lacking(self, key: str, name: str, *, output: bool = False, number: bool = False) -> Iterator[Problem]:
+        """Yield the problem of a driver's option `key` that names a signal of another kind, or none."""
+        known = [each for each in (self.outputs if output else self.inputs) if (each in self.numbers) is number]
+        if name not in known:
+            kind = "output" if output else "input"
+            words = f"the PLC has no {kind} '{name}' that is a {'number' if number else 'switch'}"
+            yield Problem(key, words, choose(name, known))
 
 
 @runtime_checkable
@@ -60,3 +73,13 @@ class Signals(Protocol):
             KeyError: there is no such output.
             MotionRefused: the device is latched or lost, or the value does not fit; nothing has changed.
         """
+
+
+def fit_signals(around: Surroundings, unfit: Callable[[SignalNames], Iterable[Problem]]) -> Iterator[Problem]:
+    """Yield the conflicts of a driver's signals with those of the PLC above it, by `unfit`; without a PLC that one."""
+    plc = next((name for name, device in around.above.items() if Signals in device.interfaces), None)
+    if plc is None:
+        yield Problem("driver", "it needs a PLC above it", "plc: {driver: modbus-signals, …}")
+    for fact in getattr(around.options.get(plc or ""), "known", tuple)():
+        if isinstance(fact, SignalNames):
+            yield from unfit(fact)

@@ -165,7 +165,7 @@ def judge_cell_file(
     section = placed.values
     workspace = section.workspace.workspace() if section.workspace else None
     for where, problem in _misfits(section, workspace):
-        where.refuse(problem)
+        (placed if problem.key.startswith("workspace.") else where).refuse(problem)
     if not findings.errors:
         installed_services().judge(placed, _facts(section), findings)
     return None if findings.errors else CellFile(path, section, workspace, written.options, written.files)

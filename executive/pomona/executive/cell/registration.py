@@ -124,7 +124,7 @@ class Fitting(Protocol):
     """Options with checks against the device's surroundings."""
 
     def fits(self, around: Surroundings) -> Iterable[Problem]:
-        """Yield the conflicts with the rest of the cell."""
+        """Yield the conflicts with the rest of the cell; a key `workspace.…` is one of the whole file."""
 
 
 @runtime_checkable

@@ -100,8 +100,10 @@ class Placed(Generic[S]):
         return self.reader.refuse(self.place(problem.key), self._titled(problem), problem.hint)
 
     def place(self, key: str) -> YamlNode:
-        """Where a value is given: an option's own place when it comes from one."""
-        node = self.node.get(key)
+        """Where a value is given, `a.b` inside `a`: an option's own place when it comes from one."""
+        node: YamlNode | None = self.node
+        for name in key.split("."):
+            node = node.get(name) if isinstance(node, YamlMapping) else None
         try:
             return self.node if node is None else self.reader.filled(node)
         except Refused:

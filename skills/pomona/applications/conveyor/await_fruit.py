@@ -9,6 +9,7 @@ import numpy as np
 
 from pomona.applications.conveyor.belt_skill import BELT_FAILURES, BeltSkill
 from pomona.applications.conveyor.belt_watch import BeltWatch
+from pomona.applications.conveyor.conveyor import AT_REST
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.executive import LENGTH, TIME, Float64, Length, Outputs, Port, Time, Work
 from pomona.skills.perception import MeasuredFruit
@@ -75,6 +76,8 @@ class AwaitFruit(BeltSkill):
                 words = f"no fruit came within {within:.0f} s" + (
                     f"; {seen} are seen that roll or pass" if seen else ""
                 )
+                if tracks.tracks.encoder and abs(speed := tracks.travel.speed) < AT_REST:
+                    words += f": the belt stands still, at {speed:.3f} m/s; start it, or check its encoder"
                 raise self.failure("NOTHING_COMES", words, seen=seen)
             yield tracks.sentence
 

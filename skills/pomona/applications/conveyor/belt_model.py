@@ -30,14 +30,10 @@ from pomona.tools.simulation import (
     set_physics,
 )
 
-SHELF = (0.0, 1.6)
-"""Place of the first waiting fruit, x and y in the base frame [m]."""
-APART = 0.25
-"""Distance of waiting fruit along x [m]."""
-FLOOR = 0.75
-"""Depth of the floor below the belt [m]."""
-RAIL = 0.02
-"""Height of a rail's box; its upper side lies 10 mm below the surface, so that it guides nothing [m]."""
+SHELF = (0.0, 1.6)  # place of the first waiting fruit, x and y in the base frame [m]
+APART = 0.25  # distance of waiting fruit along x [m]
+FLOOR = 0.75  # depth of the floor below the belt [m]
+RAIL = 0.02  # height of a rail's box; its upper side lies 10 mm below the surface, so that it guides nothing [m]
 NET, FOUND, FORCE, TORQUE, PLACE = 3, 1, 2, 4, 16
 """MuJoCo's contact sensors: one wrench for all contacts in the base frame, and their fields."""
 

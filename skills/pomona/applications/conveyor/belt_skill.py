@@ -14,11 +14,9 @@ from pomona.executive import Float64, Skill
 from pomona.skills.motion import RobotModel
 from pomona.skills.perception import DetectError
 
-SHOWN_EVERY = 0.2
-"""Time between two views of the belt [s]."""
+SHOWN_EVERY = 0.2  # time between two views of the belt [s]
 
-BELT_FAILURES = ("NO_FRAME", "STALE_FRAME", "ENCODER_FAULT")
-"""Codes of every skill that looks at a belt."""
+BELT_FAILURES = ("NO_FRAME", "STALE_FRAME", "ENCODER_FAULT")  # codes of every skill that looks at a belt
 
 
 class BeltSkill(Skill):

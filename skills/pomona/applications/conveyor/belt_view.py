@@ -8,10 +8,8 @@ from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.intercepting import ELLIPSE, ellipse_radius
 from pomona.executive import Float64, Line3, SceneView, TableView
 
-AHEAD = 0.5
-"""Time from now for which the ellipses are shown [s]."""
-LARGER = 10.0
-"""Scale of the shown ellipses: one of 3 mm could not be seen beside a fruit."""
+AHEAD = 0.5  # time from now for which the ellipses are shown [s]
+LARGER = 10.0  # scale of the shown ellipses: one of 3 mm could not be seen beside a fruit
 COLUMNS = ("fruit", "size", "along the belt", "place known to", "state")
 
 

@@ -16,12 +16,9 @@ from pomona.executive import Computation, Float64, Skill
 from pomona.skills import find_in_frame
 from pomona.skills.perception import Detection, DetectorOptions, FruitModel
 
-SEARCH_EVERY = 5
-"""Frames from one search for new fruit to the next: a search takes 15 ms, a fit of one fruit 2 ms."""
-WORKING_WIDTH = 320
-"""Width at which a picture is searched [px]."""
-SURE_SCORE = 0.5
-"""Least score of a detection; a false one is given up after three frames."""
+SEARCH_EVERY = 5  # frames from one search for new fruit to the next: a search takes 15 ms, a fit of one fruit 2 ms
+WORKING_WIDTH = 320  # width at which a picture is searched [px]
+SURE_SCORE = 0.5  # least score of a detection; a false one is given up after three frames
 SOON, LATER, STALE = 0.17, 0.04, 0.5
 """Age of the newest frame from which frames are missing [s]: `LATER` than lately, within `SOON` and `STALE`. At
 30 Hz and 65 ms of latency the newest is 120 to 140 ms old when the next one is there. No look takes `STALE`."""

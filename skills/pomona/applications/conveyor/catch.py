@@ -23,10 +23,8 @@ BESIDE = 8e-3
 SAME_TIME, AT_SPEED = 6.0, 0.3
 """Mean squared innovation of a track beyond which camera, joints and belt do not agree on the time, up to this speed
 [m/s]; it grows with the square: 5 ms between colour and depth are 4.0 to 9.6 at 0.5 m/s."""
-CLEARANCE = 5e-3
-"""Distance of the arm from fixed objects on its way [m]."""
-LATE = 0.8
-"""Time beyond `CLOSING` after which fingers that hold nothing are opened [s]."""
+CLEARANCE = 5e-3  # distance of the arm from fixed objects on its way [m]
+LATE = 0.8  # time beyond `CLOSING` after which fingers that hold nothing are opened [s]
 
 
 Fails = Callable[..., SkillFailure]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.applications.conveyor.belt_model import build_belt_model, waiting_place
-from pomona.applications.conveyor.conveyor import FASTEST, BeltPlace
+from pomona.applications.conveyor.conveyor import FASTEST, BeltPlace, second_belt
 from pomona.applications.conveyor.devices import SimConveyor
 from pomona.applications.conveyor.reach_watch import unseen_people
 from pomona.applications.conveyor.world import ConveyorWorld, Feed
@@ -42,8 +42,7 @@ from pomona.tools.simulation import (
     read_robot,
 )
 
-TILT = 0.1
-"""Largest tilt of a stem when a fruit is put on the belt [rad]."""
+TILT = 0.1  # largest tilt of a stem when a fruit is put on the belt [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,8 +83,9 @@ class ConveyorOptions(BeltPlace):
         poses = around.workspace.poses if around.workspace else {}
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
-        if self.intruder is not None:
-            yield from unseen_people(around, "intruder")
+        yield from BeltPlace.fits(self, around)
+        comes = self.intruder is not None
+        yield from unseen_people(around, "intruder" if comes else "driver", self.belt, comes)
 
     def known(self) -> Iterator[object]:
         yield read_limits(self.robot)
@@ -104,6 +104,7 @@ class OnBelt:
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not around.has(ConveyorWorld):
             yield Problem("driver", "it needs the simulated belt above it", "world: {driver: conveyor, …}")
+        yield from second_belt(around)
 
 
 @driver(ConveyorWorld, ConveyorOptions)

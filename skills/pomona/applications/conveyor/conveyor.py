@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pomona.drivers import Carrier
-from pomona.executive import LENGTH, Float64, Measure, ReadOnly, value
+from pomona.drivers import Box, Carrier, Intrinsics, Surroundings, Workspace
+from pomona.executive import LENGTH, Float64, Measure, Problem, ReadOnly, value
 
-FASTEST = 0.5
-"""Speed of a belt up to which the arm was tried and the simulated one is checked [m/s]."""
-SILENCE = 0.15
-"""Age of an encoder's newest measurement from which it is lost [s]."""
+FASTEST = 0.5  # speed of a belt up to which the arm was tried and the simulated one is checked [m/s]
+SILENCE = 0.15  # age of an encoder's newest measurement from which it is lost [s]
+AT_REST = 2e-3  # speed below which a belt rests [m/s]
+LEVEL = 5e-3  # difference in height of a belt and the workspace's table that counts as none [m]
+FRUIT_ROOM, BLIND = 0.10, 0.20  # height over a belt that its fruit takes, and up to which a watch need not see [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +42,16 @@ class Belt(ReadOnly):
         """Direction of travel in the base frame, shape (3,)."""
         return self.T_base_belt[:3, 0]
 
+    def pictured(self, lens: Intrinsics, T_base_camera: Float64) -> tuple[NDArray[np.int_], Float64, NDArray[np.bool_]]:
+        """Return pixels, shape (2, n), and depths [m] of points all over the surface, and which are in the picture."""
+        along, aside = np.meshgrid(np.linspace(-0.5, 0.5, 61) * self.length, np.linspace(-0.45, 0.45, 9) * self.width)
+        points = np.stack([along.ravel(), aside.ravel(), np.zeros(along.size), np.ones(along.size)])
+        x, y, z = (np.linalg.inv(T_base_camera) @ self.T_base_belt @ points)[:3]
+        ahead = z > 0.05
+        u = np.round(lens.fx * x / np.where(ahead, z, 1.0) + lens.cx).astype(int)
+        v = np.round(lens.fy * y / np.where(ahead, z, 1.0) + lens.cy).astype(int)
+        return np.stack([u, v]), z, ahead & (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeltPlace:
@@ -55,6 +68,64 @@ class BeltPlace:
         T = np.eye(4)
         T[:3, 3] = 0.0, self.beside, self.top
         return Belt(T, self.length, self.width)
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        """Yield the conflicts of the belt's place with the workspace; those with its watch once there is no other."""
+        if (space := around.workspace) is None:
+            return
+        found = list(self._misplaced(space))
+        yield from found or (() if space.watch is None else self._unwatched(space.watch.passing))
+
+    def _room(self, length: float, width: float) -> tuple[Float64, Float64]:
+        """Return the corners of the room over so much of the belt's middle that its fruit takes, shape (3,) [m]."""
+        half = np.array([length, width, FRUIT_ROOM]) / 2.0
+        middle = np.array([0.0, self.beside, self.top + FRUIT_ROOM / 2.0])
+        return middle - half, middle + half
+
+    def _misplaced(self, space: Workspace) -> Iterator[Problem]:
+        lower, upper = self._room(self.length, self.width)
+        belt = f"the belt, y {_mm(lower[1], upper[1])} and z {_mm(self.top)},"
+        if space.table_z is not None and abs(self.top - space.table_z) > LEVEL:
+            words = f"the belt lies at {_mm(self.top)} and workspace.table_z, by which paths are planned, at "
+            yield Problem("top", words + _mm(space.table_z), "give both the height of the belt")
+        elif (lower[1:] < space.lower[1:]).any() or upper[1] > space.upper[1] or self.top > space.upper[2]:
+            ends = f"y {_mm(space.lower[1], space.upper[1])}, z {_mm(space.lower[2], space.upper[2])}"
+            words, remedy = f"{belt} leaves the workspace, {ends}", "move the belt, or workspace.lower and .upper"
+            yield Problem("beside", words, remedy)
+        boxes = ((box.name, *_corners(box)) for box in space.obstacles)
+        inner, outer = lower + LEVEL, upper - LEVEL
+        for name in dict.fromkeys(name for name, low, high in boxes if (low < outer).all() and (high > inner).all()):
+            yield Problem("beside", f"{belt} runs through the obstacle '{name}'", "move one of the two")
+
+    def _unwatched(self, passing: tuple[Box, ...]) -> Iterator[Problem]:
+        lower, upper = self._room(self.length / 4.0, self.width / 2.0)  # a volume for the belt holds this at least
+        inner, outer = lower + LEVEL, upper - LEVEL
+        holding = [high for low, high in map(_corners, passing) if (low < inner).all() and (high > outer).all()]
+        high = max((float(corner[2]) - self.top for corner in holding), default=0.0)
+        low, up = (" ".join(f"{x:.3f}" for x in corner) for corner in self._room(self.length, self.width))
+        volume, where = f"- {{name: belt, lower: {low} m, upper: {up} m}}", "workspace.watch.passing"
+        if not holding:
+            words = "no volume `passing` holds the fruit on the belt, so that each fruit would stop the arm"
+            yield Problem(where if passing else "workspace.watch", words, volume)
+        elif high > BLIND:
+            words = f"up to {_mm(high)} over the belt the watch sees no person, and its fruit needs 100 mm"
+            yield Problem(where, words, volume, warning=True)
+
+
+def second_belt(around: Surroundings) -> Iterator[Problem]:
+    """Yield the error of a belt below another one."""
+    for name in (name for name, device in around.above.items() if Conveyor in device.interfaces):
+        yield Problem("driver", f"the cell has the belt '{name}' already", "leave one of them: the skills follow one")
+
+
+def _corners(box: Box) -> tuple[Float64, Float64]:
+    """Return the corners of the room that a box takes along the axes of the base frame, shape (3,) [m]."""
+    half = np.abs(box.T_base_box[:3, :3]) @ np.array(box.half_extents)
+    return box.T_base_box[:3, 3] - half, box.T_base_box[:3, 3] + half
+
+
+def _mm(*metres: float) -> str:
+    return " to ".join(f"{1e3 * each:.0f}" for each in metres) + " mm"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,5 +149,4 @@ class Conveyor(Carrier, Protocol):
         """Return the newest measurement, or None before the first. Never waits; the caller judges the stamp's age."""
 
 
-BELT = (Conveyor, Carrier)
-"""Interfaces of a belt's device."""
+BELT = (Conveyor, Carrier)  # interfaces of a belt's device

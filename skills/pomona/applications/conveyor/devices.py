@@ -9,16 +9,11 @@ from pomona.applications.conveyor.world import ConveyorWorld
 from pomona.drivers import DeviceLost
 from pomona.tools.simulation import FaultyDevice
 
-COUNT = 1e-4
-"""Travel of one count of the encoder [m]: a wheel of 200 mm with 2000 counts a turn."""
-OVER = 0.1
-"""Time over which the encoder's speed is measured [s]."""
-WRONG = 1.1
-"""Factor on the travel with the fault wrong_scale."""
-CREEP = 0.05
-"""Rate at which a creeping belt slows down [m/s²]."""
-JUMP = 0.03
-"""Distance by which a jumping belt carries its load at once [m]."""
+COUNT = 1e-4  # travel of one count of the encoder [m]: a wheel of 200 mm with 2000 counts a turn
+OVER = 0.1  # time over which the encoder's speed is measured [s]
+WRONG = 1.1  # factor on the travel with the fault wrong_scale
+CREEP = 0.05  # rate at which a creeping belt slows down [m/s²]
+JUMP = 0.03  # distance by which a jumping belt carries its load at once [m]
 
 
 class SimConveyor(FaultyDevice):

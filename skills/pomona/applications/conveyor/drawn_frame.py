@@ -10,13 +10,11 @@ from pomona.applications.conveyor.conveyor import Belt
 from pomona.applications.conveyor.tracks import BeltFrame, Tracks
 from pomona.drivers import SIMULATED, Frame, Intrinsics
 from pomona.executive import Float64
-from pomona.skills import inverse
+from pomona.skills import inverse, transform
 from pomona.skills.perception import DepthLook, Detection, FruitModel
 
-LENS = Intrinsics(305.3, 305.3, 158.6, 118.8, 320, 240)
-"""A D435i's depth image with half of its pixels each way."""
-HIGH = 0.45
-"""Height of the camera over the belt [m]."""
+LENS = Intrinsics(305.3, 305.3, 158.6, 118.8, 320, 240)  # a D435i's depth image with half of its pixels each way
+HIGH = 0.45  # height of the camera over the belt [m]
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Orientation of a fruit that stands, its y axis down."""
 
@@ -52,9 +50,7 @@ def draw(model: FruitModel, belt: Belt, T_base_camera: Float64, places: Sequence
 
 def standing(belt: Belt, place: Float64) -> Float64:
     """T_base_fruit, (4, 4), of a fruit that stands at a place of the belt's frame, shape (3,) [m]."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = UPRIGHT, place
-    T_base_fruit: Float64 = belt.T_base_belt @ T
+    T_base_fruit: Float64 = belt.T_base_belt @ transform(UPRIGHT, place)
     return T_base_fruit
 
 

@@ -11,16 +11,12 @@ from pomona.applications.conveyor.belt_model import BeltModel
 from pomona.executive import Float64
 from pomona.tools.simulation import PADS, container_of
 
-LIFTED = 0.08
-"""Height over its place on the belt from which a fruit between the pads counts as lifted [m]."""
-TOUCH = 0.05
-"""A pad touches a fruit that it presses by more than this [N]."""
+LIFTED = 0.08  # height over its place on the belt from which a fruit between the pads counts as lifted [m]
+TOUCH = 0.05  # a pad touches a fruit that it presses by more than this [N]
 BRUISE_PRESSURE, BRUISE_TIME = 0.10e6, 0.05
 """Mean pressure over this time by which an apple bruises [Pa, s]: trees/walls/apple_wall.yaml has the source."""
-MODULI = 1.0e6, 1.5e6
-"""Of contact with a pad and with anything hard [Pa], as there."""
-LOOK = 0.01
-"""Time between two looks [s]."""
+MODULI = 1.0e6, 1.5e6  # of contact with a pad and with anything hard [Pa], as there
+LOOK = 0.01  # time between two looks [s]
 
 
 @dataclass(slots=True)

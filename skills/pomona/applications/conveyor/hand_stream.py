@@ -14,16 +14,12 @@ from pomona.executive import Clock, Float64, SkillFailure, Work
 from pomona.skills.grip import Hold
 from pomona.skills.motion import RobotModel, nearest_solution
 
-WATCHDOG = 0.15
-"""Time without a set-point after which the arm comes to rest [s]."""
-HALF_TICK = 0.01
-"""Half of the time between set-points [s]: each is the best for the middle of its time."""
+WATCHDOG = 0.15  # time without a set-point after which the arm comes to rest [s]
+HALF_TICK = 0.01  # half of the time between set-points [s]: each is the best for the middle of its time
 LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
-CLEAR = 0.10
-"""Height to which a hand rises that has not picked [m]."""
-SLIGHTLY = 1.15
-"""Speed of a joint over its limit that is cut off to the limit [relative]: near the end of the reach."""
+CLEAR = 0.10  # height to which a hand rises that has not picked [m]
+SLIGHTLY = 1.15  # speed of a joint over its limit that is cut off to the limit [relative]: near the end of the reach
 HOVER = 0.35
 """Time for which the hand goes on with the belt while its fingers open [s]: 20 mm at 0.1 m/s and some more."""
 

@@ -22,38 +22,26 @@ from pomona.skills.motion import RobotModel, nearest_solution
 Place = Callable[[float], tuple[Float64, Float64]]
 """Where a fruit is at a time [s], and its velocity: base frame, shape (3,) each [m], [m/s]."""
 
-ABOVE = 0.08
-"""Height over the grasp at which the hand has matched the fruit's speed along the belt [m]."""
-SINKING = 1.875
-"""Speed at which it sinks there, in heights per time of the descent: the middle of a polynomial from rest to rest, so
-that the descent needs half the acceleration of one that begins at rest."""
-REACHES = tuple(float(reach) for reach in np.arange(0.45, 1.55, 0.1))
-"""Times of the reach that are tried [s]."""
-DESCENTS = (0.3, 0.4)
-"""Times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s."""
-FAST = 0.35
-"""Speed of a belt from which a pick must be shorter, to end within the reach [m/s]."""
+ABOVE = 0.08  # height over the grasp at which the hand has matched the fruit's speed along the belt [m]
+SINKING = 1.875  # speed there, in heights per time of the descent: half the acceleration of one from rest to rest
+REACHES = tuple(float(reach) for reach in np.arange(0.45, 1.55, 0.1))  # times of the reach that are tried [s]
+DESCENTS = (0.3, 0.4)  # times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s
+FAST = 0.35  # speed of a belt from which a pick must be shorter, to end within the reach [m/s]
 CLOSING, QUICK = 0.85, 0.7
 """Time at the fruit for which reach is kept [s], and on a fast belt: closing took 0.7 s (median) to 0.9 s in 200 picks,
 of which 0.15 s are now before the arrival; so it ended 0.49 to 0.67 s after the arrival in 16."""
-LIFTS = 2.0
-"""Largest acceleration of a lift [m/s²], as of a fruit that is carried."""
+LIFTS = 2.0  # largest acceleration of a lift [m/s²], as of a fruit that is carried
 BRAKES = ((0.10, 0.5), (0.05, 0.3), (0.0, 0.2))
 """Times of the lift with the belt's speed, and then until the hand has no speed along the belt [s]: as usual, as
 planned on a fast belt, and where the reach ends."""
-SAMPLES = 24
-"""Postures of the way that are checked, and a few more at the fruit and during the lift."""
+SAMPLES = 24  # postures of the way that are checked, and a few more at the fruit and during the lift
 SHARE = 0.8
 """Share of the joints' limits of speed and acceleration that a plan may use; the rest follows corrections. With 0.9 and
 16 postures the hand fell 40 mm behind on its way at 0.3 m/s, with 0.8 and 24 13 mm."""
-JUMP = 0.6
-"""Step of a joint between two postures beyond which the arm would change its branch [rad]."""
-PATIENT = 0.75
-"""A reach that takes longer waits, while a quicker one will do later [s]."""
-COARSE, FARTHEST = 0.02, 1.0
-"""Step along the belt and largest distance at which reach is looked for [m]."""
-ELLIPSE = 2.146
-"""Radius of a plane's 90 % ellipse in standard deviations."""
+JUMP = 0.6  # step of a joint between two postures beyond which the arm would change its branch [rad]
+PATIENT = 0.75  # a reach that takes longer waits, while a quicker one will do later [s]
+COARSE, FARTHEST = 0.02, 1.0  # step along the belt and largest distance at which reach is looked for [m]
+ELLIPSE = 2.146  # radius of a plane's 90 % ellipse in standard deviations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -355,8 +343,7 @@ def in_the_way(
     worst = -np.inf
     for p, radius in p_others:
         x, y, _ = R_base_grasp.T @ (p - p_fruit)
-        beside = np.hypot(max(abs(x) - along, 0.0), max(abs(y) - across, 0.0))
-        worst = max(worst, radius - float(beside))
+        worst = max(worst, radius - float(np.hypot(max(abs(x) - along, 0.0), max(abs(y) - across, 0.0))))
     return float(worst)
 
 

@@ -76,7 +76,9 @@ class PickChoice:
             return self._why or pick
         self._why = pick if pick.code else self._why
         if self._too_late(track, now):
-            return self._why or NoPick("OUT_OF_REACH", "the fruit has passed")
+            beside = 1e3 * abs(np.cross(self._tracks.tracks.belt.direction, self._tracks.place(track, now)[0])[2])
+            words = f"the fruit has passed; {beside:.0f} mm beside the base the hand reaches"
+            return self._why or NoPick("OUT_OF_REACH", f"{words} {1e3 * self._span:.0f} mm along the belt")
         return NoPick("", pick.reason)
 
     def _possible(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
@@ -105,6 +107,6 @@ class PickChoice:
         along = self._tracks.tracks.belt.direction
         p, v = self._tracks.place(track, now)
         if self._end is None:
-            _, behind = reachable(self._hand, p, plumb(along, self._grip.yaws[0]), along)
-            self._end = float(p @ along) + behind
+            before, behind = reachable(self._hand, p, plumb(along, self._grip.yaws[0]), along)
+            self._end, self._span = float(p @ along) + behind, behind - before  # of the hand's reach
         return float(p @ along) + max(float(v @ along), 0.0) * (SOONEST - is_fast(v) * (CLOSING - QUICK)) > self._end

@@ -9,10 +9,13 @@ from typing import Any, cast
 
 import numpy as np
 
+from pomona.applications.conveyor.conveyor import Belt
 from pomona.drivers import Arm, Motion, Surroundings, Trajectory, Workspace
 from pomona.executive import Clock, Float64, Problem, Skill
 from pomona.skills import KnownAround, LiveWatch, prepare_watch
 from pomona.skills.motion import RobotModel, RobotShape
+
+IN_PICTURE = 0.3  # least share of the belt that a camera must have in its picture to see a person beside it
 
 
 class PlannedMotion:
@@ -65,23 +68,30 @@ class ReachWatch:
         return None if self._eyes is None else self._eyes.look()
 
 
-def unseen_people(around: Surroundings, key: str) -> Iterator[Problem]:
+def unseen_people(around: Surroundings, key: str, belt: Belt, comes: bool = True) -> Iterator[Problem]:
     """Yield a warning of a cell that watches its paths by cameras on the hand alone.
 
-    A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file.
+    A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file, an
+    emulated one always. One that is `fixed` counts if a part of the belt is in its picture; where no person `comes`,
+    the warning is of one that is not.
     """
     if around.workspace is None or around.workspace.watch is None:
         return
-    on_hand, others, arm = list[str](), 0, False
+    on_hand, away, others, arm = list[str](), list[str](), 0, False
     for name, said in around.options.items():
         arm |= name in around.above and Arm in around.above[name].interfaces
-        if hasattr(said, "hand_eye"):
-            rides = said.fixed is None if hasattr(said, "fixed") else arm
-            on_hand, others = ([*on_hand, name], others) if rides else (on_hand, others + 1)
-    if on_hand and not others:
+        fixed, camera = getattr(said, "fixed", None), hasattr(said, "hand_eye") or hasattr(said, "depth_model")
+        if fixed is not None and belt.pictured(said.intrinsics.intrinsics(), fixed.pose())[2].mean() < IN_PICTURE:
+            away.append(name)
+        elif camera and fixed is None and (arm or hasattr(said, "fixed") or not hasattr(said, "hand_eye")):
+            on_hand.append(name)
+        else:
+            others += camera
+    if on_hand and not others and (comes or away):
         words = f"paths are watched by the hand's camera '{on_hand[0]}' alone, which sees no person beside or above it"
-        remedy = "a camera that is fixed over the belt; a real one stands above the arm in the file"
-        yield Problem(key, f"{words} while the fingers close and the hand rises", remedy, warning=True)
+        words += " while the fingers close and the hand rises" + (f"; '{away[0]}' looks past the belt" if away else "")
+        remedy = "fix a camera over the belt: a simulated one by `fixed`, a real one stands above the arm in the file"
+        yield Problem(key, words, remedy, warning=True)
 
 
 def prepare_reach_watch(skill: Skill) -> None:

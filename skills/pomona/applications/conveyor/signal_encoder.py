@@ -6,15 +6,14 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pomona.applications.conveyor.conveyor import BELT, SILENCE, Belt, BeltPlace, ConveyorState
+from pomona.applications.conveyor.conveyor import AT_REST, BELT, SILENCE, Belt, BeltPlace, ConveyorState, second_belt
 from pomona.applications.conveyor.devices import OVER
 from pomona.applications.conveyor.reach_watch import unseen_people
-from pomona.devices.plc.signals import Signals
+from pomona.devices.plc.signals import SignalNames, Signals, fit_signals
 from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
-from pomona.executive import Clock, Problem, Text, choose, value
+from pomona.executive import Clock, Problem, Text, value
 
-AT_REST = 2e-3
-"""Speed below which a belt rests [m/s]."""
+COARSEST, SHORTEST = 1e-3, 10e3  # largest travel of one count, and least travel after which the counts begin anew [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,12 +24,26 @@ class SignalConveyorOptions(BeltPlace):
     runs: str = value(Text(), "", help="output of the PLC that lets the belt run; '': the program cannot stop it")
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
-        if not any(Signals in device.interfaces for device in around.above.values()):
-            yield Problem("driver", "it needs a PLC above it", "plc: {driver: modbus-signals, …}")
+        yield from fit_signals(around, self.unfit)
+        yield from second_belt(around)
+        yield from BeltPlace.fits(self, around)
         if not self.runs and around.workspace is not None and around.workspace.watch is not None:
             words = "where the watch of paths stops the arm, the belt runs on: the program cannot stop it"
             yield Problem("driver", words, "runs: an output of the PLC that lets the belt run", warning=True)
-        yield from unseen_people(around, "driver")
+        yield from unseen_people(around, "driver", self.belt)
+
+    def unfit(self, names: SignalNames) -> Iterator[Problem]:
+        """Yield the signals that the PLC does not have, or whose counts are no travel."""
+        yield from names.lacking("travel", self.travel, number=True)
+        if self.runs:
+            yield from names.lacking("runs", self.runs, output=True)
+        count, span = names.counts.get(self.travel, (0.0, SHORTEST))
+        if count > COARSEST:
+            words = f"one count of '{self.travel}' is {1e3 * count:g} mm of travel, and a belt needs 1 mm or less"
+            yield Problem("travel", words, "give the signal its `scale` in metres, such as scale: 0.0001")
+        elif span < SHORTEST:
+            words = f"'{self.travel}' begins anew after {span:.3g} m of travel, which looks like a jump of the belt"
+            yield Problem("travel", words, "count in two registers, with type: int32")
 
 
 class SignalConveyor(Device):
@@ -92,12 +105,6 @@ def connect(settings: Settings[SignalConveyorOptions], context: ConnectContext) 
     """`driver: signal-conveyor`"""
     said, signals = settings.values, context.find(Signals)
     assert signals is not None, "judged when the cell file was read"
-    numbers = [name for name in signals.names.inputs if name in signals.names.numbers]
-    if said.travel not in numbers:
-        words = f"the PLC has no input '{said.travel}' that is a number"
-        raise settings.error(words, "travel", choose(said.travel, numbers))
-    switches = [name for name in signals.names.outputs if name not in signals.names.numbers]
-    if said.runs and said.runs not in switches:
-        words = f"the PLC has no output '{said.runs}' that is a switch"
-        raise settings.error(words, "runs", choose(said.runs, switches))
+    for problem in said.unfit(signals.names):
+        raise settings.error(problem.message, problem.key, problem.hint)
     return SignalConveyor(said.belt, signals, said.travel, context.clock, said.runs)

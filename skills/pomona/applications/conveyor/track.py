@@ -13,15 +13,11 @@ from pomona.applications.conveyor.drawn_frame import warm_up
 from pomona.applications.conveyor.travel import SAME_SPEED, Travel
 from pomona.drivers import Arm, Camera, Frame
 from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
-from pomona.skills import LOOKING_FAILURES, LookingSkill, inverse
+from pomona.skills import LOOKING_FAILURES, LookingSkill
 
-LISTENS = 0.25
-"""Time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s."""
-NEAR, LEAST = 0.02, 0.3
-"""Distance from the belt's surface within which depth is the belt's [m], and the least share of such depth: the rest
-may be fruit."""
-FEWEST = 20
-"""Points of the belt's surface that a picture must show."""
+LISTENS = 0.25  # time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
+NEAR, LEAST = 0.02, 0.3  # distance from the surface within which depth is its [m], least share: the rest may be fruit
+FEWEST = 20  # points of the belt's surface that a picture must show
 
 
 class Tracked(Outputs):
@@ -60,7 +56,9 @@ class Track(LookingSkill):
         share, points = belt_seen(frame, self.camera_pose(frame), conveyor.belt)
         if share < LEAST:
             where = f"{share:.0%} of the depth there lies on it" if points else "it lies outside the picture"
-            raise self.failure("NO_BELT", f"the camera sees no belt where the cell file has one: {where}", share=share)
+            words = f"the camera sees no belt where the cell file has one: {where}"
+            remedy = "check its `beside` and `top` there, and the pose from which the camera looks"
+            raise self.failure("NO_BELT", f"{words}; {remedy}", share=share)
         watch, travel = BeltWatch(model, conveyor.belt, conveyor.travelled() is not None), Travel()
         began = self.clock.now()
         while watch.tracks.encoder and self.clock.now() - began < LISTENS:
@@ -77,15 +75,8 @@ class Track(LookingSkill):
 
 def belt_seen(frame: Frame, T_base_camera: Float64, belt: Belt) -> tuple[float, int]:
     """Return the share of a frame's depth on a belt's surface that is the belt's, and how many points it shows."""
-    along, aside = np.meshgrid(np.linspace(-0.5, 0.5, 61) * belt.length, np.linspace(-0.45, 0.45, 9) * belt.width)
-    points = np.stack([along.ravel(), aside.ravel(), np.zeros(along.size), np.ones(along.size)])
-    x, y, z = (inverse(T_base_camera) @ belt.T_base_belt @ points)[:3]
-    lens, depth = frame.intrinsics, frame.depth
-    ahead = z > 0.05
-    u = np.round(lens.fx * x / np.where(ahead, z, 1.0) + lens.cx).astype(int)
-    v = np.round(lens.fy * y / np.where(ahead, z, 1.0) + lens.cy).astype(int)
-    shown = ahead & (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
-    if depth is None or shown.sum() < FEWEST:
+    pixels, z, shown = belt.pictured(frame.intrinsics, T_base_camera)
+    if frame.depth is None or shown.sum() < FEWEST:
         return 0.0, 0
-    measured = depth[v[shown], u[shown]]
-    return float(np.mean(np.abs(measured - z[shown]) < NEAR)), int(shown.sum())
+    u, v = pixels[:, shown]
+    return float(np.mean(np.abs(frame.depth[v, u] - z[shown]) < NEAR)), int(shown.sum())

@@ -15,13 +15,11 @@ import numpy as np
 
 from pomona.executive import Float64, ReadOnly
 
-SIGMA = 1e-4
-"""Random error of one fit in each direction [m]."""
+SIGMA = 1e-4  # random error of one fit in each direction [m]
 BIAS, BIAS_TIME = 6e-4, 0.9
 """Deviation of the bias in each direction [m], and the time in which it is forgotten [s]: it then walks by 0.8 mm a
 root second, the best of the probe's filters."""
-FIRST = 3e-4
-"""Random error of a fruit's first measurement in each direction [m]: its shape is not known yet."""
+FIRST = 3e-4  # random error of a fruit's first measurement in each direction [m]: its shape is not known yet
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +31,10 @@ class MotionModel:
     wander: float
 
 
-FREE = MotionModel((0.5, 0.05), 3e-3)
-"""Rests on a belt without an encoder: the velocity is the belt's, and unknown."""
+FREE = MotionModel((0.5, 0.05), 3e-3)  # rests on a belt without an encoder: the velocity is the belt's, and unknown
 CARRIED = MotionModel((1e-3, 1e-3), 3e-4)
 """Rests on a belt with an encoder: the velocity over the belt is the error of the encoder."""
-ROLLING = MotionModel((0.5, 0.3), 0.3)
-"""Rolls on the belt: an apple wobbles."""
+ROLLING = MotionModel((0.5, 0.3), 0.3)  # rolls on the belt: an apple wobbles
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ belt's frame (x with the travel, z up) unless a name says another one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,27 +37,18 @@ from pomona.skills.perception import (
     measure,
 )
 
-BORN = 10
-"""Frames in which a fruit must have been measured before it counts."""
-GONE = 3
-"""Frames in a row in which a fruit should have been seen and was not, after which its track ends."""
-GATE = 60.0
-"""Squared innovation beyond which a measurement is another object's."""
-SAME = 0.03
-"""Distance of a detection's ray from a known fruit within which it is that fruit [m]."""
-EDGE = 0.04
-"""Share of the picture at its edges in which a fruit is expected but not missed."""
-CLOSE_TO_EDGE = 0.11
-"""The same for a new fruit: its whole surface is measured at first."""
+BORN = 10  # frames in which a fruit must have been measured before it counts
+GONE = 3  # frames in a row in which a fruit should have been seen and was not, after which its track ends
+GATE = 60.0  # squared innovation beyond which a measurement is another object's
+SAME = 0.03  # distance of a detection's ray from a known fruit within which it is that fruit [m]
+EDGE = 0.04  # share of the picture at its edges in which a fruit is expected but not missed
+CLOSE_TO_EDGE = 0.11  # the same for a new fruit: its whole surface is measured at first
 NO_DEPTH = 0.26
 """Distance of a fruit's middle from the camera below which there may be no depth of it [m]: a D435i measures from 180
 mm on, and the fruit's skin is nearer by half its size."""
-FORGETS = 0.85
-"""Share of the models' likelihoods that is kept from frame to frame."""
-ROLLS = 0.015
-"""Speed over the belt from which a fruit rolls [m/s]."""
-RECENT = 0.9
-"""Share of the mean squared innovation that is kept from frame to frame."""
+FORGETS = 0.85  # share of the models' likelihoods that is kept from frame to frame
+ROLLS = 0.015  # speed over the belt from which a fruit rolls [m/s]
+RECENT = 0.9  # share of the mean squared innovation that is kept from frame to frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,17 +105,14 @@ class Tracks:
     Attributes:
         model: the kind of fruit.
         belt: where it runs; `encoder`: whether the travel is measured.
-        tracks: the fruit, oldest first; ended: numbers of tracks that have ended.
-        born: number of the next track; looked: frames so far.
+        tracks: the fruit, oldest first; born: number of the next one.
     """
 
     model: FruitModel
     belt: Belt
     encoder: bool
     tracks: tuple[FruitTrack, ...] = ()
-    ended: tuple[int, ...] = ()
     born: int = 0
-    looked: int = field(default=0)
 
     @property
     def still(self) -> MotionModel:
@@ -142,13 +130,7 @@ class Tracks:
 
     def look(self, at: BeltFrame, find: Callable[[Frame], Sequence[Detection]] | None) -> Tracks:
         """Return the tracks after a frame; `find` detects fruit in it, None: nothing new is looked for."""
-        kept, ended = [], list(self.ended)
-        for track in self.tracks:
-            followed = self._follow(track, at)
-            if followed.missed >= GONE:
-                ended.append(track.number)
-            else:
-                kept.append(followed)
+        kept = [followed for track in self.tracks if (followed := self._follow(track, at)).missed < GONE]
         born = self.born
         for detection in () if find is None else find(at.frame):
             if self._is_new(detection, at, kept):
@@ -156,7 +138,7 @@ class Tracks:
                 if measured is not None:
                     kept.append(self._begin(born, measured, at))
                     born += 1
-        return replace(self, tracks=tuple(kept), ended=tuple(ended[-50:]), born=born, looked=self.looked + 1)
+        return replace(self, tracks=tuple(kept), born=born)
 
     def _follow(self, track: FruitTrack, at: BeltFrame) -> FruitTrack:
         t = at.frame.stamp

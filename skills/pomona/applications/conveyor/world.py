@@ -13,16 +13,11 @@ from pomona.applications.conveyor.fates import BeltScore
 from pomona.executive import Float64
 from pomona.tools.simulation import TIMESTEP, PhysicsWorld, load_mujoco, quaternion, standing_pose
 
-SETTLING = 50
-"""Steps for the arm's drives to take up their load before a run."""
-ACCELERATION = 2.0
-"""Of the belt, when its speed is changed [m/s²]."""
-LOOK_EVERY = 25
-"""Steps between two looks for fruit that has left or may come: 50 ms."""
-RESTED = 1.0
-"""Time in a crate without a pad on it after which a fruit comes again [s]."""
-HIGHER = 0.002
-"""Height over the belt from which a fruit is set down [m]."""
+SETTLING = 50  # steps for the arm's drives to take up their load before a run
+ACCELERATION = 2.0  # of the belt, when its speed is changed [m/s²]
+LOOK_EVERY = 25  # steps between two looks for fruit that has left or may come: 50 ms
+RESTED = 1.0  # time in a crate without a pad on it after which a fruit comes again [s]
+HIGHER = 0.002  # height over the belt from which a fruit is set down [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +151,9 @@ class ConveyorWorld(PhysicsWorld):
                 ending = "fell"
             elif place[0] > belt.length / 2.0 - 0.05 and place[2] < 0.1:
                 ending = "passed"
-            if not crate:
+            if ending or not crate:
                 self._rests.pop(number, None)
             if ending:
-                self._rests.pop(number, None)
                 self.score.end(number, ending)
                 self.park(number)
                 self.give_back(number)

@@ -164,6 +164,8 @@ def test_the_names_are_known_before_the_connection(tmp_path: Path) -> None:
     said = settings(tmp_path, text).values
     assert list(said.known()) == [SignalNames(("mass",), ("ready",), frozenset({"mass"}))]
     assert said.input_places["mass"].deadline == 1.0
+    counted = settings(tmp_path, text.replace("float32", "int16, scale: 0.5")).values
+    assert [names.counts for names in counted.known() if isinstance(names, SignalNames)] == [{"mass": (0.5, 32768.0)}]
     assert said.wires == ("127.0.0.86:502",)
 
 

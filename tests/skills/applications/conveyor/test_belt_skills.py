@@ -67,6 +67,8 @@ def test_a_belt_elsewhere_than_in_the_cell_file_is_no_belt(height: float) -> Non
     end = track(BeltRig(), drawn(height))
     assert code(end) == "NO_BELT"
     assert "of the depth there" in end.reason.message  # type: ignore[union-attr]
+    remedy = "check its `beside` and `top` there, and the pose from which the camera looks"
+    assert end.reason.message.endswith(remedy)  # type: ignore[union-attr]
 
 
 def test_a_camera_that_looks_away_sees_no_belt() -> None:
@@ -123,6 +125,16 @@ def test_the_fruit_that_will_be_gone_soonest_is_chosen_and_each_once() -> None:
     assert first.outputs["target"].speed == pytest.approx(0.15, abs=1e-3)
     assert await_fruit(rig).outputs["target"].number == 0
     assert code(await_fruit(rig, inputs={"within": 0.5})) == "NOTHING_COMES"
+
+
+@pytest.mark.parametrize(("speed", "stands"), [(0.0, True), (0.15, False)])
+def test_a_belt_that_stands_is_named_where_no_fruit_comes(speed: float, stands: bool) -> None:
+    rig = BeltRig(speed)
+    rig.watch.fruit.clear()
+    end = await_fruit(rig, inputs={"within": 0.5})
+    assert code(end) == "NOTHING_COMES"
+    words = "the belt stands still, at 0.000 m/s; start it, or check its encoder"
+    assert end.reason.message.endswith(words) is stands  # type: ignore[union-attr]
 
 
 def test_a_rolling_fruit_is_waited_for_until_it_rests() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -148,7 +149,11 @@ def test_a_finger_that_touches_alone_is_recorded_as_well() -> None:
 
 def test_a_fruit_that_has_passed_is_out_of_reach_and_nothing_moves() -> None:
     rig = BeltRig(0.3, along=0.25)
-    assert code(rig.intercept()) == "OUT_OF_REACH"
+    end = rig.intercept()
+    assert code(end) == "OUT_OF_REACH"
+    assert end.reason is not None
+    words = r"the fruit has passed; 340 mm beside the base the hand reaches [5-9]\d\d mm along the belt"
+    assert re.match(words, end.reason.message)
     assert nothing_moved(rig)
 
 

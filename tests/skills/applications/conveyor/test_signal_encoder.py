@@ -10,11 +10,13 @@ import pytest
 from pomona.applications.conveyor import signal_encoder as leaf
 from pomona.devices.plc.simulated import MockSignals
 from pomona.drivers import CellFileError, ConnectContext, DeviceLost, StopFailed, Surroundings, read_cell_file
+from pomona.drivers.camera_options import IntrinsicsSection
 from pomona.executive import ManualClock, find_cell
 from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.cell.registration import read_settings
 from pomona.executive.values.findings import Findings
 from pomona.tools.mock import MockArm
+from pomona.tools.simulation.connect import FixedSection
 
 USUAL = "driver: signal-conveyor\ntravel: encoder\nbeside: -360 mm\ntop: -120 mm\n"
 
@@ -114,7 +116,9 @@ def test_a_cell_without_a_plc_is_refused(tmp_path: Path) -> None:
     assert list(said.fits(Surroundings(above={"plc": MockSignals}))) == []
 
 
-REAL, ON_HAND, FIXED = (SimpleNamespace(hand_eye=None, **more) for more in ({}, {"fixed": None}, {"fixed": object()}))
+LENS = IntrinsicsSection(fx=610.6, fy=610.6, cx=317.7, cy=238.1, width=640, height=480)
+OVER_IT = {"fixed": FixedSection(position=(0.0, -0.36, 1.3), looks_at=(0.0, -0.36, -0.12)), "intrinsics": LENS}
+REAL, ON_HAND, FIXED = (SimpleNamespace(hand_eye=None, **more) for more in ({}, {"fixed": None}, OVER_IT))
 
 
 @pytest.mark.parametrize(

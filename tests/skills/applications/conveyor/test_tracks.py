@@ -89,7 +89,7 @@ def test_a_fruit_that_is_not_where_it_should_be_is_gone_after_three_frames(apple
     assert len(film.tracks.tracks) == 1
     film.show(1, carried(-0.1, 0.0), hidden=True)
     assert film.tracks.tracks == ()
-    assert film.tracks.ended == (0,)
+    assert film.tracks.track(0) is None
 
 
 def test_a_fruit_that_is_hidden_for_two_frames_keeps_its_number(apple: FruitModel, belt: Belt) -> None:
