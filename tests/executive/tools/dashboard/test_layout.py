@@ -200,6 +200,7 @@ def test_no_chart_lies_under_another_in_a_window_that_was_made_smaller(
     page.evaluate(GRIP)
     expect(page.locator("#plots .plot")).to_have_count(3)
     page.evaluate(DRAWN)
+    page.evaluate("async () => { (await import('/static/page.js')).page.drawing = true; }")  # busy: it draws later
     page.set_viewport_size({"width": width, "height": height})
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     over = """(plots) => plots.flatMap((plot) => { const right = plot.getBoundingClientRect().right + 4;
