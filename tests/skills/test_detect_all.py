@@ -62,6 +62,7 @@ def test_all_that_are_sure_and_posed_come_by_falling_score(scripted: list[Instan
     assert [(d.score, d.index, d.found) for d in found.detections] == [(0.95, 0, 2), (0.8, 1, 2)]
     assert found.sentence == "2 fruit found in look"
     assert outcome.published[0][0] == "detection"
+    assert outcome.published[0][1].caption == "3 found"  # without a target, and without a comma for it
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def test_every_axis_has_its_unit_and_slip_is_in_millimetres_a_second(monkeypatch
     assert all(label.endswith("]") for label in labels if label)
     assert {"slip speed\n[mm/s]", "force\n[N]", "width\n[mm]", "time [s]"} <= set(labels)
     force = next(axes for axes in figure.axes if axes.get_ylabel() == "force\n[N]")
-    assert "no bruise below 29.7 N" in [text.get_text() for text in force.get_legend().get_texts()]
+    assert "↑ no bruise below 29.7 N" in [text.get_text() for text in force.get_legend().get_texts()]
 
 
 def test_no_line_goes_from_one_grip_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,3 +153,25 @@ def test_curves_at_rest_show_no_rounding_errors(monkeypatch: pytest.MonkeyPatch)
         assert high - low == pytest.approx(1.0)
         axes.figure.canvas.draw()
         assert axes.yaxis.get_major_formatter().get_offset() == ""
+
+
+def test_a_run_without_pictures_gives_their_room_to_the_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.linspace(0.0, 5.0, 50)
+    curves = ("grip", SeriesView(t, {"grasp force [N]": 9.0 * np.sin(t)}, {"force limit [N]": 140.0}))
+    emptied = ("belt", SceneView(caption="the fruit was taken from its place"))
+    figure = plotted(monkeypatch, [emptied, curves])
+    figure.canvas.draw()
+    assert [axes for axes in figure.axes if axes.name == "3d"] == []
+    shown = [axes for axes in figure.axes if axes.axison]
+    assert len(shown) == 1
+    assert shown[0].get_position().height > 0.7
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert texts == []
+    assert "↑ force limit 140 N" in [text.get_text() for text in shown[0].get_legend().get_texts()]
+
+
+def test_a_scene_without_an_image_is_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    corners = np.array([[0.3, -0.5, -0.15], [-0.1, -0.4, 0.4]])
+    views = [("belt", SceneView(lines=(Line3(corners, "belt", "muted"),)))]
+    scene = next(axes for axes in plotted(monkeypatch, views).axes if axes.name == "3d")
+    assert scene.get_position().width > 0.45

@@ -13,7 +13,7 @@ from recorded_events import FAILED
 
 from pomona.executive import registry
 from pomona.executive.reasons import Reason
-from pomona.executive.running.events import RunEnded, RunStarted
+from pomona.executive.running.events import NodeChanged, RunEnded, RunStarted
 from pomona.executive.terminal.explain import explain
 
 WEIGH = '''"""A third party's skill."""
@@ -92,3 +92,11 @@ def test_a_skill_without_source_has_the_line_of_the_tree_alone(
 
     monkeypatch.setattr(inspect, "getsourcelines", no_source)
     assert "Mine (line 12 of the tree) failed" in reason_of("Weigh")
+
+
+def test_a_condition_that_did_not_hold_is_no_failure_on_the_way() -> None:
+    started = next(event for event in FAILED if isinstance(event, RunStarted))
+    ended = next(event for event in FAILED if isinstance(event, RunEnded))
+    decided = NodeChanged(1.0, 1, "a/Node", "FAILURE", "", 1, Reason("a/Node", "CONDITION_FALSE", "it is false"))
+    events = [started, decided, replace(ended, outcome="success", reason=None)]
+    assert "Nothing failed on the way." in list(explain(events, whole=False))

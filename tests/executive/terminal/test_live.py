@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from pomona.executive.reasons import Reason
 from pomona.executive.running.events import NodeChanged, RunStarted, TickOverran
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.output import visible
@@ -115,3 +116,17 @@ def test_on_a_simulated_cell_only_work_that_belongs_beside_the_tick_is_reported(
     assert capsys.readouterr().out == "", "the world stood still while the tick waited"
     live.on_event(TickOverran(0.04, 2, "t/3", 2.0, 1.9))
     assert "kept the tick waiting for 2.0 s" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_condition_that_does_not_hold_has_no_cross(capsys: pytest.CaptureFixture[str]) -> None:
+    live = LiveTree(Screen())
+    live._live = None
+    nodes = ({"path": "t", "parent": None, "name": "whole"}, {"path": "t/c", "parent": "t", "name": "check"})
+    live.on_event(
+        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+    )
+    for code in ("CONDITION_FALSE", "NO_PATH"):
+        live.on_event(NodeChanged(0.0, 1, "t/c", "FAILURE", "", 1, Reason("t/c", code, "so it is")))
+    decided, failed = (line for line in capsys.readouterr().out.splitlines() if "so it is" in line)
+    assert "· check" in decided
+    assert "✗ check" in failed

@@ -76,21 +76,21 @@ class Picture:
         from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes half a second
         from matplotlib.figure import Figure
 
-        figure = Figure(
-            figsize=(14, 8.4), dpi=100
-        )  # margins are set by hand: computing a layout draws everything twice
+        figure = Figure(figsize=(14, 8.4), dpi=100)  # margins are set by hand: a layout draws everything twice
         FigureCanvasAgg(figure)
         figure.suptitle(title, fontsize=13, x=0.01, y=0.985, ha="left", parse_math=False)
         if self._reason is not None:
             figure.text(0.01, 0.93, self._why(), fontsize=10, color=BAD, va="center", parse_math=False)
         units = self._by_unit()
         heights = [2 if len(lines) > 1 else 1 for lines in units.values()]
-        below = 0.17 * sum(heights) ** 0.7  # share of the height that the curves take
+        pictured = any(view.image is not None for view in self._images.values())
+        spatial = any(view.lines or view.points or view.meshes for view in self._scenes.values())
+        below = 0.17 * sum(heights) ** 0.7 if pictured or spatial else 0.79  # share of the height for the curves
         margins = {"left": 0.055, "right": 0.985}
         images = figure.add_gridspec(
             1,
             3,
-            width_ratios=[1.25, 0.42, 1.0],
+            width_ratios=[1.25 if pictured else 0.01, 0.42, 1.0],
             wspace=0.04,
             top=0.86,
             bottom=below + 0.06 if units else 0.03,
@@ -100,7 +100,7 @@ class Picture:
         self._draw_images(look)
         beside.set_axis_off()
         _legend(look, beside, "upper left")  # on the image it would hide the fruit
-        if self._scenes:
+        if spatial:
             first, scene = beside.get_legend(), figure.add_subplot(images[2], projection="3d")
             self._draw_scene(scene)
             _legend(scene, beside, "lower left")
@@ -140,7 +140,6 @@ class Picture:
         axes.set_axis_off()
         with_image = [view for view in self._images.values() if view.image is not None]
         if not with_image:
-            axes.text(0.5, 0.5, "no image", ha="center", va="center", color=MUTED)
             return
         axes.imshow(with_image[-1].image)
         height, width = with_image[-1].image.shape[:2]  # type: ignore[union-attr]
@@ -215,7 +214,7 @@ class Picture:
                 ):  # a distant line would flatten the curves
                     axes.axhline(scale * value, lw=0.9, ls=("--", ":", "-.")[number % 3], color=MUTED, label=words)
                 else:
-                    axes.plot([], [], ls="none", label=words)
+                    axes.plot([], [], ls="none", label=f"{'↑' if scale * value > high else '↓'} {words}")
         kind = lines[0][0].partition(" [")[0] if len(lines) == 1 else KINDS.get(unit, "")
         self._mark_failure(axes)
         axes.set_ylabel(f"{kind}\n[{shown}]" if unit else kind, fontsize=9)

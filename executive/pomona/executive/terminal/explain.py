@@ -244,11 +244,12 @@ class _Story:
 
     def _on_the_way(self) -> str:
         ended = self.summary.ended
-        counted = Counter((self._name(f.path), f.reason.code) for f in self.failures if f.reason is not None)
+        reasons = ((f.path, f.reason.code) for f in self.failures if f.reason is not None)
+        counted = Counter((self._name(path), code) for path, code in reasons if code != "CONDITION_FALSE")
         if not counted:
             return "Nothing failed on the way." if ended is not None and ended.outcome == "success" else ""
-        parts = [f"{name} {code}{_times(number)}" for (name, code), number in counted.most_common()]
-        return f"On the way failed: {', '.join(parts)}."
+        parts = ", ".join(f"{name} {code}{_times(number)}" for (name, code), number in counted.most_common())
+        return f"On the way failed: {parts}."
 
     def _late(self) -> Iterator[tuple[float, str]]:
         """Yield the tick that waited longest, and how many more did."""

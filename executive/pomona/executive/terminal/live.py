@@ -61,9 +61,9 @@ class LiveTree:
         elif isinstance(event, NodeChanged):
             self._now[event.path] = event
             if self._live is None and event.path in self._leaves and event.status in ("SUCCESS", "FAILURE"):
-                name = self._name(event.path)
                 detail = say(event.reason) if event.reason else event.feedback
-                self._console.print(f"{event.t:7.2f} s  {ICONS[event.status]} {name}  {detail}")
+                icon = "·" if event.reason and event.reason.code == "CONDITION_FALSE" else ICONS[event.status]
+                self._console.print(f"{event.t:7.2f} s  {icon} {self._name(event.path)}  {detail}")
         elif isinstance(event, AttemptEnded):
             self._attempts[event.path] = event
         elif isinstance(event, SafeStopped):

@@ -25,7 +25,7 @@ def belt_scene(watch: BeltWatch, now: float, meeting: tuple[float, Float64] | No
     for track in watch.tracks.tracks:
         place, covariance = watch.tracks.expected(track, now + AHEAD, watch.travel.at(now + AHEAD))
         ring = np.column_stack([LARGER * _ellipse(covariance), np.zeros(25)]) + place
-        label = f"fruit {track.number} in {AHEAD:g} s, 90 % ellipse ({LARGER:.0f} times as large)"
+        label = f"where fruit {track.number} will be in {AHEAD:g} s (90 % ellipse, {LARGER:.0f} times as large)"
         lines.append(Line3(_on_belt(watch, ring), label, "planned" if track.rests else "muted"))
     if meeting is not None and meeting[0] > now:
         up = meeting[1] + np.array([[0.0, 0.0, 0.15], [0.0, 0.0, 0.0]])

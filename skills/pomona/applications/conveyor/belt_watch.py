@@ -48,6 +48,8 @@ class BeltWatch:
     @property
     def sentence(self) -> str:
         """Text for the operator."""
+        if self.newest_frame < 0.0:  # written to a port before a look: the numbers would be wrong from the next tick on
+            return "kept up while a skill watches the belt"
         return f"{len(self.tracks.tracks)} fruit on the belt, {self.tracks.born} seen so far"
 
     def step(

@@ -180,8 +180,8 @@ def plan_pick(
                     continue
                 reached = True
                 if planned.share > SHARE:
-                    words = f"it would take {planned.share:.2f} of the joints' limits"
-                    found = found if found.code else NoPick("", words)
+                    words = f"it takes {planned.share / SHARE:.2f} times what the joints may do"
+                    found = found if found.code else NoPick("", f"the fruit cannot be reached yet: {words}")
                     continue
                 if blocked := hand.free(planned.postures):
                     found = NoPick("OUT_OF_REACH", blocked)
@@ -189,7 +189,7 @@ def plan_pick(
                 return planned
         short, near = short or not reached, near or (reached and reach == REACHES[0])
     if near and not found.code:  # the fruit is in reach, and a later start leaves less time to the same place
-        return NoPick("OUT_OF_REACH", f"the fruit is too far on: {found.reason}", late=True)
+        return NoPick("OUT_OF_REACH", f"the fruit is too far on: {found.reason.partition(': ')[2]}", late=True)
     return found
 
 

@@ -308,10 +308,10 @@ def picture(
         style = "found" if k == chosen else "muted"
         lines.append(Line2(instance.keypoints[_EDGES], f"fruit {k}, score {instance.score:.2f}", style))
     centres = np.array([i.keypoints[8] for i in instances if i.score >= score]).reshape(-1, 2)
-    target = f"target {chosen}" if isinstance(chosen, int) else chosen
+    target = f", target {chosen}" if isinstance(chosen, int) else chosen and f", {chosen}"
     optics = frame.intrinsics
     pinhole = Pinhole(optics.fx, optics.fy, optics.cx, optics.cy, T_base_camera)
-    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found, {target}", frame.depth, pinhole)
+    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found{target}", frame.depth, pinhole)
 
 
 def _training(fruit: str, model: FruitModel) -> str:

@@ -339,6 +339,30 @@ def test_the_result_stands_before_the_failures_on_the_way(show: Show, open_page:
     expect(page.locator("#why")).to_contain_text("2 failures on the way")
 
 
+DECIDED = """pomona: 1
+tree: decided
+root:
+  sequence:
+    - set: {n: 1}
+    - fallback:
+        - check: "{n} > 1"
+        - succeed: {}
+"""
+
+
+def test_a_condition_that_does_not_hold_is_no_failure_on_the_way(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(DECIDED)
+    expect(page.locator("#why .verdict")).to_contain_text("nothing failed on the way")
+    marks = page.evaluate("""async () => {
+        const { page } = await import("/static/page.js");
+        return page.live.whole.marks.filter(({ text }) => text.includes("CONDITION_FALSE")).map(({ kind }) => kind);
+    }""")
+    assert marks == ["state"]
+    show.run(DECIDED.replace("        - succeed: {}\n", ""), "demo_2")  # here it ends the run
+    expect(page.locator("#why")).to_contain_text("CONDITION_FALSE")
+
+
 def test_a_panel_is_one_module_in_the_list_with_its_own_markup_and_style(show: Show, open_page: Open) -> None:
     page = open_page()
     style = "#counter { color: rgb(1, 2, 3); }"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shown_runs import DRAWN, HOLD, SIZES, Show
+from shown_runs import DRAWN, GATE, HOLD, SIZES, Show
 
 pytestmark = pytest.mark.browser
 
@@ -189,6 +189,71 @@ def test_all_curves_are_in_sight(show: Show, open_page: Callable[..., Any], widt
     page.evaluate(GRIP)
     expect(page.locator("#plots .plot")).to_have_count(3)
     assert page.locator("#plots").evaluate("(plots) => plots.scrollWidth <= plots.clientWidth + 1")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1280, 800), (768, 1024)])
+def test_no_chart_lies_under_another_in_a_window_that_was_made_smaller(
+    show: Show, open_page: Callable[..., Any], width: int, height: int
+) -> None:
+    page = open_page(viewport={"width": width + 600, "height": height})
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.evaluate(GRIP)
+    expect(page.locator("#plots .plot")).to_have_count(3)
+    page.evaluate(DRAWN)
+    page.evaluate("async () => { (await import('/static/page.js')).page.drawing = true; }")  # busy: it draws later
+    page.set_viewport_size({"width": width, "height": height})
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    over = """(plots) => plots.flatMap((plot) => { const right = plot.getBoundingClientRect().right + 4;
+        const parts = [...plot.querySelectorAll(".keys span, canvas")];
+        return parts.filter((part) => part.getBoundingClientRect().right > right).map((part) => part.outerHTML); })"""
+    assert page.locator("#plots .plot").evaluate_all(over) == []
+
+
+TABLE = """async () => {
+    const { page } = await import("/static/page.js");
+    const columns = ["fruit", "size", "along the belt", "place known to", "state"];
+    const rows = [["0", "72 × 63 × 73 mm", "-216 mm", "1.7 mm", "rests"]];
+    page.live.whole.tables.set("fruit", { columns, rows, caption: "1 fruit on the belt, belt at 0.15 m/s" });
+    page.dirty = true;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1280, 800), (768, 1024)])
+def test_a_table_below_the_curves_has_its_first_row_in_sight(
+    show: Show, open_page: Callable[..., Any], width: int, height: int
+) -> None:
+    page = open_page(viewport={"width": width, "height": height})
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    page.evaluate(GRIP)
+    page.evaluate(TABLE)
+    expect(page.locator("#plots .plot")).to_have_count(3)
+    expect(page.locator("#tables tbody tr")).to_be_in_viewport(ratio=0.99)
+
+
+LANES = """() => { window.names = []; const { fillText } = CanvasRenderingContext2D.prototype;
+    CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
+      if (this.canvas.id === "timeline" && /^Rest/.test(words)) window.names.push(y);
+      fillText.call(this, words, x, y); };
+}"""
+
+
+def test_at_1280_px_nothing_of_header_lanes_and_speed_is_cut_or_printed_over(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
+    rests = "".join(f"    - Rest: {{duration: 20 ms}}\n      name: Rest {i}\n" for i in range(9))
+    page = open_page(viewport={"width": 1280, "height": 800})
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.evaluate(LANES)
+    show.run(f"pomona: 1\ntree: a_rather_long_name_of_a_tree\nroot:\n  sequence:\n{rests}    - Hold: {{}}\n")
+    page.wait_for_function("() => window.names.length > 0")
+    page.evaluate(DRAWN)
+    tall = page.locator("div.lanes:not(.handle)").evaluate("(lanes) => lanes.clientHeight")
+    assert max(page.evaluate("() => window.names")) <= tall - 7  # middle of a line of 15 px
+    links, connection = box(page, "#links .link:last-child"), box(page, "#connection")
+    assert links["x"] + links["width"] <= connection["x"]
+    assert box(page, "#speed")["width"] >= 55
+    GATE.set()
 
 
 NAMED = """(length) => { // a run with a name of this length, and the devices of a cell

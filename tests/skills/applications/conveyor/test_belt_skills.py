@@ -51,6 +51,7 @@ def test_a_belt_that_is_seen_and_counts_gives_tracks() -> None:
     watch = end.outputs["tracks"]
     assert watch.tracks.encoder
     assert watch.travel.speed == pytest.approx(0.15)
+    assert watch.sentence == "kept up while a skill watches the belt"  # shown for the port as long as the run lasts
     assert not rig.arm.followed
 
 
@@ -229,8 +230,8 @@ def test_the_operator_sees_the_belt_its_fruit_and_their_ellipses() -> None:
     scenes = [view for topic, view in end.published if topic == "belt"]
     tables = [view for topic, view in end.published if topic == "fruit"]
     assert len(scenes) == len(tables) == 3  # every 0.2 s
-    assert [line.label.split(",")[0] for line in scenes[-1].lines] == [  # type: ignore[attr-defined]
-        "belt", "fruit 0 in 0.5 s", "fruit 1 in 0.5 s",
+    assert [line.label.split(" (")[0] for line in scenes[-1].lines] == [  # type: ignore[attr-defined]
+        "belt", "where fruit 0 will be in 0.5 s", "where fruit 1 will be in 0.5 s",
     ]  # fmt: skip
     ring = scenes[-1].lines[1].points  # type: ignore[attr-defined]
     shown_at = 0.4

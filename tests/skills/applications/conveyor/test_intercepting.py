@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -124,6 +126,16 @@ def test_the_hand_can_set_off_all_along_120_mm_of_a_belt_at_300_mm_a_second_and_
             way.append(q)
         pace = np.abs(np.gradient(np.gradient(np.array(way), 0.01, axis=0), 0.01, axis=0)) / SIA5F_LIMITS.acceleration
         assert pace.max() < 1.0
+
+
+def test_an_operator_is_shown_that_a_fruit_cannot_be_reached_yet_and_later_that_it_is_too_far_on() -> None:
+    early = plan_pick(HAND, 0.0, belt_place(-0.9, 0.3), np.zeros(3), (0.0,), ALONG)
+    assert isinstance(early, NoPick)
+    assert re.fullmatch(r"the fruit (is not near enough|cannot be reached) yet(: it takes .*)?", early.reason)
+    reasons = [plan_pick(HAND, 0.0, belt_place(x, 0.3), np.zeros(3), (0.0,), ALONG) for x in np.arange(-0.2, 0.3, 0.1)]
+    late = [pick.reason for pick in reasons if isinstance(pick, NoPick) and pick.late]
+    assert late
+    assert all(re.fullmatch(r"the fruit is too far on: it takes \d+\.\d\d times what .*", words) for words in late)
 
 
 UPSTREAM = ReadyHand(MODEL, SIA5F_LIMITS, workspace().poses["watch_2"], 0.15, lambda _: "")

@@ -4,7 +4,7 @@ import { wordsOf } from "./control.js";
 import { isClosed, link, press } from "./link.js";
 import { hasNoEnd, holdsControl, page, read } from "./page.js";
 import { drawSteps } from "./steps.js";
-import { lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
+import { DECIDED, lastResult, leavesOf, resolved, standing, STATUS } from "./store.js";
 
 let goTo = () => {};
 export function onMoment(handler) { goTo = handler; }
@@ -50,11 +50,14 @@ function remedyOf(code) {
   return words ? h("p", { class: "remedy" }, h("b", {}, "Remedy: "), words.split("`").map((part, i) => (i % 2 ? h("kbd", {}, part) : part)), ".") : null;
 }
 
+// Failures of a run that goes on or succeeded. A condition that did not hold is a decision of the tree.
+const onTheWay = (s) => s.failures.filter(({ reason }) => reason.code !== DECIDED);
+
 // The run's state, its reason, the next step: always those of the whole run, whatever moment is looked at.
 let whyKey = "";
 export function drawWhy(s) {
   drawSteps(s);
-  const latest = s.failures.at(-1);
+  const latest = s.ended && s.ended.outcome !== "success" ? s.failures.at(-1) : onTheWay(s).at(-1);
   const doing = s.ended ? "" : s.nodes.filter((node) => s.byPath.get(node.path).leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => `${node.name} ${percent(s.node.get(node.path).feedback)}`.trim()).join(", ");
   const { progress } = s;
   const key = `${progress?.number}|${progress?.of}|${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}|${s.state}|${s.because}|${s.acts.length}|${s.hand}|${doing}|${page.recorded}|${page.opened}|${page.problem}|${isClosed()}|${page.control.starts}|${cameraOf(s)}`;
@@ -91,7 +94,7 @@ function endedWords(s, latest) {
   const chain = s.ended.reason ?? latest?.reason ?? null, failed = s.ended.outcome !== "success";
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const hand = s.hand && failed ? h("p", {}, h("b", {}, "In the hand: "), s.hand) : null;
-  const done = s.tables.get("tally")?.caption ?? "", count = s.failures.length;
+  const done = s.tables.get("tally")?.caption ?? "", failures = failed ? s.failures : onTheWay(s), count = failures.length;
   const achieved = done ? `: ${done}` : "";
   if (!chain) return [h("div", { class: "verdict" }, h("b", { class: rank }, state), achieved, failed ? "." : ` after ${seconds(s.ended.t)}; nothing failed on the way.`), hand];
   const leaves = leavesOf(chain), leaf = leaves.at(-1);
@@ -104,7 +107,7 @@ function endedWords(s, latest) {
     remedyOf({ failure: leaf.code, error: "EXCEPTION" }[s.ended.outcome]),
     hand,
     same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
-    s.failures.length > 1 ? h("details", {}, h("summary", {}, `All ${s.failures.length} failures`), h("ol", { class: "history" }, s.failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,
+    count > 1 ? h("details", {}, h("summary", {}, `All ${count} failures`), h("ol", { class: "history" }, failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,
   ];
 }
 

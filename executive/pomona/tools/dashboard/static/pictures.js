@@ -71,7 +71,9 @@ const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }
 const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
 const low = matchMedia("(max-height: 860px) and (min-width: 1241px)"); // the curves stand beside the lanes
-const height = () => (low.matches ? 73 : innerHeight <= 800 ? 96 : 132);
+const tablet = matchMedia("(min-width: 721px) and (max-width: 900px)"); // a table follows them
+const height = () => (low.matches ? 73 : innerHeight <= 800 || tablet.matches ? 96 : 132);
+const NARROW = 150; // px, width of a chart that leaves less room to the numbers of its axis
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis. At a moment of a record a page of
@@ -148,8 +150,7 @@ export class PlotsView {
           chart.plot.setData(this.data(chart));
           chart.thinned.hidden = !series.thinned.some(([a, b]) => a < to && b > from);
         }
-        const { width } = chart;
-        if (width && (Math.abs(chart.plot.width - width) > 4 || chart.plot.height !== height())) chart.plot.setSize({ width, height: height() });
+        this.fit(chart);
         this.tell(chart);
       }
     }
@@ -158,6 +159,11 @@ export class PlotsView {
     $("spans").hidden = this.charts.size === 0;
     showAge($("series-age"), state.series.size ? Math.max(...[...state.series.values()].map((s) => s.last)) : null, state);
     this.point(at);
+  }
+
+  // At once, also between two drawings: a chart that is wider than its column would lie under the next one.
+  fit({ plot, width }) {
+    if (width && (Math.abs(plot.width - width) > 4 || plot.height !== height())) plot.setSize({ width, height: height() });
   }
 
   // The moment over the curves.
@@ -209,14 +215,14 @@ export class PlotsView {
     chart.plot = new uPlot({
       width: box.clientWidth || 300, height: height(), padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: true, y: false, setScale: false, dist: 5 }, y: false },
       scales: { x: { time: false, range: () => this.page }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
-      axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => (x && Math.abs(x) < 1e-3 ? Number(x.toPrecision(2)).toExponential() : String(Number(x.toPrecision(3))))) }],
+      axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: (u) => (u.width < NARROW ? 34 : 48), space: 28, values: (_u, v) => v.map((x) => (x && Math.abs(x) < 1e-3 ? Number(x.toPrecision(2)).toExponential() : String(Number(x.toPrecision(3))))) }],
       series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } })), ...both.map((name) => ({ stroke: palette[names.indexOf(name) % palette.length], width: 1.25, dash: [1.5, 3], alpha: 0.85, points: { show: false } }))],
       hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, css)], setCursor: [() => this.tell(chart)], setSelect: [(u) => this.zoom(u)] },
     }, this.data(chart), canvas);
     chart.cursor = h("i", { class: "plot-cursor", hidden: true });
     chart.plot.over.append(chart.cursor);
     chart.room = () => chart.plot.bbox.width / devicePixelRatio;
-    new ResizeObserver(() => { chart.width = box.clientWidth; page.dirty = true; }).observe(box); // kept: reading it makes the browser lay the page out
+    new ResizeObserver(() => { chart.width = box.clientWidth; this.fit(chart); page.dirty = true; }).observe(box); // kept: reading it makes the browser lay the page out
     return chart;
   }
 }

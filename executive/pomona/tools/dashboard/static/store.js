@@ -8,6 +8,7 @@ export const STATUS = {
   INVALID: { icon: "·", word: "idle", rank: "idle" },
 };
 
+export const DECIDED = "CONDITION_FALSE"; // of a check: the tree goes another way
 const STOPS = new Set(["stop", "safe_stop", "interrupt"]); // an interrupted node stays red until it starts again
 const MOST_SAMPLES = 40000; // of a series; older ones are thinned, so that an hour of samples stays small
 const MOST_KEPT = 4000; // spans, marks, lines of logs, failures, acts
@@ -77,14 +78,14 @@ const HANDLERS = {
         for (let i = s.spans.length - 1; i >= 0; i--) {
           if (s.spans[i].path === m.path && s.spans[i].end === null) {
             s.spans[i].end = m.t;
-            Object.assign(s.spans[i], { status: result, halted });
+            Object.assign(s.spans[i], { status: result, halted, decided: m.reason?.code === DECIDED });
             break;
           }
         }
       }
       if (m.status === "FAILURE" && m.reason && leaf) {
         s.failures.push({ t: m.t, path: m.path, reason: m.reason, next: null });
-        s.marks.push({ t: m.t, kind: "failure", text: `${m.reason.code}: ${m.reason.message}` });
+        s.marks.push({ t: m.t, kind: m.reason.code === DECIDED ? "state" : "failure", text: `${m.reason.code}: ${m.reason.message}` });
       } else if (m.status === "RUNNING" && leaf) {
         const last = s.failures[s.failures.length - 1];
         if (last && !last.next && m.path !== last.path) last.next = m.path;

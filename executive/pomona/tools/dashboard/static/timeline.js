@@ -10,13 +10,15 @@ const LANE = 15;
 const RANK = { SUCCESS: "--good", FAILURE: "--bad", RUNNING: "--busy", INVALID: "--idle" };
 const MARK = { failure: "--bad", bad: "--bad", good: "--good", act: "--accent", state: "--muted" };
 
+const failed = (span) => span.status === "FAILURE" && !span.decided;
+
 // Running, stopped and failed skills come first, the newest on top; skills that took no time share the last lane.
 function lanesOf(s) {
   const about = new Map();
   for (const span of s.spans) {
     const of = about.get(span.path) ?? { path: span.path, name: s.byPath.get(span.path)?.name ?? span.path, time: 0, first: span.start, rank: "", since: -1 };
     of.time += (span.end ?? s.t) - span.start;
-    if (span.end === null || span.halted || span.status === "FAILURE") Object.assign(of, { since: span.end ?? Infinity, rank: span.end === null ? "busy" : "bad" });
+    if (span.end === null || span.halted || failed(span)) Object.assign(of, { since: span.end ?? Infinity, rank: span.end === null ? "busy" : "bad" });
     about.set(span.path, of);
   }
   const all = [...about.values()].sort((a, b) => b.since - a.since || a.first - b.first);
@@ -105,7 +107,7 @@ export class Timeline {
 
   // Scroll to the lane of the skill that started last before the moment; once, so that another stretch can be looked at.
   follow(whole, now) {
-    const path = whole.spans.findLast((span) => span.start <= now + 1e-9 && (span.halted || span.status === "FAILURE" || (span.end ?? Infinity) - span.start >= INSTANT))?.path, i = this.lane.get(path) ?? 0, { room } = this;
+    const path = whole.spans.findLast((span) => span.start <= now + 1e-9 && (span.halted || failed(span) || (span.end ?? Infinity) - span.start >= INSTANT))?.path, i = this.lane.get(path) ?? 0, { room } = this;
     const key = `${path}|${i}|${room}`;
     if (key === this.followed) return;
     this.followed = key;
@@ -146,7 +148,7 @@ export class Timeline {
     this.ruler(g, x, from, to, ht, colour);
     const laneTop = (i) => TOP + (i - first) * LANE, most = Math.floor(this.left / 6.8);
     g.textBaseline = "middle";
-    lanes.slice(first).forEach(({ name, rank }, i) => {
+    lanes.slice(first, first + room).forEach(({ name, rank }, i) => {
       g.fillStyle = colour(rank ? `--${rank}` : "--text");
       g.fillText(name.length > most ? `${name.slice(0, most - 1)}…` : name, 2, laneTop(first + i) + LANE / 2);
     });
@@ -158,16 +160,16 @@ export class Timeline {
     for (const span of whole.spans) {
       const i = lane.get(span.path);
       const end = span.end ?? whole.t;
-      if (i === undefined || i < first || end < from || span.start > to) continue;
-      g.fillStyle = colour(span.halted ? "--bad" : RANK[span.status] ?? "--muted");
+      if (i === undefined || i < first || i >= first + room || end < from || span.start > to) continue; // no part of a lane
+      g.fillStyle = colour(span.halted ? "--bad" : span.decided ? "--muted" : RANK[span.status] ?? "--muted");
       const wide = Math.max(2.5, x(end) - x(span.start));
       g.fillRect(x(span.start), laneTop(i) + 2, wide, LANE - 4);
       if (span.halted) g.fillRect(x(end) - 3, laneTop(i), 6, LANE);
-      if (span.status === "FAILURE" && wide > 8) { g.strokeStyle = colour("--panel"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(x(end) - 7, laneTop(i) + 4.5); g.lineTo(x(end) - 2, laneTop(i) + LANE - 4.5); g.moveTo(x(end) - 2, laneTop(i) + 4.5); g.lineTo(x(end) - 7, laneTop(i) + LANE - 4.5); g.stroke(); }
+      if (failed(span) && wide > 8) { g.strokeStyle = colour("--panel"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(x(end) - 7, laneTop(i) + 4.5); g.lineTo(x(end) - 2, laneTop(i) + LANE - 4.5); g.moveTo(x(end) - 2, laneTop(i) + 4.5); g.lineTo(x(end) - 7, laneTop(i) + LANE - 4.5); g.stroke(); }
     }
     for (const span of page.over?.whole.spans ?? []) { // the second run's, thin, below those of the same name
       const i = lane.get(span.path), end = span.end ?? page.over.whole.t;
-      if (i === undefined || i < first || end < from || span.start > to) continue;
+      if (i === undefined || i < first || i >= first + room || end < from || span.start > to) continue; // no part of a lane
       g.fillStyle = colour("--text");
       g.fillRect(x(span.start), laneTop(i) + LANE - 4, Math.max(2, x(end) - x(span.start)), 2);
     }
