@@ -19,9 +19,7 @@ def belt_scene(watch: BeltWatch, now: float, meeting: tuple[float, Float64] | No
     Args:
         meeting: when and where the hand will be around its fruit: time [s] and place in the base frame, shape (3,) [m].
     """
-    belt = watch.tracks.belt
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [belt.length / 2.0, belt.width / 2.0]
-    lines = [Line3(_on_belt(watch, np.column_stack([corners, np.zeros(5)])), "belt", "muted")]
+    lines = [_outline(watch)]
     for track in watch.tracks.tracks:
         place, covariance = watch.tracks.expected(track, now + AHEAD, watch.travel.at(now + AHEAD))
         ring = np.column_stack([LARGER * _ellipse(covariance), np.zeros(25)]) + place
@@ -31,6 +29,12 @@ def belt_scene(watch: BeltWatch, now: float, meeting: tuple[float, Float64] | No
         up = meeting[1] + np.array([[0.0, 0.0, 0.15], [0.0, 0.0, 0.0]])
         lines.append(Line3(up, f"gripped in {meeting[0] - now:.1f} s", "approach"))
     return SceneView(tuple(lines), caption=f"belt at {watch.travel.speed:.2f} m/s")
+
+
+def bare_belt(watch: BeltWatch) -> SceneView:
+    """Return the belt without fruit, for the time in which it runs on and is not watched."""
+    caption = f"the fruit was taken; the belt ran at {watch.travel.speed:.2f} m/s when it was last watched"
+    return SceneView((_outline(watch),), caption=caption)
 
 
 def belt_table(watch: BeltWatch, now: float) -> TableView:
@@ -43,6 +47,12 @@ def belt_table(watch: BeltWatch, now: float) -> TableView:
         state = "tried" if track.number in watch.tried else "rests" if track.rests else "new or rolling"
         rows.append((str(track.number), size, f"{1e3 * place[0]:.0f} mm", known, state))
     return TableView(COLUMNS, tuple(rows), f"{watch.sentence}, belt at {watch.travel.speed:.2f} m/s")
+
+
+def _outline(watch: BeltWatch) -> Line3:
+    belt = watch.tracks.belt
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [belt.length / 2.0, belt.width / 2.0]
+    return Line3(_on_belt(watch, np.column_stack([corners, np.zeros(5)])), "belt", "muted")
 
 
 def _ellipse(covariance: Float64) -> Float64:

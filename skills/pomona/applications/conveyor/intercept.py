@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 
 from pomona.applications.conveyor.await_fruit import ComingFruit
 from pomona.applications.conveyor.belt_skill import BELT_FAILURES, BeltSkill
+from pomona.applications.conveyor.belt_view import bare_belt
 from pomona.applications.conveyor.belt_watch import BeltWatch
 from pomona.applications.conveyor.catch import Catch, ready_hand, require_grip, require_motion
 from pomona.applications.conveyor.conveyor import Conveyor
@@ -19,7 +20,7 @@ from pomona.applications.conveyor.reach_watch import ReachWatch, prepare_reach_w
 from pomona.applications.conveyor.tracks import FruitTrack
 from pomona.drivers import Arm, Camera, Cameras, Carrier, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
 from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
-from pomona.skills import MOTION_FAILURES, TAKEN, prepare_moving, show_grip
+from pomona.skills import MOTION_FAILURES, prepare_moving, show_grip
 from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
 from pomona.skills.motion import Grasp
 
@@ -105,7 +106,7 @@ class Intercept(BeltSkill):
                 catch.note_touches(self, hold, self.clock.now())
                 raise
             catch.note_touches(self, hold, self.clock.now())
-            self.publish("belt", TAKEN)
+            self.publish("belt", bare_belt(tracks))
             grasp = catch.grasp(arm.state().q, gripper.state().width)
             eyes.begin(stream.motion, *stream.way_up(height), holds=True)
             yield from stream.rise(height, partial(self._carry, hold, eyes, tracks))
