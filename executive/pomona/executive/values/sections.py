@@ -19,7 +19,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkabl
 
 from pomona.executive.values.findings import Located, did_you_mean
 from pomona.executive.values.kinds import Kind, ScalarKind, Schema
-from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar, shape_of
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
 
 S = TypeVar("S")
 _KIND = "kind"
@@ -100,8 +100,11 @@ class Placed(Generic[S]):
         return self.reader.refuse(self.place(problem.key), self._titled(problem), problem.hint)
 
     def place(self, key: str) -> YamlNode:
-        """Where a value is given: an option's own place when it comes from one."""
-        node = self.node.get(key)
+        """Where a value is given, 'name', or an entry of its list, 'name.2': an option's own place when it is one."""
+        name, _, number = key.partition(".")
+        node = self.node.get(name)
+        if number and isinstance(node, YamlList):
+            node = node.items[int(number) - 1]
         try:
             return self.node if node is None else self.reader.filled(node)
         except Refused:
