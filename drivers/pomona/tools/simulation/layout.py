@@ -363,6 +363,8 @@ def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tupl
             shape = str(rng.choice(["box", "ball", "cylinder"]))
             x, y, z = rng.uniform(0.012, 0.035, 3).tolist()
             fruitlike = rng.random() < 0.5
-            r, g, b = rng.uniform(*(((0.5, 0.05, 0.05), (0.9, 0.6, 0.2)) if fruitlike else (0.05, 0.9)), 3).tolist()
+            r, g, b = rng.uniform(
+                (0.5, 0.05, 0.05) if fruitlike else 0.05, (0.9, 0.6, 0.2) if fruitlike else 0.9, 3
+            ).tolist()
             placed.append(Distractor(shape, (x, y, z), xy, rng.uniform(-np.pi, np.pi), (r, g, b)))
     return tuple(placed)
