@@ -362,9 +362,7 @@ def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tupl
             taken.append(xy)
             shape = str(rng.choice(["box", "ball", "cylinder"]))
             x, y, z = rng.uniform(0.012, 0.035, 3).tolist()
-            fruitlike = rng.random() < 0.5
-            r, g, b = rng.uniform(
-                (0.5, 0.05, 0.05) if fruitlike else 0.05, (0.9, 0.6, 0.2) if fruitlike else 0.9, 3
-            ).tolist()
+            alike = rng.random() < 0.5
+            r, g, b = rng.uniform((0.5, 0.05, 0.05) if alike else 0.05, (0.9, 0.6, 0.2) if alike else 0.9, 3).tolist()
             placed.append(Distractor(shape, (x, y, z), xy, rng.uniform(-np.pi, np.pi), (r, g, b)))
     return tuple(placed)
