@@ -83,3 +83,50 @@ def test_a_mesh_that_cannot_be_used_is_found_at_its_place(judge, tmp_path, mesh,
     _workspace, found = judge(f"  meshes: [{mesh}]")
     assert [f for f in found if says in f.message + f.hint], [f.message for f in found]
     assert {(f.line, f.column) for f in found} == {(5, column)}, found
+
+
+CRATE = "{name: source, centre: 0 0 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"
+
+
+@pytest.mark.parametrize(
+    ("crates", "says", "line"),
+    [
+        (["{name: a, centre: 0 -3 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' leaves the volume", 7),
+        (["{name: a, centre: 0 0.9 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' leaves the volume", 7),
+        (["{name: a, centre: 0 0 0.95 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' leaves the volume", 7),
+        (["{name: a, centre: 0 0 -0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' is 200 mm under the table", 7),
+        ([CRATE, "{name: source, centre: 0.5 0 0.1 m, size: 0.1 0.1 0.1 m}"], "has the name of another obstacle", 7),
+        (["{name: box, centre: 0.25 0 0.1 m, size: 0.2 0.2 0.2 m}", CRATE], "overlaps the obstacle 'box'", 8),
+        (["{name: a, centre: 0 0 0.1 m, size: 400 300 120 m, wall: 8 mm}"], "if it is in millimetres, write mm", 7),
+    ],
+)
+def test_a_crate_from_which_no_fruit_can_be_taken_is_found_at_its_place(judge, crates, says, line):
+    _workspace, found = judge("  table_z: 0 m\n  obstacles:\n" + "\n".join(f"    - {crate}" for crate in crates))
+    assert [(f.line, f.severity) for f in found if says in f.message] == [(line, "error")], found
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        "{name: box, centre: 0.25 0 0.1 m, size: 0.1 0.2 0.2 m}",  # it touches the wall
+        "{name: foam, centre: 0 0 0.02 m, size: 0.3 0.2 0.02 m}",  # it lies inside
+        "{name: turned, centre: 0.29 0.24 0.1 m, size: 0.2 0.2 0.2 m, yaw: 45 deg}",  # its bounds overlap, it does not
+    ],
+)
+def test_an_obstacle_beside_or_inside_a_crate_is_none_of_its_walls(judge, beside):
+    _workspace, found = judge(f"  table_z: 0 m\n  obstacles:\n    - {CRATE}\n    - {beside}")
+    assert found == []
+
+
+def test_a_crate_narrower_than_a_hand_is_warned_of(judge):
+    _workspace, found = judge("  obstacles:\n    - {name: a, centre: 0 0 0.1 m, size: 50 50 120 mm, wall: 8 mm}")
+    assert [(f.severity, f.line) for f in found] == [("warning", 6)]
+    assert "its inside is 34 mm wide: no hand goes in beside a fruit" in found[0].message
+
+
+def test_two_poses_of_one_series_that_are_the_same_are_warned_of(judge):
+    _workspace, found = judge(
+        "  poses:\n    crate: 0 0 rad\n    crate_2: 0 0.1 rad\n    crate_3: 0 0.1001 rad\n    home: 0 0 rad"
+    )
+    assert [(f.severity, f.line) for f in found] == [("warning", 8)]
+    assert "the pose 'crate_3' is the same as 'crate_2'" in found[0].message

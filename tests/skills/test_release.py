@@ -1,11 +1,12 @@
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import Carrier, Hand, MotionState
+from pomona.drivers.interfaces import Carrier, Hand, MotionState, Workspace
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
 from pomona.skills.motion.lines import STEP
@@ -424,6 +425,38 @@ def test_variations_of_a_pose_are_places_for_one_fruit_after_the_other():
     inputs = {"into": "observe", "variation": 2, "depth": 0.02}
     drive(Release(), inputs, scene.devices, clock=scene.clock)
     np.testing.assert_allclose(scene.arm.followed[0].q[-1], WORKSPACE.poses["observe_2"], atol=1e-9)
+
+
+def test_a_place_that_the_cell_does_not_have_is_no_other_one_and_nothing_moves():
+    scene = over_ground(None)
+    scene.hold_fruit()
+    last = next(k for k in range(2, 99) if f"observe_{k}" not in WORKSPACE.poses)
+    outcome = drive(Release(), {"into": "observe", "variation": last}, scene.devices, clock=scene.clock)
+    assert outcome.reason.code == "UNKNOWN_POSE"
+    assert f"the cell file has no pose 'observe_{last}'" in outcome.reason.message
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
+
+
+class CellWithPoses:
+    """Facts about a cell with these poses."""
+
+    name = "bench"
+
+    def __init__(self, *names: str) -> None:
+        self.workspace = replace(WORKSPACE, poses=dict.fromkeys(names, WORKSPACE.poses["observe"]))
+
+    def known(self, what: type) -> Workspace | None:
+        return self.workspace if what is Workspace else None
+
+
+def test_a_tree_that_counts_on_more_places_than_the_cell_has_is_an_error():
+    cell, known = CellWithPoses("crate", "crate_2", "crate_4"), {"into": "crate", "places": 2}
+    assert list(Release.judge(known, cell)) == list(Release.judge({"into": "crate"}, cell)) == []
+    assert list(Release.judge(known | {"places": 9}, None)) == []
+    (found,) = Release.judge(known | {"places": 4}, cell)
+    assert found.key == "places"
+    assert found.message == "it counts on 4 places, and the cell 'bench' has no pose 'crate_3'"
 
 
 def test_where_the_gripper_cannot_go_down_nothing_moves():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -169,12 +170,19 @@ class RobotServices(Services):
 
     @classmethod
     def judge(cls, placed: Placed[Any], facts: Iterable[object], findings: Findings) -> None:
-        """Named poses must be reachable by the cell's arm, as far as its limits are known."""
+        """Named poses must be reachable by the cell's arm, as far as its limits are known, and differ in a series."""
         limits = next((fact for fact in facts if isinstance(fact, ArmLimits)), None)
         node = placed.node.get("workspace")
         poses = node.get("poses") if isinstance(node, YamlMapping) else None
         workspace = placed.values.workspace
-        if limits is None or workspace is None or not isinstance(poses, YamlMapping):
+        if workspace is None or not isinstance(poses, YamlMapping):
+            return
+        for name, other in itertools.combinations(workspace.poses, 2):
+            q, same = workspace.poses[name], name.rstrip("0123456789_") == other.rstrip("0123456789_")
+            if same and len(q) == len(workspace.poses[other]) and np.allclose(q, workspace.poses[other], 0.0, 1e-3):
+                words = f"the pose '{other}' is the same as '{name}': two places, or two looks, are one"
+                findings.warning(poses.entries[other][1], "pose", words)
+        if limits is None:
             return
         for name, joints in workspace.poses.items():
             q = np.array(joints)

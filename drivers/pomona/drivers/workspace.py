@@ -21,6 +21,8 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import ANGLE, LENGTH, SPEED, TIME
 
 LARGEST, SMALLEST = 20.0, 0.002  # sizes of anything that an arm may hit [m]; else the unit is another
+NARROW = 0.1  # inside of a crate below which no hand with open fingers goes in [m]
+TOUCH = 1e-3  # depth to which neighbours may overlap, by rounding [m]
 MOST_PARTS = 400  # each costs every collision check about as much as a box
 
 
@@ -135,6 +137,12 @@ class ObstacleSection:
             yield Problem("size", "a box has three positive sizes")
         elif self.wall is not None and (2.0 * self.wall >= min(self.size[:2]) or self.wall >= self.size[2]):
             yield Problem("wall", "the walls of a crate leave room between them")
+        elif max(self.size) > LARGEST:
+            edges = " x ".join(f"{edge:.4g}" for edge in self.size)
+            yield Problem("size", f"it is {edges} m large: if it is in millimetres, write mm")
+        elif self.wall is not None and (inside := min(self.size[:2]) - 2.0 * self.wall) < NARROW:
+            words = f"its inside is {1e3 * inside:.0f} mm wide: no hand goes in beside a fruit"
+            yield Problem("size", words, warning=True)
 
     def boxes(self) -> tuple[Box, ...]:
         """Return the solids that it is made of, all of one name."""
@@ -244,6 +252,25 @@ class WorkspaceSection:
         names = [zone.name for zone in self.zones]
         if len(set(names)) < len(names):
             yield Problem("zones", "two zones have one name, so that messages would be ambiguous")
+        for number, crate in enumerate(self.obstacles, 1):
+            if crate.wall is not None and (words := self._misplaced(crate)):
+                yield Problem(f"obstacles.{number}", f"the crate '{crate.name}' {words}")
+
+    def _misplaced(self, crate: ObstacleSection) -> str:
+        """Return why fruit cannot be in a crate at its place, empty if it can."""
+        boxes = crate.boxes()
+        reach = np.abs(boxes[0].T_base_box[:3, :3]) @ crate.size / 2.0
+        low, high = crate.centre - reach, crate.centre + reach
+        if (low[:2] < np.subtract(self.lower[:2], TOUCH)).any() or (high > np.add(self.upper, TOUCH)).any():
+            return "leaves the volume from workspace.lower to workspace.upper, in which the arm moves"
+        floor = self.lower[2] if self.table_z is None else self.table_z
+        if low[2] < floor - TOUCH:
+            return f"is {1e3 * (floor - low[2]):.0f} mm under the table"
+        others = [other for other in self.obstacles if other is not crate]
+        if any(other.name == crate.name for other in others):
+            return "has the name of another obstacle"
+        near = (other.name for other in others if any(_overlap(a, b) for a in boxes for b in other.boxes()))
+        return "".join([f"overlaps the obstacle '{name}'" for name in near][:1])
 
     def workspace(self) -> Workspace:
         """For the skills."""
@@ -268,6 +295,14 @@ def _crate(name: str, T_base_crate: Float64, size: Float64, wall: float) -> tupl
         *(_box(name, T_base_crate, np.array([side * middle[0], 0.0, 0.0]), np.array([wall, y, z])) for side in (-1, 1)),
         *(_box(name, T_base_crate, np.array([0.0, side * middle[1], 0.0]), np.array([x, wall, z])) for side in (-1, 1)),
     )
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    """Return True if two boxes that are turned about z only overlap by more than `TOUCH` along each of their axes."""
+    axes = np.hstack((a.T_base_box[:3, :3], b.T_base_box[:3, :3])).T
+    reach = sum(np.abs(axes @ box.T_base_box[:3, :3]) @ box.half_extents for box in (a, b))
+    between = np.abs(axes @ (a.T_base_box[:3, 3] - b.T_base_box[:3, 3]))
+    return bool((between < reach - TOUCH).all())
 
 
 def _box(name: str, T_base_whole: Float64, offset: Float64, size: Float64) -> Box:

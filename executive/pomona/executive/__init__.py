@@ -12,9 +12,7 @@ if TYPE_CHECKING:
     from pomona.executive.behaviours import run_behaviour as run_behaviour
     from pomona.executive.cell.cell import Cell as Cell
     from pomona.executive.cell.cell_file import read_cell_file as read_cell_file
-    from pomona.executive.cell.connect import (
-        load_cell as load_cell,
-    )
+    from pomona.executive.cell.connect import load_cell as load_cell
     from pomona.executive.cell.device import (
         ConnectContext as ConnectContext,
         Device as Device,
@@ -51,31 +49,12 @@ if TYPE_CHECKING:
         driver as driver,
         read_section_file as read_section_file,
     )
-    from pomona.executive.clock import (
-        Clock as Clock,
-        ManualClock as ManualClock,
-        SystemClock as SystemClock,
-    )
-    from pomona.executive.errors import (
-        PomonaError as PomonaError,
-        SkillError as SkillError,
-        UsageError as UsageError,
-    )
-    from pomona.executive.execute import (
-        Executed as Executed,
-        RunOrder as RunOrder,
-        run_tree as run_tree,
-    )
-    from pomona.executive.files import (
-        find_cell as find_cell,
-        find_tree as find_tree,
-    )
-    from pomona.executive.lease import (
-        command as command,
-    )
-    from pomona.executive.palette import (
-        OVERLAY as OVERLAY,
-    )
+    from pomona.executive.clock import Clock as Clock, ManualClock as ManualClock, SystemClock as SystemClock
+    from pomona.executive.errors import PomonaError as PomonaError, SkillError as SkillError, UsageError as UsageError
+    from pomona.executive.execute import Executed as Executed, RunOrder as RunOrder, run_tree as run_tree
+    from pomona.executive.files import find_cell as find_cell, find_tree as find_tree
+    from pomona.executive.lease import command as command
+    from pomona.executive.palette import OVERLAY as OVERLAY
     from pomona.executive.ports import (
         REQUIRED as REQUIRED,
         Acceleration as Acceleration,
@@ -94,10 +73,7 @@ if TYPE_CHECKING:
         Time as Time,
         Torque as Torque,
     )
-    from pomona.executive.run_views import (
-        RunView as RunView,
-        ViewedRun as ViewedRun,
-    )
+    from pomona.executive.run_views import RunView as RunView, ViewedRun as ViewedRun
     from pomona.executive.running.events import (
         AttemptEnded as AttemptEnded,
         ErrorRaised as ErrorRaised,
@@ -112,15 +88,9 @@ if TYPE_CHECKING:
         StateChanged as StateChanged,
         TreeChanged as TreeChanged,
     )
-    from pomona.executive.running.runner import (
-        Runner as Runner,
-    )
-    from pomona.executive.running.signals import (
-        raise_again as raise_again,
-    )
-    from pomona.executive.running.starting import (
-        Starting as Starting,
-    )
+    from pomona.executive.running.runner import Runner as Runner
+    from pomona.executive.running.signals import raise_again as raise_again
+    from pomona.executive.running.starting import Starting as Starting
     from pomona.executive.skill import (
         CellFacts as CellFacts,
         Computation as Computation,
@@ -130,32 +100,17 @@ if TYPE_CHECKING:
         SkillFailure as SkillFailure,
         Work as Work,
     )
-    from pomona.executive.skill_testing import (
-        SkillEnd as SkillEnd,
-        drive as drive,
-    )
+    from pomona.executive.skill_testing import SkillEnd as SkillEnd, drive as drive
     from pomona.executive.values.archives import (
         ArchiveTooLarge as ArchiveTooLarge,
         open_archive as open_archive,
         read_plain_arrays as read_plain_arrays,
     )
-    from pomona.executive.values.arrays import (
-        Float64 as Float64,
-        UInt8 as UInt8,
-    )
-    from pomona.executive.values.documents import (
-        ValueFile as ValueFile,
-    )
-    from pomona.executive.values.findings import (
-        Finding as Finding,
-        format_finding as format_finding,
-    )
-    from pomona.executive.values.image_bytes import (
-        is_cut_off as is_cut_off,
-    )
-    from pomona.executive.values.installation import (
-        install_extra as install_extra,
-    )
+    from pomona.executive.values.arrays import Float64 as Float64, UInt8 as UInt8
+    from pomona.executive.values.documents import ValueFile as ValueFile
+    from pomona.executive.values.findings import Finding as Finding, format_finding as format_finding
+    from pomona.executive.values.image_bytes import is_cut_off as is_cut_off
+    from pomona.executive.values.installation import install_extra as install_extra
     from pomona.executive.values.kinds import (
         AsWritten as AsWritten,
         Counts as Counts,
@@ -187,17 +142,9 @@ if TYPE_CHECKING:
         read_plain_text as read_plain_text,
         read_table as read_table,
     )
-    from pomona.executive.values.read_only import (
-        ReadOnly as ReadOnly,
-    )
-    from pomona.executive.values.rotations import (
-        is_rigid as is_rigid,
-    )
-    from pomona.executive.values.sections import (
-        Problem as Problem,
-        Section as Section,
-        value as value,
-    )
+    from pomona.executive.values.read_only import ReadOnly as ReadOnly
+    from pomona.executive.values.rotations import is_rigid as is_rigid
+    from pomona.executive.values.sections import Problem as Problem, Section as Section, value as value
     from pomona.executive.values.units import (
         ACCELERATION as ACCELERATION,
         ANGLE as ANGLE,

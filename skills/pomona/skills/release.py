@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.plain_hand import between
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
-from pomona.executive.skill import SkillFailure, Work
+from pomona.executive.skill import CellFacts, SkillFailure, Work
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.sections import Problem
 from pomona.skills.grip.hold import Hold, current_hold, take_over
 from pomona.skills.motion.collision import Margins
 from pomona.skills.motion.grasp import Grasp
@@ -56,12 +57,23 @@ class Release(PoseSkill):
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "HAND_UNCLEAR", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
     renamed_failures: ClassVar = {"NO_WAY_DOWN": "LOWERING_BLOCKED"}
 
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """Check that the cell has the pose, and as many places as the tree counts on."""
+        yield from super().judge(known, cell)
+        workspace, into = (None if cell is None else cell.known(Workspace)), known.get("into")
+        places = [f"{into}_{k}" for k in range(2, (known.get("places") or 1) + 1)]
+        if cell is not None and workspace is not None and (lacking := [p for p in places if p not in workspace.poses]):
+            message = f"it counts on {len(places) + 1} places, and the cell '{cell.name}' has no pose '{lacking[0]}'"
+            yield Problem("places", message, "lower `places`, or add the pose below `workspace.poses`")
+
     def run(
         self,
         into: Annotated[
             str | None, Port(help="pose of the cell file above the place for the fruit; the arm moves there first")
         ] = None,
-        variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
+        variation: Annotated[int, Port(min=1, help="place: 1 is the pose itself, 2 its pose_2 and so on")] = 1,
+        places: Annotated[int, Port(min=1, help="number of such poses that the cell must have before the run")] = 1,
         depth: Annotated[Length, Port(min="1 mm", max="1 m", help="maximum distance of lowering")] = LENGTH("150 mm"),
         grasp: Annotated[
             Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
@@ -96,8 +108,8 @@ class Release(PoseSkill):
         if into is not None:
             yield from move_to_pose(
                 self,
-                into,
-                variation,
+                into if variation == 1 else f"{into}_{variation}",  # not around: a fruit lies at the first place
+                1,
                 map,
                 grasp,
                 clearance,

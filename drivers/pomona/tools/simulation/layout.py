@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ PULL = 0.5  # horizontal pull on a fruit, of its weight: apples roll
 AT_WALL = 0.7  # probability that a drawn fruit is drawn along x, and the same along y
 LANDED = 5.0  # time in which fruit of the upper layer comes to rest, at most [s]
 STILL = 0.02  # largest speed of fruit at rest [m/s, rad/s]
+ROOM = 0.009  # floor of a crate for each fruit [m²]: 400 × 300 mm hold 12; with a second layer half as many more
 HEAP = 0.03  # distance from the middle of a heap within which fruit begins, before it is pushed apart [m]
 
 
@@ -269,8 +271,14 @@ class WorldOptions:
         elif len(q := poses[self.start]) == len(read_limits(self.robot).lower) and (way := sag(self.robot, q)) > 1e-3:
             words = f"its drives give way by {way:.4f} rad to the arm's weight: its motions do not come to rest"
             yield Problem("robot", words, 'write gravcomp="1" on each of its bodies')
-        if self.fruits_at == "crate" and (around.workspace is None or crate_of(around.workspace.obstacles) is None):
-            yield Problem("fruits_at", f"the workspace has no crate '{SOURCE}'", f"{{name: {SOURCE}, …, wall: 8 mm}}")
+        if self.fruits_at == "crate":
+            obstacles = () if around.workspace is None else around.workspace.obstacles
+            crate, near = crate_of(obstacles), get_close_matches(SOURCE, {box.name for box in obstacles}, 1)
+            if crate is None:
+                hint = f"name: {SOURCE}, wall: 8 mm" + (f" in the obstacle '{near[0]}'" if near else "")
+                yield Problem("fruits_at", f"the workspace has no crate '{SOURCE}'", hint)
+            elif self.others >= (holds := int((2 * self.layers + 2) * np.array(crate.inside).prod() / ROOM)):
+                yield Problem("others", f"the crate holds {holds} fruit in all, not {self.others + 1}")
 
     def known(self) -> Iterator[object]:
         yield read_limits(self.robot)
@@ -353,16 +361,8 @@ def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tupl
         if all(np.hypot(*(xy - other)) > clear for other in taken):
             taken.append(xy)
             shape = str(rng.choice(["box", "ball", "cylinder"]))
-            half = rng.uniform(0.012, 0.035, 3)
-            fruitlike = rng.random() < 0.5
-            colour = rng.uniform((0.5, 0.05, 0.05), (0.9, 0.6, 0.2)) if fruitlike else rng.uniform(0.05, 0.9, 3)
-            placed.append(
-                Distractor(
-                    shape,
-                    (float(half[0]), float(half[1]), float(half[2])),
-                    xy,
-                    rng.uniform(-np.pi, np.pi),
-                    (float(colour[0]), float(colour[1]), float(colour[2])),
-                )
-            )
+            x, y, z = rng.uniform(0.012, 0.035, 3).tolist()
+            alike = rng.random() < 0.5
+            r, g, b = rng.uniform((0.5, 0.05, 0.05) if alike else 0.05, (0.9, 0.6, 0.2) if alike else 0.9, 3).tolist()
+            placed.append(Distractor(shape, (x, y, z), xy, rng.uniform(-np.pi, np.pi), (r, g, b)))
     return tuple(placed)

@@ -19,7 +19,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkabl
 
 from pomona.executive.values.findings import Located, did_you_mean
 from pomona.executive.values.kinds import Kind, ScalarKind, Schema
-from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar, shape_of
+from pomona.executive.values.yaml_nodes import Reader, Refused, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
 
 S = TypeVar("S")
 _KIND = "kind"
@@ -100,10 +100,13 @@ class Placed(Generic[S]):
         return self.reader.refuse(self.place(problem.key), self._titled(problem), problem.hint)
 
     def place(self, key: str) -> YamlNode:
-        """Where a value is given, `a.b` inside `a`: an option's own place when it comes from one."""
+        """Where a value is given, `a.b` inside `a`, `a.2` in a list: an option's own place when it comes from one."""
         node: YamlNode | None = self.node
         for name in key.split("."):
-            node = node.get(name) if isinstance(node, YamlMapping) else None
+            if isinstance(node, YamlList):
+                node = node.items[int(name) - 1]
+            else:
+                node = node.get(name) if isinstance(node, YamlMapping) else None
         try:
             return self.node if node is None else self.reader.filled(node)
         except Refused:

@@ -80,6 +80,12 @@ def crate_named(name: str, boxes: Sequence[object]) -> Crate | None:
     return Crate(T_base_crate, np.array(floor.half_extents[:2]), 2.0 * min(min(box.half_extents) for box in own[1:]))
 
 
+def crates(boxes: Sequence[object]) -> tuple[str, ...]:
+    """Return the names of the crates among the cell file's obstacles: several boxes have one name."""
+    names = [box.name for box in boxes if isinstance(box, Box)]
+    return tuple(sorted(name for name in set(names) if names.count(name) > 1))
+
+
 def rim_points(depth: Float64, lens: Intrinsics, T_base_camera: Float64, crate: Crate) -> Float64:
     """Return points of a depth image (h, w) [m] at the height of a crate's walls, in its frame, shape (n, 2) [m]."""
     seen: Float64 = depth[::PIXELS, ::PIXELS].astype(np.float64)

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.perception.detection.compact_detector import (
-        CompactDetector as CompactDetector,
-    )
+    from pomona.skills.perception.detection.compact_detector import CompactDetector as CompactDetector
     from pomona.skills.perception.detection.detection import (
         AllDetections as AllDetections,
         Detection as Detection,
@@ -21,9 +19,7 @@ if TYPE_CHECKING:
         BadWeights as BadWeights,
         DetectError as DetectError,
     )
-    from pomona.skills.perception.detection.instances import (
-        FoundFruit as FoundFruit,
-    )
+    from pomona.skills.perception.detection.instances import FoundFruit as FoundFruit
     from pomona.skills.perception.detection.places import (
         LARGEST_SIDE as LARGEST_SIDE,
         at_edge as at_edge,
@@ -31,10 +27,7 @@ if TYPE_CHECKING:
         search_sides as search_sides,
         shared_part as shared_part,
     )
-    from pomona.skills.perception.frame_check import (
-        MISMATCHES as MISMATCHES,
-        misplaced_depth as misplaced_depth,
-    )
+    from pomona.skills.perception.frame_check import MISMATCHES as MISMATCHES, misplaced_depth as misplaced_depth
     from pomona.skills.perception.fruit import (
         FruitModel as FruitModel,
         find_weights as find_weights,
@@ -52,25 +45,12 @@ if TYPE_CHECKING:
         held_out as held_out,
         learn_sizes as learn_sizes,
     )
-    from pomona.skills.perception.measured_fruit import (
-        MeasuredFruit as MeasuredFruit,
-    )
-    from pomona.skills.perception.refinement.cloud import (
-        horizontal_plane as horizontal_plane,
-    )
-    from pomona.skills.perception.refinement.errors import (
-        RefineError as RefineError,
-    )
-    from pomona.skills.perception.refinement.measure import (
-        measure as measure,
-    )
-    from pomona.skills.perception.refinement.render import (
-        DepthLook as DepthLook,
-    )
-    from pomona.skills.perception.refinement.scale_fit import (
-        PlaceFit as PlaceFit,
-        fit_place as fit_place,
-    )
+    from pomona.skills.perception.measured_fruit import MeasuredFruit as MeasuredFruit
+    from pomona.skills.perception.refinement.cloud import horizontal_plane as horizontal_plane
+    from pomona.skills.perception.refinement.errors import RefineError as RefineError
+    from pomona.skills.perception.refinement.measure import measure as measure
+    from pomona.skills.perception.refinement.render import DepthLook as DepthLook
+    from pomona.skills.perception.refinement.scale_fit import PlaceFit as PlaceFit, fit_place as fit_place
 
 PUBLIC = {
     "detection.compact_detector": "CompactDetector",

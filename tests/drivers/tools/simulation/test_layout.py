@@ -7,6 +7,7 @@ import pytest
 
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Box
+from pomona.executive.cell.cell_file import read_cell_file
 from pomona.executive.cell.connect import load_cell
 from pomona.skills.geometry import rot_z, transform
 from pomona.tools.simulation.layout import crate_of
@@ -87,3 +88,10 @@ def test_in_a_crate_half_of_the_fruit_is_at_the_walls_and_none_counts_as_put_awa
 def test_without_a_crate_in_the_workspace_no_fruit_can_be_in_it():
     with pytest.raises(CellFileError, match="no crate 'source'"):
         load_cell(CELLS / "sim_heap.yaml", overrides={"fruits_at": "crate"})
+
+
+@pytest.mark.parametrize(("layers", "holds"), [("1", 12), ("2", 18)])
+def test_more_fruit_than_the_crate_holds_is_refused(layers: str, holds: int):
+    read_cell_file(CELLS / "sim_crate.yaml", {"others": str(holds - 1), "layers": layers})
+    with pytest.raises(CellFileError, match=f"the crate holds {holds} fruit in all, not {holds + 1}"):
+        read_cell_file(CELLS / "sim_crate.yaml", {"others": str(holds), "layers": layers})

@@ -5,7 +5,8 @@ import pytest
 from py_trees.common import Status
 
 from pomona.applications.crates.find_crate import FindCrate
-from pomona.drivers.interfaces import Box, Frame, Workspace
+from pomona.drivers.interfaces import Box, Camera, Frame, Workspace
+from pomona.executive.clock import ManualClock
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.geometry import transform
 from pomona.skills.perception.detection.detection import AllDetections
@@ -26,9 +27,11 @@ def look(depth: np.ndarray | None, T_base_camera: np.ndarray = ABOVE) -> AllDete
     return AllDetections((), frame, T_base_camera)
 
 
-def find(depth: np.ndarray | None, workspace: Workspace = WITH_CRATE, T_base_camera: np.ndarray = ABOVE) -> SkillEnd:
+def find(
+    depth: np.ndarray | None, workspace: Workspace = WITH_CRATE, T_base_camera: np.ndarray = ABOVE, **inputs: str
+) -> SkillEnd:
     seen = look(None if depth is None else depth.astype(np.float32), T_base_camera)
-    return drive(FindCrate(), {"detections": seen}, {Workspace: workspace}, clock=PickingScene().clock)
+    return drive(FindCrate(), {"detections": seen, **inputs}, {Workspace: workspace}, clock=PickingScene().clock)
 
 
 def test_a_crate_in_its_place_passes():
@@ -48,12 +51,66 @@ def test_a_crate_that_is_not_there_is_missing():
     assert find(rendered(there=False)).reason.code == "CRATE_MISSING"
 
 
-def test_a_cell_without_the_crate_a_picture_without_depth_and_a_look_past_it_pass():
+def test_a_cell_without_a_crate_of_the_usual_name_passes():
     assert find(rendered(there=False), WORKSPACE).status is Status.SUCCESS
-    assert find(None).status is Status.SUCCESS
+
+
+def test_a_crate_that_is_named_must_be_in_the_cell():
+    ended = find(rendered(), name="sorce")
+    assert ended.reason.code == "CRATE_MISSING"
+    assert ended.reason.message == "the cell file has no crate 'sorce', an obstacle with `wall`: source"
+    assert find(rendered(), name="source").status is Status.SUCCESS
+
+
+def test_a_look_past_the_crate_and_a_picture_without_depth_judge_nothing():
     past = ABOVE.copy()
     past[0, 3] += 0.6
-    assert find(rendered(there=False), T_base_camera=past).status is Status.SUCCESS
+    ended = find(rendered(there=False), T_base_camera=past)
+    assert ended.reason.code == "CRATE_UNSEEN"
+    assert "the crate 'source' (400 × 300 mm) is not in view: 0 % of its upper edge" in ended.reason.message
+    assert find(None).reason.code == "CRATE_UNSEEN"
+
+
+def test_without_detections_it_looks_itself():
+    class Looking:
+        def latest(self) -> Frame:
+            return look(rendered((0.012, -0.009)).astype(np.float32)).frame
+
+    devices = {Workspace: WITH_CRATE, Camera: Looking()}
+    assert drive(FindCrate(), {}, devices, clock=ManualClock(0.1)).reason.code == "CRATE_MOVED"
+    assert drive(FindCrate(), {}, devices, clock=ManualClock(1.0)).reason.code == "STALE_FRAME"
+
+
+class Cell:
+    """Facts about a cell with obstacles of these names."""
+
+    name = "bench"
+
+    def __init__(self, *obstacles: Box) -> None:
+        self.workspace = replace(WORKSPACE, obstacles=obstacles)
+
+    def known(self, what: type) -> Workspace | None:
+        return self.workspace if what is Workspace else None
+
+
+def judged(cell: Cell | None, **known: str) -> list[tuple[str, str, bool]]:
+    return [(found.message, found.hint, found.warning) for found in FindCrate.judge(known, cell)]
+
+
+def test_a_name_in_a_tree_is_compared_with_the_crates_of_the_cell():
+    cell = Cell(replace(FLOOR, name="bin"), FLOOR, *WALLS)
+    assert judged(cell) == judged(cell, name="source") == judged(None, name="sorce") == []
+    words = "the cell 'bench' has no crate '{}', an obstacle with `wall`"
+    assert judged(cell, name="sorce") == [(words.format("sorce"), "did you mean 'source'?", False)]
+    assert judged(cell, name="bin") == [(words.format("bin"), "write `wall` for it: bin", False)]
+    assert FindCrate.offers("name", cell) == ("source",)
+
+
+def test_a_crate_that_lacks_its_walls_or_a_letter_is_no_cell_without_one():
+    assert judged(Cell(replace(FLOOR, name="bin"))) == []
+    assert [hint for _, hint, warning in judged(Cell(FLOOR)) if not warning] == ["write `wall` for it: source"]
+    typing = Cell(*(replace(box, name="sorce") for box in (FLOOR, *WALLS)))
+    assert [hint for _, hint, warning in judged(typing) if warning] == ["did you mean 'sorce'?"]
 
 
 def test_interrupted_it_has_judged_nothing():
