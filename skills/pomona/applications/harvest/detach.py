@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.applications.harvest.detaching import DENSITY, DetachController, DetachPhase, DetachSettings, HeldFruit
+from pomona.applications.harvest.detaching import DetachController, DetachPhase, DetachSettings, HeldFruit
 from pomona.applications.harvest.felt_pads import FeltPads, MeanWrench
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
 from pomona.applications.harvest.roll_choice import CLEAR, ROLL_NEEDED, neighbours_of, ordered, roll_clearance
@@ -28,6 +28,9 @@ from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, OccupancyMap, arm_space
 from pomona.skills.perception import AllDetections, MeasuredFruit, mass_of
 
+DENSITY = 850.0
+"""Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
+
 LONGEST = 0.06
 """Longest step of the controller [s]: a tick that comes later was stalled or paused, and the hand has stood since."""
 BEYOND = 0.4
@@ -35,9 +38,12 @@ BEYOND = 0.4
 the hand turns without moving, moves without turning, or waits for the way back."""
 WITHIN = 0.9
 """Share of the joints' speeds within which set-points stay: joints that all follow keep the hand on its path."""
-TARE = 0.06  # time over which the sensors' offset is averaged before the pads touch anything [s]
-BEARS = 2.0  # force of a pad from which fingers that press outwards close no further [N]: no apple bruises by it
-STALE = 0.06  # age of the newest force sample at which the motion ends [s]
+TARE = 0.06
+"""Time over which the sensors' offset is averaged before the pads touch anything [s]."""
+BEARS = 2.0
+"""Force of a pad from which fingers that press outwards close no further [N]: no apple bruises by it."""
+STALE = 0.06
+"""Age of the newest force sample at which the motion ends [s]."""
 
 
 class Detached(Outputs):

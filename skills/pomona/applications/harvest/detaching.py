@@ -20,10 +20,9 @@ from pomona.executive import Float64
 from pomona.skills import rot_z
 
 GRAVITY = 9.81  # [m/s²]
+
 BRUISE_FORCE, BRUISE_DIAMETER = 7.4, 0.076
 """Pad force at which the flesh of a fruit of this diameter browns [N, m]; it grows with the square (Hertz)."""
-DENSITY, OBLATE = 850.0, 0.82
-"""Density of unweighed apples [kg/m³] (docs/decisions/orchard-wall.md); least width over the largest (ours: 0.87)."""
 
 
 class DetachPhase(Enum):
@@ -212,11 +211,6 @@ class HeldFruit:
     def bruise_force(self) -> float:
         """Pad force at which the flesh browns [N]."""
         return BRUISE_FORCE * (self.diameter / BRUISE_DIAMETER) ** 2
-
-    def between(self, width: float) -> HeldFruit:
-        """Return the fruit no larger than one that is held at its narrowest place at this opening [m]."""
-        most = width / OBLATE
-        return replace(self, diameter=min(self.diameter, most), mass=min(self.mass, DENSITY * np.pi / 6.0 * most**3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -598,7 +592,7 @@ class DetachController:
                 if self._motor is not None and self._motor > s.doubted * float(press.sum()) + s.rough:
                     self._end(DetachProblem("JAMMED", self._pads_feel(press)))
                     return STILL
-                self._width_gripped, self._fruit = width, self._fruit.between(width)
+                self._width_gripped = width
                 self._press_gripped = float(press.max())  # a fruit that hangs free is pressed alike by both pads
                 self._lever = T[:3, :3].T @ (T[:3, 3] - self._fruit.p_base_knuckle)
                 self._enter(DetachPhase.DRAW)
