@@ -250,10 +250,15 @@ def test_at_1280_px_nothing_of_header_lanes_and_speed_is_cut_or_printed_over(
     page.evaluate(DRAWN)
     tall = page.locator("div.lanes:not(.handle)").evaluate("(lanes) => lanes.clientHeight")
     assert max(page.evaluate("() => window.names")) <= tall - 7  # middle of a line of 15 px
-    links, connection = box(page, "#links .link:last-child"), box(page, "#connection")
-    assert links["x"] + links["width"] <= connection["x"]
+    page.wait_for_function(APART)  # the links are drawn anew with each message
     assert box(page, "#speed")["width"] >= 55
     GATE.set()
+
+
+APART = """() => { // the last device's link ends before the connection's word begins
+    const [link, word] = ["#links .link:last-child", "#connection"].map((each) => document.querySelector(each));
+    return link && link.getBoundingClientRect().right <= word.getBoundingClientRect().left;
+}"""
 
 
 NAMED = """(length) => { // a run with a name of this length, and the devices of a cell
