@@ -43,6 +43,19 @@ def shipped_cells() -> dict[Path, str]:
     return {path: path.read_text() for path in sorted((REPOSITORY / "trees" / "cells").glob("*.yaml"))}
 
 
+def judged(path: Path, text: str) -> float:
+    """The processor time of one judgement in s.
+
+    Raises:
+        AssertionError: the file was refused without a finding.
+    """
+    started, findings = time.process_time(), Findings()
+    file = judge_cell_file(path, findings, {}, {str(path): text})
+    format_findings(findings.sorted())
+    assert file is not None or findings.sorted(), "refused without a word"
+    return time.process_time() - started
+
+
 def fuzz(cases: int, seed: int) -> list[str]:
     """Try a number of cases; return the texts that broke something, with the error."""
     mutations, cells = load_mutations(), shipped_cells()
@@ -51,17 +64,12 @@ def fuzz(cases: int, seed: int) -> list[str]:
         rng = random.Random(f"{seed}/{case}")
         path = rng.choice(paths)
         text = mutations.mutate(cells[path], texts, rng)
-        started = time.process_time()
-        findings = Findings()
         try:
-            file = judge_cell_file(path, findings, {}, {str(path): text})
-            format_findings(findings.sorted())
-            if file is None and not findings.sorted():
-                broken.append(f"case {seed}/{case}: refused without a word\n{text[:2000]!r}")
+            # The first file of a process also loads the drivers' packages: a slow one is judged once more.
+            if judged(path, text) > mutations.SLOW and (took := judged(path, text)) > mutations.SLOW:
+                broken.append(f"case {seed}/{case} took {took:.1f} s\n{text[:2000]!r}")
         except Exception:
             broken.append(f"case {seed}/{case}\n{traceback.format_exc()}\n{text[:2000]!r}")
-        if time.process_time() - started > mutations.SLOW:
-            broken.append(f"case {seed}/{case} took {time.process_time() - started:.1f} s\n{text[:2000]!r}")
         if len(broken) >= 5:
             break
     return broken
