@@ -67,6 +67,7 @@ class Detach(MovingSkill):
     failures = (
         *MOTION_FAILURES,
         "SENSOR_STALE",
+        "CONTACT",
         "NOT_GRIPPED",
         "SLIPPED",
         "NOTHING_BROKE",

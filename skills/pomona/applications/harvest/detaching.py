@@ -53,6 +53,7 @@ class DetachSettings:
 
     Attributes:
         touch: pad force that counts as contact [N]; first_grip: grip force of each pad before drawing [N].
+        untouched: largest force on a pad before the fingers close [N]: wood that leans on it would hide the fruit's.
         closing, closing_touched: speed of the opening while closing, before and after the first contact [m/s].
         yielding: speed of the hand along the finger axis per force difference of the pads while closing [m/s per N].
         pull: force by which the fruit is drawn [N]; pull_time: time in which it grows [s].
@@ -116,6 +117,7 @@ class DetachSettings:
     """
 
     touch: float = 0.2
+    untouched: float = 0.5
     first_grip: float = 2.0
     closing: float = 0.06
     closing_touched: float = 0.03
@@ -328,7 +330,7 @@ class DetachController:
             T_base_aimed: its set-point, which leads it; the measured pose by default.
             motor_force: as in `GripperState` [N].
         """
-        before = T_base_tcp if self._T is None else self._T
+        is_first, before = self._T is None, T_base_tcp if self._T is None else self._T
         self._note_pose(dt, T_base_tcp, T_base_tcp if T_base_aimed is None else T_base_aimed)
         self._time, self._path = self._time + dt, self._path + self._share * self._pace * dt
         self._motor = motor_force
@@ -339,7 +341,11 @@ class DetachController:
         self._note_work(wrenches, saturated, before, width)
         self._note_opening(dt, width)
         command = STILL
-        if self.phase is DetachPhase.CLOSE:
+        touched = float(np.linalg.norm(wrenches[:, :3], axis=1).max())
+        if is_first and touched > self.settings.untouched:
+            words = f"something leans on a pad with {touched:.1f} N before the fingers close"
+            self._finish(DetachProblem("CONTACT", words))
+        elif self.phase is DetachPhase.CLOSE:
             command = self._close(press, width)
         elif self.phase in (DetachPhase.OPEN, DetachPhase.LEAVE):
             command = self._leave(dt, T_base_tcp, width)

@@ -560,3 +560,14 @@ def test_fingers_whose_motor_reads_a_push_outwards_do_not_squeeze_the_fruit() ->
     rig.gripper.motor_force = -30.0
     rig.drive()
     assert max(turned.presses) < BRUISE_FORCE
+
+
+@pytest.mark.parametrize(("constant", "code"), [(0.3, None), (1.3, "CONTACT")])
+def test_a_load_on_a_pad_is_no_offset(constant: float, code: str | None) -> None:
+    rig = Rig()
+    leant = np.zeros((2, 6))
+    leant[0, 2] = -constant  # a branch that leans on the left pad all the time, or the sensor's own offset
+    rig.fingers.feel = lambda _now: rig.stem.wrenches() + leant
+    end = rig.drive()
+    assert (end.reason.code if end.reason else None) == code
+    assert (end.status is Status.SUCCESS) == (code is None)

@@ -400,6 +400,7 @@ def test_the_hand_follows_the_pad_that_touches_first():
     stem = Stem()
     control = controller(stem)
     w = np.zeros((2, 6))
+    control.step(DT, w, False, stem.T, DIAMETER + 0.01)
     w[0, 2] = -1.0
     command = control.step(DT, w, False, stem.T, DIAMETER + 0.01)
     assert command.velocity @ stem.T[:3, 1] == pytest.approx(0.004)
@@ -750,3 +751,21 @@ def test_a_fruit_that_both_pads_press_too_hard_is_relieved_beyond_the_opening_of
     for _ in range(100):
         stem.width += DT * control.stand(DT, stem.wrenches(), stem.width)
     assert -stem.wrenches()[:, 2].min() < BRUISE_FORCE
+
+
+@pytest.mark.parametrize(("leaning", "code"), [(0.4, None), (0.6, "CONTACT"), (1.4, "CONTACT")])
+def test_wood_that_leans_on_a_pad_before_the_fingers_close_ends_the_attempt(leaning, code):
+    class Leant(Stem):
+        def wrenches(self):
+            w = super().wrenches()
+            w[0, 1] += leaning if self.time == 0.0 else 0.0
+            return w
+
+    stem = Leant()
+    widths = []
+    control = detach(stem, each=lambda _: widths.append(stem.width))
+    assert (control.problem and control.problem.code) == code
+    assert (min(widths) >= widths[0]) == (code is not None)
+    if code:
+        assert f"{leaning} N" in control.problem.message
+        assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08  # the open hand has left
