@@ -47,6 +47,8 @@ from pomona.drivers import (
     Device,
     DeviceLost,
     DriverError,
+    ForceSensor,
+    Gripper,
     HandMemory,
     HandRecord,
     Intrinsics,
@@ -77,6 +79,8 @@ from pomona.executive import (
 )
 
 START = 120.0  # the world must be ready within this time [s]
+PLAYED = {"arm": Arm, "gripper": Gripper, "fingers": ForceSensor}
+"""Interface of the simulated device behind each role's wires."""
 ANSWER = 2.0  # deadline for the world's score [s]
 
 
@@ -174,7 +178,11 @@ class EmulatedWorldFile:
             if name not in kinds():
                 yield Problem("others", f"there is no emulator '{name}'", choose(name, kinds()))
         try:
-            read_cell_file(self.cell, self.options)
+            simulated = read_cell_file(self.cell, self.options).interfaces()
+            lacking = [role for role in self.choices if role in PLAYED and PLAYED[role] not in simulated]
+            for role in lacking:
+                words = f"{self.cell.name} has no {PLAYED[role].__name__}, which these wires would lead to"
+                yield Problem(role, words, f"leave `{role}` out, or name a simulated cell that has one")
         except CellFileError as error:
             for finding in (found for found in error.findings if found.severity == "error"):
                 place = f"{finding.path}:{finding.line}:{finding.column}: " if finding.line else ""

@@ -1,6 +1,7 @@
 """The simulated cell behind emulated devices in wall time; slower than real time, for busy computers."""
 
 import json
+import re
 import socket
 import subprocess
 import sys
@@ -11,7 +12,9 @@ import pytest
 
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.cell.connect import load_cell
+from pomona.executive.values.findings import Findings
 
 CELL = Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated.yaml"
 PACE = "0.2"
@@ -69,6 +72,24 @@ def test_options_that_the_emulated_world_cannot_have_are_refused_before_it_start
         load_cell(CELL, overrides=free_ports(tmp_path) | {"fruit": "apple_9"})
     assert "apple_9" in caught.value.message
     assert caught.value.line > 0
+
+
+def test_fingers_in_front_of_a_simulated_cell_without_a_force_sensor_are_refused_by_the_check(tmp_path: Path) -> None:
+    cells = CELL.parent
+    simulated = (cells / "sim_ur5e_hand_e.yaml").read_text().replace("include: sim", f"include: {cells}/sim")
+    simulated = simulated.replace("../robots", str(cells.parent / "robots"))
+    simulated = re.sub(r"  (fingers|hands): .*\n", "", simulated)
+    (tmp_path / "sim.yaml").write_text(simulated)
+    twin = cells / "twin.yaml"
+    text = (cells / "emulated_ur5e_hand_e_fingers.yaml").read_text()
+    text = text.replace(
+        "include: emulated_ur5e_hand_e.yaml#world",
+        f"include: emulated_ur5e_hand_e.yaml#world\n  cell: {tmp_path}/sim.yaml",
+    )
+    findings = Findings()
+    judge_cell_file(twin, findings, {}, {str(twin): text})
+    found = [finding.message for finding in findings.sorted()]
+    assert found == ["world.fingers: sim.yaml has no ForceSensor, which these wires would lead to"]
 
 
 @pytest.mark.realtime
