@@ -13,8 +13,9 @@ from recorded_events import FAILED
 
 from pomona.executive import registry
 from pomona.executive.reasons import Reason
-from pomona.executive.running.events import NodeChanged, RunEnded, RunStarted
+from pomona.executive.running.events import NodeChanged, PortWritten, Published, RunEnded, RunStarted
 from pomona.executive.terminal.explain import explain
+from pomona.executive.views import TableView
 
 WEIGH = '''"""A third party's skill."""
 
@@ -100,3 +101,14 @@ def test_a_condition_that_did_not_hold_is_no_failure_on_the_way() -> None:
     decided = NodeChanged(1.0, 1, "a/Node", "FAILURE", "", 1, Reason("a/Node", "CONDITION_FALSE", "it is false"))
     events = [started, decided, replace(ended, outcome="success", reason=None)]
     assert "Nothing failed on the way." in list(explain(events, whole=False))
+
+
+def test_the_account_that_is_shown_as_a_table_is_a_sentence_of_its_own() -> None:
+    account, other = "7 of 8 fruit put away; left at (10, 20) mm: no grasp", "Gripped with 9 N"
+    table = TableView(("fruit",), (("1",),), account)
+    shown = [Published(0.1, 1, "KeepTally", "tally", table), PortWritten(0.1, 1, "/so_far", {}, "KeepTally", account)]
+    events = [*FAILED[:-1], *shown, PortWritten(0.2, 1, "/hold", {}, "SlipAvoidGrasp", other), FAILED[-1]]
+    paragraphs = explain(events, whole=False)
+    assert f"{account}." in paragraphs
+    assert not any(other in paragraph for paragraph in paragraphs)
+    assert f"{account}." not in explain(FAILED, whole=False)

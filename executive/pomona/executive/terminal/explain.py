@@ -139,6 +139,8 @@ class _Story:
         yield f"{self._opening(started)} {self._outcome(ended, going_on, why_cut)}"
         reason = ended.reason if ended is not None else None
         yield self._why(reason) if reason is not None else self._on_the_way()
+        accounts = {table.caption for table in self.summary.tables.values()}  # of many things, such as fruit
+        yield " ".join(_sentence(note) for note in self.summary.notes.values() if note in accounts)
         code = "EXCEPTION" if self.errors else latest_leaf(reason).code if reason is not None else ""
         known = failure_codes().get(code)
         yield f"Remedy: {_sentence(known.remedy)}" if known is not None else ""
