@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -23,6 +23,8 @@ STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 18
 
 WIDE, NAMES, LANE, TOP = 1000.0, 170.0, 20.0, 34.0
 """Width of the picture, width of its names, height of a lane, height of the axis [px]."""
+LETTER = 7.6
+"""Width of a letter of a failure's code [px]: capitals of 12 px."""
 
 STYLE = f"""svg.time text{{font:12px system-ui,sans-serif}}div.drawn{{overflow:auto}}
 g.idle>rect:last-of-type{{fill:none;stroke:{LINE}}}g.idle>text{{fill:{MUTED}}}
@@ -38,6 +40,11 @@ class _Span:
     end: float = math.inf
     status: str = "RUNNING"
     why: str = ""
+
+    @property
+    def result(self) -> str:
+        """A word for it."""
+        return self.status.lower() if self.status != "RUNNING" else "interrupted"
 
 
 def drawn_tree(record: Path, events: Iterable[Event]) -> str:
@@ -110,6 +117,29 @@ def _extend(spans: dict[str, list[_Span]], event: NodeChanged) -> None:
         last.why = event.reason.code if event.reason is not None else ""
 
 
+def _labels(spans: Sequence[_Span], scale: float, y: float) -> Iterator[str]:
+    """Yield what ended the spans of a lane, not by colour alone: the last ones first, as far as they have room."""
+    bars = [_bar(span, scale) for span in spans]
+    taken = list(bars)
+    for span, (x, end) in reversed(list(zip(spans, bars, strict=True))):
+        mark = {"SUCCESS": "", "FAILURE": "✗"}.get(span.status, "■")
+        texts = (f"{mark} {span.why or span.result}", mark) if mark else ()
+        for words, anchor in itertools.product(texts, ("start", "end")):
+            long = LETTER * len(words)
+            low = end + 5.0 if anchor == "start" else x - 5.0 - long
+            if low + long < WIDE and all(low + long <= before or low >= behind for before, behind in taken):
+                taken.append((low, low + long))
+                at = f'x="{low if anchor == "start" else low + long:.1f}" text-anchor="{anchor}"'
+                yield f'<text {at} y="{y:.0f}" fill="{BAD}">{escape(words)}</text>'
+                break
+
+
+def _bar(span: _Span, scale: float) -> tuple[float, float]:
+    """Return where a span's bar begins and ends [px]."""
+    x = NAMES + span.start * scale
+    return x, max(x + 2.5, NAMES + span.end * scale)
+
+
 def _lanes(lanes: Mapping[str, Sequence[_Span]], names: Mapping[str, str], length: float) -> str:
     height = TOP + LANE * len(lanes) + 4.0
     scale = (WIDE - NAMES - 20.0) / length
@@ -123,18 +153,13 @@ def _lanes(lanes: Mapping[str, Sequence[_Span]], names: Mapping[str, str], lengt
         y = TOP + row * LANE
         parts.append(f'<text x="0" y="{y + 14:.0f}">{escape(names[path][:26])}</text>')
         for span in spans:
-            x, wide = NAMES + span.start * scale, max(2.5, (span.end - span.start) * scale)
-            result = span.status.lower() if span.status != "RUNNING" else "interrupted"
-            about = f"{f'{names[path]} {result} {span.why}'.rstrip()}, {span.start:.1f} s to {span.end:.1f} s"
+            x, end = _bar(span, scale)
+            about = f"{f'{names[path]} {span.result} {span.why}'.rstrip()}, {span.start:.1f} s to {span.end:.1f} s"
             colour = GOOD if span.status == "SUCCESS" else BAD
             parts.append(
-                f'<rect x="{x:.1f}" y="{y + 3:.0f}" width="{wide:.1f}" height="{LANE - 6:.0f}" fill="{colour}">'
+                f'<rect x="{x:.1f}" y="{y + 3:.0f}" width="{end - x:.1f}" height="{LANE - 6:.0f}" fill="{colour}">'
             )
             parts.append(f"<title>{escape(about)}</title></rect>")
-            if span.status != "SUCCESS":  # not by colour alone
-                mark, end = ("✗" if span.status == "FAILURE" else "■"), x + wide
-                left = end > WIDE - 150.0
-                at = f'x="{x - 5 if left else end + 5:.1f}" text-anchor="{"end" if left else "start"}"'
-                parts.append(f'<text {at} y="{y + 14:.0f}" fill="{BAD}">{mark} {escape(span.why or result)}</text>')
+        parts.extend(_labels(spans, scale, y + 14))
     frame = f'viewBox="0 0 {WIDE:.0f} {height:.0f}" role="img" aria-label="skills over time"'
     return f'<svg class="time" {frame}>{"".join(parts)}</svg>'

@@ -6,6 +6,7 @@ import re
 from base64 import b64encode
 from dataclasses import replace
 from html import unescape
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,12 @@ from recorded_events import REASON, SUCCEEDED, everything, pose, started, write
 
 from pomona.executive.cli import main
 from pomona.executive.execute import RunOrder, execute
+from pomona.executive.reasons import Reason
 from pomona.executive.recording.scan import scan
-from pomona.executive.running.events import NodeChanged, Published, RunEnded
+from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded
 from pomona.executive.views import ImageView, Line2, TableView
 from pomona.tools.exchange.pages import write_run
+from pomona.tools.exchange.run_drawings import timeline
 
 EVIL = "<script>alert('x')</script>"
 
@@ -146,3 +149,20 @@ def test_a_page_of_one_run_has_its_tree_and_a_lane_for_each_skill(tmp_path: Path
     lanes = re.findall(r"<title>([^<]* s to [^<]* s)</title></rect>", text)
     assert lanes[0] == "Before &lt;it&gt; success, 0.0 s to 0.1 s"
     assert re.search(r"✗ BLOCKED</text>", text)
+
+
+def test_failures_of_one_lane_are_not_written_over_one_another() -> None:
+    leaf = "demo/Plan"
+    begun = started(nodes=({"path": leaf, "parent": None, "name": "Plan"},))
+    times = (1.0, 1.5, 1.6, 30.0, 70.0)
+    blocked = Reason(leaf, "NO_CANDIDATE", "none")
+    lane: list[Event] = []
+    for t in times:
+        lane += [NodeChanged(t, 1, leaf, "RUNNING", "", 1), NodeChanged(t + 0.2, 1, leaf, "FAILURE", "", 1, blocked)]
+    text = timeline([begun, *lane, NodeChanged(100.0, 1, leaf, "RUNNING", "", 1)])
+    labels = re.findall(r'<text x="([\d.]+)" text-anchor="(start|end)"[^>]*>([✗■][^<]*)<', text)
+    assert labels[0][2] == "■ interrupted"  # the last one comes first
+    assert [words for *_, words in labels].count("✗ NO_CANDIDATE") >= 3
+    begins = [float(x) - (7.0 * len(words) if anchor == "end" else 0.0) for x, anchor, words in labels]
+    spans = sorted((x, x + 7.0 * len(words)) for x, (*_, words) in zip(begins, labels, strict=True))
+    assert all(high <= low for (_, high), (low, _) in pairwise(spans))
