@@ -17,7 +17,7 @@ from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import ArmSpace
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.tools.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.tools.mock.arm import ROBOT
@@ -40,13 +40,18 @@ ROBOT_MODEL = RobotModel.load(ROBOT)
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # the fruit's y points down
 
 
+@cache
+def _apple() -> FruitModel:
+    return load_fruit("apple")
+
+
 def apple_at(number: int, place: int, yaw: float = 0.0, sigma: float = 1e-3) -> MeasuredFruit:
     """One of the paper's apples, standing at one of its places, measured with a standard deviation [m]."""
     dimensions = np.array(APPLES[number]) * 1e-3
     centre = [*PLACES[place], TABLE_Z + dimensions[1] / 2.0]
     frame = Frame(0.0, 0, np.zeros((2, 2, 3), np.uint8), None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), OBSERVE, np.eye(4))
     return MeasuredFruit(
-        fruit=load_fruit("apple"),
+        fruit=_apple(),
         T_base_fruit=transform(rot_z(yaw) @ _UPRIGHT, centre),
         T_base_camera=np.eye(4),
         dimensions=dimensions,

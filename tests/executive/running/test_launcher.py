@@ -97,7 +97,7 @@ def work(_words):
     except KeyboardInterrupt:
         print("once", flush=True)
         try:
-            threading.Event().wait(2.0)
+            threading.Event().wait(0.5)
         except KeyboardInterrupt:
             print("twice", flush=True)
         raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -554,17 +555,24 @@ def test_a_hand_that_is_slowed_down_is_behind_and_rises_without_closing() -> Non
     assert rests_above_the_belt(rig, end)
 
 
-@pytest.mark.parametrize("phase", ["waiting", "reaching", "closing", "rising"])
-def test_interrupted_in_any_phase_the_hand_rises_and_rests_and_a_held_fruit_stays_held(phase: str) -> None:
-    rig, skill, ticks = BeltRig(along=-0.6), Intercept(), []
+@cache
+def begins() -> dict[str, int]:
+    """The tick in which each phase of an undisturbed pick begins."""
+    skill, ticks = Intercept(), dict[str, int]()
 
     def tick(number: int) -> None:
-        if phase in skill.feedback_message and not ticks:
-            ticks.append(number)
+        for phase in ("waiting", "reaching", "closing", "rising"):
+            if phase in skill.feedback_message:
+                ticks.setdefault(phase, number)
 
-    probe = BeltRig(along=-0.6)
-    probe.intercept(skill, each_tick=tick)
-    end = rig.intercept(interrupt_after=ticks[0] + 2)
+    BeltRig(along=-0.6).intercept(skill, each_tick=tick)
+    return ticks
+
+
+@pytest.mark.parametrize("phase", ["waiting", "reaching", "closing", "rising"])
+def test_interrupted_in_any_phase_the_hand_rises_and_rests_and_a_held_fruit_stays_held(phase: str) -> None:
+    rig = BeltRig(along=-0.6)
+    end = rig.intercept(interrupt_after=begins()[phase] + 2)
     assert end.status is Status.INVALID
     assert rig.arm.settled()
     if phase == "waiting":
