@@ -112,3 +112,15 @@ def test_the_account_that_is_shown_as_a_table_is_a_sentence_of_its_own() -> None
     assert f"{account}." in paragraphs
     assert not any(other in paragraph for paragraph in paragraphs)
     assert f"{account}." not in explain(FAILED, whole=False)
+
+
+def test_a_long_account_is_cut_at_the_end_of_a_part() -> None:
+    parts = ["7 of 40 fruit put away", *(f"left at ({n}, 20) mm: none of 3 grasps was free" for n in range(33))]
+    account = "; ".join(parts)
+    shown = Published(0.1, 1, "KeepTally", "tally", TableView(("fruit",), (("1",),), account))
+    events = [*FAILED[:-1], shown, PortWritten(0.1, 1, "/tally", {}, "KeepTally", account), FAILED[-1]]
+    (cut,) = (text for text in explain(events, whole=False) if text.startswith(parts[0]))
+    kept, _, rest = cut.rpartition("; … ")
+    assert kept == "; ".join(parts[: kept.count("; ") + 1])
+    assert 5 < kept.count("; ") < 33
+    assert rest == "the rest with --all."

@@ -39,6 +39,7 @@ def did_not_work(overrun: TickOverran) -> bool:
 
 
 MOST_LINES = 20  # of the lines that nodes logged, the last ones are listed
+LONGEST_ACCOUNT = 700  # letters: a wall leaves twenty apples, each with its reason
 MOST_ATTEMPTS = 4  # maximum number of attempts to list; of more, the first and the last are listed
 
 
@@ -140,7 +141,7 @@ class _Story:
         reason = ended.reason if ended is not None else None
         yield self._why(reason) if reason is not None else self._on_the_way()
         accounts = {table.caption for table in self.summary.tables.values()}  # of many things, such as fruit
-        yield " ".join(_sentence(note) for note in self.summary.notes.values() if note in accounts)
+        yield " ".join(_sentence(_cut(note)) for note in self.summary.notes.values() if note in accounts)
         code = "EXCEPTION" if self.errors else latest_leaf(reason).code if reason is not None else ""
         known = failure_codes().get(code)
         yield f"Remedy: {_sentence(known.remedy)}" if known is not None else ""
@@ -350,6 +351,14 @@ def _is_figure(value: Any) -> bool:
 def _figures(data: Mapping[str, Any]) -> str:
     parts = [figure(name, v) for name, v in data.items() if _is_figure(v) and not isinstance(v, bool)]
     return f"Figures: {', '.join(parts)}." if parts else ""
+
+
+def _cut(account: str) -> str:
+    """Return a long account up to the end of a part of it."""
+    if len(account) <= LONGEST_ACCOUNT:
+        return account
+    shown = account[:LONGEST_ACCOUNT].rpartition("; ")[0] or account[:LONGEST_ACCOUNT]
+    return f"{shown}; … the rest with --all"
 
 
 def _sentence(text: str) -> str:

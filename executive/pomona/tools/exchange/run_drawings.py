@@ -118,7 +118,7 @@ def _extend(spans: dict[str, list[_Span]], event: NodeChanged) -> None:
 
 
 def _labels(spans: Sequence[_Span], scale: float, y: float) -> Iterator[str]:
-    """Yield what ended the spans of a lane, not by colour alone: the last ones first, as far as they have room."""
+    """Yield how spans of a lane ended, not by colour alone: the last ones first, as far as they have room."""
     bars = [_bar(span, scale) for span in spans]
     taken = list(bars)
     for span, (x, end) in reversed(list(zip(spans, bars, strict=True))):
