@@ -107,7 +107,7 @@ class Detach(MovingSkill):
         pads = FeltPads(self.device(ForceSensor))
         try:
             yield from self.wait(TARE)
-            if not pads.tare():
+            if not pads.tare(controller.settings.untouched):
                 raise self.failure("SENSOR_STALE", f"the fingers sent no force within {1e3 * TARE:.0f} ms")
             yield from self._detach(controller, YieldingFingers(gripper, relax=True), pads, watchdog, clearance)
         finally:

@@ -53,7 +53,7 @@ class DetachSettings:
 
     Attributes:
         touch: pad force that counts as contact [N]; first_grip: grip force of each pad before drawing [N].
-        untouched: largest force on a pad before the fingers close [N]: wood that leans on it would hide the fruit's.
+        untouched: largest force on a pad before the grip [N]: 28 offsets of a wall had 0.25 N, wood 0.55 to 1.4.
         closing, closing_touched: speed of the opening while closing, before and after the first contact [m/s].
         yielding: speed of the hand along the finger axis per force difference of the pads while closing [m/s per N].
         pull: force by which the fruit is drawn [N]; pull_time: time in which it grows [s].
@@ -251,6 +251,7 @@ class DetachController:
         roll: measured angle so far [rad]; stem_force: estimate of the stem's force now [N]; stem_peak: its maximum [N].
         given_back: largest work that the fruit has given the hand beyond its own weight's fall and the work put in [J].
         broke_at: time of the detected break since the start [s], or None; roll_at_break [rad].
+        grip_target: grip force that each pad shall have [N].
     """
 
     def __init__(self, fruit: HeldFruit, rolls: tuple[float, ...], settings: DetachSettings | None = None) -> None:
@@ -273,31 +274,23 @@ class DetachController:
         self._T: Float64 | None = None  # measured pose of the hand, shape (4, 4)
         self._R_start = self._p_aimed = self._p_phase = np.zeros(0)  # at first; set-point now, and when the phase began
         self._attempt = 0
-        self._target = self.settings.first_grip
-        self._width_gripped = self._press_gripped = 0.0
-        self._lever = np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
+        self.grip_target = self.settings.first_grip
+        self._width_gripped = self._press_gripped = self._speed_back = 0.0
+        self._press, self._lever = np.zeros(2), np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
         self._recent: list[tuple[float, float]] = []
         self._least = (0.0, 0.0)  # force of the stem at its likeliest weight, and that weight [N]
         self._free: Float64 | None = None  # force of the pads on the fruit since the stem broke, shape (3,) [N]
-        self._jammed = self._empty = self._quiet = self._follows = self._loaded = 0.0
-        self._speed_back = 0.0
+        self._jammed = self._empty = self._quiet = self._follows = self._loaded = self._turn_behind = 0.0
         self._work, self._highest = 0.0, -np.inf  # of the hand on the held fruit [J]; its highest place so far [m]
         self._ending: DetachProblem | None = None
         self._test = StemTest()
         self._seemed_free = self._came = self._pulls_down = False  # by load; in a test; as the reach ends
-        self._press = np.zeros(2)
         self._motor: float | None = None
         self._gain = 1.0  # true over reported force of the pads
         self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
         self._width = np.nan
-        self._relieved_until = self._furthest = 0.0
+        self._relieved_until = self._furthest = self._opened_from = 0.0  # the last is an opening [m]
         self._relieved = self._stays_rolled = False
-        self._opened_from = self._turn_behind = 0.0  # opening [m]; time for which the roll is far behind [s]
-
-    @property
-    def grip_target(self) -> float:
-        """Grip force that each pad shall have [N]."""
-        return self._target
 
     @property
     def grip_limit(self) -> float:
@@ -343,8 +336,7 @@ class DetachController:
         command = STILL
         touched = float(np.linalg.norm(wrenches[:, :3], axis=1).max())
         if is_first and touched > self.settings.untouched:
-            words = f"something leans on a pad with {touched:.1f} N before the fingers close"
-            self._finish(DetachProblem("CONTACT", words))
+            self._finish(DetachProblem("CONTACT", f"something leans on a pad with {touched:.1f} N before the grip"))
         elif self.phase is DetachPhase.CLOSE:
             command = self._close(press, width)
         elif self.phase in (DetachPhase.OPEN, DetachPhase.LEAVE):
@@ -722,9 +714,9 @@ class DetachController:
             needed = max(needed, self._carried)
         needed = min(needed, self.grip_limit)
         decay = s.grip_decay if self.broke_at is None else s.carried_decay
-        self._target = max(needed, self._target - decay * dt)
+        self.grip_target = max(needed, self.grip_target - decay * dt)
         most = s.grip_ceiling * self._fruit.bruise_force
-        missing = min(self._target - press.mean(), most - press.max())
+        missing = min(self.grip_target - press.mean(), most - press.max())
         felt = press.mean() > s.lost_force and press.max() + self._unfelt(press, width) < most
         stuck = self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck  # wood holds the fingers
         least, most = 0.0 if self._is_loose(press, width) else -s.closing, s.closing if felt else 0.0

@@ -18,8 +18,6 @@ from pomona.executive import Float64
 
 PERIOD = 0.02
 """Of the force control without ticks [s]: that of the ticks."""
-LARGEST_OFFSET = 0.5
-"""Force of a finger above which it is touched [N]: 28 offsets of a wall were 0.25 N at most, wood gave 0.55 to 1.4."""
 LATE = 0.03
 """Time without a tick after which the stream steps the force control [s]."""
 
@@ -57,10 +55,10 @@ class FeltPads:
             self._stand = None
         self._subscription.close()
 
-    def tare(self) -> bool:
-        """Take the mean of the samples so far as the offset, unless it is a load; False without any sample."""
+    def tare(self, largest: float) -> bool:
+        """Take the mean of the samples so far as the offset, unless it is larger [N]; False without any sample."""
         felt = self._mean()
-        if felt is not None and np.linalg.norm(felt.wrenches[:, :3], axis=1).max() < LARGEST_OFFSET:
+        if felt is not None and np.linalg.norm(felt.wrenches[:, :3], axis=1).max() < largest:
             self._offset = self._offset + felt.wrenches
         return felt is not None
 
