@@ -408,6 +408,7 @@ def test_a_leftover_of_a_skill_is_named_and_does_not_keep_the_process(what: str,
     assert done.stderr == f"still running after the end, and ended with the process: {name}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("what", "said"), [("computation", False), ("thread", True)])
 def test_after_ctrl_c_a_computation_that_was_abandoned_needs_no_word(what: str, said: bool) -> None:
     command = [sys.executable, "-c", LEAVES_BEHIND, what, "130"]

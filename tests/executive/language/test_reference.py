@@ -26,6 +26,7 @@ def round_trip(text: str) -> str:
     return back
 
 
+@pytest.mark.slow
 def test_random_trees_mean_the_same_after_an_export_and_an_import():
     told = [differs for number in range(60) if (differs := reference.differs(f"xml/{number}", round_trip))]
     assert told == []

@@ -143,6 +143,7 @@ def test_a_cycle_of_nodes_is_refused_with_record_and_node(reader: Sequence[str])
     assert "node '1' has no parent before it: the nodes form no tree" in said
 
 
+@pytest.mark.slow
 def test_a_long_table_is_printed_in_part_with_the_number_of_the_rest() -> None:
     number, _keys = at("Published")
     table = {"type": "TableView", "columns": ["a"] * 40, "rows": [["1", "2"]] * 50_000, "caption": "sizes"}

@@ -91,6 +91,7 @@ def test_first_contact_is_soft_even_off_the_middle() -> None:
     assert lift().contact_peak < 1.0
 
 
+@pytest.mark.slow
 def test_baselines_run_in_the_same_code_and_do_worse() -> None:
     ours = lift()
     coulomb = lift(settings={"law": ForceLaw.COULOMB})

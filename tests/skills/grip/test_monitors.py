@@ -166,6 +166,7 @@ def lift(fruit: Fruit, told: float, **changes: object) -> tuple:
     return run_trial(fruit, settings, Lifting(), noise=0.2, seed=6, watch=watch), last[0], seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fruit", [HEAVY, APPLE], ids=["heavy", "apple"])
 @pytest.mark.parametrize("told", [1.3, 1.5])
 def test_friction_that_was_configured_too_high_is_corrected_by_the_slip_that_it_causes(

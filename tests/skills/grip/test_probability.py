@@ -61,6 +61,7 @@ def test_there_are_at_most_25_constants() -> None:
     assert len(SETTINGS) <= 25
 
 
+@pytest.mark.slow
 def test_a_calm_load_has_the_variance_of_the_steady_kalman_filter() -> None:
     """P = (Q + sqrt(Q² + 4 Q R)) / 2 before a sample of a random walk, and P R / (P + R) after it."""
     state = follow(np.tile([2.0, -1.0, 0.004], (4000, 1)), move_rate=0.0, hit_rate=0.0)

@@ -252,6 +252,7 @@ def test_a_macs_hidden_file_is_no_frame(cell: Path, folder: Path) -> None:
     assert [frame.label for frame in list_frames(folder)] == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_a_folder_of_a_hundred_thousand_files_is_listed_by_their_names_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -190,6 +190,7 @@ def test_a_full_queue_answers_busy_and_the_same_point_is_sent_again() -> None:
     assert cell.controller.gaps == 0
 
 
+@pytest.mark.slow
 def test_500_points_are_streamed_without_a_gap() -> None:
     cell = Cell()
     arm = connected(cell)

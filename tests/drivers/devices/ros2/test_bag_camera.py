@@ -277,6 +277,7 @@ SLOPED[8:20, 10:22] -= 90.0  # a fruit
 SLOPED[0] = 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("big", [False, True])
 @pytest.mark.parametrize(
     ("counts", "encoding", "kind", "metre"),
@@ -510,6 +511,7 @@ def test_a_bag_whose_types_only_bear_the_names_of_ros_is_refused(cell: Path, kin
     assert caught.value.line == line
 
 
+@pytest.mark.slow
 def test_any_damaged_byte_is_refused_or_harmless_and_never_a_traceback(cell: Path) -> None:
     bag = write(cell.parent / "bag", two())
     whole = (bag / "bag.mcap").read_bytes()

@@ -344,6 +344,7 @@ def test_an_ended_motion_is_not_played_again_when_the_clock_of_both_steps_back(s
         assert np.abs(setting.controller.q - rested).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.5, -0.5, 60.0, -60.0])
 def test_a_step_of_the_controller_s_clock_ends_at_rest_on_the_path(setting: Setting, seconds: float) -> None:
     motion = setting.moving()

@@ -164,6 +164,7 @@ def test_images_of_different_sizes_are_a_fault_that_names_both(open_cell, kind):
     assert camera.latest().depth.shape == camera.latest().colour.shape[:2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["moved_x", "turned_y_back", "focal_long", "depth_short", "depth_mirrored"])
 def test_a_wrong_calibration_changes_the_metadata_of_a_frame_and_not_its_colour(open_cell, kind):
     camera = open_cell(seed=3).device(Camera)

@@ -90,6 +90,7 @@ def post(page: PageProcess, path: str, **body: Any) -> dict[str, Any]:
             return dict(json.load(error))
 
 
+@pytest.mark.slow
 def test_a_viewer_is_answered_while_the_run_s_process_lets_no_thread_run(page: PageProcess) -> None:
     address = page.access.address.replace("http", "ws") + "live"
     command = [sys.executable, "-c", VIEWER, address, "5"]
@@ -126,6 +127,7 @@ def test_control_stop_and_refusals_reach_the_run_and_come_back(page: PageProcess
     runner.leave()
 
 
+@pytest.mark.slow
 def test_a_stop_during_a_preparation_is_confirmed_while_the_run_s_process_lets_no_thread_run(page: PageProcess) -> None:
     starting = page.control.prepare("pick")
     command = [sys.executable, "-c", STOPPER, f"{page.access.address}api/act", page.access.token]
@@ -209,6 +211,7 @@ def test_a_run_whose_page_is_gone_ends_in_the_safe_state(page: PageProcess) -> N
     assert cell.latched is not None
 
 
+@pytest.mark.slow
 def test_a_page_that_hangs_is_lost_and_keeps_the_run_s_process_from_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -133,6 +133,7 @@ def random_file(rng: random.Random) -> str:
     return "\n".join(lines) + rng.choice(("", "\n", "\n\n"))
 
 
+@pytest.mark.slow
 def test_a_thousand_random_files_say_the_same_and_a_second_time_changes_nothing():
     rng = random.Random(1)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

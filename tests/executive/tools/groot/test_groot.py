@@ -401,6 +401,7 @@ def test_a_subtree_that_writes_to_a_text_of_its_caller_is_refused():
     assert [finding.code for finding in import_groot(xml, "t.xml")[1]] == ["not-translated"]
 
 
+@pytest.mark.slow
 def test_subtrees_that_explode_when_they_are_written_out_are_refused():
     tree = '<BehaviorTree ID="{}"><Sequence><SubTree ID="{}" a="1"/><SubTree ID="{}" a="1"/></Sequence></BehaviorTree>'
     trees = "".join(tree.format(f"T{i}", f"T{i + 1}", f"T{i + 1}") for i in range(15))

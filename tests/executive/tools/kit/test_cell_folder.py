@@ -105,6 +105,7 @@ def test_a_cell_of_no_named_camera_has_one_and_a_line_says_so(tmp_path, capsys):
     assert main(["check", "pick_apple_plain", "--cell", twin, *FORCE]) == 0
 
 
+@pytest.mark.slow
 def test_a_cell_without_a_camera_passes_the_check(tmp_path, capsys):
     assert new(tmp_path, "--arm", "xarm6", "--hand", "hand-e", "--camera", "none") == 0
     files = sorted(map(str, (tmp_path / "bench").glob("*.yaml")))

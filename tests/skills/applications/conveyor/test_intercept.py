@@ -249,6 +249,7 @@ def test_hand_and_belt_stop_also_at_the_fruit_which_stays_on_the_belt_or_in_the_
     assert rig.gripper.width == pytest.approx(rig.size[0] if held else 0.103, abs=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", ["letting the fruit go", "rising without the fruit"])
 def test_the_way_up_after_a_failed_pick_is_watched_as_well(phase: str) -> None:
     rig = BeltRig()
@@ -279,6 +280,7 @@ def test_what_blocks_the_way_up_after_an_interruption_stops_hand_and_belt_and_is
     assert rests(rig)
 
 
+@pytest.mark.slow
 def test_fruit_on_the_belt_stops_neither_hand_nor_belt() -> None:
     rig = BeltRig()
     assert intercept_under_a_camera(rig, FRUIT).status is Status.SUCCESS
@@ -506,6 +508,7 @@ def test_frames_that_stop_are_noticed_within_200_ms_and_a_fruit_in_the_hand_is_l
         assert rig.height == pytest.approx(0.15, abs=5e-3)  # as high as without it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", ["waiting", "reaching", "closing"])
 def test_an_encoder_that_falls_silent_is_noticed_in_every_phase(phase: str) -> None:
     rig = BeltRig(along=-0.6)

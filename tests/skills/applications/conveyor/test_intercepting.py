@@ -170,6 +170,7 @@ def test_a_fruit_beyond_the_reach_gives_no_pick_and_no_code_since_another_may_co
     assert gone.code == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "aside"), [(0.15, 0.04), (0.3, -0.04), (0.3, 0.03)])
 def test_a_fruit_that_is_too_far_on_is_never_caught_by_a_later_start(speed: float, aside: float) -> None:
     place = belt_place(-0.75, speed, -0.36 + aside)

@@ -85,6 +85,7 @@ def test_a_measurement_makes_the_state_surer_and_lies_between_expectation_and_me
     assert low - 1e-12 <= state.place[0] <= high + 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "encoder"), [(FREE, False), (CARRIED, True)])
 def test_ninety_percent_ellipses_half_a_second_ahead_hold_nine_of_ten_fruit(model: MotionModel, encoder: bool) -> None:
     errors = [prediction_error(model, encoder, seed) for seed in range(200)]

@@ -45,6 +45,7 @@ def test_a_fruit_that_is_set_down_at_rest_is_taken_along_and_one_that_rolls_come
     cell.close()
 
 
+@pytest.mark.slow
 def test_the_belt_brings_fruit_and_what_has_passed_comes_again() -> None:
     cell, world = belt(belt="0.5 m/s", gap="200 mm..300 mm", fruit="apple_5", bodies="4")
     cell.clock.advance(12.0)

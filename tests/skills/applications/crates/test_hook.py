@@ -57,6 +57,7 @@ def test_a_finger_that_loses_a_larger_fruit_does_not_press_after_it():
     assert is_up_again(scene)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("free", "code"), [(0.004, "PULL_BLOCKED"), (0.016, None)])
 def test_a_fruit_that_is_stopped_ends_the_pull_and_counts_once_it_has_made_room(free, code):
     scene = over_the_fruit()
@@ -76,6 +77,7 @@ def test_a_fruit_that_is_not_there_is_a_reason():
     assert is_up_again(scene)
 
 
+@pytest.mark.slow
 def test_fingers_that_are_not_as_open_as_the_hook_needs_are_opened_first():
     scene = over_the_fruit()
     RollingBall(scene, 0.0405)
@@ -187,6 +189,7 @@ def test_the_wrist_feels_the_edges_beside_the_pads():
         assert hand.present < 4.5
 
 
+@pytest.mark.slow
 def test_hard_edges_end_a_pull_within_its_step_below_the_force_that_bruises():
     scene = over_the_fruit()
     load, most = MockLoadSensor(scene.clock), [0.0]

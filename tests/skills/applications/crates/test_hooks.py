@@ -112,6 +112,7 @@ def test_a_wall_in_front_rules_a_hook_out():
     assert any("would touch the source" in out.reason for out in found.ruled_out)
 
 
+@pytest.mark.slow
 @given(
     radius=st.floats(0.03, 0.05), behind=st.floats(0.0, 0.9), share=st.floats(0.05, 1.0)
 )  # fmt: skip

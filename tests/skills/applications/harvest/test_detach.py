@@ -433,6 +433,7 @@ def paused(rig: Rig, duration: float, meanwhile: Callable[[], None] = lambda: No
     return pause
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", ["closing", "drawing", "rolling", "moving back"])
 @pytest.mark.parametrize("duration", [1.0, 3.0])
 def test_a_pause_leaves_the_path_as_it_is(phase: str, duration: float) -> None:
@@ -468,6 +469,7 @@ def test_a_slow_arm_turns_by_the_same_path() -> None:
     assert (rig.stem.T[:3, 3] - began)[1] > 0.08
 
 
+@pytest.mark.slow
 def test_a_pause_keeps_the_force_of_the_grip() -> None:
     rig, presses = Rig(STRONG, bending=0.01), []
 
@@ -518,7 +520,10 @@ LIES = {
 }
 
 
-@pytest.mark.parametrize("lie", LIES)
+QUICK = ("left presses more", "both along", "half", "left clipped")  # one of each kind
+
+
+@pytest.mark.parametrize("lie", [pytest.param(lie, marks=() if lie in QUICK else pytest.mark.slow) for lie in LIES])
 def test_a_detached_fruit_is_not_let_go_for_a_faulty_force(lie: str) -> None:
     rig = Rig()
     told: list[float] = []

@@ -289,8 +289,8 @@ def test_a_free_fruit_of_another_weight_than_its_size_makes_likely_is_kept(likel
 
 
 @pytest.mark.parametrize("bending", [0.01, 0.08])
-@pytest.mark.parametrize("branch", [30.0, 60.0, 150.0, 500.0])
-@pytest.mark.parametrize("likely", [0.18, 0.25, 0.36, 0.5])
+@pytest.mark.parametrize("branch", [30.0, 150.0, 500.0])
+@pytest.mark.parametrize("likely", [0.18, 0.36, 0.5])
 def test_a_stem_that_holds_a_fruit_of_another_weight_has_not_broken(likely, branch, bending):
     stem = Stem(STRONG, branch=branch, bending=bending, mass=0.36)
     control = detach_of_likely_mass(stem, likely)

@@ -44,6 +44,7 @@ def test_the_nine_looks_are_free_and_reached_one_after_the_other(name):
         assert space.free_between(here, there) or space.connect(here, there[None], 2000, 0)[0] is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "least"), [("orchard", 0.90), ("orchard_ur5e", 0.97)])
 def test_the_nine_looks_have_most_apples_in_their_pictures(name, least):
     file, robot, _ = opened(name)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import trimesh
 from hypothesis import given, settings, strategies as st
 from py_trees.common import Status
@@ -110,6 +111,7 @@ def test_before_its_faces_the_distance_is_exact(tmp_path: Path) -> None:
     assert abs(Convex.of_hull(part).distance(point[None])[0] - 0.07) < 2e-4
 
 
+@pytest.mark.slow
 def test_a_planner_goes_around_a_mesh(tmp_path: Path) -> None:
     path = tmp_path / "post.stl"
     middle = ROBOT_MODEL.tcp((FAR + OBSERVE) / 2.0)[:3, 3]

@@ -62,6 +62,7 @@ def result(detector: CompactDetector, apple: FruitModel) -> Evaluation:
     return evaluate(detector, Rendered(apple, 16), apple, 16)
 
 
+@pytest.mark.slow
 def test_nearly_all_clearly_visible_apples_are_found(result: Evaluation) -> None:
     assert result.recall(0.5) >= 0.9
     assert result.precision(0.8) >= 0.8

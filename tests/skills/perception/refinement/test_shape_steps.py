@@ -42,6 +42,7 @@ def placed_apple(about: float, lean: tuple[float, float]) -> PlacedForm:
     return PlacedForm(R, np.array([0.1, -0.2, 0.7]), form.stretch * [1.1, 0.9, 1.0], np.array(lean), form.radius)
 
 
+@pytest.mark.slow
 @given(st.floats(-3.0, 3.0), st.tuples(*[st.floats(-0.06, 0.06)] * 2))
 def test_the_gap_to_a_support_is_that_of_the_lowest_vertex_and_changes_as_its_row_says(about, lean):
     placed = placed_apple(about, lean)

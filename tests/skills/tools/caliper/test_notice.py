@@ -16,6 +16,7 @@ def test_six_picks_show_five_millimetres():
     assert np.mean(noticed) > 0.9
 
 
+@pytest.mark.slow
 def test_a_good_cell_is_never_reported_in_thirty_looks():
     for seed in range(30):
         picks = made_picks(np.random.default_rng(seed), np.zeros(8), 30)

@@ -63,6 +63,7 @@ def test_a_cuboid_is_found_where_it_is_at_the_configs_scale(tmp_path: Path) -> N
     assert found.visibility == 1.0
 
 
+@pytest.mark.slow
 def test_detect_poses_a_fruit_with_a_users_checkpoint_and_config(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

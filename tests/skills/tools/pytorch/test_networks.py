@@ -31,6 +31,7 @@ def test_maps_have_a_quarter_of_the_sides_and_begin_cold() -> None:
     assert float(maps[:, 0].sigmoid().max()) < 0.1
 
 
+@pytest.mark.slow
 def test_a_trained_trunk_keeps_its_statistics_and_first_blocks() -> None:
     network = FinderNetwork()
     network.keep_trunk()
@@ -110,6 +111,7 @@ def test_maps_equal_those_of_plain_functional_calls(network: DopeNetwork) -> Non
     assert torch.allclose(beliefs[1], second, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prefix", ["", "module."])
 def test_checkpoints_load_with_and_without_prefix(network: DopeNetwork, tmp_path: Path, prefix: str) -> None:
     path = tmp_path / "net.pth"

@@ -59,6 +59,7 @@ def test_weights_that_find_fruit_are(started, monkeypatch, tmp_path) -> None:
     assert command_detector.train_main(options(work=tmp_path)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fruit", ["apple", "lemon"])
 def test_a_quick_training_starts_from_a_finder_that_can_be_learnt_on(fruit, started, monkeypatch, tmp_path) -> None:
     measured(monkeypatch, score=0.9)

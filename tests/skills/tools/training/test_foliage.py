@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, strategies as st
 
 from pomona.skills.perception.fruit import FruitModel, load_fruit
@@ -19,6 +20,7 @@ def seen(kinds: tuple[float, float, float, float], frames: int = 12) -> np.ndarr
     return np.array([t.visibility for seed in range(frames) for t in render_scene(fruit, options, seed).fruit])
 
 
+@pytest.mark.slow
 def test_leaves_hide_fruit_in_part() -> None:
     among_few, on_tree = seen((0.0, 0.0, 1.0, 0.0)), seen((0.0, 0.0, 0.0, 1.0))
     assert np.mean(on_tree >= 0.6) < np.mean(among_few >= 0.6) - 0.1

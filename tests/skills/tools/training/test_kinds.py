@@ -95,6 +95,7 @@ def test_colours_are_learnt_and_finds_of_other_pictures_are_told_apart(
         assert np.allclose(logits, network(torch.from_numpy(planes)).numpy(), atol=0.05)
 
 
+@pytest.mark.slow
 def test_features_go_on_where_an_earlier_call_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pictures = pictures_of(1)
     finds = coloured(pictures)
@@ -112,6 +113,7 @@ def test_features_go_on_where_an_earlier_call_ended(tmp_path: Path, monkeypatch:
     features(network, finds, pictures, tmp_path, "cpu")
 
 
+@pytest.mark.slow
 def test_only_train_pictures_are_learnt_from(tmp_path: Path) -> None:
     pictures = pictures_of(2)
     finds = coloured(pictures)
