@@ -47,9 +47,9 @@ run: $(RUNS) ## pick an apple on the simulated cell
 PYTEST = $(BIN)/python -m pytest -n 2 --dist worksteal
 WHOLE = not realtime and not long
 
-test: $(STAMP) ## run the quick tests, and of the slow ones one whole run of each kind (ten minutes on two cores)
+test: $(STAMP) ## run the quick tests, and of the slow ones one whole run of each kind (a quarter of an hour on two cores)
 	$(PYTEST) -m '$(WHOLE) and (not slow or landmark)' --durations 5 --durations-min 3
-	@echo "left out: most picks, most of the browser's and what else takes more than three seconds: make test-slow"
+	@echo "left out: most picks, most of the browser's and what else takes more than two seconds: make test-slow"
 
 CORE = tests/executive tests/drivers tests/skills
 LEAVES = executive/tools drivers/tools drivers/devices skills/tools skills/applications
