@@ -114,10 +114,16 @@ def test_the_page_shows_the_tree_and_stops_it(tmp_path: Path, capsys: pytest.Cap
             answers.append(json.load(answer))
 
     thread = threading.Thread(target=stop)
-    executed = run_behaviour(
-        sequence(Count("go", 10**9)), dashboard=True, port=port, record=tmp_path, period=0.001,
-        on_ready=lambda _runner: thread.start(),
-    )  # fmt: skip
+
+    class Begin(py_trees.behaviour.Behaviour):
+        """Order the stop once the run ticks: before, it would end the preparation."""
+
+        def update(self) -> Status:
+            thread.start()
+            return Status.SUCCESS
+
+    tree = sequence(Begin("begin"), Count("go", 10**9))
+    executed = run_behaviour(tree, dashboard=True, port=port, record=tmp_path, period=0.001)
     thread.join()
     assert executed.result.outcome == "stopped"
     assert answers[0]["confirmed"] == "safe state: safe stop by ada"
