@@ -287,7 +287,7 @@ class DetachController:
         self._seemed_free = self._came = self._pulls_down = False  # by load; in a test; as the reach ends
         self._motor: float | None = None
         self._gain = 1.0  # true over reported force of the pads
-        self._opening = self._behind = 0.0  # commanded rate; commanded motion that the opening did not follow
+        self._opening = self._behind = self._unfollowed = 0.0  # commanded rate; motion not followed since a jam, ever
         self._width = np.nan
         self._relieved_until = self._furthest = self._opened_from = 0.0  # the last is an opening [m]
         self._relieved = self._stays_rolled = False
@@ -462,7 +462,10 @@ class DetachController:
     def _note_opening(self, dt: float, width: float) -> None:
         """Compare the opening with its commands."""
         moved = 0.0 if np.isnan(self._width) else width - self._width
-        self._behind = self._behind * np.exp(-dt / self.settings.blocked_fading) + self._opening * dt - moved
+        fading, asked = np.exp(-dt / self.settings.blocked_fading), self._opening * dt
+        self._behind = self._behind * fading + asked - moved
+        asked += self._unfollowed * fading  # as a supervisor counts it: a push without a command is no lag
+        self._unfollowed = asked - moved if (asked - moved) * asked > 0.0 else 0.0
         self._width = width
 
     def _judge(self, dt: float, press: Float64, force: Float64, saturated: bool, width: float) -> None:
@@ -703,7 +706,7 @@ class DetachController:
         self._rate += float(np.clip(wanted - self._rate, -most, most))
 
     def _grip(self, dt: float, wrenches: Float64, width: float) -> float:
-        """Rate of the opening that brings the mean of the pads to the force that holds the larger load.
+        """Rate of the opening to the force that holds the larger load; where it is blocked, no further that way.
 
         Pads that feel nothing are not closed, nor pads of which one may press as hard as the fruit bears.
         """
@@ -720,7 +723,8 @@ class DetachController:
         felt = press.mean() > s.lost_force and press.max() + self._unfelt(press, width) < most
         stuck = self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck  # wood holds the fingers
         least, most = 0.0 if self._is_loose(press, width) else -s.closing, s.closing if felt else 0.0
-        return -float(np.clip(s.grip_gain * missing, least, most)) * (not stuck)
+        rate = -float(np.clip(s.grip_gain * missing, least, most))
+        return rate * (not stuck and (rate * self._unfollowed <= 0.0 or abs(self._unfollowed) <= s.blocked))
 
     def _unfelt(self, press: Float64, width: float) -> float:
         """Return the force of the pads beyond their reports, by the motor's force, else by the opening [N]."""

@@ -769,3 +769,35 @@ def test_wood_that_leans_on_a_pad_before_the_fingers_close_ends_the_attempt(lean
     if code:
         assert f"{leaning} N" in control.problem.message
         assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08  # the open hand has left
+
+
+def test_fingers_that_wood_keeps_from_opening_are_commanded_no_further():
+    """Pressed on the fruit beyond its limit by wood, they were to open by 16 mm, and the gripper's supervisor ended
+    the run (wall 380).
+    """
+
+    class Held(Stem):
+        held, asked = False, 0.0
+
+        def wrenches(self):
+            w = super().wrenches()
+            w[:, 2] -= 9.0 * self.held  # wood presses the pads onto the fruit
+            return w
+
+        def move(self, command, dt=DT):
+            before = self.width
+            super().move(command, dt)
+            if self.held:
+                self.asked += dt * command.opening
+                self.width = before
+
+    stem = Held(STRONG, bending=0.01)
+    most = []
+
+    def press(control):
+        stem.held = control.phase in (DetachPhase.ROLL, DetachPhase.LET_BACK)
+        stem.asked *= stem.held
+        most.append(stem.asked)
+
+    detach(stem, each=press, limit=60.0)
+    assert 0.002 < max(most) < 0.012
