@@ -336,7 +336,8 @@ class DetachController:
         command = STILL
         touched = float(np.linalg.norm(wrenches[:, :3], axis=1).max())
         if is_first and touched > self.settings.untouched:
-            self._finish(DetachProblem("CONTACT", f"something leans on a pad with {touched:.1f} N before the grip"))
+            words = f"a pad feels {touched:.1f} N before the grip: something leans on it, or its offset has changed"
+            self._finish(DetachProblem("CONTACT", words))
         elif self.phase is DetachPhase.CLOSE:
             command = self._close(press, width)
         elif self.phase in (DetachPhase.OPEN, DetachPhase.LEAVE):
