@@ -60,12 +60,18 @@ class ForcesOfNodes(Forces):
         self.pad = self.other = 0.0
         during, on, self.during, self.on = self.during, self.on, "", ""
         super().step()
-        now, self.pad, self.other = max(self.pad, self.other), max(keep[0], self.pad), max(keep[1], self.other)
+        now, self.pad, self.other = (
+            max(self.pad, self.other),
+            max(keep[0], self.pad),
+            max(keep[1], self.other),
+        )
         if now <= max(keep):
             self.during, self.on = during, on
         self.of[self.node] = max(self.of.get(self.node, 0.0), now)
         if self.node == "Approach":
-            self.trace.append((self._world.clock.now(), float(self._world.state.site("tcp").xpos[2]), now))
+            self.trace.append(
+                (self._world.clock.now(), float(self._world.state.site("tcp").xpos[2]), now)
+            )
 
     def speed(self) -> float:
         """Return how fast the tool sank when Approach first touched something [m/s]; 0 without a touch."""
@@ -85,19 +91,35 @@ class ApproachTry:
         world = self.cell.devices["world"]
         self.world: Any = getattr(world, "_world", world)
         kinds = (Arm, Gripper, ForceSensor, LoadSensor, Workspace)
-        found = {kind: self.cell.device(kind) if kind is Workspace else self._device(kind) for kind in kinds}
-        self.devices: dict[type, Any] = {kind: device for kind, device in found.items() if device is not None}
+        found = {
+            kind: self.cell.device(kind) if kind is Workspace else self._device(kind)
+            for kind in kinds
+        }
+        self.devices: dict[type, Any] = {
+            kind: device for kind, device in found.items() if device is not None
+        }
         self.robot = RobotModel.load(self.devices[Arm].description)
         self.forces = ForcesOfNodes(self.world)
         self.world.after_step.append(self.forces.step)
 
     def _device(self, kind: type) -> Any:
-        return next((each for each in self.cell.devices.values() if kind in getattr(each, "interfaces", ())), None)
+        return next(
+            (
+                each
+                for each in self.cell.devices.values()
+                if kind in getattr(each, "interfaces", ())
+            ),
+            None,
+        )
 
     def measured(self) -> MeasuredFruit:
         """The first fruit and those beside it, as they truly are."""
         found = [
-            _as_measured(np.array(each["T_base_fruit"]), np.array(each["dimensions_m"]), self.cell.clock.now())
+            _as_measured(
+                np.array(each["T_base_fruit"]),
+                np.array(each["dimensions_m"]),
+                self.cell.clock.now(),
+            )
             for each in self.fruits()
         ]
         return replace(found[0], beside=tuple(found[1:]))
@@ -128,7 +150,9 @@ def error_of(case: dict[str, Any], trial: ApproachTry) -> Float64:
     if case["kind"] == "turned":
         q = trial.devices[Workspace].poses["observe"]
         eye = trial.robot.camera(q) if hasattr(trial.robot, "camera") else trial.robot.tcp(q)
-        R = Rotation.from_rotvec(eye[:3, :3] @ AXES[case["way"]] * np.radians(case["size"])).as_matrix()
+        R = Rotation.from_rotvec(
+            eye[:3, :3] @ AXES[case["way"]] * np.radians(case["size"])
+        ).as_matrix()
         T[:3, :3], T[:3, 3] = R, eye[:3, 3] - R @ eye[:3, 3]
     else:
         T[:3, 3] = SIDES[case["way"]] * case["size"] * 1e-3
@@ -140,7 +164,9 @@ def run(case: dict[str, Any]) -> dict[str, Any]:
     trial = ApproachTry(case["cell"], case["seed"], case["settings"])
     ended, reason, nodes = None, "", []
     try:
-        fruit = moved(trial.measured(), error_of(case, trial) if case["kind"] != "crate" else np.eye(4))
+        fruit = moved(
+            trial.measured(), error_of(case, trial) if case["kind"] != "crate" else np.eye(4)
+        )
         sampled = trial.do(SampleGrasp(), around=fruit, radius=0.09)
         reason = "" if sampled.reason is None else sampled.reason.code
         if not reason:
@@ -164,13 +190,19 @@ def run(case: dict[str, Any]) -> dict[str, Any]:
                 if ended.reason is not None:
                     reason = f"{ended.reason.code}: {ended.reason.message}"
                     back = trial.do(Retreat(), grasp=grasp)
-                    reason += "" if back.reason is None else f"; {back.reason.code}: {back.reason.message}"
+                    reason += (
+                        ""
+                        if back.reason is None
+                        else f"; {back.reason.code}: {back.reason.message}"
+                    )
                     break
             else:
                 held = trial.do(SlipAvoidGrasp(), fruit=fruit)
                 reason = "" if held.reason is None else held.reason.code
                 if held.reason is None:
-                    lifted = trial.do(Lift(), hold=held.outputs["hold"], grasp=grasp, clearance=4e-3)
+                    lifted = trial.do(
+                        Lift(), hold=held.outputs["hold"], grasp=grasp, clearance=4e-3
+                    )
                     reason = "" if lifted.reason is None else lifted.reason.code
     except DeviceError as fault:
         reason = f"DEVICE: {fault}"
@@ -183,7 +215,9 @@ def run(case: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def cases(cell: str, kinds: list[str], each: int, seed: int, unseen: float) -> Iterator[dict[str, Any]]:
+def cases(
+    cell: str, kinds: list[str], each: int, seed: int, unseen: float
+) -> Iterator[dict[str, Any]]:
     """Yield cases: every size and direction `each` times, with a fruit and a place drawn for each."""
     for kind in kinds:
         how = {"acceleration": 1.0 if kind == "crate" else 3.0, "unseen": unseen}
@@ -193,7 +227,9 @@ def cases(cell: str, kinds: list[str], each: int, seed: int, unseen: float) -> I
                 for number in range(each):
                     rng = np.random.default_rng([seed, len(kind), size, way, number])
                     settings = {"fruit": f"apple_{rng.integers(1, 6)}"}
-                    settings |= {"others": "5"} if kind == "crate" else {"place": str(rng.integers(1, 6))}
+                    settings |= (
+                        {"others": "5"} if kind == "crate" else {"place": str(rng.integers(1, 6))}
+                    )
                     yield {
                         "cell": cell, "kind": kind, "size": size, "way": way, "number": number,
                         "seed": int(rng.integers(1_000_000)), "settings": settings, "approach": how,
@@ -202,7 +238,9 @@ def cases(cell: str, kinds: list[str], each: int, seed: int, unseen: float) -> I
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the largest forces of each kind and size as text."""
-    lines = ["cell      kind     size  cases  touched on the way  median  largest force [N]  above 10 N"]
+    lines = [
+        "cell      kind     size  cases  touched on the way  median  largest force [N]  above 10 N"
+    ]
     for key in sorted({(row["cell"], row["kind"], row["size"]) for row in rows}):
         own = [row for row in rows if (row["cell"], row["kind"], row["size"]) == key]
         forces = [row["force_n"] for row in own]
@@ -216,7 +254,9 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Run the cases and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--cell", default="sim")
     parser.add_argument("--kinds", default="shifted,turned")
@@ -224,8 +264,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--unseen", type=float, default=18.0, help="input of Approach [mm]")
     said = parser.parse_args()
-    rows = [json.loads(line) for line in said.out.read_text("utf-8").splitlines()] if said.out.is_file() else []
-    known = {json.dumps([row[key] for key in ("cell", "kind", "size", "way", "number")]) for row in rows}
+    rows = (
+        [json.loads(line) for line in said.out.read_text("utf-8").splitlines()]
+        if said.out.is_file()
+        else []
+    )
+    known = {
+        json.dumps([row[key] for key in ("cell", "kind", "size", "way", "number")]) for row in rows
+    }
     for case in cases(said.cell, said.kinds.split(","), said.each, said.seed, 1e-3 * said.unseen):
         if json.dumps([case[key] for key in ("cell", "kind", "size", "way", "number")]) in known:
             continue
@@ -234,7 +280,9 @@ def main() -> None:
             file.write(json.dumps(rows[-1]) + "\n")
         row = rows[-1]
         names = ("kind", "size", "way", "settings", "during", "on", "times", "reason")
-        sys.stdout.write(f"{row['force_n']:.1f} N {1e3 * row['touch_speed']:.0f} mm/s {[row[key] for key in names]}\n")
+        sys.stdout.write(
+            f"{row['force_n']:.1f} N {1e3 * row['touch_speed']:.0f} mm/s {[row[key] for key in names]}\n"
+        )
         sys.stdout.flush()
     sys.stdout.write(table(rows) + "\n")
 

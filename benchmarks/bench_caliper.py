@@ -33,17 +33,27 @@ Draw = Callable[[np.random.Generator], Float64]
 
 def main() -> None:
     """Print all figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cells", type=int, default=40, help="drawn cells in each row")
     parser.add_argument("--picks", type=int, default=25, help="picks in each cell")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     print("good cells                     picks   alarms   cells with one")
-    for name, how in (("", {}), (", pushed fruit", {"pushed": True}), (", twice the noise", {"noise": 2.0})):
+    for name, how in (
+        ("", {}),
+        (", pushed fruit", {"pushed": True}),
+        (", twice the noise", {"noise": 2.0}),
+    ):
         cells = [_alarms(options, k, _good, **how) for k in range(options.cells)]
         begun = sum(int(np.count_nonzero(np.diff([0, *cell]) > 0)) for cell in cells)
-        print(f"{'as assumed' + name:<30} {sum(map(len, cells)):5} {begun:8} {sum(map(any, cells)):10}")
-    print(f"faults                         noticed within {WITHIN}   median   90 %   never  [picks]")
+        print(
+            f"{'as assumed' + name:<30} {sum(map(len, cells)):5} {begun:8} {sum(map(any, cells)):10}"
+        )
+    print(
+        f"faults                         noticed within {WITHIN}   median   90 %   never  [picks]"
+    )
     for name, draw in (
         ("5 mm along the picture", _shift),
         ("1° about a line in the picture", _tilt),
@@ -65,11 +75,15 @@ def main() -> None:
         "30 picks up to 30° tilted, table": {"tilt": np.radians(30.0)},
     }
     for name, how in rows.items():
-        left, kept = zip(*(_left(options.seed, k, **how) for k in range(options.cells)), strict=True)
+        left, kept = zip(
+            *(_left(options.seed, k, **how) for k in range(options.cells)), strict=True
+        )
         at = np.sort(np.array(left), axis=0)[[options.cells // 2, int(0.9 * options.cells)]]
         at *= [1e3, 1e3, 1e3, 180.0 / np.pi, 1e2]
         units = "mm", "mm", "mm", "°", "%"
-        words = ", ".join(f"{middle:.2f} {most:.2f} {unit}" for middle, most, unit in zip(*at, units, strict=True))
+        words = ", ".join(
+            f"{middle:.2f} {most:.2f} {unit}" for middle, most, unit in zip(*at, units, strict=True)
+        )
         print(f"{name:<33} {words:>72} {100.0 * np.mean(kept):4.0f} %")
     print("width of picked fruit, median error [mm]: camera alone, fused; 90 % intervals that hold")
     for count in (1, 5, options.picks):
@@ -98,7 +112,9 @@ def _left(
     wrong = rng.normal(size=3) * [TABLE_HEIGHT, TABLE_TILT, TABLE_TILT]
     found = estimate(looked(picks, error, wrong) if with_table else picks)
     left = error - found.error
-    corners = found.centre + np.array([[x, y, 0.0] for x in (-0.1, 0.0, 0.1) for y in (-0.1, 0.0, 0.1)])
+    corners = found.centre + np.array(
+        [[x, y, 0.0] for x in (-0.1, 0.0, 0.1) for y in (-0.1, 0.0, 0.1)]
+    )
     off = np.array([left[:3] + np.cross(left[3:6], p) + left[6] * p for p in corners])
     farthest = [np.linalg.norm(off[:, part], axis=1).max() for part in ([0, 1, 2], [0, 1], [2])]
     held = np.abs(left[:7]) < Z_90 * found.std[:7]
@@ -113,16 +129,27 @@ def _widths(seed: int, number: int, count: int) -> Float64:
     found = estimate([pick for pick, _ in made])
     fused = [fused_width(pick, found) for pick, _ in made]
     rows = zip(made, fused, strict=True)
-    return np.array([(pick.across - true, width - true, std) for (pick, true), (width, std) in rows])
+    return np.array(
+        [(pick.across - true, width - true, std) for (pick, true), (width, std) in rows]
+    )
 
 
 def _alarms(
-    options: argparse.Namespace, number: int, draw: Draw, *, pushed: bool = False, noise: float = 1.0
+    options: argparse.Namespace,
+    number: int,
+    draw: Draw,
+    *,
+    pushed: bool = False,
+    noise: float = 1.0,
 ) -> list[bool]:
     """Return whether the camera counts as off after each pick of one cell."""
     rng = np.random.default_rng([options.seed, number])
     error, picks, alarms = draw(rng), list[Pick](), []
-    table = np.random.default_rng([options.seed, number, 2]).normal(size=3) * [TABLE_HEIGHT, TABLE_TILT, TABLE_TILT]
+    table = np.random.default_rng([options.seed, number, 2]).normal(size=3) * [
+        TABLE_HEIGHT,
+        TABLE_TILT,
+        TABLE_TILT,
+    ]
     for k in range(options.picks):
         moved = error.copy()
         if pushed and rng.uniform() < PUSHED:
@@ -139,10 +166,14 @@ def _unit(rng: np.random.Generator) -> Float64:
 
 def _good(rng: np.random.Generator) -> Float64:
     small = np.array([0.5e-3] * 3 + [float(np.radians(0.05))] * 3)
-    return np.concatenate([small * rng.uniform(-1.0, 1.0, 6), PRIOR[6:] * rng.uniform(-1.0, 1.0, 2)])
+    return np.concatenate(
+        [small * rng.uniform(-1.0, 1.0, 6), PRIOR[6:] * rng.uniform(-1.0, 1.0, 2)]
+    )
 
 
-def _fault(rng: np.random.Generator, *, place: Float64 | None = None, angle: Float64 | None = None) -> Float64:
+def _fault(
+    rng: np.random.Generator, *, place: Float64 | None = None, angle: Float64 | None = None
+) -> Float64:
     error = _good(rng)
     if place is not None:
         error[:3] = place

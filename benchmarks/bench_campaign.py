@@ -29,7 +29,9 @@ def loop(count: int) -> int:
     return total
 
 
-def throughput(engine: Engine, function: Callable[..., Any], orders: list[tuple[Any, ...]]) -> float:
+def throughput(
+    engine: Engine, function: Callable[..., Any], orders: list[tuple[Any, ...]]
+) -> float:
     """Orders per second; every worker has done one before."""
     for _ in engine.map(function, orders[: engine.workers], RUN_LIMIT):
         pass
@@ -42,7 +44,9 @@ def throughput(engine: Engine, function: Callable[..., Any], orders: list[tuple[
 
 def main() -> None:
     """Print both, round by round, and the medians."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--picks", type=int, default=12)
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()

@@ -87,7 +87,11 @@ def main() -> None:
         finally:
             cell.close()
     figures = _figures(tally)
-    table = Table("what", "value", title=f"{options.seeds} scenes, {options.looks} looks each, {options.method}")
+    table = Table(
+        "what",
+        "value",
+        title=f"{options.seeds} scenes, {options.looks} looks each, {options.method}",
+    )
     for name, value in figures.items():
         table.add_row(name, f"{value:.3g}" if isinstance(value, float) else str(value))
     Console(width=120).print(table)
@@ -96,7 +100,13 @@ def main() -> None:
 
 
 def _scene(
-    world: SimWorld, fruit: FruitModel, looks: int, method: str, lose: bool, seed: int, tally: CountTally
+    world: SimWorld,
+    fruit: FruitModel,
+    looks: int,
+    method: str,
+    lose: bool,
+    seed: int,
+    tally: CountTally,
 ) -> None:
     rng = np.random.default_rng([seed, 78])
     world.looked()
@@ -119,13 +129,19 @@ def _scene(
             if motion.T_earlier_later is not None:
                 tally.joined += 1
                 T_scene_base, deviation = before[1] @ motion.T_earlier_later, motion.deviation
-                at = np.append(inverse(T_base_camera)[:3, :3] @ TABLE + inverse(T_base_camera)[:3, 3], 1.0)
+                at = np.append(
+                    inverse(T_base_camera)[:3, :3] @ TABLE + inverse(T_base_camera)[:3, 3], 1.0
+                )
                 true = inverse(_pose_of(before[0])) @ T_base_camera
-                tally.motion_mm.append(1e3 * float(np.linalg.norm(((motion.T_earlier_later - true) @ at)[:3])))
+                tally.motion_mm.append(
+                    1e3 * float(np.linalg.norm(((motion.T_earlier_later - true) @ at)[:3]))
+                )
         numbers = book.add_frame(sightings, T_scene_base, deviation)
         before = frame, np.eye(4) if T_scene_base is None else T_scene_base
         for sighting, number in zip(sightings, numbers, strict=True):
-            which = _true_fruit(sighting.moved(T_base_camera if lose else np.eye(4)), truths, T_base_camera)
+            which = _true_fruit(
+                sighting.moved(T_base_camera if lose else np.eye(4)), truths, T_base_camera
+            )
             shows[number, which] += 1
             tally.sightings += 1
             tally.measured += sighting.dimensions is not None
@@ -140,13 +156,21 @@ def _expose(world: SimWorld, T_base_camera: Float64, rng: np.random.Generator) -
     colour, ideal = in_gl_thread(partial(_render, world, T_base_camera))
     noisy = colour + rng.normal(0.0, 2.0, colour.shape)
     colour = np.clip(cv2.GaussianBlur(noisy, (0, 0), 0.6), 0, 255).astype(np.uint8)
-    return Frame(0.0, 0, colour, as_d435i(ideal.astype(np.float64), rng, CAMERA), CAMERA, None, T_base_camera)
+    return Frame(
+        0.0, 0, colour, as_d435i(ideal.astype(np.float64), rng, CAMERA), CAMERA, None, T_base_camera
+    )
 
 
-def _sightings(frame: Frame, T_base_camera: Float64, fruit: FruitModel, method: str) -> list[Sighting]:
+def _sightings(
+    frame: Frame, T_base_camera: Float64, fruit: FruitModel, method: str
+) -> list[Sighting]:
     found: list[Sighting] = []
     for instance in find_in_frame(frame, fruit, DetectorOptions(working_width=DETECTOR_WIDTH)):
-        if instance.score < SCORE or instance.T_camera_object is None or instance.covariance is None:
+        if (
+            instance.score < SCORE
+            or instance.T_camera_object is None
+            or instance.covariance is None
+        ):
             continue
         detection = Detection(
             fruit, frame, T_base_camera, instance.T_camera_object, instance.keypoints, instance.score,
@@ -166,16 +190,26 @@ def _true_fruit(sighting: Sighting, truths: Any, T_base_camera: Float64) -> int:
     """Index of the fruit that a sighting shows: the line of sight passes nearest to its centre, inside it; else -1."""
     eye = T_base_camera[:3, 3]
     ray = (sighting.p_base - eye) / np.linalg.norm(sighting.p_base - eye)
-    beside = [float(np.linalg.norm(np.cross(ray, np.array(t["T_base_fruit_at_look"])[:3, 3] - eye))) for t in truths]
+    beside = [
+        float(np.linalg.norm(np.cross(ray, np.array(t["T_base_fruit_at_look"])[:3, 3] - eye)))
+        for t in truths
+    ]
     best = int(np.argmin(beside))
     return best if beside[best] < 0.5 * float(np.min(truths[best]["dimensions_m"])) else -1
 
 
-def _count(book: FruitBook, shows: Counter[tuple[int, int]], truths: Any, tally: CountTally) -> None:
+def _count(
+    book: FruitBook, shows: Counter[tuple[int, int]], truths: Any, tally: CountTally
+) -> None:
     tally.scenes += 1
     tally.fruit += len(truths)
-    counted = {number: {w for n, w in shows if n == number} for number in (fruit.number for fruit in book.fruit)}
-    true = {which for which in range(len(truths)) if any(which in some for some in counted.values())}
+    counted = {
+        number: {w for n, w in shows if n == number}
+        for number in (fruit.number for fruit in book.fruit)
+    }
+    true = {
+        which for which in range(len(truths)) if any(which in some for some in counted.values())
+    }
     tally.found += len(true)
     tally.counted += len(book.fruit)
     tally.merged += sum(len(some - {-1}) > 1 for some in counted.values())
@@ -219,13 +253,20 @@ def _figures(t: CountTally) -> dict[str, float | int]:
     if t.pairs:
         figures |= {"pairs of frames": t.pairs, "joined": t.joined}
         if t.motion_mm:
-            figures |= {"motion off, median [mm]": float(np.median(t.motion_mm)), "worst [mm]": max(t.motion_mm)}
+            figures |= {
+                "motion off, median [mm]": float(np.median(t.motion_mm)),
+                "worst [mm]": max(t.motion_mm),
+            }
     for k, name in enumerate(("width", "height")):
         figures[f"{name}, one look: mean error [mm]"] = float(np.abs(single[:, k]).mean())
         figures[f"{name}, all looks: mean error [mm]"] = float(np.abs(fused[:, k]).mean())
         figures[f"{name}, all looks: bias [mm]"] = float(fused[:, k].mean())
-        figures[f"{name}, one look: in its 90 % interval"] = float((np.abs(single[:, 2 + k]) <= Z_90).mean())
-        figures[f"{name}, all looks: in its 90 % interval"] = float((np.abs(fused[:, 2 + k]) <= Z_90).mean())
+        figures[f"{name}, one look: in its 90 % interval"] = float(
+            (np.abs(single[:, 2 + k]) <= Z_90).mean()
+        )
+        figures[f"{name}, all looks: in its 90 % interval"] = float(
+            (np.abs(fused[:, 2 + k]) <= Z_90).mean()
+        )
         figures[f"{name}: correlation of two looks' errors"] = float(correlation[k])
     return figures
 

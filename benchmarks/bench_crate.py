@@ -110,7 +110,9 @@ def clear(kind: str, seed: int, settings: Mapping[str, str]) -> dict[str, Any]:
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the figures of each kind as text."""
-    lines = ["kind     scenes  cleared  of  share, 95 % interval   s per apple  dropped  lost  bruised  ended"]
+    lines = [
+        "kind     scenes  cleared  of  share, 95 % interval   s per apple  dropped  lost  bruised  ended"
+    ]
     for kind in KINDS:
         own = [row for row in rows if row["kind"] == kind]
         if not own:
@@ -118,7 +120,9 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
         part, of = sum(row["cleared"] for row in own), sum(row["fruit"] for row in own)
         low, high = wilson(part, of)
         pace = np.median([row["time_s"] / max(row["cleared"], 1) for row in own])
-        dropped, lost, bruised = (sum(row[key] for row in own) for key in ("drops", "lost", "bruised"))
+        dropped, lost, bruised = (
+            sum(row[key] for row in own) for key in ("drops", "lost", "bruised")
+        )
         ended = sum(row["outcome"] == "success" for row in own)
         lines.append(
             f"{kind:8} {len(own):6} {part:8} {of:3}  {part / of:4.0%}  {low:4.0%} to {high:4.0%}   {pace:11.1f} "
@@ -129,15 +133,26 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def main() -> None:
     """Run the scenes and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kinds", default=",".join(KINDS), help=f"of {', '.join(KINDS)}")
     parser.add_argument("--seeds", default="1..20", help="first and last seed")
     parser.add_argument("--out", type=Path, default=Path("runs/bench_crate.jsonl"))
-    parser.add_argument("--set", action="append", default=[], help="a parameter of the tree or an option of the cell")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        help="a parameter of the tree or an option of the cell",
+    )
     said = parser.parse_args()
     first, last = (int(number) for number in said.seeds.split(".."))
     said.out.parent.mkdir(parents=True, exist_ok=True)
-    rows = [json.loads(line) for line in said.out.read_text("utf-8").splitlines()] if said.out.is_file() else []
+    rows = (
+        [json.loads(line) for line in said.out.read_text("utf-8").splitlines()]
+        if said.out.is_file()
+        else []
+    )
     known = {(row["kind"], row["seed"]) for row in rows}
     for seed in range(first, last + 1):
         for kind in said.kinds.split(","):

@@ -79,23 +79,33 @@ KINDS = (
         ),
     ),
     SeededFailure("a setting of the run", ("kind",), (), (("kind", "lemon"), ("distractors", "0"))),
-    SeededFailure("a parameter, too large", ("height",), (("150 mm, help: how high", "900 mm, help: how high"),)),
     SeededFailure(
-        "a parameter, too strict", ("smallest",), (("{type: ratio,  default: 0.55,", "{type: ratio,  default: 0.98,"),)
+        "a parameter, too large",
+        ("height",),
+        (("150 mm, help: how high", "900 mm, help: how high"),),
+    ),
+    SeededFailure(
+        "a parameter, too strict",
+        ("smallest",),
+        (("{type: ratio,  default: 0.55,", "{type: ratio,  default: 0.98,"),),
     ),
     SeededFailure(
         "a timeout of tries",
         ("Attempt.timeout",),
         (("      name: Attempt\n", "      name: Attempt\n      timeout: 2 s\n"),),
     ),
-    SeededFailure("a port, too strict", ("Detect.score",), (("fallback_score: 0.4,", "score: 0.9999,"),)),
+    SeededFailure(
+        "a port, too strict", ("Detect.score",), (("fallback_score: 0.4,", "score: 0.9999,"),)
+    ),
     SeededFailure(
         "a port of measuring",
         ("Refine.min_inliers",),
         (('method: "{refine}",', 'method: "{refine}", min_inliers: 1.0,'),),
     ),
     SeededFailure("an order of children", ("sequence Attempt",), ((ORDERED, SWAPPED),)),
-    SeededFailure("an option of the cell", ("mass", "SlipAvoidGrasp.max_force"), (), (("mass", "1.2 kg"),)),
+    SeededFailure(
+        "an option of the cell", ("mass", "SlipAvoidGrasp.max_force"), (), (("mass", "1.2 kg"),)
+    ),
     SeededFailure(
         "a limit of force",
         ("SlipAvoidGrasp.max_force",),
@@ -122,16 +132,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=5, help="failures of each kind (default: 5)")
-    parser.add_argument("--budget", type=Measure(TIME, "1 s").option, default=60.0, help="real time of a search")
-    parser.add_argument("--seeds", type=int, default=5, help="other seeds that a cure must pass (default: 5)")
-    parser.add_argument("--further", type=int, default=5, help="further seeds that show a false cure (default: 5)")
+    parser.add_argument(
+        "--budget", type=Measure(TIME, "1 s").option, default=60.0, help="real time of a search"
+    )
+    parser.add_argument(
+        "--seeds", type=int, default=5, help="other seeds that a cure must pass (default: 5)"
+    )
+    parser.add_argument(
+        "--further", type=int, default=5, help="further seeds that show a false cure (default: 5)"
+    )
     parser.add_argument("--only", default="", help="kinds whose name holds this text")
-    parser.add_argument("--out", type=Path, help="file of the results, a line of JSON each; those in it are kept")
+    parser.add_argument(
+        "--out", type=Path, help="file of the results, a line of JSON each; those in it are kept"
+    )
     options = parser.parse_args(arguments)
     results = _kept(options.out)
     done = {(one.kind, one.seed) for one in results}
     asked = [(seeded, FIRST + 17 * number) for number in range(options.each) for seeded in KINDS]
-    with tempfile.TemporaryDirectory() as folder, contextlib.closing(TrialPool(2, run_trial, ("lifted",))) as pool:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        contextlib.closing(TrialPool(2, run_trial, ("lifted",))) as pool,
+    ):
         for seeded, seed in asked:
             if options.only in seeded.kind and (seeded.kind, seed) not in done:
                 result = measure(seeded, seed, Path(folder), options, pool)
@@ -165,7 +186,9 @@ def measure(
     tree = folder / f"{seeded.kind.replace(' ', '_').replace(',', '')}.yaml"
     tree.write_text(text, "utf-8")
     records = folder / f"{tree.stem}_{seed}"
-    pool.start(None, RunOrder(tree, find_cell("sim"), seed, dict(seeded.settings), record=records), 600.0)
+    pool.start(
+        None, RunOrder(tree, find_cell("sim"), seed, dict(seeded.settings), record=records), 600.0
+    )
     for _, trial in pool.ended():
         _say(f"{seeded.kind}, seed {seed}: {trial}")
         if trial.outcome == "lost":  # nothing is known: the next call repeats it
@@ -178,7 +201,9 @@ def measure(
         return CureResult(seeded.kind, seed, SUCCEEDED, "none", False, 0, 0.0, 0.0)
     processor, wall = _processor(), time.monotonic()
     assert case.conditions == ("lifted",)
-    answer = CureSearch(case.order, case.candidates, usable, options.seeds, 1, options.budget, _progress).run(pool)
+    answer = CureSearch(
+        case.order, case.candidates, usable, options.seeds, 1, options.budget, _progress
+    ).run(pool)
     pool.give_up()  # what the budget left running would be taken for a result of the next search
     processor, wall = _processor() - processor, time.monotonic() - wall
     write_json(as_json(record, answer, case))
@@ -215,7 +240,9 @@ def _false(case: FailedRun, cure: TriedChange, seed: int, count: int, pool: Tria
 
 
 def _progress(what: str, candidate: object, seed: int, trial: object) -> None:
-    _say(f"    {what} {getattr(getattr(candidate, 'change', None), 'sentence', '')} seed {seed}: {trial}")
+    _say(
+        f"    {what} {getattr(getattr(candidate, 'change', None), 'sentence', '')} seed {seed}: {trial}"
+    )
 
 
 def _processor() -> float:
@@ -226,7 +253,10 @@ def _processor() -> float:
         with contextlib.suppress(OSError):
             fields = path.read_text("utf-8").rpartition(")")[2].split()
             number = int(path.parent.name)
-            parents[number], used[number] = int(fields[1]), sum(int(field) for field in fields[11:15])
+            parents[number], used[number] = (
+                int(fields[1]),
+                sum(int(field) for field in fields[11:15]),
+            )
     total = 0
     for number in used:
         ancestor = number
@@ -242,7 +272,9 @@ def _say(text: str) -> None:
 
 
 def _print(results: Sequence[CureResult]) -> None:
-    sys.stdout.write(f"{'kind':<26}{'seed':>5}  {'code':<18}{'right':>6}{'false':>6}{'processor':>10}  cure\n")
+    sys.stdout.write(
+        f"{'kind':<26}{'seed':>5}  {'code':<18}{'right':>6}{'false':>6}{'processor':>10}  cure\n"
+    )
     for one in results:
         sys.stdout.write(
             f"{one.kind:<26}{one.seed:>5}  {one.code:<18}{'yes' if one.right else 'no':>6}{one.false:>6}"

@@ -26,7 +26,15 @@ from benchmarks.dashboard_links import bench_presses, bench_stale
 from benchmarks.dashboard_viewers import watch
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
-from pomona.executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
+from pomona.executive.views import (
+    BodiesView,
+    ImageView,
+    Mesh3,
+    Points3,
+    PosesView,
+    SceneView,
+    SeriesView,
+)
 from pomona.tools.dashboard.security import Access
 from pomona.tools.dashboard.server import Dashboard
 
@@ -44,7 +52,23 @@ NODES: tuple[dict[str, Any], ...] = tuple(
 def started(nodes: int) -> RunStarted:
     """The first event of a run with a flat tree."""
     return RunStarted(
-        0.0, 0, "bench", "bench", "bench.yaml", "", "", "bench", "mock", "", "", 0, {}, NODES[:nodes], {}, 0.0, PERIOD
+        0.0,
+        0,
+        "bench",
+        "bench",
+        "bench.yaml",
+        "",
+        "",
+        "bench",
+        "mock",
+        "",
+        "",
+        0,
+        {},
+        NODES[:nodes],
+        {},
+        0.0,
+        PERIOD,
     )
 
 
@@ -52,7 +76,9 @@ def tick_events(tick: int, feedback: str) -> list[Event]:
     """Events of a busy tick: a node's feedback, and ten samples of six quantities."""
     t = tick * PERIOD
     times = np.asarray(t + np.arange(10) * 0.002, np.float64)
-    values: dict[str, NDArray[np.float64]] = {f"quantity {i} [N]": np.sin(times * (i + 1)) for i in range(6)}
+    values: dict[str, NDArray[np.float64]] = {
+        f"quantity {i} [N]": np.sin(times * (i + 1)) for i in range(6)
+    }
     return [
         NodeChanged(t, tick, f"root/{1 + tick % 10}", "RUNNING", feedback, 1),
         Published(t, tick, "root/1", "grip", SeriesView(times, values)),
@@ -73,7 +99,9 @@ def ticks(on_event: Callable[[Event], None], duration: float) -> np.ndarray[Any,
     return np.diff(beats)
 
 
-def tick_periods(dashboard: Dashboard, viewers: int, stuck: bool, duration: float) -> np.ndarray[Any, Any]:
+def tick_periods(
+    dashboard: Dashboard, viewers: int, stuck: bool, duration: float
+) -> np.ndarray[Any, Any]:
     """Periods of the tick while so many watch."""
     dashboard.hub.on_event(started(20))
     context = multiprocessing.get_context("spawn")
@@ -145,8 +173,13 @@ def arm() -> BodiesView:
     ring = np.stack([0.05 * np.cos(turn), 0.05 * np.sin(turn), np.zeros(SIDES)], axis=1)
     vertices = np.concatenate([ring + np.array((0.0, 0.0, z)) for z in (0.0, 0.05, 0.1)])
     here, there = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
-    quads = [(here + k * SIDES, there + k * SIDES, here + (k + 1) * SIDES, there + (k + 1) * SIDES) for k in (0, 1)]
-    faces = np.concatenate([np.stack(part, axis=1) for a, b, c, d in quads for part in ((a, b, c), (b, d, c))])
+    quads = [
+        (here + k * SIDES, there + k * SIDES, here + (k + 1) * SIDES, there + (k + 1) * SIDES)
+        for k in (0, 1)
+    ]
+    faces = np.concatenate(
+        [np.stack(part, axis=1) for a, b, c, d in quads for part in ((a, b, c), (b, d, c))]
+    )
     return BodiesView((Mesh3(vertices, faces.astype(np.int32), "arm", "robot"),) * LINKS)
 
 
@@ -154,7 +187,10 @@ def arm_at(t: float) -> PosesView:
     """The arm bent to and fro, and where its tip is."""
     bend = 0.1 * np.sin(t + 0.2 * np.arange(LINKS))
     poses = np.zeros((LINKS, 7))
-    poses[:, 0], poses[:, 2] = np.cumsum(0.1 * np.sin(bend.cumsum())), np.cumsum(0.1 * np.cos(bend.cumsum()))
+    poses[:, 0], poses[:, 2] = (
+        np.cumsum(0.1 * np.sin(bend.cumsum())),
+        np.cumsum(0.1 * np.cos(bend.cumsum())),
+    )
     poses[:, 4], poses[:, 6] = np.sin(0.5 * bend.cumsum()), np.cos(0.5 * bend.cumsum())
     return PosesView(poses, poses[-1, :3])
 
@@ -166,26 +202,43 @@ def pictures(tick: int) -> list[Event]:
     rng = np.random.default_rng(tick)
     if tick == 0:
         vertices, faces = rng.uniform(size=(60, 3)), rng.integers(0, 60, (100, 3), np.int32)
-        events.append(Published(t, tick, "", "robot", BodiesView((Mesh3(vertices, faces, "arm", "robot"),) * 12)))
+        events.append(
+            Published(
+                t, tick, "", "robot", BodiesView((Mesh3(vertices, faces, "arm", "robot"),) * 12)
+            )
+        )
     if tick % 5 == 0:
-        events.append(Published(t, tick, "", "robot", PosesView(rng.uniform(size=(12, 7)), rng.uniform(size=3))))
+        events.append(
+            Published(
+                t, tick, "", "robot", PosesView(rng.uniform(size=(12, 7)), rng.uniform(size=3))
+            )
+        )
     if tick % 200 == 0:
         image = rng.integers(0, 255, (240, 320, 3), np.uint8)
         events.append(Published(t, tick, "root/1", "look", ImageView(image)))
-        events.append(Published(t, tick, "root/1", "map", SceneView(points=(Points3(rng.uniform(size=(300, 3))),))))
+        events.append(
+            Published(
+                t, tick, "root/1", "map", SceneView(points=(Points3(rng.uniform(size=(300, 3))),))
+            )
+        )
     return events
 
 
 def memory_mb() -> float:
     """Resident memory of this process."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
-    return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]) / 1e3
+    return (
+        int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]) / 1e3
+    )
 
 
 def machine() -> str:
     """The processor, how many cores of it there are, and how many processes wanted them in the last minute."""
     lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "processor")
+    model = next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
+        "processor",
+    )
     return f"{model}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before"
 
 
@@ -199,12 +252,19 @@ class Figures:
     def tell(self, what: str, value: float, unit: str, most: float) -> None:
         """A figure that has a limit."""
         self.missed += value > most
-        self.table.add_row(what, f"{value:.3g} {unit}", f"≤ {most:g} {unit}", style="" if value <= most else "red")
+        self.table.add_row(
+            what, f"{value:.3g} {unit}", f"≤ {most:g} {unit}", style="" if value <= most else "red"
+        )
 
     def least(self, what: str, value: float, unit: str, least: float) -> None:
         """The same for a figure that should be high."""
         self.missed += value < least
-        self.table.add_row(what, f"{value:.3g} {unit}", f"≥ {least:.3g} {unit}", style="" if value >= least else "red")
+        self.table.add_row(
+            what,
+            f"{value:.3g} {unit}",
+            f"≥ {least:.3g} {unit}",
+            style="" if value >= least else "red",
+        )
 
     def note(self, what: str, words: str) -> None:
         """Add a note that helps to judge the figures."""
@@ -213,17 +273,30 @@ class Figures:
 
 def bench_viewers(report: Figures, dashboard: Dashboard, _browser: Any, duration: float) -> None:
     """Measure the cost of viewers for the tick, in turns, so that other load of the machine affects all alike."""
-    turns = [("alone", 0, False), ("with 50 viewers", 50, False), ("with a viewer that stops reading", 1, True)]
+    turns = [
+        ("alone", 0, False),
+        ("with 50 viewers", 50, False),
+        ("with a viewer that stops reading", 1, True),
+    ]
     periods: dict[str, list[Any]] = {what: [] for what, _viewers, _stuck in turns}
     for _ in range(TURNS):
         for what, viewers, stuck in turns:
             periods[what].append(tick_periods(dashboard, viewers, stuck, duration / TURNS))
     p99 = {what: float(np.percentile(np.concatenate(of), 99)) for what, of in periods.items()}
     for what in list(p99)[1:]:
-        report.tell(f"change of the tick's p99 period {what}", (p99[what] / p99["alone"] - 1.0) * 100.0, "%", 10.0)
-    report.note("p99 periods", ", ".join(f"{what} {1e3 * value:.2f} ms" for what, value in p99.items()))
+        report.tell(
+            f"change of the tick's p99 period {what}",
+            (p99[what] / p99["alone"] - 1.0) * 100.0,
+            "%",
+            10.0,
+        )
+    report.note(
+        "p99 periods", ", ".join(f"{what} {1e3 * value:.2f} ms" for what, value in p99.items())
+    )
     spread = [float(np.percentile(of, 99)) for of in periods["alone"]]
-    report.note("p99 alone, from turn to turn", f"{1e3 * min(spread):.2f} to {1e3 * max(spread):.2f} ms")
+    report.note(
+        "p99 alone, from turn to turn", f"{1e3 * min(spread):.2f} to {1e3 * max(spread):.2f} ms"
+    )
 
 
 def bench_page(report: Figures, dashboard: Dashboard, browser: Any, duration: float) -> None:
@@ -233,7 +306,9 @@ def bench_page(report: Figures, dashboard: Dashboard, browser: Any, duration: fl
     page = browser.new_page()
     page.goto(dashboard.link)
     page.reload()  # the first start of the browser itself is not the page's
-    timing = page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd / 1000")
+    timing = page.evaluate(
+        "performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd / 1000"
+    )
     report.tell("page interactive", timing, "s", 1.0)
     for nodes in (20, 1001):
         dashboard.hub.on_event(started(nodes))
@@ -255,9 +330,13 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     wait_for_rest(browser)
     began = time.time()
     page.goto(f"{dashboard.link}&run=half_hour", wait_until="domcontentloaded")
-    report.tell(f"a record of 30 minutes ({size:.0f} MB) opens", page.evaluate(DRAWN) - began, "s", 2.0)
+    report.tell(
+        f"a record of 30 minutes ({size:.0f} MB) opens", page.evaluate(DRAWN) - began, "s", 2.0
+    )
     began = time.perf_counter()
-    with page.expect_event("requestfinished", lambda request: "standing&begin=8" in request.url, timeout=60_000):
+    with page.expect_event(
+        "requestfinished", lambda request: "standing&begin=8" in request.url, timeout=60_000
+    ):
         page.evaluate("location.hash = 'run=half_hour&t=900'")
     report.note("everything around a moment is there after", f"{time.perf_counter() - began:.2f} s")
     page.wait_for_timeout(1000)
@@ -266,12 +345,22 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     client.send("Performance.enable", {"timeDomain": "threadTicks"})
     spent = main_thread(client)
     gaps = np.diff(page.evaluate(PLAYED))
-    cost = {what: 1e3 * (after - spent[what]) / (len(gaps) + 30) for what, after in main_thread(client).items()}
-    report.tell("the page's own thread, for each frame while it is played", cost["TaskDuration"], "ms", 8.0)
+    cost = {
+        what: 1e3 * (after - spent[what]) / (len(gaps) + 30)
+        for what, after in main_thread(client).items()
+    }
+    report.tell(
+        "the page's own thread, for each frame while it is played", cost["TaskDuration"], "ms", 8.0
+    )
     parts = ("ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
-    report.note("of these", ", ".join(f"{what.removesuffix('Duration')} {cost[what]:.2f} ms" for what in parts))
+    report.note(
+        "of these",
+        ", ".join(f"{what.removesuffix('Duration')} {cost[what]:.2f} ms" for what in parts),
+    )
     report.least("frames a second while it is played", 1e3 / float(np.mean(gaps)), "", 60.0 * 0.97)
-    report.note("frames that took longer than two", f"{np.mean(gaps > 2.1e3 / 60.0):.1%} of {len(gaps)}")
+    report.note(
+        "frames that took longer than two", f"{np.mean(gaps > 2.1e3 / 60.0):.1%} of {len(gaps)}"
+    )
     page.evaluate(f"location.hash = 'run=half_hour&t={PEAK_TICK * PERIOD + 1.0}'")
     page.evaluate(CURVES)
     for span in ("10 s", "1 min", "all"):
@@ -286,7 +375,10 @@ def wait_for_rest(browser: Any) -> None:
     client, before, spent = browser.new_browser_cdp_session(), -1.0, 0.0
     while spent - before > 0.05:
         time.sleep(0.5)
-        before, spent = spent, sum(of["cpuTime"] for of in client.send("SystemInfo.getProcessInfo")["processInfo"])
+        before, spent = (
+            spent,
+            sum(of["cpuTime"] for of in client.send("SystemInfo.getProcessInfo")["processInfo"]),
+        )
     client.detach()
 
 
@@ -332,18 +424,31 @@ def bench_memory(report: Figures, dashboard: Dashboard, browser: Any, duration: 
         for event in tick_events(tick, "on the way") + pictures(tick):
             dashboard.hub.on_event(event)
         if tick % (hour // 8) == hour // 8 - 1:
-            expect(page.locator("#clock")).to_contain_text(f"{tick * PERIOD:.1f} s", timeout=120_000)
+            expect(page.locator("#clock")).to_contain_text(
+                f"{tick * PERIOD:.1f} s", timeout=120_000
+            )
             client.send("HeapProfiler.collectGarbage")
-            metrics = {metric["name"]: metric["value"] for metric in client.send("Performance.getMetrics")["metrics"]}
+            metrics = {
+                metric["name"]: metric["value"]
+                for metric in client.send("Performance.getMetrics")["metrics"]
+            }
             heaps.append(metrics["JSHeapUsedSize"] / 1e6)
             elements.append(metrics["Nodes"])
             memories.append(memory_mb())
         elif tick % 500 == 499:
             time.sleep(0.05)  # the hour passes quickly, but the page must be able to follow
     for what, values in (("page's heap", heaps), ("server's memory", memories)):
-        report.tell(f"{what}, end of the run against its middle", values[-1] / values[3] * 100.0 - 100.0, "%", 10.0)
+        report.tell(
+            f"{what}, end of the run against its middle",
+            values[-1] / values[3] * 100.0 - 100.0,
+            "%",
+            10.0,
+        )
     minutes = hour * PERIOD / 60.0
-    report.note(f"heap after each eighth of {minutes:.0f} min, collected", f"{', '.join(f'{h:.0f}' for h in heaps)} MB")
+    report.note(
+        f"heap after each eighth of {minutes:.0f} min, collected",
+        f"{', '.join(f'{h:.0f}' for h in heaps)} MB",
+    )
     report.note("resident memory of the server", f"{', '.join(f'{m:.0f}' for m in memories)} MB")
     report.note("nodes of the document", f"{', '.join(f'{n:.0f}' for n in elements)}")
     page.close()
@@ -365,7 +470,9 @@ def main() -> int:
     parser.add_argument("--short", action="store_true", help="measure less long; noisier")
     parser.add_argument("--only", choices=PARTS, help="measure this part only")
     options = parser.parse_args()
-    browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+    browser_path = next(
+        (path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None
+    )
     if browser_path is None:
         print("no Chromium is installed", file=sys.stderr)
         return 2

@@ -25,7 +25,12 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from benchmarks.photo_border import LEAST_SCORE, calibration_error, calibration_table, recall_at_border
+from benchmarks.photo_border import (
+    LEAST_SCORE,
+    calibration_error,
+    calibration_table,
+    recall_at_border,
+)
 from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import DetectorOptions
@@ -64,16 +69,26 @@ Rows = list[tuple[str, str]]
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--frames", type=int, default=1000, help="held-out frames (1000)")
     parser.add_argument("--fruit", default="apple")
     parser.add_argument("--weights", type=Path, help="other weights than the fruit's own")
-    parser.add_argument("--work", type=Path, default=Path("runs/bench_detect"), help="where frames are kept")
+    parser.add_argument(
+        "--work", type=Path, default=Path("runs/bench_detect"), help="where frames are kept"
+    )
     parser.add_argument("--orchard", type=Path, help="folder of real frames")
     parser.add_argument("--photos", type=Path, help="folder of photographs with boxes")
     parser.add_argument("--empty", type=Path, help="folder of pictures without fruit")
-    parser.add_argument("--score", type=float, default=0.6, help="score above which errors are counted (0.6)")
-    parser.add_argument("--no-speed", action="store_true", help="leave out the full network, which takes half a minute")
+    parser.add_argument(
+        "--score", type=float, default=0.6, help="score above which errors are counted (0.6)"
+    )
+    parser.add_argument(
+        "--no-speed",
+        action="store_true",
+        help="leave out the full network, which takes half a minute",
+    )
     options = parser.parse_args()
     fruit = load_fruit(options.fruit)
     weights = options.weights or fruit.weights
@@ -81,24 +96,49 @@ def main() -> None:
         raise SystemExit(f"there are no weights for {fruit.name}")
     with progress("rendering") as rendered:  # frames that are there already are kept
         plain = SceneOptions(kinds=WITHOUT_TREES)
-        render_dataset(options.work / fruit.name, options.frames, BENCH_SEED, options.fruit, plain, progress=rendered)
+        render_dataset(
+            options.work / fruit.name,
+            options.frames,
+            BENCH_SEED,
+            options.fruit,
+            plain,
+            progress=rendered,
+        )
     with progress("rendering trees") as rendered:
-        wild, folder = SceneOptions(kinds=(0.0, 0.0, 0.0, 1.0)), options.work / f"{fruit.name}_trees"
-        render_dataset(folder, max(1, options.frames // 5), BENCH_SEED, options.fruit, wild, progress=rendered)
+        wild, folder = (
+            SceneOptions(kinds=(0.0, 0.0, 0.0, 1.0)),
+            options.work / f"{fruit.name}_trees",
+        )
+        render_dataset(
+            folder, max(1, options.frames // 5), BENCH_SEED, options.fruit, wild, progress=rendered
+        )
     frames, trees = FrameFolder([options.work / fruit.name]), FrameFolder([folder])
     detector = CompactDetector.load(weights)
     detector.warm_up()
-    print(f"# Detect, {fruit.name}: {weights.name}, {options.frames} held-out frames of seed {BENCH_SEED}\n")
+    print(
+        f"# Detect, {fruit.name}: {weights.name}, {options.frames} held-out frames of seed {BENCH_SEED}\n"
+    )
     with progress("looking") as looked:
         result = evaluate(detector, frames, fruit, options.frames, looked)
     print(table(result, options.score), "\n")
     print(calibration_table(*result.judged()), "\n")
     rows: Rows = []
     recall, precision = result.recall(options.score), result.precision(options.score)
-    rows.append((f"rendered frames ({result.frames}): recall / precision", f"{recall:.3f} / {precision:.3f}"))
-    rows.append(("rendered frames: recall at precision 0.97", f"{result.curve().recall_at(0.97):.3f}"))
-    rows.append(("rendered frames: calibration error", f"{calibration_error(*result.judged()):.3f}"))
-    rows.append(("all of Detect per frame, one thread, median", f"{1e3 * np.median(result.seconds):.1f} ms"))
+    rows.append(
+        (
+            f"rendered frames ({result.frames}): recall / precision",
+            f"{recall:.3f} / {precision:.3f}",
+        )
+    )
+    rows.append(
+        ("rendered frames: recall at precision 0.97", f"{result.curve().recall_at(0.97):.3f}")
+    )
+    rows.append(
+        ("rendered frames: calibration error", f"{calibration_error(*result.judged()):.3f}")
+    )
+    rows.append(
+        ("all of Detect per frame, one thread, median", f"{1e3 * np.median(result.seconds):.1f} ms")
+    )
     print(f"## Rendered trees, {len(trees)} frames\n")
     print(table(evaluate(detector, trees, fruit, len(trees)), options.score, brief=True), "\n")
     if not options.no_speed:
@@ -112,7 +152,10 @@ def main() -> None:
         print(photographs(detector, photos, fruit, options.score, rows), "\n")
     print(rendered_lookalikes(detector, options, rows), "\n")
     empty = pictures_of(options.empty) if options.empty is not None else []
-    for paths, name in ((empty, "pictures without fruit"), (everyday_pictures(), "everyday pictures")):
+    for paths, name in (
+        (empty, "pictures without fruit"),
+        (everyday_pictures(), "everyday pictures"),
+    ):
         if paths:
             print(empty_pictures(detector, paths, name, options.score, rows), "\n")
     print(summary(rows, options.score))
@@ -120,7 +163,12 @@ def main() -> None:
 
 def summary(rows: Rows, score: float) -> str:
     """All figures at one threshold, as Markdown, with the processor's name."""
-    lines = [f"## Summary at score ≥ {score:g}, {processor_name()}", "", "| figure | value |", "|---|---|"]
+    lines = [
+        f"## Summary at score ≥ {score:g}, {processor_name()}",
+        "",
+        "| figure | value |",
+        "|---|---|",
+    ]
     return "\n".join([*lines, *(f"| {figure} | {value} |" for figure, value in rows)])
 
 
@@ -128,7 +176,9 @@ def processor_name() -> str:
     """The processor's name as the system gives it."""
     path = Path("/proc/cpuinfo")
     text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
-    named = (line.split(":", 1)[1].strip() for line in text.splitlines() if line.startswith("model name"))
+    named = (
+        line.split(":", 1)[1].strip() for line in text.splitlines() if line.startswith("model name")
+    )
     return next(named, platform.processor() or "unknown processor")
 
 
@@ -140,7 +190,9 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, count: bar.update(task, completed=done, total=count)
 
 
-def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rounds: int = 3) -> str:
+def speed(
+    detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rounds: int = 3
+) -> str:
     """The whole of Detect against the whole of DOPE at 640 x 480, in turns within this run."""
     full = DopeNetwork().eval()
     pictures = [frames.picture(k, halved=False) for k in range(min(8, len(frames)))]
@@ -167,7 +219,10 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
             start = time.perf_counter()
             find_instances(detector, picture, K, fruit)
             compact.append(time.perf_counter() - start)
-    ratio, ratio_in_one = np.median(network_only) / np.median(compact), np.median(in_one_thread) / np.median(compact)
+    ratio, ratio_in_one = (
+        np.median(network_only) / np.median(compact),
+        np.median(in_one_thread) / np.median(compact),
+    )
     return "\n".join(
         [
             "## Speed at 640 × 480, medians of this run",
@@ -201,7 +256,9 @@ def real_frames(weights: Path, folder: Path, fruit: FruitModel, score: float, ro
     ]
     lines.append("|---|---|---|---|---|---|---|")
     for width in ORCHARD_WIDTHS:
-        detector = CompactDetector.load(weights, DetectorOptions(working_width=width, most_fruit=60))
+        detector = CompactDetector.load(
+            weights, DetectorOptions(working_width=width, most_fruit=60)
+        )
         found = {
             name: find_instances(detector, _read(folder / f"{name}_color.jpg"), ORCHARD_K, fruit)
             for name in sorted(boxes)
@@ -217,11 +274,18 @@ def real_frames(weights: Path, folder: Path, fruit: FruitModel, score: float, ro
             shares = f"{right / labelled:.3f} | {right / max(1, count):.3f}"
             lines.append(f"| {width} | {least} | {labelled} | {count} | {right} | {shares} |")
             if least == score:
-                rows.append((f"RGB-D frames, width {width}: labelled apples found", f"{right} of {labelled}"))
+                rows.append(
+                    (
+                        f"RGB-D frames, width {width}: labelled apples found",
+                        f"{right} of {labelled}",
+                    )
+                )
     return "\n".join(lines)
 
 
-def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, score: float, rows: Rows) -> str:
+def photographs(
+    detector: CompactDetector, folder: Path, fruit: FruitModel, score: float, rows: Rows
+) -> str:
     """Recall and precision against the boxes of photographs that are measured on, at the scale of training.
 
     Precision is a lower bound here too: fruit far behind is often without a box.
@@ -248,9 +312,19 @@ def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, scor
     labelled = sum(picture.labelled for picture in pictures)
     value = f"{right[sure].sum() / labelled:.3f} / {right[sure].mean() if sure.any() else 1.0:.3f}"
     rows.append((f"photographs ({len(found)}): recall / precision", value))
-    rows.append((f"photographs ({len(found)}): calibration error", f"{calibration_error(scores, right):.3f}"))
+    rows.append(
+        (
+            f"photographs ({len(found)}): calibration error",
+            f"{calibration_error(scores, right):.3f}",
+        )
+    )
     right_at_border, at_border = recall_at_border(found, sets.val, score)
-    rows.append((f"photographs ({len(found)}): boxes that the border cuts, found", f"{right_at_border} of {at_border}"))
+    rows.append(
+        (
+            f"photographs ({len(found)}): boxes that the border cuts, found",
+            f"{right_at_border} of {at_border}",
+        )
+    )
     boxes = sum(len(photo.boxes) for photo in sets.val)
     places = len({photo.group for photo in sets.val})
     scale = sets.val[0].scale
@@ -271,7 +345,9 @@ def rendered_lookalikes(detector: CompactDetector, options: argparse.Namespace, 
         things += len(annotation.decoys)
         finds = detector.find(frames.picture(index, halved=False), annotation.K)
         found += sum(fruit.score >= options.score for fruit in finds)
-    rows.append((f"rendered lookalikes ({count} frames): detections per frame", f"{found / count:.3f}"))
+    rows.append(
+        (f"rendered lookalikes ({count} frames): detections per frame", f"{found / count:.3f}")
+    )
     return (
         f"## {count} rendered frames of {things} things that are no fruit\n\n"
         f"{found} finds with score ≥ {options.score}, {found / count:.3f} per frame"
@@ -279,7 +355,10 @@ def rendered_lookalikes(detector: CompactDetector, options: argparse.Namespace, 
 
 
 EVERYDAY = {
-    "skimage": ("data", ("astronaut", "chelsea", "coffee", "rocket", "motorcycle_left", "motorcycle_right")),
+    "skimage": (
+        "data",
+        ("astronaut", "chelsea", "coffee", "rocket", "motorcycle_left", "motorcycle_right"),
+    ),
     "sklearn": ("datasets/images", ("china", "flower")),
 }
 """Photographs in colour, without fruit, that come with scikit-image and scikit-learn."""
@@ -304,9 +383,15 @@ def pictures_of(folder: Path) -> list[Path]:
     return paths
 
 
-def empty_pictures(detector: CompactDetector, paths: list[Path], name: str, score: float, rows: Rows) -> str:
+def empty_pictures(
+    detector: CompactDetector, paths: list[Path], name: str, score: float, rows: Rows
+) -> str:
     """How often something is found where no fruit is, by working width."""
-    lines = [f"## {len(paths)} {name}", "", "| working width | finds at score | per picture | where |"]
+    lines = [
+        f"## {len(paths)} {name}",
+        "",
+        "| working width | finds at score | per picture | where |",
+    ]
     lines.append("|---|---|---|---|")
     for width in EMPTY_WIDTHS:
         searching = detector.looking(replace(detector.options, working_width=width))
@@ -332,7 +417,10 @@ def box_of(instance: Instance, fruit: FruitModel) -> tuple[float, float, float, 
     else:
         T = instance.T_camera_object
         points = fruit.vertices @ T[:3, :3].T + T[:3, 3]
-        pixels = points[:, :2] / points[:, 2:] * (ORCHARD_K[0, 0], ORCHARD_K[1, 1]) + (ORCHARD_K[0, 2], ORCHARD_K[1, 2])
+        pixels = points[:, :2] / points[:, 2:] * (ORCHARD_K[0, 0], ORCHARD_K[1, 1]) + (
+            ORCHARD_K[0, 2],
+            ORCHARD_K[1, 2],
+        )
         low, high = pixels.min(axis=0), pixels.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
 

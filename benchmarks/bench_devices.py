@@ -68,7 +68,9 @@ def sleep_lateness(seconds: float) -> None:
         time.sleep(0.002)
         late.append(time.monotonic() - due)
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
-    print(f"computer   load {load:.1f} per core; a sleep of 2 ms ends {percentile(late, 99):.2f} ms late (p99)")
+    print(
+        f"computer   load {load:.1f} per core; a sleep of 2 ms ends {percentile(late, 99):.2f} ms late (p99)"
+    )
 
 
 def fingers(seconds: float) -> None:
@@ -116,7 +118,9 @@ def round_trips(name: str, link: Link, count: int = 2000) -> None:
         session.ask(Observe(Command.WIDTH), Command.WIDTH, lambda reply: None, 1.0)
         took.append(time.perf_counter() - began)
     session.close()
-    print(f"gripper    {name}: round trip p50 {percentile(took, 50):.2f}, p99 {percentile(took, 99):.2f} ms")
+    print(
+        f"gripper    {name}: round trip p50 {percentile(took, 50):.2f}, p99 {percentile(took, 99):.2f} ms"
+    )
 
 
 def gripper() -> None:
@@ -157,7 +161,10 @@ def arm() -> None:
         driver.start()
         s = np.linspace(0.0, 1.0, 501)[:, None]
         change = np.full(7, 1.0)
-        q, qd = change * (10 * s**3 - 15 * s**4 + 6 * s**5), change * (30 * s**2 - 60 * s**3 + 30 * s**4) / 10.0
+        q, qd = (
+            change * (10 * s**3 - 15 * s**4 + 6 * s**5),
+            change * (30 * s**2 - 60 * s**3 + 30 * s**4) / 10.0,
+        )
         qdd = change * (60 * s - 180 * s**2 + 120 * s**3) / 100.0
         motion = driver.follow(Trajectory(s[:, 0] * 10.0, q, qd, qdd))
         stream = driver._stream

@@ -54,7 +54,9 @@ def judged(edits: int, seed: int) -> int:
             if not nodes(after) or not nodes(after)[0]["id"]:
                 break
             text = after
-    print(f"{made.total()} edits of {len(texts)} texts, {turned_down.total()} refused, {faults} faults")
+    print(
+        f"{made.total()} edits of {len(texts)} texts, {turned_down.total()} refused, {faults} faults"
+    )
     for kind, count in made.most_common():
         print(f"    {kind:<15}{count:>7} made {turned_down[kind]:>7} refused")
     return faults
@@ -86,8 +88,14 @@ def timed(count: int) -> float:
     times: dict[str, list[float]] = {"edit": [], "findings": [], "nodes": []}
     for number in range(2 * ROUNDS):
         node = rng.randrange(groups)
-        port = TreeEdit("set_port", node=f"root/{node}/0", word="pose", value=rng.choice(("home", "observe")))
-        edit = port if number % 2 else TreeEdit("move", node=f"root/{node}", into="root", index=rng.randrange(groups))
+        port = TreeEdit(
+            "set_port", node=f"root/{node}/0", word="pose", value=rng.choice(("home", "observe"))
+        )
+        edit = (
+            port
+            if number % 2
+            else TreeEdit("move", node=f"root/{node}", into="root", index=rng.randrange(groups))
+        )
         start = time.process_time()
         text = apply(text, edit)
         edited = time.process_time()
@@ -109,7 +117,9 @@ def timed(count: int) -> float:
 
 def main() -> int:
     """Print both parts; 1 when a goal is missed."""
-    parser = argparse.ArgumentParser(description="random edits, and the time from an edit to its findings")
+    parser = argparse.ArgumentParser(
+        description="random edits, and the time from an edit to its findings"
+    )
     parser.add_argument("--edits", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

@@ -72,7 +72,10 @@ def draw_tasks(count: int, seed: int = 7) -> tuple[list[Draw], int]:
             off_centre=rng.uniform(-0.003, 0.003),
         )
         acceleration, error = rng.uniform(0.5, 3.0), rng.choice([-0.15, 0.15])
-        if 1.1 * least_grasp_force(replace(fruit, mass=fruit.mass * (1.0 + acceleration / 9.81))) > MAX_FORCE:
+        if (
+            1.1 * least_grasp_force(replace(fruit, mass=fruit.mass * (1.0 + acceleration / 9.81)))
+            > MAX_FORCE
+        ):
             too_heavy += 1
             continue
         tasks.append(Draw(fruit, acceleration, error, len(tasks)))
@@ -123,14 +126,24 @@ def lift_all(
     ]
 
 
-def bump_all(tasks: Sequence[Draw], world: type, reserve: float = 0.0, foreseen: bool = False) -> list[TrialResult]:
+def bump_all(
+    tasks: Sequence[Draw], world: type, reserve: float = 0.0, foreseen: bool = False
+) -> list[TrialResult]:
     """Every task with a bump while it is held, friction known; with fingers that foresee it, or with the controller."""
     results = []
     for task in tasks:
-        settings = replace(settings_for(task, world, ForceLaw.SLIP_AVOIDANCE, False, 0.0), reserve=reserve)
-        lifting = Lifting(acceleration=task.acceleration, pull=BUMP, pull_rise=0.002, pull_time=BUMP_TIME)
-        watch = Foresight(1.1 * least_in_bump(task.fruit, world), settings.loop) if foreseen else None
-        results.append(run_trial(task.fruit, settings, lifting, NOISE, task.seed, world=world, watch=watch))
+        settings = replace(
+            settings_for(task, world, ForceLaw.SLIP_AVOIDANCE, False, 0.0), reserve=reserve
+        )
+        lifting = Lifting(
+            acceleration=task.acceleration, pull=BUMP, pull_rise=0.002, pull_time=BUMP_TIME
+        )
+        watch = (
+            Foresight(1.1 * least_in_bump(task.fruit, world), settings.loop) if foreseen else None
+        )
+        results.append(
+            run_trial(task.fruit, settings, lifting, NOISE, task.seed, world=world, watch=watch)
+        )
     return results
 
 
@@ -152,7 +165,9 @@ class Foresight:
         self._began = self._told = math.nan
         self._rate = 0.0
 
-    def __call__(self, t: float, controller: GripController, grasp: PatchGrasp | MujocoGrasp) -> None:
+    def __call__(
+        self, t: float, controller: GripController, grasp: PatchGrasp | MujocoGrasp
+    ) -> None:
         """See `run_trial`'s `watch`."""
         if math.isnan(self._began):
             self._began = t if grasp.pull[1] < 0.0 else math.nan
@@ -160,7 +175,9 @@ class Foresight:
         if not FORESEEN_AFTER <= t - self._began < 0.3:
             return
         if math.isnan(self._told) or t - self._told >= self._loop.command_period - 1e-9:
-            rate = (grasp.f_n - self._needed) / (self._loop.stiffness.linear * self._loop.command_period)
+            rate = (grasp.f_n - self._needed) / (
+                self._loop.stiffness.linear * self._loop.command_period
+            )
             self._rate, self._told = max(min(rate, 0.0), -self._loop.closing_speed), t
         grasp.command = self._rate
 
@@ -270,12 +287,23 @@ def plot(result: TrialResult, title: str, path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--lifts", type=int, default=200, help="random lifts of the controller in each contact model")
-    parser.add_argument("--plots", type=Path, help="leave a picture of every run of the controller here")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--lifts",
+        type=int,
+        default=200,
+        help="random lifts of the controller in each contact model",
+    )
+    parser.add_argument(
+        "--plots", type=Path, help="leave a picture of every run of the controller here"
+    )
     parser.add_argument("--picture", type=Path, help="draw one lift here, and nothing else")
     parser.add_argument("--world", choices=tuple(WORLDS), default="both", help="contact model")
-    parser.add_argument("--seed", type=int, default=7, help="of the draws; margins were found on those of 7")
+    parser.add_argument(
+        "--seed", type=int, default=7, help="of the draws; margins were found on those of 7"
+    )
     parser.add_argument("--ours", action="store_true", help="leave the baselines out")
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
     arguments = parser.parse_args()
@@ -285,7 +313,9 @@ def main() -> None:
     lifts = max(arguments.lifts // 10, 10) if arguments.quick else arguments.lifts
     steps = 10**5 if arguments.quick else 10**6
     tasks, too_heavy = draw_tasks(lifts, arguments.seed)
-    print(f"{lifts} random lifts, {too_heavy} drawn again because {MAX_FORCE:.0f} N would not bear them")
+    print(
+        f"{lifts} random lifts, {too_heavy} drawn again because {MAX_FORCE:.0f} N would not bear them"
+    )
     for world, model in WORLDS[arguments.world]:
         print(f"\n{model}\n{HEADER}")
         rows: list[str] = []
@@ -303,11 +333,17 @@ def main() -> None:
         tell(f"bump of {BUMP:.0f} N, {1e3 * BUMP_TIME:.0f} ms", bumped)
         expected = bump_all(tasks, world, reserve=BUMP)
         tell(f"the same, reserve {BUMP:.0f} N", expected)
-        print(about_bumps(tasks, bumped, expected, bump_all(tasks, world, foreseen=True), world), flush=True)
+        print(
+            about_bumps(tasks, bumped, expected, bump_all(tasks, world, foreseen=True), world),
+            flush=True,
+        )
         for baseline in () if arguments.ours else (ForceLaw.STATIC, ForceLaw.COULOMB):
             tell(f"{baseline.value} only, mu known", lift_all(tasks, world, baseline))
         for constant in () if arguments.ours else (5.0, 10.0, 20.0):
-            tell(f"constant {constant:.0f} N", lift_all(tasks, world, ForceLaw.CONSTANT, constant=constant))
+            tell(
+                f"constant {constant:.0f} N",
+                lift_all(tasks, world, ForceLaw.CONSTANT, constant=constant),
+            )
         for reserve in (0.0, 2.0):
             pulled = lift_all(tasks[: lifts // 2], world, law, pull=2.0, reserve=reserve)
             slip = [1e3 * r.pull_slip for r in pulled if r.grasped]

@@ -37,14 +37,23 @@ def _listen(port: int, topic: str, ready: Any, stop: Any, out: Any) -> None:
     import zenoh
 
     config = zenoh.Config()
-    settings = {"mode": '"peer"', "connect/endpoints": f'["tcp/127.0.0.1:{port}"]', "listen/endpoints": "[]"}
+    settings = {
+        "mode": '"peer"',
+        "connect/endpoints": f'["tcp/127.0.0.1:{port}"]',
+        "listen/endpoints": "[]",
+    }
     for key, value in {**settings, "scouting/multicast/enabled": "false"}.items():
         config.insert_json5(key, value)
     late: list[tuple[int, float]] = []
 
     def take(sample: Any) -> None:
         now, attachment = time.time(), sample.attachment.to_bytes()
-        late.append((int.from_bytes(attachment[:8], "little"), now - int.from_bytes(attachment[8:16], "little") / 1e9))
+        late.append(
+            (
+                int.from_bytes(attachment[:8], "little"),
+                now - int.from_bytes(attachment[8:16], "little") / 1e9,
+            )
+        )
 
     with zenoh.open(config) as session:
         subscriber = session.declare_subscriber(f"0/{topic}", take)
@@ -60,7 +69,9 @@ class Listener:
     def __init__(self, topic: str) -> None:
         context = multiprocessing.get_context("spawn")
         ready, self._stop, self._out = context.Event(), context.Event(), context.Queue()
-        self._process = context.Process(target=_listen, args=(PORT, topic, ready, self._stop, self._out))
+        self._process = context.Process(
+            target=_listen, args=(PORT, topic, ready, self._stop, self._out)
+        )
         self._process.start()
         ready.wait(60.0)
         time.sleep(1.0)
@@ -140,9 +151,13 @@ def bench_tick(folder: Path) -> None:
     listener.end()
     for client in clients:
         client.join()
-    p99 = {name: np.percentile(np.concatenate(periods), 99) * 1e3 for name, periods in found.items()}
+    p99 = {
+        name: np.percentile(np.concatenate(periods), 99) * 1e3 for name, periods in found.items()
+    }
     alone, watched = p99.values()
-    print(f"tick p99: {alone:.2f} ms alone, {watched:.2f} ms watched by {len(sinks)} kinds: {watched / alone - 1:+.1%}")
+    print(
+        f"tick p99: {alone:.2f} ms alone, {watched:.2f} ms watched by {len(sinks)} kinds: {watched / alone - 1:+.1%}"
+    )
     print(f"events left out: {live.dropped}")
 
 
@@ -160,7 +175,13 @@ def look(t: float, tick: int, number: int) -> Published:
     image = np.full((480, 640, 3), number % 250, np.uint8)
     image[::7, ::5] = 255 - number % 250
     depth = np.full((480, 640), 0.5 + 0.001 * (number % 100), np.float32)
-    return Published(t, tick, "a", "look", ImageView(image, depth=depth, pinhole=Pinhole(610.0, 610.0, 320.0, 240.0)))
+    return Published(
+        t,
+        tick,
+        "a",
+        "look",
+        ImageView(image, depth=depth, pinhole=Pinhole(610.0, 610.0, 320.0, 240.0)),
+    )
 
 
 def bench_image() -> None:
@@ -172,7 +193,9 @@ def bench_image() -> None:
     work = time.process_time()
     for number in range(IMAGES):
         now = time.time()
-        live.on_event(RunStarted(**{**_fields(started(1)), "wall_time": now}))  # its stamp is when it was published
+        live.on_event(
+            RunStarted(**{**_fields(started(1)), "wall_time": now})
+        )  # its stamp is when it was published
         live.on_event(look(0.0, number, number))
         time.sleep(0.1)
     work = time.process_time() - work
@@ -206,7 +229,9 @@ def bench_joints() -> None:
     numbers = [number for number, _late in listener.end()]
     live.close()
     in_order = numbers == sorted(numbers)
-    print(f"joint states at {RATE} Hz for {MINUTE:.0f} s: {len(set(numbers))} of {sent} arrived, in order: {in_order}")
+    print(
+        f"joint states at {RATE} Hz for {MINUTE:.0f} s: {len(set(numbers))} of {sent} arrived, in order: {in_order}"
+    )
 
 
 def bench_export(folder: Path) -> None:
@@ -220,7 +245,9 @@ def bench_export(folder: Path) -> None:
     while t < HALF_HOUR:
         t, tick = t + 0.1, tick + 5
         recorder.read(t, tick, readings(t))
-        recorder.on_event(NodeChanged(t, tick, f"root/{1 + tick // 5 % 10}", "RUNNING", f"{t:.1f}", 1))
+        recorder.on_event(
+            NodeChanged(t, tick, f"root/{1 + tick // 5 % 10}", "RUNNING", f"{t:.1f}", 1)
+        )
         if tick % 500 == 0:
             recorder.on_event(look(t, tick, tick))
     recorder.on_event(RunEnded(t, tick, "success", None, tick, t, t, None))
@@ -237,7 +264,9 @@ def bench_export(folder: Path) -> None:
         begin, wall = time.process_time(), time.perf_counter()
         export_lerobot([folder / "long"], folder / "dataset", 10)
         cost, wall = time.process_time() - begin, time.perf_counter() - wall
-        print(f"the same as a dataset: {wall:.0f} s, {HALF_HOUR / wall:.0f} x real time ({cost:.0f} s of work)")
+        print(
+            f"the same as a dataset: {wall:.0f} s, {HALF_HOUR / wall:.0f} x real time ({cost:.0f} s of work)"
+        )
 
 
 def main(parts: list[str]) -> None:

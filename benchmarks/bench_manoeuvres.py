@@ -25,7 +25,15 @@ from pomona.applications.crates.hook import Hook
 from pomona.applications.crates.insert import Insert
 from pomona.applications.crates.sample_hook import SampleHook
 from pomona.applications.crates.sample_insert import SampleInsert
-from pomona.drivers.interfaces import Arm, ForceSensor, Frame, Gripper, Intrinsics, LoadSensor, Workspace
+from pomona.drivers.interfaces import (
+    Arm,
+    ForceSensor,
+    Frame,
+    Gripper,
+    Intrinsics,
+    LoadSensor,
+    Workspace,
+)
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.errors import DeviceError
@@ -63,7 +71,8 @@ class ManoeuvreTrial:
         )
         self.world = next(each for each in self.cell.devices.values() if isinstance(each, SimWorld))
         self.devices: dict[type, Any] = {
-            kind: self.cell.device(kind) for kind in (Arm, Gripper, ForceSensor, LoadSensor, Workspace)
+            kind: self.cell.device(kind)
+            for kind in (Arm, Gripper, ForceSensor, LoadSensor, Workspace)
         }
         self.robot = RobotModel.load(self.devices[Arm].description)
         self._rng = np.random.default_rng([seed, 11])
@@ -78,10 +87,14 @@ class ManoeuvreTrial:
         radii = [float(each.dimensions[0]) / 2.0 for each in fruits]
         side = self._rng.choice([-1.0, 1.0])
         wall = side * (made.inside[1] - radii[0])
-        spots = {"corner": [(self._rng.choice([-1.0, 1.0]) * (made.inside[0] - radii[0]), wall)]}.get(
-            kind, [(self._rng.uniform(-0.04, 0.04), wall if kind == "between" else 0.0)]
-        )
-        pulls = [np.sign([spots[0][0], side]) if kind == "corner" else np.array([0.0, side * (kind == "between")])]
+        spots = {
+            "corner": [(self._rng.choice([-1.0, 1.0]) * (made.inside[0] - radii[0]), wall)]
+        }.get(kind, [(self._rng.uniform(-0.04, 0.04), wall if kind == "between" else 0.0)])
+        pulls = [
+            np.sign([spots[0][0], side])
+            if kind == "corner"
+            else np.array([0.0, side * (kind == "between")])
+        ]
         beside = ([1.0, 0.0], [-1.0, 0.0], [0.6, -0.8 * side])
         for k, way in zip(range(1, len(fruits)), map(np.array, beside), strict=False):
             spots.append(tuple(np.add(spots[0], np.multiply(way, radii[0] + radii[k] + 1e-3))))
@@ -90,7 +103,9 @@ class ManoeuvreTrial:
         for body, spot, fruit in zip(bodies, spots, fruits, strict=True):
             address = world.model.jnt_qposadr[world.model.body_jntadr[body]]
             z = fruit.dimensions[1] / 2.0 + 0.003
-            world.state.qpos[address : address + 3] = made.T_base_floor[:3, :3] @ [*spot, z] + made.T_base_floor[:3, 3]
+            world.state.qpos[address : address + 3] = (
+                made.T_base_floor[:3, :3] @ [*spot, z] + made.T_base_floor[:3, 3]
+            )
         gravity = float(np.linalg.norm(world.model.opt.gravity))
         for body, pull in zip(bodies, pulls, strict=True):
             way = made.T_base_floor[:3, :2] @ pull
@@ -134,7 +149,15 @@ class ManoeuvreTrial:
 
 
 def _as_measured(T_base_fruit: Float64, dimensions: Float64, now: float) -> MeasuredFruit:
-    frame = Frame(now, 0, np.zeros((2, 2, 3), np.uint8), None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), None, np.eye(4))
+    frame = Frame(
+        now,
+        0,
+        np.zeros((2, 2, 3), np.uint8),
+        None,
+        Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2),
+        None,
+        np.eye(4),
+    )
     return MeasuredFruit(
         fruit=load_fruit("apple"), T_base_fruit=T_base_fruit, T_base_camera=np.eye(4), dimensions=dimensions, mu=1.0,
         sigma=0.0, covariance=np.eye(6) * 1e-6, inlier_ratio=1.0, residual=0.0, contour=np.empty((0, 2)), frame=frame,
@@ -166,7 +189,9 @@ def run(kind: str, seed: int) -> dict[str, Any]:
             else:
                 figures |= dict(ended.reason.data)
         truth = trial.world.truth()
-        done = figures.get("room_after_m", 0.0) > 0.0016 if kind == "corner" else bool(truth["lifted"])
+        done = (
+            figures.get("room_after_m", 0.0) > 0.0016 if kind == "corner" else bool(truth["lifted"])
+        )
         return {
             "kind": kind, "seed": seed, "done": done and ended.reason is None, "room_before_m": before,
             "reason": "" if ended.reason is None else f"{ended.reason.code}: {ended.reason.message}",
@@ -185,15 +210,23 @@ def run(kind: str, seed: int) -> dict[str, Any]:
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the figures of each kind as text."""
-    lines = ["kind      done of  share, 95 % interval  free before  bruised  largest press  s (median)"]
+    lines = [
+        "kind      done of  share, 95 % interval  free before  bruised  largest press  s (median)"
+    ]
     for kind in KINDS:
         own = [row for row in rows if row["kind"] == kind]
         if not own:
             continue
         part = sum(row["done"] for row in own)
         low, high = wilson(part, len(own))
-        free, bruised = sum(row["room_before_m"] > 0.0016 for row in own), sum(row["bruised"] for row in own)
-        press, pace = max(row["largest_press"] for row in own), np.median([row["time_s"] for row in own])
+        free, bruised = (
+            sum(row["room_before_m"] > 0.0016 for row in own),
+            sum(row["bruised"] for row in own),
+        )
+        press, pace = (
+            max(row["largest_press"] for row in own),
+            np.median([row["time_s"] for row in own]),
+        )
         lines.append(
             f"{kind:8} {part:5} {len(own):2}  {part / len(own):4.0%} {low:5.0%} to {high:4.0%}  {free:11} {bruised:8} "
             f"{press:14.2f} {pace:11.1f}"
@@ -203,16 +236,24 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def main() -> None:
     """Run the scenes and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kinds", default=",".join(KINDS), help=f"of {', '.join(KINDS)}")
     parser.add_argument(
-        "--seeds", default="1..20", help="first and last seed; seeds from 301 to 320 were used for tuning"
+        "--seeds",
+        default="1..20",
+        help="first and last seed; seeds from 301 to 320 were used for tuning",
     )
     parser.add_argument("--out", type=Path, default=Path("runs/bench_manoeuvres.jsonl"))
     said = parser.parse_args()
     first, last = (int(number) for number in said.seeds.split(".."))
     said.out.parent.mkdir(parents=True, exist_ok=True)
-    rows = [json.loads(line) for line in said.out.read_text("utf-8").splitlines()] if said.out.is_file() else []
+    rows = (
+        [json.loads(line) for line in said.out.read_text("utf-8").splitlines()]
+        if said.out.is_file()
+        else []
+    )
     known = {(row["kind"], row["seed"]) for row in rows}
     for seed in range(first, last + 1):
         for kind in said.kinds.split(","):

@@ -55,7 +55,9 @@ class BeltOutcomes:
 
     outcomes: Counter[str] = field(default_factory=Counter)
     slip: list[float] = field(default_factory=list)  # [mm]
-    time: list[float] = field(default_factory=list)  # from setting off to a fruit that is held at rest [s]
+    time: list[float] = field(
+        default_factory=list
+    )  # from setting off to a fruit that is held at rest [s]
     peak: list[float] = field(default_factory=list)  # of one pad [N]
     collisions: int = 0
 
@@ -73,10 +75,14 @@ class BeltOutcomes:
         """One line of the table."""
         picked, accepted = self.outcomes["picked"], self.accepted
         low, high = wilson(picked, accepted) if accepted else (0.0, 1.0)
-        slip = f"{np.median(self.slip):.2f} / {np.percentile(self.slip, 95):.2f}" if self.slip else "-"
+        slip = (
+            f"{np.median(self.slip):.2f} / {np.percentile(self.slip, 95):.2f}" if self.slip else "-"
+        )
         force = f"{np.median(self.peak):.1f}" if self.peak else "-"
         took = f"{np.median(self.time):.1f}" if self.time else "-"
-        others = ", ".join(f"{count} {code}" for code, count in self.outcomes.most_common() if code != "picked")
+        others = ", ".join(
+            f"{count} {code}" for code, count in self.outcomes.most_common() if code != "picked"
+        )
         return (
             f"{speed:4.2f} m/s  picked {picked} of {accepted} accepted ({100 * low:.0f} to {100 * high:.0f} %) "
             f"of {self.reachable} reachable  "
@@ -87,10 +93,26 @@ class BeltOutcomes:
 class Bench:
     """One cell with a running belt."""
 
-    def __init__(self, cell: str, speed: float, seed: int, settings: Mapping[str, str], watch: str = "watch") -> None:
-        self.cell: Cell = load_cell(find_cell(cell), seed=seed, overrides={"belt": f"{speed} m/s", **settings})
-        wanted = (Arm, StreamedArm, Gripper, ForceSensor, Camera, Cameras, Workspace, Conveyor, Carrier)
-        self.devices: dict[type, object] = {interface: self.cell.device(interface) for interface in wanted}
+    def __init__(
+        self, cell: str, speed: float, seed: int, settings: Mapping[str, str], watch: str = "watch"
+    ) -> None:
+        self.cell: Cell = load_cell(
+            find_cell(cell), seed=seed, overrides={"belt": f"{speed} m/s", **settings}
+        )
+        wanted = (
+            Arm,
+            StreamedArm,
+            Gripper,
+            ForceSensor,
+            Camera,
+            Cameras,
+            Workspace,
+            Conveyor,
+            Carrier,
+        )
+        self.devices: dict[type, object] = {
+            interface: self.cell.device(interface) for interface in wanted
+        }
         world = self.cell.devices["world"]
         assert isinstance(world, ConveyorWorld)
         self.world = world
@@ -114,7 +136,9 @@ class Bench:
             self.set_off = self.cell.clock.now() if self.set_off is None else self.set_off
 
         self.set_off = None
-        return drive(skill, inputs, self.devices, clock=self.cell.clock, period=TICK, each_tick=tick)
+        return drive(
+            skill, inputs, self.devices, clock=self.cell.clock, period=TICK, each_tick=tick
+        )
 
     def one(self, tried: BeltOutcomes) -> str:
         """Try the next fruit, and make room for another one; returns the outcome."""
@@ -126,8 +150,13 @@ class Bench:
         end = self.drive(Intercept(), target=target, tracks=self.tracks)
         lifted = [fate for fate in self.world.score.fates if fate.lifted and not fate.ending]
         if end.reason is not None:
-            print(f"    {target.sentence}, chosen at {target.place[0]:+.2f} m: {end.reason.message}", flush=True)
-        outcome = end.reason.code if end.reason is not None else "picked" if lifted else "NOT_LIFTED"
+            print(
+                f"    {target.sentence}, chosen at {target.place[0]:+.2f} m: {end.reason.message}",
+                flush=True,
+            )
+        outcome = (
+            end.reason.code if end.reason is not None else "picked" if lifted else "NOT_LIFTED"
+        )
         at_first = target.place[0] - target.speed * waited.duration
         outcome = PASSED if outcome in BEFORE and at_first > END - LEAD * target.speed else outcome
         if outcome == "picked" and self.set_off is not None:
@@ -160,7 +189,12 @@ class Bench:
 
 
 def run(
-    cell: str, speed: float, count: int, seed: int, settings: Mapping[str, str], watch: str = "watch"
+    cell: str,
+    speed: float,
+    count: int,
+    seed: int,
+    settings: Mapping[str, str],
+    watch: str = "watch",
 ) -> BeltOutcomes:
     """Try `count` reachable fruit, and those of the last cell, at a speed [m/s]."""
     tried, number = BeltOutcomes(), 0
@@ -183,17 +217,26 @@ def run(
 
 def main() -> None:
     """Print a line for each speed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--speeds", type=float, nargs="+", default=[0.15, 0.3])
     parser.add_argument("--count", type=int, default=200, help="fruit at each speed")
     parser.add_argument("--seed", type=int, default=1000, help="of the first cell")
     parser.add_argument("--cell", default="conveyor", help="cell file with a conveyor")
-    parser.add_argument("--watch", default="watch", help="pose that the arm watches from: watch_2 from 0.45 m/s on")
+    parser.add_argument(
+        "--watch", default="watch", help="pose that the arm watches from: watch_2 from 0.45 m/s on"
+    )
     parser.add_argument("--set", nargs="*", default=[], help="options of the cell: fruit=apple_4")
     options = parser.parse_args()
     settings = dict(each.split("=", 1) for each in options.set)
     for each in options.speeds:
-        print(run(options.cell, each, options.count, options.seed, settings, options.watch).line(each), flush=True)
+        print(
+            run(options.cell, each, options.count, options.seed, settings, options.watch).line(
+                each
+            ),
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -26,7 +26,9 @@ APPLES, PLACES = 5, (3, 2, 1, 4, 5)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table; return 1 when an arm could not be used."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("urdfs", nargs="+", metavar="URDF[:LINK]")
     parser.add_argument("--picks", type=int, default=5)
     parser.add_argument("--hand", default="wsg32")
@@ -43,7 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{name:24} not usable: {why}", flush=True)
             usable = False
             continue
-        results = [pick(cell, number, options.out / f"{name}_{number}.json") for number in range(options.picks)]
+        results = [
+            pick(cell, number, options.out / f"{name}_{number}.json")
+            for number in range(options.picks)
+        ]
         lifted = sum(result == "lifted" for result in results)
         others = ", ".join(sorted({result for result in results if result != "lifted"}))
         print(f"{name:24} {lifted} of {len(results)} lifted  {others}", flush=True)
@@ -55,7 +60,9 @@ def own_cell(urdf: Path, flange: str, hand: str, into: Path) -> tuple[Path | Non
     found = next(iter(into.rglob("cell.yaml")), None) if into.is_dir() else None
     if found is None:
         link = ["--flange", flange] if flange else []
-        status, said = silently(["new", "arm", str(urdf), "--hand", hand, "--into", str(into), *link])
+        status, said = silently(
+            ["new", "arm", str(urdf), "--hand", hand, "--into", str(into), *link]
+        )
         if status:
             return None, " ".join(said.split())[:300]
         found = next(iter(into.rglob("cell.yaml")), None)
@@ -73,13 +80,27 @@ def silently(words: Sequence[str]) -> tuple[int, str]:
 def pick(cell: Path, number: int, into: Path) -> str:
     """Return "lifted", or the code of the failure, of one pick; the seed is its number."""
     if not into.is_file():
-        fruit, place = f"fruit=apple_{number % APPLES + 1}", f"place={PLACES[number // APPLES % len(PLACES)]}"
-        words = ["run", "pick_apple", "--cell", str(cell), "--seed", str(number), "--no-record", "--json"]
+        fruit, place = (
+            f"fruit=apple_{number % APPLES + 1}",
+            f"place={PLACES[number // APPLES % len(PLACES)]}",
+        )
+        words = [
+            "run",
+            "pick_apple",
+            "--cell",
+            str(cell),
+            "--seed",
+            str(number),
+            "--no-record",
+            "--json",
+        ]
         began = time.monotonic()
         status, printed = silently([*words, "--set", fruit, "--set", place])
         lines = [line for line in printed.splitlines() if line.startswith("{")]
         last = json.loads(lines[-1]) if lines else {"error": printed.strip()[-300:]}
-        into.write_text(json.dumps({"rc": status, "wall_s": time.monotonic() - began, "last": last}) + "\n")
+        into.write_text(
+            json.dumps({"rc": status, "wall_s": time.monotonic() - began, "last": last}) + "\n"
+        )
     kept = json.loads(into.read_text("utf-8"))
     if kept["rc"] == 0:
         return "lifted"

@@ -45,19 +45,32 @@ LARGE = (3000, 4000)  # height and width of the picture for time and memory [px]
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("data", type=Path, help="folder of photographs")
-    parser.add_argument("--most", type=int, default=50, help="pictures of each folder, evenly chosen; 0: all (50)")
-    parser.add_argument("--table", type=Path, action="append", default=[], help="pictures of one kind each; repeat it")
+    parser.add_argument(
+        "--most", type=int, default=50, help="pictures of each folder, evenly chosen; 0: all (50)"
+    )
+    parser.add_argument(
+        "--table",
+        type=Path,
+        action="append",
+        default=[],
+        help="pictures of one kind each; repeat it",
+    )
     options = parser.parse_args()
     weights = load_fruit("apple").photo_weights
     assert weights is not None
     detector = CompactDetector.load(weights)
     ways = photo_options(BEFORE), photo_options(None), photo_options(None, "apple")
     searches = [detector.looking(way) for way in ways]
-    print(f"Score ≥ {SCORE:g}, IoU 0.5, 95 % intervals from groups drawn again. {processor_name()}\n")
     print(
-        "| pictures | figure | one width, 1280 px | several widths | and the kind |\n|---|---|---|---|---|", flush=True
+        f"Score ≥ {SCORE:g}, IoU 0.5, 95 % intervals from groups drawn again. {processor_name()}\n"
+    )
+    print(
+        "| pictures | figure | one width, 1280 px | several widths | and the kind |\n|---|---|---|---|---|",
+        flush=True,
     )
     folders = sorted({path.parent for path in options.data.rglob("images.csv")})
     for folder in folders:
@@ -65,10 +78,17 @@ def main() -> None:
             print(line, flush=True)
     for table in options.table:
         pictures = [picture for picture in read_kind_table(table, KINDS) if picture.split == "test"]
-        for title, right in (("apples", True), ("other fruit", False), ("no fruit of these kinds", None)):
+        for title, right in (
+            ("apples", True),
+            ("other fruit", False),
+            ("no fruit of these kinds", None),
+        ):
             some = [p for p in pictures if (None if p.kind == NONE else p.kind == "apple") is right]
             if some:
-                print(counted(searches, f"{table.stem}: {title}", [picture.path for picture in some]), flush=True)
+                print(
+                    counted(searches, f"{table.stem}: {title}", [picture.path for picture in some]),
+                    flush=True,
+                )
     if folders:
         for line in large(read_photographs(folders[0]).val):
             print(line, flush=True)
@@ -80,7 +100,9 @@ def chosen(photographs: Sequence[Photograph], most: int) -> list[Photograph]:
     return [photographs[int(k)] for k in np.linspace(0, len(photographs) - 1, count).round()]
 
 
-def labelled(searches: Sequence[CompactDetector], folder: Path, photographs: Sequence[Photograph]) -> list[str]:
+def labelled(
+    searches: Sequence[CompactDetector], folder: Path, photographs: Sequence[Photograph]
+) -> list[str]:
     """Rows of a folder with labels."""
     judged: list[list[JudgedPicture]] = []
     for search in searches:
@@ -88,7 +110,9 @@ def labelled(searches: Sequence[CompactDetector], folder: Path, photographs: Seq
         with progress(f"looking at {folder.name}") as looked:
             for number, photo in enumerate(photographs):
                 fruit = find_fruit(search, photo.picture())
-                boxes = np.array([one.outline(photo.width, photo.height) for one in fruit]).reshape(-1, 4)
+                boxes = np.array([one.outline(photo.width, photo.height) for one in fruit]).reshape(
+                    -1, 4
+                )
                 scores = np.array([one.score for one in fruit])
                 pictures.append(judge(boxes, scores, photo.boxes, photo.group or photo.name))
                 looked(number + 1, len(photographs))
@@ -101,10 +125,15 @@ def labelled(searches: Sequence[CompactDetector], folder: Path, photographs: Seq
         ("recall at precision 0.90", lambda drawn: box_figures(drawn).recall),
         ("AP50", lambda drawn: box_figures(drawn).ap50),
     ]
-    return [f"| {name} | {title} | {' | '.join(with_interval(p, of) for p in judged)} |" for title, of in figures]
+    return [
+        f"| {name} | {title} | {' | '.join(with_interval(p, of) for p in judged)} |"
+        for title, of in figures
+    ]
 
 
-def with_interval(pictures: Sequence[JudgedPicture], figure: Callable[[Sequence[JudgedPicture]], float]) -> str:
+def with_interval(
+    pictures: Sequence[JudgedPicture], figure: Callable[[Sequence[JudgedPicture]], float]
+) -> str:
     """Figure of pictures with its interval."""
     ((low, high),) = intervals(pictures, lambda drawn: [figure(drawn)])
     return f"{figure(pictures):.3f} ({low:.3f}–{high:.3f})"
@@ -118,7 +147,9 @@ def counted(searches: Sequence[CompactDetector], name: str, paths: Sequence[Path
         found = (find_fruit(search, read_picture(path)) for path in paths)
         counts = np.array([sum(one.score >= SCORE for one in fruit) for fruit in found])
         low, high = np.quantile(counts[drawn].mean(axis=1), (0.025, 0.975))
-        cells.append(f"{counts.mean():.2f} ({low:.2f}–{high:.2f}), in {(counts > 0).sum()} of {len(counts)}")
+        cells.append(
+            f"{counts.mean():.2f} ({low:.2f}–{high:.2f}), in {(counts > 0).sum()} of {len(counts)}"
+        )
     return f"| {name}, {len(paths)} pictures | finds per picture | {' | '.join(cells)} |"
 
 
@@ -131,7 +162,15 @@ def large(photographs: Sequence[Photograph]) -> list[str]:
         write_picture(path, mosaic(photographs)[..., ::-1])
         for width in ((f"--width={BEFORE}",), ()):
             out = f"--out={folder}/{len(seconds)}"
-            command = [sys.executable, "-m", "pomona.executive.cli", "detect", str(path), out, *width]
+            command = [
+                sys.executable,
+                "-m",
+                "pomona.executive.cli",
+                "detect",
+                str(path),
+                out,
+                *width,
+            ]
             process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
@@ -153,7 +192,11 @@ def mosaic(photographs: Sequence[Photograph]) -> UInt8:
     """Picture of `LARGE`, BGR, from photographs side by side."""
     height, width = LARGE
     picture = np.zeros((height, width, 3), np.uint8)
-    places = [(y, x) for y in range(0, height, photographs[0].height) for x in range(0, width, photographs[0].width)]
+    places = [
+        (y, x)
+        for y in range(0, height, photographs[0].height)
+        for x in range(0, width, photographs[0].width)
+    ]
     for number, (y, x) in enumerate(places):
         part = photographs[number % len(photographs)].picture()[: height - y, : width - x, ::-1]
         picture[y : y + part.shape[0], x : x + part.shape[1]] = part

@@ -20,7 +20,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.planning_oracle import PlanningOracle
-from benchmarks.planning_scenes import OBSERVE, PEDESTAL, TABLE_Z, WORKSPACE, PlanningScene, random_scene, table_look
+from benchmarks.planning_scenes import (
+    OBSERVE,
+    PEDESTAL,
+    TABLE_Z,
+    WORKSPACE,
+    PlanningScene,
+    random_scene,
+    table_look,
+)
 from pomona.drivers.interfaces import ArmLimits
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64
@@ -71,9 +79,13 @@ def clock() -> float:
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=int, default=200)
-    parser.add_argument("--paper", type=int, default=25, help="scenes on which the paper's way is run too")
+    parser.add_argument(
+        "--paper", type=int, default=25, help="scenes on which the paper's way is run too"
+    )
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")
     parser.add_argument("--robot", default="trees/robots/sia5f_wsg32.xml")
     chosen = parser.parse_args()
@@ -90,7 +102,9 @@ def main() -> None:
     time_map()
 
 
-def one_scene(robot: RobotModel, limits: ArmLimits, seed: int, paper: int, tally: SceneTally) -> None:
+def one_scene(
+    robot: RobotModel, limits: ArmLimits, seed: int, paper: int, tally: SceneTally
+) -> None:
     """Plan in one scene, ask the oracle, and run the paper's way in the first `paper` scenes."""
     obstructed = seed % 3 == 2
     scene = random_scene(seed, obstructed)
@@ -107,7 +121,9 @@ def one_scene(robot: RobotModel, limits: ArmLimits, seed: int, paper: int, tally
     if possible and len(tally.paper) < paper:
         tally.paper.append((run, paper_way(robot, limits, scene, q_start, seed)))
     if possible and not run.solved:
-        print(f"scene {seed}: not solved ({len(scene.fruits)} other fruits, {len(scene.boxes)} boxes)")
+        print(
+            f"scene {seed}: not solved ({len(scene.fruits)} other fruits, {len(scene.boxes)} boxes)"
+        )
     tally.scenes, tally.obstructed = tally.scenes + 1, tally.obstructed + obstructed
     if possible:
         tally.ours.append(run)
@@ -137,7 +153,9 @@ def low_posture(robot: RobotModel, scene: PlanningScene, seed: int) -> Float64:
 def exhaustive(robot: RobotModel, scene: PlanningScene) -> bool:
     """Whether any grasp of a fine sphere can be approached with any of very many joint solutions."""
     sphere = Sphere(tilts=10, turns=36)
-    grasps, _ = sample_pre_grasps(scene.target, robot, scene.space(robot), OBSERVE, TABLE_Z, sphere, EXHAUSTIVE)
+    grasps, _ = sample_pre_grasps(
+        scene.target, robot, scene.space(robot), OBSERVE, TABLE_Z, sphere, EXHAUSTIVE
+    )
     return bool(grasps)
 
 
@@ -164,18 +182,30 @@ def set_based(
         return PlannedScene(False, clock() - began), None, None
     total = clock() - began
     first = sampled + (total - sampled) * found.first_path_s / found.total_s
-    run = PlannedScene(True, first, found.length, found.path.duration, total, found.found_by, len(goals))
+    run = PlannedScene(
+        True, first, found.length, found.path.duration, total, found.found_by, len(goals)
+    )
     return run, found, goals[found.goal][0]
 
 
-def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_start: Float64, seed: int) -> PlannedScene:
+def paper_way(
+    robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_start: Float64, seed: int
+) -> PlannedScene:
     """The paper's way: one candidate after the other, RRT* to its one goal for a second."""
     space = scene.space(robot)
     began = clock()
     grasps, _ = sample_pre_grasps(scene.target, robot, space, q_start, TABLE_Z, rules=PAPER)
     for attempt, grasp in enumerate(grasps[:PAPER_ATTEMPTS]):
         request = PlanRequest(
-            space, q_start, grasp.q_pre_grasp[:1], limits, "RRTstar", "", 1.0, seed + attempt, direct=False
+            space,
+            q_start,
+            grasp.q_pre_grasp[:1],
+            limits,
+            "RRTstar",
+            "",
+            1.0,
+            seed + attempt,
+            direct=False,
         )
         try:
             found = plan(request)
@@ -188,7 +218,9 @@ def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_star
     return PlannedScene(False, clock() - began)
 
 
-def oracle_contacts(robot: RobotModel, scene: PlanningScene, found: PlanResult, grasp: Grasp) -> tuple[int, int]:
+def oracle_contacts(
+    robot: RobotModel, scene: PlanningScene, found: PlanResult, grasp: Grasp
+) -> tuple[int, int]:
     """States of the path and the approach in which MuJoCo finds a contact, and how many were looked at."""
     oracle = PlanningOracle(robot, TABLE_Z, (PEDESTAL, *scene.boxes), scene.fruits)
     line = straight_line(robot, found.path.q[-1], grasp.T_base_grasp).q

@@ -35,13 +35,22 @@ class PlannedProblem:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run and print."""
-    planning = argparse.ArgumentParser(description="Motion planning on folders of MotionBenchMaker.")
-    planning.add_argument("--problems", type=Path, required=True, help="folder with scenes and requests")
-    planning.add_argument("--robot", type=Path, required=True, help="URDF or MJCF with collision spheres or shapes")
+    planning = argparse.ArgumentParser(
+        description="Motion planning on folders of MotionBenchMaker."
+    )
+    planning.add_argument(
+        "--problems", type=Path, required=True, help="folder with scenes and requests"
+    )
+    planning.add_argument(
+        "--robot", type=Path, required=True, help="URDF or MJCF with collision spheres or shapes"
+    )
     planning.add_argument("--tool", default="tool0", help="frame at the end of the planned joints")
     planning.add_argument("--planner", default="RRTConnect", choices=tuple(PLANNERS))
     planning.add_argument(
-        "--budget", type=Measure(TIME, "1 ms").option, default=10.0, help="of a problem on an unloaded core (10s)"
+        "--budget",
+        type=Measure(TIME, "1 ms").option,
+        default=10.0,
+        help="of a problem on an unloaded core (10s)",
     )
     planning.add_argument("--limit", type=int, default=0, help="problems of each set, 0 for all")
     planning.add_argument("--seed", type=int, default=0)
@@ -57,14 +66,21 @@ def _run_and_print(options: argparse.Namespace) -> None:
     robot = RobotModel.load(options.robot, tool=options.tool, tcp=options.tool)
     everything: list[PlannedProblem] = []
     for folder in problem_sets(options.problems):
-        attempts = run_set(read_problems(folder, robot, options.limit), options.planner, options.budget, options.seed)
+        attempts = run_set(
+            read_problems(folder, robot, options.limit),
+            options.planner,
+            options.budget,
+            options.seed,
+        )
         everything += attempts
         sys.stdout.write(f"{folder.name:32} {summary(attempts)}\n")
         sys.stdout.flush()
     sys.stdout.write(f"{'all':32} {summary(everything)}\n")
 
 
-def run_set(problems: Iterable[PlanningProblem], planner: str, budget: float, seed: int) -> list[PlannedProblem]:
+def run_set(
+    problems: Iterable[PlanningProblem], planner: str, budget: float, seed: int
+) -> list[PlannedProblem]:
     """Plan every problem once; times are processor time of planning alone, without shortcuts."""
     return [_attempt(problem, planner, budget, seed) for problem in problems]
 
@@ -84,7 +100,9 @@ def _attempt(problem: PlanningProblem, planner: str, budget: float, seed: int) -
             return PlannedProblem(True, time.process_time() - began, np.nan)
         waypoints = found.waypoints
     seconds = time.process_time() - began
-    return PlannedProblem(True, seconds, path_length(shortcut(space, waypoints, np.random.default_rng(seed))))
+    return PlannedProblem(
+        True, seconds, path_length(shortcut(space, waypoints, np.random.default_rng(seed)))
+    )
 
 
 def summary(attempts: list[PlannedProblem]) -> str:

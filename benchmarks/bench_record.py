@@ -31,7 +31,9 @@ Times = tuple[float, float, float]
 
 def one(seed: int, record: Path | None, real_time: bool = False) -> tuple[Times, Path | None]:
     """Wall and processor time of one pick, wall time of everything [s], and its record."""
-    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, record=record, real_time=real_time)
+    order = RunOrder(
+        find_tree("pick_apple"), find_cell("sim"), seed, record=record, real_time=real_time
+    )
     processor: list[float] = []
 
     def note(event: Event) -> None:
@@ -69,7 +71,9 @@ def compare(pairs: int, folder: Path, real_time: bool) -> list[Path]:
     recorded: list[tuple[float, float, float]] = []
     records: list[Path] = []
     for seed in range(1, pairs + 1):
-        for keep in (False, True) if seed % 2 else (True, False):  # the first one may run on a colder machine
+        for keep in (
+            (False, True) if seed % 2 else (True, False)
+        ):  # the first one may run on a colder machine
             times, record = one(seed, folder if keep else None, real_time)
             (recorded if keep else without).append(times)
             if record is not None:
@@ -78,7 +82,9 @@ def compare(pairs: int, folder: Path, real_time: bool) -> list[Path]:
     for k, name in enumerate(("run, wall", "run, processor", "everything, wall")):
         ratios = [with_[k] / bare[k] for with_, bare in zip(recorded, without, strict=True)]
         bare, kept = (statistics.median(times[k] for times in many) for many in (without, recorded))
-        print(f"  {name:24} without {bare:6.3f} s   with {kept:6.3f} s   median of the ratios {_percent(ratios)}")
+        print(
+            f"  {name:24} without {bare:6.3f} s   with {kept:6.3f} s   median of the ratios {_percent(ratios)}"
+        )
     return records
 
 
@@ -94,16 +100,25 @@ def main() -> None:
         compare(options.real, Path(folder), real_time=True)
         newest, sizes = records[-1], [(record / EVENTS_FILE).stat().st_size for record in records]
         recording, drawing = alone(newest, Path(folder) / "again")
-        print(f"alone, processor: recording {1e3 * recording:.0f} ms, drawing the picture {1e3 * drawing:.0f} ms")
-        print(f"a pick's record: median {statistics.median(sizes) / 1e6:.2f} MB, largest {max(sizes) / 1e6:.2f} MB")
+        print(
+            f"alone, processor: recording {1e3 * recording:.0f} ms, drawing the picture {1e3 * drawing:.0f} ms"
+        )
+        print(
+            f"a pick's record: median {statistics.median(sizes) / 1e6:.2f} MB, largest {max(sizes) / 1e6:.2f} MB"
+        )
         topics: Counter[str] = Counter()
         for topic, content, *_ in scan(newest / EVENTS_FILE):
             topics["/".join(topic.split("/")[:2])] += len(content)
-        print("of which " + ", ".join(f"{topic} {size / 1e6:.2f} MB" for topic, size in topics.most_common()))
+        print(
+            "of which "
+            + ", ".join(f"{topic} {size / 1e6:.2f} MB" for topic, size in topics.most_common())
+        )
 
 
 def _percent(ratios: list[float]) -> str:
-    middle, least, most = (100 * (value - 1) for value in (statistics.median(ratios), min(ratios), max(ratios)))
+    middle, least, most = (
+        100 * (value - 1) for value in (statistics.median(ratios), min(ratios), max(ratios))
+    )
     return f"{middle:+.1f} % ({least:+.1f} … {most:+.1f})"
 
 

@@ -123,26 +123,39 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
         }  # fmt: skip
 
     measured = {"pyrender": times("pyrender"), "zbuffer": times("zbuffer")}
-    with mock.patch("pomona.skills.perception.refinement.render.render_with_gl", render_with_plain_pyrender):
+    with mock.patch(
+        "pomona.skills.perception.refinement.render.render_with_gl", render_with_plain_pyrender
+    ):
         measured["pyrender as it comes"] = times("pyrender")
     for name, row in measured.items():
         table.add_row(name, *(f"{value:.2f}" for value in row.values()))
     console.print(table)
     factor = measured["pyrender as it comes"]["paper_ms"] / measured["pyrender"]["exact_ms"]
-    console.print(f"the paper's method by pyrender as it comes takes {factor:.0f} times the closed form's time\n")
-    figures = {f"{name}_{key}": value for name, row in measured.items() for key, value in row.items()}
-    exact, mu = measured["pyrender"]["exact_ms"], refine(DepthLook(depth, CAMERA), T, fruit, method="uniform").mu
+    console.print(
+        f"the paper's method by pyrender as it comes takes {factor:.0f} times the closed form's time\n"
+    )
+    figures = {
+        f"{name}_{key}": value for name, row in measured.items() for key, value in row.items()
+    }
+    exact, mu = (
+        measured["pyrender"]["exact_ms"],
+        refine(DepthLook(depth, CAMERA), T, fruit, method="uniform").mu,
+    )
     others = Table("the paper's search", "renders", "ms", "/ closed form", "its mu - ours")
     others.title = "the paper's method with other optimisers, whole image, pyrender"
     for name in SEARCHES:
         took, found, renders = timed(search(name, depth, fruit, T, CAMERA, "pyrender"))
-        others.add_row(name, str(renders), f"{took:.0f}", f"{took / exact:.0f}", f"{found - mu:+.0e}")
+        others.add_row(
+            name, str(renders), f"{took:.0f}", f"{took / exact:.0f}", f"{found - mu:+.0e}"
+        )
         figures[f"{name}_per_exact"] = took / exact
     console.print(others)
     return {**figures, "paper_as_it_comes_per_exact": factor}
 
 
-def milliseconds(*functions: Callable[[], object], rounds: int = 12, seconds: float = 0.03) -> list[float]:
+def milliseconds(
+    *functions: Callable[[], object], rounds: int = 12, seconds: float = 0.03
+) -> list[float]:
     """Return the shortest durations of calls, by turns: other load of the machine only adds, and to all alike."""
     shortest = [np.inf] * len(functions)
     for _ in range(rounds):
@@ -161,9 +174,16 @@ def milliseconds(*functions: Callable[[], object], rounds: int = 12, seconds: fl
 def bias(console: Console) -> dict[str, float]:
     """Of the diameter of a 92 mm ball at 0.55 m when a share of its pixels shows the table behind it."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.046)
-    virtual, _ = render_depth(ball, transform(translation=(0.03, 0.02, 0.55)), CAMERA, using="zbuffer")
+    virtual, _ = render_depth(
+        ball, transform(translation=(0.03, 0.02, 0.55)), CAMERA, using="zbuffer"
+    )
     rows = np.flatnonzero((virtual > 0).any(axis=1))
-    table = Table("other pixels", "closed form", "least squares", title="bias of a 92 mm diameter in mm, 1.5 mm noise")
+    table = Table(
+        "other pixels",
+        "closed form",
+        "least squares",
+        title="bias of a 92 mm diameter in mm, 1.5 mm noise",
+    )
     figures = {}
     for share in (0.0, 0.1, 0.2, 0.4):
         robust, plain = [], []
@@ -188,10 +208,18 @@ SILENT_MM, SILENT = 8.0, 3.0
 """Error [mm] and stated standard deviations beyond which a measurement is wrong without a warning."""
 
 
-def intervals(scenes: dict[str, list[View]], fruit: FruitModel, console: Console) -> dict[str, object]:
+def intervals(
+    scenes: dict[str, list[View]], fruit: FruitModel, console: Console
+) -> dict[str, object]:
     """How often the stated 90 % intervals of widths and heights hold, and how many are silently wrong."""
     table = Table(
-        "views", "hidden", "mode", "measured", "hold", "silently wrong", title="stated 90 % intervals of sizes"
+        "views",
+        "hidden",
+        "mode",
+        "measured",
+        "hold",
+        "silently wrong",
+        title="stated 90 % intervals of sizes",
     )
     figures: dict[str, object] = {}
     for name, views in scenes.items():
@@ -209,7 +237,14 @@ def intervals(scenes: dict[str, list[View]], fruit: FruitModel, console: Console
                 error, deviation = np.array(errors).reshape(-1, 3), np.array(stated).reshape(-1, 3)
                 hold = float((error <= SURELY * deviation).mean()) if len(error) else float("nan")
                 silent = int(((error > SILENT_MM) & (error > SILENT * deviation)).any(axis=1).sum())
-                table.add_row(name, f"{share:.0%}", mode, f"{len(error)} of {len(looks)}", f"{hold:.0%}", str(silent))
+                table.add_row(
+                    name,
+                    f"{share:.0%}",
+                    mode,
+                    f"{len(error)} of {len(looks)}",
+                    f"{hold:.0%}",
+                    str(silent),
+                )
                 figures[f"{name}, {share:.0%} hidden, {mode}"] = {
                     "of": len(looks), "measured": len(error), "hold": hold, "silent": silent,
                 }  # fmt: skip
@@ -220,7 +255,9 @@ def intervals(scenes: dict[str, list[View]], fruit: FruitModel, console: Console
 # ------------------------------------------------------------------------------------------------ five apples
 
 
-def five_apples(views: list[View], fruit: FruitModel, console: Console, title: str) -> dict[str, object]:
+def five_apples(
+    views: list[View], fruit: FruitModel, console: Console, title: str
+) -> dict[str, object]:
     """Errors of dimensions and centroid (norms) over all views, beside the paper's."""
     seen = [view for view in views if view.T_camera_detected is not None]
     table = Table("apple", "paper, printed", "recomputed", "best one scale", *MODES, "half hidden")
@@ -229,7 +266,10 @@ def five_apples(views: list[View], fruit: FruitModel, console: Console, title: s
     hidden = [leaf_over(view) for view in seen]
     errors["half hidden"] = [_errors(view, fruit, "shape+plane") for view in hidden]
     figures: dict[str, object] = {"views": len(views), "detected": len(seen)}
-    for apple, (size, printed, printed_z, recomputed, recomputed_z) in [*PAPER.items(), ("all", ((), 0, 0, 0, 0))]:
+    for apple, (size, printed, printed_z, recomputed, recomputed_z) in [
+        *PAPER.items(),
+        ("all", ((), 0, 0, 0, 0)),
+    ]:
         picked = [i for i, view in enumerate(seen) if apple in ("all", view.apple)]
         if not picked:
             continue
@@ -238,7 +278,9 @@ def five_apples(views: list[View], fruit: FruitModel, console: Console, title: s
             some = np.array([values[i] for i in picked])
             dimensions, centroid = np.nanmedian(some[:, :2], axis=0)
             lost = int(np.isnan(some[:, 0]).sum())
-            cells.append(f"{dimensions:.1f} / {centroid:.1f}" + (f" ({lost} refused)" if lost else ""))
+            cells.append(
+                f"{dimensions:.1f} / {centroid:.1f}" + (f" ({lost} refused)" if lost else "")
+            )
             figures[f"{apple}, {name}"] = {
                 "dimensions": float(dimensions), "centroid": float(centroid), "refused": lost,
                 "dimensions_p90": float(np.nanquantile(some[:, 0], 0.9)),
@@ -272,16 +314,22 @@ def _errors(view: View, fruit: FruitModel, mode: str) -> tuple[float, float, flo
     return _compare(view, result.T_camera_object, result.dimensions)
 
 
-def _refine(view: View, fruit: FruitModel, mode: str, using: RendererName = "zbuffer") -> RefineResult:
+def _refine(
+    view: View, fruit: FruitModel, mode: str, using: RendererName = "zbuffer"
+) -> RefineResult:
     assert view.T_camera_detected is not None
     on_plane = mode == "shape+plane"
-    known = FruitContext(support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None)
+    known = FruitContext(
+        support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None
+    )
     look = DepthLook(view.depth, CAMERA, SIMULATED, renderer=using)
     method = "shape" if on_plane else mode
     return refine(look, view.T_camera_detected, fruit, method=method, known=known)
 
 
-def _compare(view: View, T_camera_object: Float64, dimensions: Float64) -> tuple[float, float, float]:
+def _compare(
+    view: View, T_camera_object: Float64, dimensions: Float64
+) -> tuple[float, float, float]:
     away = view.T_base_camera[:3, :3] @ (T_camera_object[:3, 3] - view.T_camera_true[:3, 3])
     error = np.linalg.norm(dimensions - view.dimensions)
     return 1e3 * float(error), 1e3 * float(np.linalg.norm(away)), 1e3 * float(away[2])

@@ -33,11 +33,16 @@ SHIFTS, SCALES = (0.02, 0.03, 0.05, 0.1), (1.1, 1.2, 1.4)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Is misplaced depth noticed?")
-    parser.add_argument("folders", type=Path, nargs="*", help="recorded frames with intrinsics.yaml")
+    parser.add_argument(
+        "folders", type=Path, nargs="*", help="recorded frames with intrinsics.yaml"
+    )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--looks", type=int, default=4)
     options = parser.parse_args()
-    sources = {"table": _table(options.seeds, options.looks), "orchard cell": _orchard(options.seeds)}
+    sources = {
+        "table": _table(options.seeds, options.looks),
+        "orchard cell": _orchard(options.seeds),
+    }
     sources |= {folder.name: _recorded(folder) for folder in options.folders}
     columns: dict[str, dict[str, str]] = {}
     for name, frames in sources.items():
@@ -63,8 +68,12 @@ def _wrong(depth: Float32) -> Iterator[tuple[str, Float32]]:
     for share in SHIFTS:
         yield f"moved by {share:.0%} of the width", np.roll(depth, round(share * width), axis=1)
     for scale in SCALES:
-        M = np.array([[scale, 0.0, 0.5 * (1 - scale) * width], [0.0, scale, 0.5 * (1 - scale) * height]])
-        wider = np.asarray(cv2.warpAffine(depth, M, (width, height), flags=cv2.INTER_NEAREST), np.float32)
+        M = np.array(
+            [[scale, 0.0, 0.5 * (1 - scale) * width], [0.0, scale, 0.5 * (1 - scale) * height]]
+        )
+        wider = np.asarray(
+            cv2.warpAffine(depth, M, (width, height), flags=cv2.INTER_NEAREST), np.float32
+        )
         yield f"shown {scale} times as large", wider
 
 
@@ -76,7 +85,9 @@ def _table(seeds: int, looks: int) -> Iterator[Frame]:
             assert isinstance(world, SimWorld)
             world.looked()
             for _ in range(looks):
-                T = looking_at(TABLE, 0.7, np.radians(rng.uniform(35.0, 80.0)), rng.uniform(-np.pi, np.pi))
+                T = looking_at(
+                    TABLE, 0.7, np.radians(rng.uniform(35.0, 80.0)), rng.uniform(-np.pi, np.pi)
+                )
                 yield _expose(world, T, rng)
         finally:
             cell.close()

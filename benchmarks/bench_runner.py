@@ -51,7 +51,11 @@ def runner_tick(nodes: int, ticks: int, record: Path | None) -> float:
     recorder = None if record is None else Recorder(record)
     if recorder is not None:
         events.subscribe(recorder.on_event)
-    runner = Runner(lambda context, board: build(document, SKILLS, context=context, board=board), dry_cell(), events)
+    runner = Runner(
+        lambda context, board: build(document, SKILLS, context=context, board=board),
+        dry_cell(),
+        events,
+    )
     began = time.process_time()
     result = runner.run()
     if recorder is not None:
@@ -73,7 +77,9 @@ def overhead() -> None:
                 recorded.append(runner_tick(nodes, ticks, Path(folder)))
         base = statistics.median(bare)
         off, on = statistics.median(run) / base, statistics.median(recorded) / base
-        print(f"{nodes:5} nodes: bare tick {base * 1e6:7.1f} µs   runner {off:.2f} ×   recording {on:.2f} ×")
+        print(
+            f"{nodes:5} nodes: bare tick {base * 1e6:7.1f} µs   runner {off:.2f} ×   recording {on:.2f} ×"
+        )
 
 
 def busy_process(seconds: float) -> float:
@@ -108,8 +114,14 @@ def jitter(seconds: float = 10.0) -> None:
     torch.set_num_threads(1)
     document = read(tree_text(100, seconds), "spin.yaml")
     cell, computations = RealDryCell(), Computations()
-    runner = Runner(lambda context, board: build(document, SKILLS, context=context, board=board), cell, EventStream())
-    computations.submit("bench", busy_process, (0.0,), True).result()  # its worker is there, as in a prepared run
+    runner = Runner(
+        lambda context, board: build(document, SKILLS, context=context, board=board),
+        cell,
+        EventStream(),
+    )
+    computations.submit(
+        "bench", busy_process, (0.0,), True
+    ).result()  # its worker is there, as in a prepared run
     computations.submit("bench", busy_thread, (seconds,), False)
     computations.submit("bench", busy_process, (seconds,), True)
     runner.run()

@@ -56,7 +56,9 @@ class Swing:
 
     def at(self, t: float) -> Float64:
         """Return the place at a time [s], shape (3,) [m]."""
-        place: Float64 = self.middle + np.cos(self.omega * t) * self.cosine + np.sin(self.omega * t) * self.sine
+        place: Float64 = (
+            self.middle + np.cos(self.omega * t) * self.cosine + np.sin(self.omega * t) * self.sine
+        )
         return place
 
 
@@ -89,7 +91,9 @@ def fit_swing(times: Float64, places: Float64) -> Swing:
     return Swing(level, c * cosine - s * sine, s * cosine + c * sine, best)
 
 
-def share_of_limits(robot: RobotModel, limits: ArmLimits, swing: Swing, R_base_tcp: Float64, near: Float64) -> float:
+def share_of_limits(
+    robot: RobotModel, limits: ArmLimits, swing: Swing, R_base_tcp: Float64, near: Float64
+) -> float:
     """Return the largest share of a joint's speed or acceleration that a hand in a swing needs; inf out of reach.
 
     Args:
@@ -103,7 +107,9 @@ def share_of_limits(robot: RobotModel, limits: ArmLimits, swing: Swing, R_base_t
         way.append(q)
     qd = np.gradient(np.array(way[1:]), times, axis=0)
     qdd = np.gradient(qd, times, axis=0)
-    return float(max((np.abs(qd) / limits.velocity).max(), (np.abs(qdd[1:-1]) / limits.acceleration).max()))
+    return float(
+        max((np.abs(qd) / limits.velocity).max(), (np.abs(qdd[1:-1]) / limits.acceleration).max())
+    )
 
 
 def pose_at(p: Float64, R: Float64) -> Float64:
@@ -144,7 +150,9 @@ class Looks:
         """Expose and deliver frames until now [s]; return True if one has come."""
         while self._next <= now:
             t, keeps = self._next, float(np.exp(-1.0 / 30.0 / BIAS_TIME))
-            self._bias = keeps * self._bias + self._rng.normal(0.0, BIAS * np.sqrt(1.0 - keeps**2), 3)
+            self._bias = keeps * self._bias + self._rng.normal(
+                0.0, BIAS * np.sqrt(1.0 - keeps**2), 3
+            )
             place = self._truth(t) + self._bias + self._rng.normal(0.0, SIGMA, 3)
             self._coming.append((t + float(self._rng.uniform(0.045, 0.065)), t, place))
             self._next += 1.0 / 30.0
@@ -166,8 +174,12 @@ def follow(frequency: float, way: str, seed: int) -> Followed:
     rng = np.random.default_rng([seed, 54])
     robot, R, phase = RobotModel.load(ROBOT), OUTWARD, rng.uniform(0.0, 2.0 * np.pi)
     amplitude, middle = SWING * np.array(WAYS[way]), rng.uniform(*PLACE)
-    truth = Swing(middle, np.cos(phase) * amplitude, np.sin(phase) * amplitude, 2.0 * np.pi * frequency).at
-    watch = np.array([-0.821, 0.305, -1.229, -0.411, 0.249, -0.841, 1.854])  # of trees/cells/conveyor.yaml
+    truth = Swing(
+        middle, np.cos(phase) * amplitude, np.sin(phase) * amplitude, 2.0 * np.pi * frequency
+    ).at
+    watch = np.array(
+        [-0.821, 0.305, -1.229, -0.411, 0.249, -0.841, 1.854]
+    )  # of trees/cells/conveyor.yaml
     q = nearest_solution(robot, pose_at(middle, R), watch)
     if q is None:
         return Followed(float("inf"))
@@ -180,11 +192,18 @@ def follow(frequency: float, way: str, seed: int) -> Followed:
     share = share_of_limits(robot, SIA5F_LIMITS, swing, R, q)
     if share > SHARE:
         return Followed(share)
-    stream, began, predicted, beside = arm.stream(WATCHDOG), clock.now(), list[float](), list[float]()
+    stream, began, predicted, beside = (
+        arm.stream(WATCHDOG),
+        clock.now(),
+        list[float](),
+        list[float](),
+    )
 
     def pose(t: float) -> Float64:
         u = min(max((t - began) / RUN_UP, 0.0), 1.0)
-        return pose_at(middle + (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5) * (swing.at(t) - middle), R)
+        return pose_at(
+            middle + (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5) * (swing.at(t) - middle), R
+        )
 
     while (now := clock.now()) < began + RUN_UP + FOLLOWS:
         if looks.step(now):
@@ -207,8 +226,12 @@ def follow(frequency: float, way: str, seed: int) -> Followed:
 
 def main() -> None:
     """Print a line for each frequency and direction."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=10, help="fruit of each frequency and direction")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--count", type=int, default=10, help="fruit of each frequency and direction"
+    )
     parser.add_argument("--seed", type=int, default=1000)
     said = parser.parse_args()
     for frequency in (0.5, 1.0, 1.5):
@@ -217,7 +240,10 @@ def main() -> None:
             ends = [case.outcome for case in cases]
             went = [case for case in cases if case.outcome != "OUT_OF_REACH"]
             low, high = wilson(ends.count("followed"), len(went)) if went else (0.0, 1.0)
-            most = [1e3 * max((getattr(case, of) for case in went), default=np.nan) for of in ("predicted", "beside")]
+            most = [
+                1e3 * max((getattr(case, of) for case in went), default=np.nan)
+                for of in ("predicted", "beside")
+            ]
             print(
                 f"{frequency} Hz {way:12} followed {ends.count('followed')} of {len(went)} ({low:.0%} to {high:.0%}), "
                 f"refused {len(cases) - len(went)}; prediction {most[0]:.1f} mm, hand {most[1]:.1f} mm at most; "

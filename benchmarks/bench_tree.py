@@ -96,7 +96,9 @@ def bare_tree(nodes: int) -> Behaviour:
     """The same tree, made of py_trees' own composites."""
     policy = ParallelPolicy.SuccessOnAll
     groups = [
-        py_trees.composites.Parallel(f"group {i}", policy(), [BareSpin(f"spin {i} {j}") for j in range(GROUP)])
+        py_trees.composites.Parallel(
+            f"group {i}", policy(), [BareSpin(f"spin {i} {j}") for j in range(GROUP)]
+        )
         for i in range(max(1, nodes // (GROUP + 1)))
     ]
     return py_trees.composites.Parallel("root", policy(), groups)
@@ -112,10 +114,14 @@ def seconds_per_tick(root: Behaviour, ticks: int) -> float:
 
 def wired_text(nodes: int) -> str:
     """A tree file of shipped skills with so many nodes, every port wired to a name of its own."""
-    return "pomona: 1\ntree: long\nroot:\n  sequence:\n" + "".join(map(WIRED.format, range(nodes // 11)))
+    return "pomona: 1\ntree: long\nroot:\n  sequence:\n" + "".join(
+        map(WIRED.format, range(nodes // 11))
+    )
 
 
-def milliseconds(work: Callable[[], object], runs: int = 15, clock: Callable[[], float] = time.process_time) -> str:
+def milliseconds(
+    work: Callable[[], object], runs: int = 15, clock: Callable[[], float] = time.process_time
+) -> str:
     """The least and the median time of some runs, the processor's unless another clock is given."""
     times = []
     for _ in range(runs):
@@ -140,10 +146,14 @@ def print_check(nodes: int) -> None:
     print(f"  read   {milliseconds(lambda: read(text, 'long.yaml'))}")
     print(f"  check  {milliseconds(lambda: check(document, skills))}")
     print(f"  both   {milliseconds(lambda: check(read(text, 'long.yaml'), skills))}")
-    print(f"  both, no expression of it read before  {milliseconds(lambda: check_afresh(text, skills))}")
+    print(
+        f"  both, no expression of it read before  {milliseconds(lambda: check_afresh(text, skills))}"
+    )
     service = TreeService(Path("long.yaml"), skills)
     texts = [text, text.replace("speed: 0.5", "speed: 0.6", 1)]
-    print(f"  editor: findings after a keystroke {milliseconds(lambda: service.update(texts[service.text == text]))}")
+    print(
+        f"  editor: findings after a keystroke {milliseconds(lambda: service.update(texts[service.text == text]))}"
+    )
     lines = text.split("\n")
     row = max(number for number, line in enumerate(lines) if "inlier_ratio" in line)
     name, field = lines[row].index("apple_"), lines[row].index("inlier_ratio")
@@ -155,7 +165,9 @@ def print_check(nodes: int) -> None:
 
 def main() -> None:
     """Print one line for each size."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--check", action="store_true", help="no ticks")
     print(processor())
     if not parser.parse_args().check:
@@ -218,7 +230,10 @@ def print_editor(nodes: int) -> None:
         nonlocal version
         version += 1
         changed = text.replace("speed: 0.5", f"speed: 0.{5 + version % 2}", 1)
-        changes = {"textDocument": {**document, "version": version}, "contentChanges": [{"text": changed}]}
+        changes = {
+            "textDocument": {**document, "version": version},
+            "contentChanges": [{"text": changed}],
+        }
         editor.tell("textDocument/didChange", changes)
         editor.hear(told)
 
@@ -231,7 +246,9 @@ def print_editor(nodes: int) -> None:
         ("completion of fields", at("completion", field)), ("hover", at("hover", field)),
         ("definition", at("definition", name)),
     ):  # fmt: skip
-        print(f"  pomona lsp, over its streams: {what} {milliseconds(work, clock=time.perf_counter)}")
+        print(
+            f"  pomona lsp, over its streams: {what} {milliseconds(work, clock=time.perf_counter)}"
+        )
     editor.ask("shutdown", {})
     editor.tell("exit", {})
     editor.server.wait(10)
@@ -239,7 +256,11 @@ def print_editor(nodes: int) -> None:
 
 def processor() -> str:
     """Name the processor of this machine."""
-    found = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text()) if sys.platform == "linux" else None
+    found = (
+        re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
+        if sys.platform == "linux"
+        else None
+    )
     cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
     return f"{found[1] if found else platform.processor()}, {cores} cores, Python {platform.python_version()}"
 
@@ -253,10 +274,14 @@ def print_ticks() -> None:
         bare = bare_tree(nodes)
         ticks = max(3, 3000 // nodes)
         seconds_per_tick(ours, 3), seconds_per_tick(bare, 3)
-        pairs = [(seconds_per_tick(ours, ticks), seconds_per_tick(bare, ticks)) for _ in range(ROUNDS)]
+        pairs = [
+            (seconds_per_tick(ours, ticks), seconds_per_tick(bare, ticks)) for _ in range(ROUNDS)
+        ]
         ratio = statistics.median(a / b for a, b in pairs)
         ours_us, bare_us = (1e6 * statistics.median(times) for times in zip(*pairs, strict=True))
-        print(f"{nodes:5d} nodes: tick {ours_us:7.0f} us, bare py_trees {bare_us:7.0f} us, ratio {ratio:.2f}")
+        print(
+            f"{nodes:5d} nodes: tick {ours_us:7.0f} us, bare py_trees {bare_us:7.0f} us, ratio {ratio:.2f}"
+        )
 
 
 if __name__ == "__main__":

@@ -72,7 +72,9 @@ class Trials:
 
     def __init__(self, seed: int, within: float = np.inf) -> None:
         self.within = within  # latest time at which arm and hand would meet [s]
-        self.cell: Cell = load_cell(find_cell("sim_watched"), seed=seed, overrides={"others": "4", "distractors": "0"})
+        self.cell: Cell = load_cell(
+            find_cell("sim_watched"), seed=seed, overrides={"others": "4", "distractors": "0"}
+        )
         self.rng = np.random.default_rng([seed, 99])
         self.arm, world = self.cell.device(Arm), self.cell.devices["world"]
         assert isinstance(world, SimWorld)
@@ -113,7 +115,9 @@ class Trials:
         if not IN_TIME <= at <= self.within:
             return None
         q = np.array([np.interp(at, path.t, joint) for joint in path.q.T])
-        moving = [g for g, link in enumerate(self.shape.arrays.links) if link >= 4]  # elbow to fingers
+        moving = [
+            g for g, link in enumerate(self.shape.arrays.links) if link >= 4
+        ]  # elbow to fingers
         spheres = self.shape.spheres_of(int(self.rng.choice(moving)), q, self.width)
         goal = spheres[self.rng.integers(len(spheres)), :3]
         speed = float(self.rng.uniform(*SPEEDS))
@@ -137,10 +141,15 @@ class Trials:
         at = np.array(state.body(BODY).xpos)
         cameras: Any = self.cell.device(Cameras).all[1:]
         for camera in cameras:
-            lens, eye, T = camera._intrinsics, camera.T_mount_camera[:3, 3], inverse(camera.T_mount_camera)
+            lens, eye, T = (
+                camera._intrinsics,
+                camera.T_mount_camera[:3, 3],
+                inverse(camera.T_mount_camera),
+            )
             x, y, z = T[:3, :3] @ at + T[:3, 3]
             if z < 0.2 or not (
-                0 < lens.fx * x / z + lens.cx < lens.width and 0 < lens.fy * y / z + lens.cy < lens.height
+                0 < lens.fx * x / z + lens.cx < lens.width
+                and 0 < lens.fy * y / z + lens.cy < lens.height
             ):
                 continue
             first = np.full(1, -1, np.int32)
@@ -171,14 +180,20 @@ class Trials:
                 sights.append(self._seen())
 
         ports = {"path": path, "map": self.map}
-        end: SkillEnd = drive(Follow(), ports, devices, clock=self.cell.clock, period=TICK, each_tick=sight)
+        end: SkillEnd = drive(
+            Follow(), ports, devices, clock=self.cell.clock, period=TICK, each_tick=sight
+        )
         self.cell.clock.advance(REST)
         nearest_moving, nearest = self.intruder.nearest_moving, self.intruder.nearest
         self.intruder.clear_fault()
         code = end.reason.code if end.reason else ""
         seen, speed = float(np.mean(sights or [False])), reach.speed if reach else 0.0
-        why = f"after {end.duration:.2f} s: {end.reason.message if end.reason else 'came to its end'}"
-        return WatchedPath(code == "PATH_BLOCKED", code, nearest_moving, nearest, speed, seen, end.duration, why)
+        why = (
+            f"after {end.duration:.2f} s: {end.reason.message if end.reason else 'came to its end'}"
+        )
+        return WatchedPath(
+            code == "PATH_BLOCKED", code, nearest_moving, nearest, speed, seen, end.duration, why
+        )
 
     def go_back(self, q: Float64) -> None:
         """Bring the arm back without a watch; the hand is away."""
@@ -195,9 +210,15 @@ def tell(what: str, pairs: list[tuple[WatchedPath, WatchedPath]]) -> None:
     print(f"{len(pairs)} paths, {what}, {SPEEDS[0]} to {SPEEDS[1]} m/s:")
     print(f"  stopped by the watch:       {sum(one.blocked for one in watched)}")
     print(f"  contacts of the moving arm: {sum(one.nearest_moving <= 0.0 for one in watched)}")
-    print(f"  without a watch:            {sum(control.nearest_moving <= 0.0 for control, _ in pairs)}")
-    print(f"  hand into an arm at rest:   {sum(one.nearest <= 0.0 < one.nearest_moving for one in watched)}")
-    print(f"  smallest distance while the arm moved [mm]: median {median:.0f}, p5 {low:.0f}, least {gaps.min():.0f}")
+    print(
+        f"  without a watch:            {sum(control.nearest_moving <= 0.0 for control, _ in pairs)}"
+    )
+    print(
+        f"  hand into an arm at rest:   {sum(one.nearest <= 0.0 < one.nearest_moving for one in watched)}"
+    )
+    print(
+        f"  smallest distance while the arm moved [mm]: median {median:.0f}, p5 {low:.0f}, least {gaps.min():.0f}"
+    )
 
 
 def main() -> None:
@@ -205,9 +226,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--paths", type=int, default=200, help="paths against a hand")
     parser.add_argument("--free", type=int, default=100, help="paths on which nothing is new")
-    parser.add_argument("--unseen", type=int, default=50, help="paths against a hand that is not seen all the way")
+    parser.add_argument(
+        "--unseen", type=int, default=50, help="paths against a hand that is not seen all the way"
+    )
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--within", type=float, default=np.inf, help="only hands that would meet the arm by then [s]")
+    parser.add_argument(
+        "--within",
+        type=float,
+        default=np.inf,
+        help="only hands that would meet the arm by then [s]",
+    )
     asked = parser.parse_args()
     trials, took = Trials(asked.seed, asked.within), []
     look = path_watch.PathWatch.look
@@ -243,15 +271,21 @@ def main() -> None:
         pairs.append((control, one))
         if one.nearest_moving <= 0.0:
             print(
-                f"contact: seen on {control.seen:.0%} of its way, {one.speed:.2f} m/s, {reach}, {one.why}", flush=True
+                f"contact: seen on {control.seen:.0%} of its way, {one.speed:.2f} m/s, {reach}, {one.why}",
+                flush=True,
             )
     print(f"{asked.free} paths on which nothing is new: {sum(o.blocked for o in free)} stopped, "
           f"{np.mean([o.duration for o in free] or [0.0]):.3f} s each")  # fmt: skip
     for seen in (True, False):
         chosen = [(control, one) for control, one in pairs if (control.seen >= SEEN) is seen]
         if chosen:
-            tell(f"hands that a fixed camera sees {'' if seen else 'not '}on {SEEN:.0%} of their way", chosen)
-    other = sorted({o.code for o in (*free, *(one for _, one in pairs)) if o.code not in ("", "PATH_BLOCKED")})
+            tell(
+                f"hands that a fixed camera sees {'' if seen else 'not '}on {SEEN:.0%} of their way",
+                chosen,
+            )
+    other = sorted(
+        {o.code for o in (*free, *(one for _, one in pairs)) if o.code not in ("", "PATH_BLOCKED")}
+    )
     print(f"other endings: {', '.join(other) or 'none'}")
     ms = 1e3 * np.array(took[2:])
     print(

@@ -58,7 +58,11 @@ class Misplaced:
             return None
         newest = self._newest.get(frame.colour.shape)
         if newest is None or newest[0] is not frame:
-            depth = None if frame.depth is None else np.ascontiguousarray(frame.depth * self._scale, np.float32)
+            depth = (
+                None
+                if frame.depth is None
+                else np.ascontiguousarray(frame.depth * self._scale, np.float32)
+            )
             wrong = replace(frame, T_mount_camera=frame.T_mount_camera @ self._stated, depth=depth)
             newest = self._newest[frame.colour.shape] = frame, wrong
         return newest[1]
@@ -78,8 +82,12 @@ def misplace(camera: Any, error: Float64) -> None:
     if hasattr(camera, "_changer"):
         camera._changer = Misplaced(error)
     else:
-        camera._mount.T_mount_camera = stated = camera._mount.T_mount_camera @ np.linalg.inv(pose_of(error))
-        camera._newest = replace(camera._newest, T_mount_camera=stated)  # the first look may use the frame of the start
+        camera._mount.T_mount_camera = stated = camera._mount.T_mount_camera @ np.linalg.inv(
+            pose_of(error)
+        )
+        camera._newest = replace(
+            camera._newest, T_mount_camera=stated
+        )  # the first look may use the frame of the start
 
 
 class TrueTouches:
@@ -88,9 +96,13 @@ class TrueTouches:
     def __init__(self, world: Any) -> None:
         self.steps: list[Float64] = []
         self._world, names = world, [world.model.joint(i).name for i in range(world.model.njnt)]
-        self._fruits = [int(world.model.joint(n).qposadr[0]) for n in names if n.startswith("fruit_")]
+        self._fruits = [
+            int(world.model.joint(n).qposadr[0]) for n in names if n.startswith("fruit_")
+        ]
         self._pads = [world.sensor(f"wrench_{pad}") for pad in PADS]
-        self._joints = [world.model.joint(name).qposadr[0] for name in ("finger_left", "finger_right")]
+        self._joints = [
+            world.model.joint(name).qposadr[0] for name in ("finger_left", "finger_right")
+        ]
 
     def step(self) -> None:
         """Note one step in which a pad touches."""
@@ -170,9 +182,13 @@ class DrawnCell:
         for name in ("shared/", "sim.yaml"):
             text = text.replace(f"include: {name}", f"include: {trees}/cells/{name}")
         text = text.replace("../", f"{trees}/")
-        text = text.replace("driver: sim-camera\n", "driver: sim-camera\n    hand_eye: hand_eye.json\n")
+        text = text.replace(
+            "driver: sim-camera\n", "driver: sim-camera\n    hand_eye: hand_eye.json\n"
+        )
         bounds = "ask: 100 mm, refuse: 100 mm, most: 60 mm, most_turned: 8 deg"  # of the draw, not of a careful user
-        speeds = "first_speed: 1, slow_speed: 1, " if "conveyor" in options.cell else ""  # a belt needs all of it
+        speeds = (
+            "first_speed: 1, slow_speed: 1, " if "conveyor" in options.cell else ""
+        )  # a belt needs all of it
         section = f"caliper: {{driver: caliper, self_calibration: {options.self_calibration}, {speeds}{bounds}}}"
         self._path = folder / "cell.yaml"
         self._path.write_text(f"{text}  {section}\n", "utf-8")
@@ -209,7 +225,11 @@ class DrawnCell:
         def on_event(event: Event) -> None:
             if isinstance(event, NodeChanged) and event.status == "RUNNING" and seen:
                 seen[0].node = event.path.rsplit("/", 1)[-1].split("#")[0]
-            if isinstance(event, NodeChanged) and event.status == "FAILURE" and event.reason is not None:
+            if (
+                isinstance(event, NodeChanged)
+                and event.status == "FAILURE"
+                and event.reason is not None
+            ):
                 failed.append(f"{event.path}: {event.reason.code}: {event.reason.message}")
             begun = time.thread_time()
             if isinstance(event, RunStarted):
@@ -223,7 +243,12 @@ class DrawnCell:
 
         seed, before = int(self.rng.integers(1_000_000)), self.error.tolist()
         order = RunOrder(
-            find_tree(self._options.tree), self._path, seed=seed, settings=settings, cleared=True, record=self._runs
+            find_tree(self._options.tree),
+            self._path,
+            seed=seed,
+            settings=settings,
+            cleared=True,
+            record=self._runs,
         )
         try:
             executed = execute(order, [on_event], on_ready=ready)
@@ -240,13 +265,19 @@ class DrawnCell:
             "was": before,
             "speed": speeds,
             "outcome": result.outcome,
-            "reason": "" if result.reason is None else f"{result.reason.code}: {result.reason.message}",
+            "reason": ""
+            if result.reason is None
+            else f"{result.reason.code}: {result.reason.message}",
             "failed": failed,
             "words": words.ready(),
             "explain": "" if executed.record is None else explain(executed.record),
             "touches": touches,
             "felt": [
-                {side: felt[0].at(value[side]["stamp"]) for side in ("left", "right") if value[side] and felt[0].steps}
+                {
+                    side: felt[0].at(value[side]["stamp"])
+                    for side in ("left", "right")
+                    if value[side] and felt[0].steps
+                }
                 for value in touches
             ],
             "pad_n": forces.pad,
@@ -256,7 +287,10 @@ class DrawnCell:
             "during": forces.during,
             "time_s": result.time,
             "listener_ms": 1e3 * computed[0],
-            "truth": {key: truth.get(key) for key in ("lifted", "drops", "dimensions_m", "put_away", "offered")},
+            "truth": {
+                key: truth.get(key)
+                for key in ("lifted", "drops", "dimensions_m", "put_away", "offered")
+            },
             "settings": settings,
         }
 
@@ -297,7 +331,9 @@ FAULTS = {"drawn": _drawn, "good": _good, "shift": _shift, "tilt": _tilt, "roll"
 
 def main() -> None:
     """Make the runs and judge them."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--cell", default="sim")
     parser.add_argument("--tree", default="pick_apple")
@@ -306,11 +342,19 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=12, help="of each cell")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--fault", choices=tuple(FAULTS), default="drawn")
-    parser.add_argument("--shift", type=float, default=25.0, help="largest, along each axis of the camera [mm]")
-    parser.add_argument("--turn", type=float, default=3.0, help="largest, about each axis of the camera [°]")
-    parser.add_argument("--depth", type=float, default=0.03, help="largest relative error of the depth's scale")
+    parser.add_argument(
+        "--shift", type=float, default=25.0, help="largest, along each axis of the camera [mm]"
+    )
+    parser.add_argument(
+        "--turn", type=float, default=3.0, help="largest, about each axis of the camera [°]"
+    )
+    parser.add_argument(
+        "--depth", type=float, default=0.03, help="largest relative error of the depth's scale"
+    )
     parser.add_argument("--self-calibration", default="off", choices=("off", "propose", "apply"))
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="of the tree or the cell")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="of the tree or the cell"
+    )
     options = parser.parse_args()
     said = dict(item.split("=", 1) for item in options.set)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -318,11 +362,17 @@ def main() -> None:
         for number in range(options.first, options.first + options.cells if options.runs else 0):
             cell = DrawnCell(options.out.resolve() / f"cell_{number}", options, number)
             for _ in range(options.runs):
-                fruit = {"fruit": f"apple_{cell.rng.integers(1, 6)}", "place": str(cell.rng.integers(1, 6))}
+                fruit = {
+                    "fruit": f"apple_{cell.rng.integers(1, 6)}",
+                    "place": str(cell.rng.integers(1, 6)),
+                }
                 row = cell.run({**({} if options.tree == "pick_from_conveyor" else fruit), **said})
                 out.write(json.dumps(row) + "\n")
                 out.flush()
-    rows = [json.loads(line) for line in (options.out / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
+    rows = [
+        json.loads(line)
+        for line in (options.out / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    ]
     print("\n".join(judge(rows)))
 
 
@@ -345,10 +395,15 @@ def judge(rows: list[dict[str, Any]]) -> Iterator[str]:
                     sides = min(felt, key=lambda side: touches[side]["width"]) if felt else None
                     widths.append(sum(felt[sides]["skin"]) if sides else np.nan)
         said = [(k + 1, is_off) for k, row in enumerate(own) for is_off, _ in row["words"]]
-        noticed = next((f"word {i + 1}, run {k}" for i, (k, is_off) in enumerate(said) if is_off), "never")
+        noticed = next(
+            (f"word {i + 1}, run {k}" for i, (k, is_off) in enumerate(said) if is_off), "never"
+        )
         corrections = sum(row["error"] != row["was"] for row in own)
         force = max(max(row["pad_n"], row["other_n"]) for row in own)
-        begun, left = (_off(BEFORE, np.array(row["error"])) for row in (own[0] | {"error": own[0]["was"]}, own[-1]))
+        begun, left = (
+            _off(BEFORE, np.array(row["error"]))
+            for row in (own[0] | {"error": own[0]["was"]}, own[-1])
+        )
         picked = sum(row["outcome"] == "success" for row in own)
         yield (
             f"cell {number}: {begun} at first, {left} after {len(own)} runs and {corrections} corrections; "

@@ -87,9 +87,13 @@ def random_scene(seed: int, boxes: int = 4, cells: int = 60, table_z: float = -0
     grid = np.zeros((80, 80, 50), dtype=np.bool_)
     for _ in range(cells):
         angle, radius = rng.uniform(-np.pi, np.pi), rng.uniform(0.3, 0.75)
-        place = np.array([radius * np.cos(angle), radius * np.sin(angle), rng.uniform(table_z, 0.8)])
+        place = np.array(
+            [radius * np.cos(angle), radius * np.sin(angle), rng.uniform(table_z, 0.8)]
+        )
         grid[tuple(((place - origin) / _CELL).astype(int))] = True
-    workspace = Workspace(table_z, np.array([-1.0, -1.0, -0.2]), np.array([1.0, 1.0, 1.2]), tuple(obstacles))
+    workspace = Workspace(
+        table_z, np.array([-1.0, -1.0, -0.2]), np.array([1.0, 1.0, 1.2]), tuple(obstacles)
+    )
     return Scene(workspace, grid, origin)
 
 
@@ -98,7 +102,9 @@ def compare(robot_file: Path, states: int, seed: int) -> Verdicts:
     robot = RobotModel.load(robot_file)
     scene = random_scene(seed)
     field = DistanceField.of_blocked(scene.cells, scene.origin, _CELL, 0.3)
-    world = CollisionWorld.build(robot, scene.workspace, field, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
+    world = CollisionWorld.build(
+        robot, scene.workspace, field, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0)
+    )
     oracle = Oracle(robot, scene)
     rng = np.random.default_rng(seed + 1)
     postures = rng.uniform(robot.lower, robot.upper, (states, robot.dof))
@@ -139,9 +145,13 @@ class Oracle:
         self.state: Any = mujoco.MjData(self.model)
         self.model.geom_margin[:] = 0.0
         world = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "world")
-        self.obstacles = [g for g in range(self.model.ngeom) if self.model.geom_bodyid[g] == max(world, 0)]
+        self.obstacles = [
+            g for g in range(self.model.ngeom) if self.model.geom_bodyid[g] == max(world, 0)
+        ]
         links = {body.name: body.link for body in robot.bodies}
-        names = [self.model.body(int(self.model.geom_bodyid[g])).name for g in range(self.model.ngeom)]
+        names = [
+            self.model.body(int(self.model.geom_bodyid[g])).name for g in range(self.model.ngeom)
+        ]
         self.moving = [g for g in range(self.model.ngeom) if links.get(names[g], 0) > 0]
         self.names, self.links = names, links
 
@@ -150,7 +160,12 @@ class Oracle:
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, T[:3, :3].ravel())
         spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, pos=T[:3, 3], quat=quaternion, size=half, contype=1, conaffinity=2
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=T[:3, 3],
+            quat=quaternion,
+            size=half,
+            contype=1,
+            conaffinity=2,
         )
 
     def _place(self, q: Float64, width: float) -> None:
@@ -158,7 +173,9 @@ class Oracle:
             self.state.joint(name).qpos[0] = value
         for joint in range(self.model.njnt):
             if self.model.joint(joint).name.startswith("finger"):
-                self.state.qpos[self.model.jnt_qposadr[joint]] = (width - self.robot.width_min) / 2.0
+                self.state.qpos[self.model.jnt_qposadr[joint]] = (
+                    width - self.robot.width_min
+                ) / 2.0
         mujoco.mj_kinematics(self.model, self.state)
         mujoco.mj_comPos(self.model, self.state)
 
@@ -177,9 +194,16 @@ class Oracle:
         self._place(q, width)
         nearest = 0.2
         pairs = [(a, b) for a in self.moving for b in self.obstacles]
-        pairs += [(a, b) for a in self.moving for b in range(a) if b not in self.obstacles and self._may_meet(a, b)]
+        pairs += [
+            (a, b)
+            for a in self.moving
+            for b in range(a)
+            if b not in self.obstacles and self._may_meet(a, b)
+        ]
         for a, b in pairs:
-            nearest = min(nearest, mujoco.mj_geomDistance(self.model, self.state, a, b, nearest, None))
+            nearest = min(
+                nearest, mujoco.mj_geomDistance(self.model, self.state, a, b, nearest, None)
+            )
         return float(nearest)
 
     def _may_meet(self, a: int, b: int) -> bool:
@@ -187,7 +211,9 @@ class Oracle:
         if self.links.get(self.names[a], 0) == self.links.get(self.names[b], 0):
             return False
         bodies = (int(self.model.geom_bodyid[a]), int(self.model.geom_bodyid[b]))
-        if 0 not in bodies and any(self.model.body_parentid[a] == b for a, b in (bodies, bodies[::-1])):
+        if 0 not in bodies and any(
+            self.model.body_parentid[a] == b for a, b in (bodies, bodies[::-1])
+        ):
             return False
         return frozenset((self.names[a], self.names[b])) not in self.robot.excluded
 

@@ -17,7 +17,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binomtest, wilcoxon
 
-from benchmarks.bench_grasp import BUMP, BUMP_TIME, NOISE, WORLDS, Draw, draw_tasks, least_in_bump, settings_for
+from benchmarks.bench_grasp import (
+    BUMP,
+    BUMP_TIME,
+    NOISE,
+    WORLDS,
+    Draw,
+    draw_tasks,
+    least_in_bump,
+    settings_for,
+)
 from benchmarks.grasp_mujoco import MujocoGrasp
 from benchmarks.grasp_patch import GRAVITY, PatchGrasp
 from benchmarks.grasp_probability import ProbabilityController, ProbabilitySettings
@@ -79,19 +88,28 @@ def lift(task: Draw, case: GripCase, world: World, control: type[GripController]
     if case.mu_error:
         off = replace(task, mu_error=case.mu_error)
         settings = settings_for(off, world, ForceLaw.SLIP_AVOIDANCE, True, 0.0)
-    lifting = Lifting(acceleration=task.acceleration, pull=case.bump, pull_rise=0.002, pull_time=BUMP_TIME)
+    lifting = Lifting(
+        acceleration=task.acceleration, pull=case.bump, pull_rise=0.002, pull_time=BUMP_TIME
+    )
     hangs: list[bool] = []
 
     def watch(_t: float, controller: GripController, grasp: PatchGrasp | MujocoGrasp) -> None:
         hangs.append(grasp.off_table and controller.mode in IN_HAND)
 
     settings = replace(settings, reserve=case.reserve)
-    result = run_trial(task.fruit, settings, lifting, NOISE, task.seed, world=world, watch=watch, control=control)
+    result = run_trial(
+        task.fruit, settings, lifting, NOISE, task.seed, world=world, watch=watch, control=control
+    )
     return figures(task, case, world, lifting, result, hangs)
 
 
 def figures(
-    task: Draw, case: GripCase, world: World, lifting: Lifting, result: TrialResult, hangs: Sequence[bool]
+    task: Draw,
+    case: GripCase,
+    world: World,
+    lifting: Lifting,
+    result: TrialResult,
+    hangs: Sequence[bool],
 ) -> LiftFigures:
     """Return the figures of a lift; nan where it has none."""
     if not result.grasped:
@@ -120,7 +138,9 @@ def summary(name: str, ours: Float64, theirs: Float64) -> str:
         int(((ours[:, 0] == 0) & (theirs[:, 0] > 0)).sum()),
     )
     p_lost = binomtest(one, one + other).pvalue if one + other else 1.0
-    cells = [f"{name:24} lost {ours[:, 0].sum():.0f} / {theirs[:, 0].sum():.0f} of {len(ours)} (p {p_lost:.2f})"]
+    cells = [
+        f"{name:24} lost {ours[:, 0].sum():.0f} / {theirs[:, 0].sum():.0f} of {len(ours)} (p {p_lost:.2f})"
+    ]
     held = (ours[:, 0] == 0) & (theirs[:, 0] == 0)
     for column, label in enumerate(LiftFigures._fields):
         a, b = ours[held, column], theirs[held, column]
@@ -130,25 +150,39 @@ def summary(name: str, ours: Float64, theirs: Float64) -> str:
         a, b = a[both], b[both]
         p = wilcoxon(a, b).pvalue if (a != b).any() else 1.0
         before, after = np.percentile(a, [50, 95]), np.percentile(b, [50, 95])
-        cells.append(f"{label} {before[0]:.3g}, {before[1]:.3g} / {after[0]:.3g}, {after[1]:.3g} (p {p:.2g})")
+        cells.append(
+            f"{label} {before[0]:.3g}, {before[1]:.3g} / {after[0]:.3g}, {after[1]:.3g} (p {p:.2g})"
+        )
     return "; ".join(cells)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--lifts", type=int, default=60, help="random lifts a case")
     parser.add_argument("--seed", type=int, default=7, help="of the draws")
     parser.add_argument("--world", choices=tuple(WORLDS), default="lugre", help="contact model")
     parser.add_argument("--cases", default=",".join(CASES), help="names, with commas")
-    parser.add_argument("--set", nargs="*", default=(), metavar="NAME=VALUE", help="other constants of the reference")
+    parser.add_argument(
+        "--set",
+        nargs="*",
+        default=(),
+        metavar="NAME=VALUE",
+        help="other constants of the reference",
+    )
     arguments = parser.parse_args()
     changed = dict(pair.split("=") for pair in arguments.set)
-    ProbabilityController.constants = ProbabilitySettings()._replace(**{k: float(v) for k, v in changed.items()})
+    ProbabilityController.constants = ProbabilitySettings()._replace(
+        **{k: float(v) for k, v in changed.items()}
+    )
     tasks, _ = draw_tasks(arguments.lifts, arguments.seed)
     for world, model in WORLDS[arguments.world]:
         print(f"{model}, seed {arguments.seed}; today's / by the probability of slip; median, p95")
         for name in arguments.cases.split(","):
-            rows = [[lift(task, CASES[name], world, control) for task in tasks] for control in CONTROLS]
+            rows = [
+                [lift(task, CASES[name], world, control) for task in tasks] for control in CONTROLS
+            ]
             print(summary(name, *(np.array(row, np.float64) for row in rows)), flush=True)
 
 

@@ -38,10 +38,18 @@ def press_times(dashboard: Dashboard, presses: int) -> list[float]:
     with connect(address, compression=None, max_size=None) as stream:
         stream.send(json.dumps({"token": dashboard.access.token, "viewer": "bench"}))
         lines = (line for _ in iter(int, 1) for line in str(stream.recv(10.0)).split("\n"))
-        actions = ["take", *(("pause", "resume")[number % 2] for number in range(presses)), "safe_stop"]
+        actions = [
+            "take",
+            *(("pause", "resume")[number % 2] for number in range(presses)),
+            "safe_stop",
+        ]
         for number, action in enumerate(actions):
             began = time.perf_counter()
-            stream.send(json.dumps({"press": f"p{number}", "action": action, "viewer": "bench", "who": "bench"}))
+            stream.send(
+                json.dumps(
+                    {"press": f"p{number}", "action": action, "viewer": "bench", "who": "bench"}
+                )
+            )
             _wait_for(lines, '"event":"OperatorActed"', f'"action":"{action}"')
             times.append(time.perf_counter() - began)
             state = {"pause": '"state":"paused"', "resume": '"state":"running"'}.get(action)
@@ -63,7 +71,9 @@ def bench_presses(report: Any, dashboard: Dashboard, _browser: Any, duration: fl
     process.start()
     while dashboard.hub.viewers < VIEWERS:
         time.sleep(0.05)
-    hostile = [socket.create_connection(("127.0.0.1", dashboard.access.port)) for _ in range(HOSTILE)]
+    hostile = [
+        socket.create_connection(("127.0.0.1", dashboard.access.port)) for _ in range(HOSTILE)
+    ]
     for number, one in enumerate(hostile):
         one.send((b"", b"POST /api/act HT")[number % 2])
     with tempfile.TemporaryDirectory() as scratch:
@@ -76,7 +86,9 @@ def bench_presses(report: Any, dashboard: Dashboard, _browser: Any, duration: fl
             ready.set()
 
         order = RunOrder(tree, find_cell("sim"), dry=True, real_time=True)
-        run = threading.Thread(target=execute, args=(order, [dashboard.hub.on_event]), kwargs={"on_ready": serve})
+        run = threading.Thread(
+            target=execute, args=(order, [dashboard.hub.on_event]), kwargs={"on_ready": serve}
+        )
         run.start()
         ready.wait()
         times = press_times(dashboard, 300 if duration > 10.0 else 60)
@@ -89,7 +101,9 @@ def bench_presses(report: Any, dashboard: Dashboard, _browser: Any, duration: fl
     process.kill()
     p99 = float(np.percentile(times, 99)) * 1e3
     among = f"{VIEWERS} viewers, {HOSTILE} hostile"
-    report.tell(f"press to the run's acknowledgement, p99 of {len(times)}, {among}", p99, "ms", 100.0)
+    report.tell(
+        f"press to the run's acknowledgement, p99 of {len(times)}, {among}", p99, "ms", 100.0
+    )
     report.note("median, worst", f"{np.median(times) * 1e3:.1f}, {max(times) * 1e3:.1f} ms")
 
 
@@ -130,7 +144,9 @@ class Wire:
             return
         there, back = await asyncio.open_connection("127.0.0.1", self._to)
         self._writers |= {writer, back}
-        await asyncio.gather(self._pump(reader, back), self._pump(there, writer), return_exceptions=True)
+        await asyncio.gather(
+            self._pump(reader, back), self._pump(there, writer), return_exceptions=True
+        )
         self._writers -= {writer, back}
 
     async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -171,7 +187,9 @@ def bench_stale(report: Any, dashboard: Dashboard, browser: Any, duration: float
     for _ in range(13 if duration > 10.0 else 1):
         began = {}
         for way, page in pages.items():
-            began[way] = page.evaluate("() => { window.staleAt = undefined; return performance.now(); }")
+            began[way] = page.evaluate(
+                "() => { window.staleAt = undefined; return performance.now(); }"
+            )
             wires[way].breaks(way[0])
         for way, page in pages.items():
             expect(page.locator("#not-live")).to_be_visible(timeout=20_000)
@@ -185,4 +203,6 @@ def bench_stale(report: Any, dashboard: Dashboard, browser: Any, duration: float
         page.close()
     every = [one for some in times.values() for one in some]
     report.tell(f"a broken link is shown, worst of {len(every)}", max(every), "s", 2.0)
-    report.note("worst of each", ", ".join(f"{how} {max(some):.2f} s" for how, some in times.items()))
+    report.note(
+        "worst of each", ", ".join(f"{how} {max(some):.2f} s" for how, some in times.items())
+    )

@@ -46,7 +46,9 @@ class RawViewer:
             if self._head[0] == PING:
                 if len(self._head) < 2 + length:
                     return
-                self.socket.send(bytes((PONG, 0x80 | length, 0, 0, 0, 0)) + self._head[2 : 2 + length])
+                self.socket.send(
+                    bytes((PONG, 0x80 | length, 0, 0, 0, 0)) + self._head[2 : 2 + length]
+                )
             self._skip = 2 + wide + length
 
 

@@ -45,7 +45,9 @@ class Leftovers(FaultSwitch):
         for skill in self._runner.tree.skills:
             if skill.path == node:
                 claimed = set(skill.claims()) & {Arm, Gripper}
-                self.handles |= {one: skill.device(one) for one in claimed if one not in self.handles}
+                self.handles |= {
+                    one: skill.device(one) for one in claimed if one not in self.handles
+                }
 
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
@@ -79,7 +81,9 @@ class Operator(FaultSwitch):
         "pauses_3_s": [(0.0, "pause"), (3.0, "resume")],
         "pauses_60_s": [(0.0, "pause"), (60.0, "resume")],
         "pauses_briefly": [
-            (0.12 * n + late, act) for n in range(5) for late, act in ((0.0, "pause"), (0.06, "resume"))
+            (0.12 * n + late, act)
+            for n in range(5)
+            for late, act in ((0.0, "pause"), (0.06, "resume"))
         ],
         "steps": [(0.0, "pause"), *((0.5 + 0.1 * n, "step") for n in range(10)), (2.0, "resume")],
         "slows": [(0.0, "slow"), (2.0, "full")],
@@ -147,6 +151,12 @@ def _turn(q: np.ndarray) -> Trajectory:
     """Joint 1 turns from rest to rest."""
     s = np.linspace(0.0, 1.0, 100)
     way = np.outer([TURN], np.eye(q.size)[0])
-    shapes = s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2, 60 * s * (1 - s) * (1 - 2 * s)
-    path, rate, acceleration = (shape[:, None] * way / TURNING**power for power, shape in enumerate(shapes))
+    shapes = (
+        s**3 * (10 - 15 * s + 6 * s**2),
+        30 * s**2 * (1 - s) ** 2,
+        60 * s * (1 - s) * (1 - 2 * s),
+    )
+    path, rate, acceleration = (
+        shape[:, None] * way / TURNING**power for power, shape in enumerate(shapes)
+    )
     return Trajectory(s * TURNING, q + path, rate, acceleration)

@@ -19,7 +19,14 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
-from benchmarks.fault_run import SETTINGS, branch_cases, plan_here, prepare_to_fork, refuse_case, run_case
+from benchmarks.fault_run import (
+    SETTINGS,
+    branch_cases,
+    plan_here,
+    prepare_to_fork,
+    refuse_case,
+    run_case,
+)
 from benchmarks.fault_table import Case, CaseVerdict, read_table, report
 
 
@@ -31,7 +38,9 @@ def _run(job: tuple[Case, str, int]) -> CaseVerdict:
         return CaseVerdict(case, wrong=[f"{type(error).__name__}: {error}"])
 
 
-def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False) -> list[CaseVerdict]:
+def run(
+    cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False
+) -> list[CaseVerdict]:
     """Run all cases, with a line on standard error for each; return them in the order of the table."""
     verdicts: list[CaseVerdict] = []
     planned = len(cases)
@@ -39,7 +48,9 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
     def tell(verdict: CaseVerdict) -> None:
         verdicts.append(verdict)
         mark, case = "✗" if verdict.wrong else "✓", verdict.case
-        done = sum(each.case.switch != "none" for each in verdicts)  # beside them the picks without a fault
+        done = sum(
+            each.case.switch != "none" for each in verdicts
+        )  # beside them the picks without a fault
         words = f"{done}/{planned} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"
         print(words, verdict.reason, file=sys.stderr, flush=True)
 
@@ -51,7 +62,9 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
     if not alone:
         prepare_to_fork()
         for tree in dict.fromkeys(case.phase.tree for case in cases):
-            branch_cases([case for case in cases if case.phase.tree == tree], cell, seed, jobs, tell)
+            branch_cases(
+                [case for case in cases if case.phase.tree == tree], cell, seed, jobs, tell
+            )
     else:
         with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=plan_here) as pool:
             for verdict in pool.map(_run, [(case, cell, seed) for case in cases]):
@@ -62,7 +75,9 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cell", default="sim", choices=SETTINGS)
     parser.add_argument("--only", nargs="*", help="faults, as switch.fault")
     parser.add_argument("--phases", nargs="*")

@@ -14,8 +14,12 @@ class PlannedFault:
 
     switch: str  # as the cell names it
     kind: str  # one of the switch's faults
-    after: float = 0.0  # seconds after the phase has begun; of the cell's clock when there is no phase
-    phase: str | None = None  # a name that the observer of the run gives to a stage of it; None for the start of time
+    after: float = (
+        0.0  # seconds after the phase has begun; of the cell's clock when there is no phase
+    )
+    phase: str | None = (
+        None  # a name that the observer of the run gives to a stage of it; None for the start of time
+    )
     lasts: float | None = None  # seconds until it is cleared, or None for good
 
 
@@ -29,10 +33,14 @@ class FaultPlan:
         """
         for fault in faults:
             if fault.switch not in switches:
-                raise ValueError(f"there is no switch '{fault.switch}'; there are {', '.join(switches)}")
+                raise ValueError(
+                    f"there is no switch '{fault.switch}'; there are {', '.join(switches)}"
+                )
             known = switches[fault.switch].known_faults
             if fault.kind not in known:
-                raise ValueError(f"{fault.switch} has the faults {', '.join(known)}, not '{fault.kind}'")
+                raise ValueError(
+                    f"{fault.switch} has the faults {', '.join(known)}, not '{fault.kind}'"
+                )
         self._switches = dict(switches)
         self._waiting = [fault for fault in faults if fault.phase is not None]
         self._due = [(fault.after, fault) for fault in faults if fault.phase is None]

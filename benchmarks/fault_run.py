@@ -127,7 +127,9 @@ class CaseWatcher:
         self._branch = branch
         self._plan: FaultPlan | None = None
         model = self.world.model
-        self._qvel, self._qpos = (adr[self.world.arm_joints] for adr in (model.jnt_dofadr, model.jnt_qposadr))
+        self._qvel, self._qpos = (
+            adr[self.world.arm_joints] for adr in (model.jnt_dofadr, model.jnt_qposadr)
+        )
         self._q_rested = np.zeros(len(self._qpos))
         self._finger = model.joint("finger_left").qposadr[0]
         self._killed_at = self._taken_at = np.inf
@@ -148,7 +150,11 @@ class CaseWatcher:
             self._killed_at = self.began_at[phase.node] + phase.after
             return
         planned = PlannedFault(
-            case.switch, case.kind, phase.after, phase.node, case.lasts if np.isfinite(case.lasts) else None
+            case.switch,
+            case.kind,
+            phase.after,
+            phase.node,
+            case.lasts if np.isfinite(case.lasts) else None,
         )
         self._plan = FaultPlan([planned], self.switches)
         begun = self.began_at[phase.node]
@@ -235,7 +241,9 @@ class CaseWatcher:
             q = self.world.state.qpos[self._qpos]
             if np.isnan(self.rested_at) and self.speed < AT_REST:
                 self.rested_at, self._q_rested = now, q.copy()
-            elif np.abs(q - self._q_rested).max() > STIRRED:  # a fruit that falls on the hand shakes it by less
+            elif (
+                np.abs(q - self._q_rested).max() > STIRRED
+            ):  # a fruit that falls on the hand shakes it by less
                 self.rested_at = np.nan
 
     def _can_show(self) -> bool:
@@ -267,25 +275,36 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
     if watcher.endless:
         wrong.append(f"does not end within {ENDLESS:.0f} s of the run's clock")
         return
-    ended = np.fmin(watcher.safe_at, watcher.failed_at) if case.ends == "failure" else watcher.safe_at
+    ended = (
+        np.fmin(watcher.safe_at, watcher.failed_at) if case.ends == "failure" else watcher.safe_at
+    )
     verdict.noticed = float(ended - np.fmin(watcher.shows_at, ended))  # some show before they must
     if case.notices is not None:
-        verdict.gave_up = float(np.nanmin([watcher.gave_up_at, watcher.safe_at, np.inf]) - watcher.shows_at)
+        verdict.gave_up = float(
+            np.nanmin([watcher.gave_up_at, watcher.safe_at, np.inf]) - watcher.shows_at
+        )
         if verdict.gave_up > case.notices + 1e-9:
-            wrong.append(f"given up after {1e3 * verdict.gave_up:.0f} ms, not within {1e3 * case.notices:.0f} ms")
+            wrong.append(
+                f"given up after {1e3 * verdict.gave_up:.0f} ms, not within {1e3 * case.notices:.0f} ms"
+            )
     if case.ends == "harmless":
         if result.outcome == "success" and truth.claimed is not True and not truth.may_end_empty:
             wrong.append("FALSE SUCCESS: no claim was true")
     elif case.ends == "success":
         if result.outcome != "success" or truth.claimed is not True:
             wrong.append(f"ended as {result.outcome}")
-        named = any(isinstance(event, ErrorRaised) and event.error == "NotOwnerError" for event in watcher.events)
+        named = any(
+            isinstance(event, ErrorRaised) and event.error == "NotOwnerError"
+            for event in watcher.events
+        )
         if watcher.leftovers.fault is not None and not (watcher.leftovers.refused and named):
             wrong.append("no refused command is recorded")
     elif np.isnan(verdict.noticed):
         wrong.append(f"ended as {result.outcome}, not as {case.ends}")
     elif verdict.noticed > case.within + 1e-9:
-        wrong.append(f"noticed after {1e3 * verdict.noticed:.0f} ms, not within {1e3 * case.within:.0f} ms")
+        wrong.append(
+            f"noticed after {1e3 * verdict.noticed:.0f} ms, not within {1e3 * case.within:.0f} ms"
+        )
     elif case.ends == "safe" and case.device not in verdict.reason and result.outcome == "error":
         wrong.append(f"does not name the {case.device}")
     if case.says not in verdict.reason:
@@ -299,14 +318,18 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
     if truth.contact[0] > CONTACT_MAX:
         wrong.append("pressed the {1} with {0:.1f} N".format(*truth.contact))
     if watcher.width_held is not None and watcher.widest > watcher.width_held + OPENED:
-        wrong.append(f"opened {1e3 * (watcher.widest - watcher.width_held):.1f} mm while fruit was held")
+        wrong.append(
+            f"opened {1e3 * (watcher.widest - watcher.width_held):.1f} mm while fruit was held"
+        )
     wrong.extend(truth.troubles(result.truth or {}))
 
 
 def judge_afterwards(watcher: CaseWatcher, verdict: CaseVerdict) -> None:
     """In the safe state: nothing moves, nothing resumes, and a cleared cell is clean."""
     cell, limits = watcher.cell, watcher.limits
-    slowing = float(np.max(limits.velocity / limits.acceleration) + np.max(limits.acceleration / limits.jerk))
+    slowing = float(
+        np.max(limits.velocity / limits.acceleration) + np.max(limits.acceleration / limits.jerk)
+    )
     under_way = UNDER_WAY if isinstance(cell.devices["world"], VirtualWorld) else 0.0
     cell.clock.advance(AFTERWARDS)
     verdict.rested = float(watcher.rested_at - watcher.safe_at)
@@ -338,7 +361,9 @@ def recover(watcher: CaseWatcher, verdict: CaseVerdict, seed: int) -> None:
     registry, document = Registry.installed(), read_document(find_tree("recover"))
     settings = {"release": "true"}
     runner = Runner(
-        lambda context, board: build(document, registry, overrides=settings, context=context, board=board),
+        lambda context, board: build(
+            document, registry, overrides=settings, context=context, board=board
+        ),
         cell,
         EventStream(),
         seed=seed,
@@ -417,9 +442,14 @@ def run_case(case: Case, cell: str, seed: int) -> CaseVerdict:
             watchers[0].on_event(event)
 
     with tempfile.TemporaryDirectory() as folder:
-        order = RunOrder(TREES / case.phase.tree, find_cell(cell), seed, SETTINGS[cell], record=Path(folder))
+        order = RunOrder(
+            TREES / case.phase.tree, find_cell(cell), seed, SETTINGS[cell], record=Path(folder)
+        )
         executed = execute(
-            order, [on_event], on_ready=on_ready, on_latched=lambda _runner: judge_afterwards(watchers[0], verdict)
+            order,
+            [on_event],
+            on_ready=on_ready,
+            on_latched=lambda _runner: judge_afterwards(watchers[0], verdict),
         )
         judge_record(executed.record, executed.result.outcome, verdict)
     judge(watchers[0], executed, verdict)
@@ -453,7 +483,10 @@ def refuse_case(case: Case, cell: str, seed: int) -> CaseVerdict:
         setattr(VirtualWorld, "enter", enter)  # noqa: B010
     if verdict.outcome != "refused":
         verdict.wrong.append("is not refused")
-    if not worlds or float(np.abs(worlds[0]._world.state.qpos[ROBOT] - before[0][ROBOT]).max()) > STIRRED:
+    if (
+        not worlds
+        or float(np.abs(worlds[0]._world.state.qpos[ROBOT] - before[0][ROBOT]).max()) > STIRRED
+    ):
         verdict.wrong.append("something has moved")
     return verdict
 
@@ -462,7 +495,11 @@ def plan_here() -> None:
     """Compute in the thread of the tick: a planner's own process for each case takes longer than the case."""
 
     def submit(
-        self: Computations, node: str, function: Callable[..., Any], arguments: tuple[Any, ...], isolated: bool
+        self: Computations,
+        node: str,
+        function: Callable[..., Any],
+        arguments: tuple[Any, ...],
+        isolated: bool,
     ) -> Any:
         future: Future[Any] = Future()
         began = time.perf_counter()
@@ -470,7 +507,9 @@ def plan_here() -> None:
             future.set_result(function(*arguments))
         except BaseException as error:
             future.set_exception(error)
-        self._pending.append((node, f"{function.__module__}.{function.__qualname__}", began, _Computed(future)))  # type: ignore[arg-type]
+        self._pending.append(
+            (node, f"{function.__module__}.{function.__qualname__}", began, _Computed(future))
+        )  # type: ignore[arg-type]
         return self._pending[-1][3]
 
     Computations.submit = submit  # type: ignore[method-assign]
@@ -540,11 +579,17 @@ class Forks:
             with os.fdopen(reading, "rb") as stream:
                 said = stream.read()
             spent = os.WTERMSIG(os.waitpid(child, 0)[1]) in (signal.SIGXCPU, signal.SIGKILL)
-            trouble = f"does not end within {HANGS:.0f} s of processor time" if spent else "the process died"
+            trouble = (
+                f"does not end within {HANGS:.0f} s of processor time"
+                if spent
+                else "the process died"
+            )
             self.tell(pickle.loads(said) if said else CaseVerdict(case, wrong=[trouble]))
 
 
-def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: Callable[[CaseVerdict], None]) -> None:
+def branch_cases(
+    cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: Callable[[CaseVerdict], None]
+) -> None:
     """Run the pick once, and each case from where its phase begins; all phases are of one tree.
 
     The process must have no other threads: `prepare_to_fork`.

@@ -101,7 +101,10 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
     own = table[OWN_PHASES.get(cell, "phases")]
     phases = {
         name: FaultPhase(
-            name, said["node"], TIME(said["after"]), **{key: said[key] for key in ("operator", "tree") if key in said}
+            name,
+            said["node"],
+            TIME(said["after"]),
+            **{key: said[key] for key in ("operator", "tree") if key in said},
         )
         for name, said in {**own, **({} if cell in OWN_PHASES else table["moments"])}.items()
     }
@@ -116,7 +119,15 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
         within = TIME(row["within"]) if "within" in row else np.inf
         lasts = TIME(row["lasts"]) if "lasts" in row else np.inf
         notices = TIME(row["notices"]) if "notices" in row else None
-        said = row["ends"], within, row.get("shows", ""), lasts, row.get("spoils", False), row.get("says", ""), notices
+        said = (
+            row["ends"],
+            within,
+            row.get("shows", ""),
+            lasts,
+            row.get("spoils", False),
+            row.get("says", ""),
+            notices,
+        )
         cases += [Case(switch, kind, phases[name], *said) for name in names]
     return cases
 
@@ -137,9 +148,13 @@ def report(verdicts: Sequence[CaseVerdict]) -> str:
         rows.setdefault((v.case.name, v.case.ends, v.case.within), []).append(v)
     lines += ["", f"{'fault':26}{'ends':9}{'cases':>6}{'deadline':>10}{'median':>9}{'worst':>9}"]
     for (name, ends, within), row in rows.items():
-        noticed = [v.noticed for v in row if np.isfinite(v.noticed) and ends != "success"] or [np.nan]
+        noticed = [v.noticed for v in row if np.isfinite(v.noticed) and ends != "success"] or [
+            np.nan
+        ]
         median, worst = float(np.median(noticed)), max(noticed)
-        lines.append(f"{name:26}{ends:9}{len(row):6d}{_ms(within):>10}{_ms(median):>9}{_ms(worst):>9}")
+        lines.append(
+            f"{name:26}{ends:9}{len(row):6d}{_ms(within):>10}{_ms(median):>9}{_ms(worst):>9}"
+        )
     rests = [v.rested for v in verdicts if np.isfinite(v.rested)] or [np.nan]
     median, worst = float(np.median(rests)), max(rests)
     lines += ["", f"arm at rest {_ms(median)} (median), {_ms(worst)} (worst) after the safe stop"]

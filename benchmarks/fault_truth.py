@@ -171,7 +171,9 @@ class WallTruth:
     def __init__(self, world: FruitWallWorld) -> None:
         self._world = world
         count = len(world.built.fruit_bodies)
-        world._reachable = (False,) * count  # which apples are in reach is asked by no case, and takes seconds
+        world._reachable = (
+            False,
+        ) * count  # which apples are in reach is asked by no case, and takes seconds
         self._R: Float64 = world.state.site_xmat[world.model.site(PADS[0]).id].reshape(3, 3)
         self._R_gripped = np.eye(3)
         self.contact = 0.0, ""
@@ -198,7 +200,11 @@ class WallTruth:
 
     def look(self, begun: Collection[str]) -> Iterator[str]:
         self.contact = max(self.contact, (self._world.score.touches.fixed, "a fixed object"))
-        if self.apple is None and "Detach" in begun and (least := self._pads.min(axis=1)).max() > PRESSED:
+        if (
+            self.apple is None
+            and "Detach" in begun
+            and (least := self._pads.min(axis=1)).max() > PRESSED
+        ):
             self.apple, self._R_gripped = int(least.argmax()), self._R.copy()
         if self.apple is not None:
             yield "gripped"
@@ -279,7 +285,11 @@ class BeltTruth:
     def judge_claim(self, node: str) -> None:
         if node in ("Intercept", "Release"):
             at = self._lifted
-            true = bool(at) if node == "Intercept" else any(self._world.score.crate_of(number) for number in at)
+            true = (
+                bool(at)
+                if node == "Intercept"
+                else any(self._world.score.crate_of(number) for number in at)
+            )
             self.claimed = true and self.claimed is not False
 
     def is_over(self, node: str) -> bool:

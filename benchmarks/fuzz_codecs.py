@@ -108,7 +108,9 @@ def fuzz_wsg(frames: int, seed: int) -> FramesLost:
                 frame = damage(frame, rng)
             stream += frame
         decoder = wsg_frame.FrameDecoder()
-        found = [f for piece in pieces(stream, rng) for f in decoder.decode(piece)] + decoder.flush()
+        found = [
+            f for piece in pieces(stream, rng) for f in decoder.decode(piece)
+        ] + decoder.flush()
         for f in found:
             for decode in (wsg.decode_reply, wsg.decode_request):
                 with contextlib.suppress(Malformed):
@@ -134,7 +136,9 @@ def fuzz_motoman(frames: int, seed: int) -> FramesLost:
                 lost_bytes = True
             stream += packed
         decoder = motoman.MessageDecoder(order)
-        found = [m for piece in pieces(stream, rng) for m in decoder.decode(piece)] + decoder.flush()
+        found = [
+            m for piece in pieces(stream, rng) for m in decoder.decode(piece)
+        ] + decoder.flush()
         with contextlib.suppress(Malformed):
             decoder.complain()
         matched, forged = _match(sent, found)
@@ -161,7 +165,9 @@ def fuzz_suntouch(frames: int, seed: int) -> FramesLost:
     return report
 
 
-def _count(report: FramesLost, frames: int, intact: int, matched: int, forged: int, excuse: bool) -> None:
+def _count(
+    report: FramesLost, frames: int, intact: int, matched: int, forged: int, excuse: bool
+) -> None:
     report.frames += frames
     report.intact += intact
     report.recovered += matched

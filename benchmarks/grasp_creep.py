@@ -55,7 +55,9 @@ class Options(NamedTuple):
     impedance: str = "0.95 0.99"  # smallest and largest
 
 
-def creep(options: Options, mass: float, mu: float, ratio: float, duration: float = 1.0) -> tuple[float, float]:
+def creep(
+    options: Options, mass: float, mu: float, ratio: float, duration: float = 1.0
+) -> tuple[float, float]:
     """Return the velocity at which a held fruit slides [m/s]: simulated, and by the rows of its contacts.
 
     Args:
@@ -69,7 +71,9 @@ def creep(options: Options, mass: float, mu: float, ratio: float, duration: floa
     body = model.body("fruit").id
     closing = round(0.4 / options.timestep)
     for step in range(closing + round(duration / options.timestep)):
-        state.xfrc_applied[body, 2] = mass * GRAVITY if step < closing // 2 else 0.0  # no load until the pads press
+        state.xfrc_applied[body, 2] = (
+            mass * GRAVITY if step < closing // 2 else 0.0
+        )  # no load until the pads press
         mujoco.mj_step(model, state)
         if step == closing:
             began = float(state.xpos[body, 2])
@@ -82,12 +86,18 @@ def _by_row(mujoco: Any, model: Any, state: Any, contact: Any) -> float:
     if contact.dim < 3 or model.opt.cone != mujoco.mjtCone.mjCONE_ELLIPTIC:
         return float("nan")
     rows = [contact.efc_address + 1, contact.efc_address + 2]
-    return float(np.hypot(*(state.efc_R[row] * state.efc_force[row] / state.efc_KBIP[row][1] for row in rows)))
+    return float(
+        np.hypot(
+            *(state.efc_R[row] * state.efc_force[row] / state.efc_KBIP[row][1] for row in rows)
+        )
+    )
 
 
 def main() -> None:
     """Print the velocities."""
-    print("| options | creep, median of 12 [mm/s] | most | R·f/b, median [mm/s] | 3 s in the hand, median [mm] |")
+    print(
+        "| options | creep, median of 12 [mm/s] | most | R·f/b, median [mm/s] | 3 s in the hand, median [mm] |"
+    )
     print("|---|--:|--:|--:|--:|")
     cases = tuple(itertools.product((0.05, 0.2, 0.4), (0.3, 0.9), (1.1, 2.0)))
     for words, options in {

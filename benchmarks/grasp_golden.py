@@ -24,7 +24,16 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_grasp import BUMP, BUMP_TIME, LUGRE, MUJOCO, NOISE, Draw, draw_tasks, settings_for
+from benchmarks.bench_grasp import (
+    BUMP,
+    BUMP_TIME,
+    LUGRE,
+    MUJOCO,
+    NOISE,
+    Draw,
+    draw_tasks,
+    settings_for,
+)
 from benchmarks.grasp_mujoco import MujocoGrasp
 from benchmarks.grasp_patch import PatchGrasp
 from benchmarks.grasp_trial import Corrupt, Lifting, run_trial
@@ -136,7 +145,11 @@ def _odd_order(at: int = 700) -> Corrupt:
             return [(sequence, stamp, wrenches)]
         bad = wrenches.copy()
         bad[seen % 2, seen % 6] = np.nan
-        return [(sequence, stamp, bad), (sequence, stamp, wrenches), (sequence - 3, stamp - 0.006, -wrenches)]
+        return [
+            (sequence, stamp, bad),
+            (sequence, stamp, wrenches),
+            (sequence - 3, stamp - 0.006, -wrenches),
+        ]
 
     return corrupt
 
@@ -169,7 +182,9 @@ def lift(task: Draw, case: LiftCase, world: type) -> dict[str, object]:
         **dict(case.changes),  # type: ignore[arg-type]
     )
     rise = 0.002 if case.pull_time < 0.1 else 0.05
-    lifting = Lifting(acceleration=task.acceleration, pull=case.pull, pull_rise=rise, pull_time=case.pull_time)
+    lifting = Lifting(
+        acceleration=task.acceleration, pull=case.pull, pull_rise=rise, pull_time=case.pull_time
+    )
     golden = Golden()
 
     def watch(_t: float, controller: GripController, _grasp: PatchGrasp | MujocoGrasp) -> None:
@@ -218,7 +233,9 @@ class Springs:
             if self.controller.phase is phase:
                 return
             self._step()
-        raise RuntimeError(f"the grip is {self.controller.phase.value} after {within} s, expected: {phase.value}")
+        raise RuntimeError(
+            f"the grip is {self.controller.phase.value} after {within} s, expected: {phase.value}"
+        )
 
     def lift(self, load: float = 2.0, moment: float = 0.0) -> None:
         """Grasp and let the load come within 0.1 s, then hold for a second."""
@@ -473,23 +490,44 @@ def digests_of(commit: str, draws: int) -> dict[str, dict[str, object]]:
     """Compute everything with the code of a commit, in a work tree and a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
-        subprocess.run(["git", "worktree", "add", "--detach", "--quiet", str(tree), commit], cwd=ROOT, check=True)
+        subprocess.run(
+            ["git", "worktree", "add", "--detach", "--quiet", str(tree), commit],
+            cwd=ROOT,
+            check=True,
+        )
         try:
             paths = [tree, tree / "executive", tree / "skills", tree / "drivers"]
             environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
-            command = [sys.executable, "-m", "benchmarks.grasp_golden", "--print", "--draws", str(draws)]
-            done = subprocess.run(command, cwd=tree, env=environment, check=True, stdout=subprocess.PIPE)
+            command = [
+                sys.executable,
+                "-m",
+                "benchmarks.grasp_golden",
+                "--print",
+                "--draws",
+                str(draws),
+            ]
+            done = subprocess.run(
+                command, cwd=tree, env=environment, check=True, stdout=subprocess.PIPE
+            )
         finally:
-            subprocess.run(["git", "worktree", "remove", "--force", str(tree)], cwd=ROOT, check=True)
+            subprocess.run(
+                ["git", "worktree", "remove", "--force", str(tree)], cwd=ROOT, check=True
+            )
     found: dict[str, dict[str, object]] = json.loads(done.stdout)
     return found
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--draws", type=int, default=8, help="random lifts of each case on each contact model")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--draws", type=int, default=8, help="random lifts of each case on each contact model"
+    )
     parser.add_argument("--against", metavar="COMMIT", help="compare with this commit, bit by bit")
-    parser.add_argument("--before", type=Path, metavar="FILE", help="compare with the output of --print, bit by bit")
+    parser.add_argument(
+        "--before", type=Path, metavar="FILE", help="compare with the output of --print, bit by bit"
+    )
     parser.add_argument("--print", action="store_true", help="print everything as JSON")
     parser.add_argument("--write", action="store_true", help=f"renew {FIGURES.relative_to(ROOT)}")
     arguments = parser.parse_args()

@@ -134,7 +134,9 @@ class MujocoGrasp:
     @property
     def width(self) -> float:
         """Opening between the pads' faces [m]."""
-        return float(self.state.joint("finger_left").qpos[0] + self.state.joint("finger_right").qpos[0])
+        return float(
+            self.state.joint("finger_left").qpos[0] + self.state.joint("finger_right").qpos[0]
+        )
 
     @property
     def f_n(self) -> float:

@@ -73,7 +73,9 @@ def pressure_shares(k: float) -> tuple[Float64, Float64, Float64]:
     node, weight = np.polynomial.legendre.leggauss(RINGS)
     r, weight = 0.5 * (node + 1.0), 0.5 * weight
     share = weight * r * (1.0 - r**k) ** (1.0 / k)
-    angle = 2.0 * np.pi * (np.arange(SPOKES)[None, :] + 0.5 * (np.arange(RINGS)[:, None] % 2)) / SPOKES
+    angle = (
+        2.0 * np.pi * (np.arange(SPOKES)[None, :] + 0.5 * (np.arange(RINGS)[:, None] % 2)) / SPOKES
+    )
     x, z = r[:, None] * np.cos(angle), r[:, None] * np.sin(angle)
     shares = np.repeat(share / share.sum() / SPOKES, SPOKES)
     return x.ravel(), z.ravel(), shares
@@ -203,7 +205,9 @@ class PatchGrasp:
         self._shape = (
             fruit.mass, fruit.inertia, 0.5 * fruit.width, fruit.mu, fruit.delta, fruit.gamma, *fruit.offset
         )  # fmt: skip
-        self.height = -fruit.offset[1] + self._state[Z]  # level with the grasped point, for any shape of fruit
+        self.height = (
+            -fruit.offset[1] + self._state[Z]
+        )  # level with the grasped point, for any shape of fruit
         self.climb = self.acceleration = 0.0
         self.pull = (0.0, 0.0)
         self.command = 0.0
@@ -219,7 +223,9 @@ class PatchGrasp:
             self._state, self._bristles, self._elements, self._shape, carriage, self.pull, self.command, count, step,
             self.wrenches,
         )  # fmt: skip
-        self.height += self.climb * self._sample + 0.5 * self.acceleration * self._sample * (self._sample + step)
+        self.height += self.climb * self._sample + 0.5 * self.acceleration * self._sample * (
+            self._sample + step
+        )
         self.climb += self.acceleration * self._sample
         return self.wrenches
 

@@ -25,7 +25,13 @@ from pomona.skills.grip.grip import GripMode
 from pomona.skills.grip.limit_surface import SoftContact, least_force_of_finger, surface_table
 from pomona.skills.grip.monitors import GripState
 from pomona.skills.grip.pads import LEVER_LOAD, PAD_HALF, PRESSING
-from pomona.skills.grip.reference import CarriedMode, ForceReference, Levels, LiftingMode, usual_modes
+from pomona.skills.grip.reference import (
+    CarriedMode,
+    ForceReference,
+    Levels,
+    LiftingMode,
+    usual_modes,
+)
 from pomona.skills.grip.sensor import LowPass
 from pomona.skills.grip.settings import GripSettings
 
@@ -35,23 +41,35 @@ CALM, MOVE, HIT = range(3)
 class ProbabilitySettings(NamedTuple):
     """Constants of the reference; each line has the quantity with its unit, and where it comes from."""
 
-    horizon: float = 0.05  # time from a load to the fingers' answer [s]: command period, lag and filter; gripper
+    horizon: float = (
+        0.05  # time from a load to the fingers' answer [s]: command period, lag and filter; gripper
+    )
     eps: float = 0.01  # accepted probability of slip within the horizon; choice
-    s_model: float = 0.05  # relative error of the minimum force with known friction; draws of seed 7
-    mu_stds: float = 1.8  # standard deviations that `mu_uncertainty` stands for (uniform: 1.73); calibration
+    s_model: float = (
+        0.05  # relative error of the minimum force with known friction; draws of seed 7
+    )
+    mu_stds: float = (
+        1.8  # standard deviations that `mu_uncertainty` stands for (uniform: 1.73); calibration
+    )
     move_rate: float = 0.005  # calm loads that begin to move [1/s]; task
     hit_rate: float = 0.0005  # calm loads that jump [1/s]; task
-    calm_rate: float = 25.0  # moving loads that become calm [1/s]: a lift takes the load over in 40 ms; task
+    calm_rate: float = (
+        25.0  # moving loads that become calm [1/s]: a lift takes the load over in 40 ms; task
+    )
     q_calm: float = 0.02  # walk of a calm load [N/√s]; sensor's drift
     push_rate: float = 30.0  # rate of a push at a carried fruit, standard deviation [N/s]; task
-    lift_rate: float = 10.0  # rate of a load that comes from the table, standard deviation [N/s]; lifts
+    lift_rate: float = (
+        10.0  # rate of a load that comes from the table, standard deviation [N/s]; lifts
+    )
     lift_share: float = 22.0  # and its part relative to the load [1/s]; lifts
     rate_time: float = 0.03  # correlation time of that rate [s]: stiffness of contact; lifts
     hit_std: float = 3.0  # jump of the load, standard deviation [N]; task
     lever: float = 0.012  # distance at which loads move and jump, standard deviation [m]; fruit
     slide_scale: float = 5.0  # mean of a push that a sliding fruit hides [N]; task
     fall_time: float = 0.6  # time constant with which an excess is let go [s]: slip must be found meanwhile; slip watch
-    tested_fall_time: float = 0.15  # the same as far as a grip of this ratio has borne the load before [s]; gripper
+    tested_fall_time: float = (
+        0.15  # the same as far as a grip of this ratio has borne the load before [s]; gripper
+    )
     tested_lag: float = 0.1  # time for which it must have borne it [s]; slip watch
     answer_time: float = 0.15  # and that of the force for a load that moves [s]; draws of seed 7
 
@@ -179,7 +197,9 @@ def least_distribution(state, ahead, table, s):  # type: ignore[no-untyped-def]
         std_f = math.sqrt((f_x * f_x * v[0] + f_y * f_y * v[1]) / (f_t * f_t))
         least = _least(f_x, f_y, tau, table)
         by_force = 2.0 * least_force_of_finger(0.5 * (f_t + std_f), 0.5 * tau, table)[0] - least
-        by_moment = 2.0 * least_force_of_finger(0.5 * f_t, 0.5 * (tau + math.sqrt(v[2])), table)[0] - least
+        by_moment = (
+            2.0 * least_force_of_finger(0.5 * f_t, 0.5 * (tau + math.sqrt(v[2])), table)[0] - least
+        )
         result[j, 0], result[j, 1] = least, math.hypot(by_force, by_moment)
     return result
 
@@ -198,13 +218,18 @@ def smallest_force(state, table, known, reserve, s, highest):  # type: ignore[no
     """
     s_mu, force_std, coming = known
     relative = math.hypot(s_mu, s.s_model)
-    later, now = least_distribution(state, s.horizon, table, s), least_distribution(state, 0.0, table, s)
+    later, now = (
+        least_distribution(state, s.horizon, table, s),
+        least_distribution(state, 0.0, table, s),
+    )
     hidden = 0.0
     for j in range(3):
         later[j, 1] = math.sqrt(later[j, 1] ** 2 + (relative * later[j, 0]) ** 2 + force_std**2)
         by_friction = (relative * now[j, 0]) ** 2 + force_std**2
         if j != CALM:
-            hidden += state.weight[j] * _beyond(coming, now[j, 0], math.sqrt(now[j, 1] ** 2 + by_friction))
+            hidden += state.weight[j] * _beyond(
+                coming, now[j, 0], math.sqrt(now[j, 1] ** 2 + by_friction)
+            )
             now[j, 1] = 0.0  # noise of a moving load does not last
         now[j, 1] = math.sqrt(now[j, 1] ** 2 + by_friction)
     reserved = (reserve, math.sqrt((relative * reserve) ** 2 + force_std**2))
@@ -237,10 +262,16 @@ class ProbabilityReference(ForceReference):
         load: estimate of the load.
     """
 
-    def __init__(self, settings: GripSettings, constants: ProbabilitySettings = ProbabilitySettings()) -> None:
+    def __init__(
+        self, settings: GripSettings, constants: ProbabilitySettings = ProbabilitySettings()
+    ) -> None:
         super().__init__(
             settings,
-            lambda levels: (*usual_modes(levels), ProbableLifting(levels, self), ProbableCarrying(levels, self)),
+            lambda levels: (
+                *usual_modes(levels),
+                ProbableLifting(levels, self),
+                ProbableCarrying(levels, self),
+            ),
         )
         self.load = unknown_load()
         self._constants, self._period = constants, settings.period
@@ -272,9 +303,13 @@ class ProbabilityReference(ForceReference):
         of_moment = self._noise[5] + ratio * ratio * self._noise[4]
         noise = 2.0 * np.array([self._noise[0], self._noise[1], of_moment])
         for _ in range(periods):
-            self.load = advance_load(self.load, measured, noise, self._period, self.is_carried, self._constants)
+            self.load = advance_load(
+                self.load, measured, noise, self._period, self.is_carried, self._constants
+            )
 
-    def probable(self, estimate: GripEstimate, coming: float, elapsed: float, lowest: float) -> float:
+    def probable(
+        self, estimate: GripEstimate, coming: float, elapsed: float, lowest: float
+    ) -> float:
         """Return the reference [N]: a rise is followed at once, an excess is let go slowly."""
         levels, s = self._levels, self._constants
         known = (
@@ -297,7 +332,9 @@ class ProbabilityReference(ForceReference):
             levels.held += falls * (target - levels.held)
         if levels.held < lowest:
             levels.held = min(levels.held + levels.settings.ramp_rate * elapsed, lowest)
-        self._momentary = max(force - levels.held, math.exp(-elapsed / s.answer_time) * self._momentary)
+        self._momentary = max(
+            force - levels.held, math.exp(-elapsed / s.answer_time) * self._momentary
+        )
         return levels.held + self._momentary
 
     def _reserved(self, estimate: GripEstimate) -> float:
@@ -326,7 +363,9 @@ class ProbableLifting(LiftingMode):
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
         tuned = self._levels.tuned
-        is_steady = estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
+        is_steady = (
+            estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
+        )
         if estimate.f_t < tuned.carried_load:
             self._loaded_for = 0.0
         elif is_steady:

@@ -173,7 +173,11 @@ def run_trial(
         t = n * period
         true = grasp.step()
         measured = true + bias + rng.normal(0.0, 1.0, (2, 6)) * (noise * scale)
-        arriving = [(n, t, measured)] if corrupt is None or math.isnan(held_at) else corrupt(n, t, measured)
+        arriving = (
+            [(n, t, measured)]
+            if corrupt is None or math.isnan(held_at)
+            else corrupt(n, t, measured)
+        )
         for sequence, stamp, wrenches in arriving:
             if controller.wants_width:
                 controller.width = grasp.width
@@ -192,7 +196,9 @@ def run_trial(
             if controller.phase is GripPhase.HOLDING:
                 held_at, origin, turn_0 = t, grasp.place, grasp.turn
             elif controller.phase is GripPhase.FAILED or t > GRASPED_WITHIN:
-                return TrialResult(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, True, trace)
+                return TrialResult(
+                    False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, True, trace
+                )
         else:
             since = t - held_at - 0.04
             grasp.acceleration = lifting.acceleration_at(since + 0.5 * period)
@@ -233,7 +239,9 @@ def run_trial(
         pressure=peak_pressure(0.5 * peak, fruit),
         contact_peak=contact_peak,
         grasp_time=held_at,
-        pull_slip=0.0 if math.isnan(pull_at) else float(np.ptp(trace.slip[round((pull_at - trace.t[0]) / period) :])),
+        pull_slip=0.0
+        if math.isnan(pull_at)
+        else float(np.ptp(trace.slip[round((pull_at - trace.t[0]) / period) :])),
         reaction=reaction,
         told=math.isnan(lost_at) or told_at <= lost_at + TOLD_WITHIN,
         trace=trace,

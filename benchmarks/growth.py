@@ -62,7 +62,16 @@ seeds: {seeds}
 vary: {{fruit: [apple_1, apple_5], place: [1, 2, 3, 4, 5]}}
 """
 
-STEPS_OF_A_PICK = ("Detect", "Refine", "UpdateMap", "SampleGrasp", "Plan", "Follow", "Approach", "Lift")
+STEPS_OF_A_PICK = (
+    "Detect",
+    "Refine",
+    "UpdateMap",
+    "SampleGrasp",
+    "Plan",
+    "Follow",
+    "Approach",
+    "Lift",
+)
 
 
 class Count(Skill):
@@ -80,14 +89,29 @@ class Answering:
 
     workers = 1
 
-    def map(self, _function: object, orders: Sequence[object], _limit: float) -> Iterator[tuple[int, dict[str, Any]]]:
+    def map(
+        self, _function: object, orders: Sequence[object], _limit: float
+    ) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield one summary for each order, with figures that differ."""
-        steps = {"robot_time_s": dict.fromkeys(STEPS_OF_A_PICK, 0.5), "compute_s": dict.fromkeys(STEPS_OF_A_PICK, 0.1)}
+        steps = {
+            "robot_time_s": dict.fromkeys(STEPS_OF_A_PICK, 0.5),
+            "compute_s": dict.fromkeys(STEPS_OF_A_PICK, 0.1),
+        }
         for index in range(len(orders)):
-            truth = {"lifted": True, "slip_mm": abs(math.sin(index)), "peak_force_n": 4.0 + math.sin(index)}
+            truth = {
+                "lifted": True,
+                "slip_mm": abs(math.sin(index)),
+                "peak_force_n": 4.0 + math.sin(index),
+            }
             yield (
                 index,
-                {"outcome": "success", "reason": None, "time_s": 4.0 + math.cos(index), **steps, "truth": truth},
+                {
+                    "outcome": "success",
+                    "reason": None,
+                    "time_s": 4.0 + math.cos(index),
+                    **steps,
+                    "truth": truth,
+                },
             )
 
 
@@ -133,7 +157,12 @@ def of_nodes(size: int) -> Iterator[Cost]:
     ticks = max(3, 20_000 // size)
     ticked = milliseconds(lambda: ticked_often(root, ticks))
     yield Cost("tick of a tree", "nodes", nodes, 1e3 * ticked / ticks, "µs")
-    yield Cost("read and check a tree file", "nodes", nodes, milliseconds(lambda: check(read(text, "s.yaml"), skills)))
+    yield Cost(
+        "read and check a tree file",
+        "nodes",
+        nodes,
+        milliseconds(lambda: check(read(text, "s.yaml"), skills)),
+    )
 
 
 def of_length(ticks: int) -> Iterator[Cost]:
@@ -144,11 +173,26 @@ def of_length(ticks: int) -> Iterator[Cost]:
         events, recorder = EventStream(), Recorder(Path(folder))
         events.subscribe(recorder.on_event)
         runner = Runner(
-            lambda context, board: build(document, skills, context=context, board=board), dry_cell(), events
+            lambda context, board: build(document, skills, context=context, board=board),
+            dry_cell(),
+            events,
         )
-        yield Cost("run and record", "ticks", ticks, milliseconds(lambda: recorded(runner, recorder), 1))
-        yield Cost("read a record", "ticks", ticks, milliseconds(lambda: list(read_events(Path(folder))), 1))
-        yield Cost("size of a record", "ticks", ticks, (Path(folder) / EVENTS_FILE).stat().st_size / 1e3, "kB")
+        yield Cost(
+            "run and record", "ticks", ticks, milliseconds(lambda: recorded(runner, recorder), 1)
+        )
+        yield Cost(
+            "read a record",
+            "ticks",
+            ticks,
+            milliseconds(lambda: list(read_events(Path(folder))), 1),
+        )
+        yield Cost(
+            "size of a record",
+            "ticks",
+            ticks,
+            (Path(folder) / EVENTS_FILE).stat().st_size / 1e3,
+            "kB",
+        )
 
 
 def of_runs(runs: int) -> Iterator[Cost]:
@@ -159,9 +203,16 @@ def of_runs(runs: int) -> Iterator[Cost]:
         campaign = read_campaign(path)
         yield Cost("plan a campaign", "runs", runs, milliseconds(lambda: read_campaign(path), 1))
         engine = Answering()
-        yield Cost("keep its results", "runs", runs, milliseconds(lambda: run_campaign(campaign, out, engine), 1))
+        yield Cost(
+            "keep its results",
+            "runs",
+            runs,
+            milliseconds(lambda: run_campaign(campaign, out, engine), 1),
+        )
         results = list(run_campaign(campaign, out, engine).values())
-        page = milliseconds(lambda: report(campaign, results, "growth.yaml").write(out, "report"), 1)
+        page = milliseconds(
+            lambda: report(campaign, results, "growth.yaml").write(out, "report"), 1
+        )
         yield Cost("write its report", "runs", runs, page)
 
 
@@ -169,14 +220,22 @@ def of_volume(cells: int) -> Iterator[Cost]:
     """One depth image into a map of 20 mm cells, and the map's distance field."""
     frame, T_base_camera = table_look()
     half = 0.01 * round(cells ** (1.0 / 3.0))
-    lower, upper = np.array([-half, -0.45 - half, -0.15]), np.array([half, half - 0.45, 2.0 * half - 0.15])
+    lower, upper = (
+        np.array([-half, -0.45 - half, -0.15]),
+        np.array([half, half - 0.45, 2.0 * half - 0.15]),
+    )
     workspace, empty = Workspace(-0.12, lower, upper), OccupancyMap.empty(lower, upper, 0.02)
     maps = [integrate(empty, frame, T_base_camera, workspace) for _ in range(4)]
     _ = maps[3].field  # compiled
     fused = milliseconds(lambda: integrate(empty, frame, T_base_camera, workspace), 5)
     yield Cost("add a depth image to the map", "cells", empty.states.size, fused)
     waiting = iter(maps)
-    yield Cost("distance field of the map", "cells", empty.states.size, milliseconds(lambda: next(waiting).field))
+    yield Cost(
+        "distance field of the map",
+        "cells",
+        empty.states.size,
+        milliseconds(lambda: next(waiting).field),
+    )
 
 
 def exponent(costs: Sequence[Cost]) -> float:
@@ -194,13 +253,22 @@ def row(costs: Sequence[Cost]) -> str:
 
 def main() -> None:
     """Measure and print the table, row by row."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--most", type=int, default=10_000, help="nodes, ticks and runs")
     most: int = parser.parse_args().most
     sizes = [size for size in (10, 100, 1_000, 10_000) if size <= most]
     volumes = [cells for cells in (8_000, 64_000, 512_000, 4_096_000) if cells <= 410 * most]
-    print(f"{processor()}\n\n| cost | size | size: cost | exponent | from size to size |\n|---|---|---|---|---|")
-    for measure, counts in ((of_nodes, sizes), (of_length, sizes[1:]), (of_runs, sizes), (of_volume, volumes)):
+    print(
+        f"{processor()}\n\n| cost | size | size: cost | exponent | from size to size |\n|---|---|---|---|---|"
+    )
+    for measure, counts in (
+        (of_nodes, sizes),
+        (of_length, sizes[1:]),
+        (of_runs, sizes),
+        (of_volume, volumes),
+    ):
         for costs in zip(*(tuple(measure(count)) for count in counts), strict=True):
             print(row(costs), flush=True)
 

@@ -76,7 +76,9 @@ class LeafRun:
             if not success:
                 raise self.failure("FAILED", "scripted failure")
 
-        return type(name, (Skill,), {"inputs": stand_in.inputs, "failures": ("FAILED",), "run": work})
+        return type(
+            name, (Skill,), {"inputs": stand_in.inputs, "failures": ("FAILED",), "run": work}
+        )
 
 
 def here(text: str, seed: str, stand: Registry) -> list[str]:
@@ -105,7 +107,9 @@ def there(original: Path, xml: Path, leaves: str, seed: str) -> list[str] | None
         file.flush()
         order = [str(original), str(xml), file.name, seed, str(TICKS)]
         done = subprocess.run(order, capture_output=True, text=True, check=False, timeout=60)
-    told = done.stdout.replace("SKIPPED", "SUCCESS")  # a tree that is skipped as a whole has succeeded here
+    told = done.stdout.replace(
+        "SKIPPED", "SUCCESS"
+    )  # a tree that is skipped as a whole has succeeded here
     return told.splitlines() if done.returncode == 0 else None
 
 
@@ -135,18 +139,30 @@ class ComparedTrees:
         if findings:
             return "is not carried over"
         stand = stand_ins(read(text, "t.yaml"), writes=False)
-        missing = {name for f in check(read(text, "t.yaml"), stand) for name in _MISSING.findall(f.message)}
+        missing = {
+            name for f in check(read(text, "t.yaml"), stand) for name in _MISSING.findall(f.message)
+        }
         for run in range(self.runs):
             seed = f"{place}/{run}"
             given = {name: hashed(f"{seed}/{name}") % 3 for name in sorted(missing)}
-            declared = "constants: {" + ", ".join(f"{name}: {value}" for name, value in given.items()) + "}\n"
+            declared = (
+                "constants: {"
+                + ", ".join(f"{name}: {value}" for name, value in given.items())
+                + "}\n"
+            )
             tree = text.replace("\nroot:", f"\n{declared if given else ''}root:", 1)
-            errors = [finding for finding in check(read(tree, "t.yaml"), stand) if finding.severity == "error"]
+            errors = [
+                finding
+                for finding in check(read(tree, "t.yaml"), stand)
+                if finding.severity == "error"
+            ]
             if errors:
                 return f"the check: {errors[0].code}: {errors[0].message}"
             told = [f"leaf {name} {' '.join(skill.inputs)}" for name, skill in stand.items()]
             told += [
-                f"set {word} {given[small(word)]}" for word in set(re.findall(r"\w+", xml)) if small(word) in given
+                f"set {word} {given[small(word)]}"
+                for word in set(re.findall(r"\w+", xml))
+                if small(word) in given
             ]
             expected = there(self.original, path, "\n".join(told), seed)
             if expected is None:
@@ -155,7 +171,9 @@ class ComparedTrees:
             if _AGAIN.search(xml):
                 expected, found = _in_order(expected), _in_order(found)
             if found != expected:
-                both = "\n".join(f"    {a:60} | {b}" for a, b in zip(expected + [""] * 40, found, strict=False))
+                both = "\n".join(
+                    f"    {a:60} | {b}" for a, b in zip(expected + [""] * 40, found, strict=False)
+                )
                 self.differ.append(f"{place}, run {run}: original | here\n{xml}\n{text}\n{both}")
                 return "differs"
         return ""
@@ -193,8 +211,17 @@ def _node(rng: random.Random, depth: int) -> str:
         leaf = rng.choice("ABCDEFGHIJKL")
         return rng.choice(
             [f"<{leaf}{_conditions(rng)}/>"] * 6
-            + ["<AlwaysSuccess/>", "<AlwaysFailure/>", '<Script code="x += 1"/>', '<ScriptCondition code="x &lt; 2"/>']
-            + ['<SubTree ID="S" n="{x}"/>', '<SubTree ID="S" n="{Y}"/>', '<SetBlackboard output_key="x" value="{Y}"/>']
+            + [
+                "<AlwaysSuccess/>",
+                "<AlwaysFailure/>",
+                '<Script code="x += 1"/>',
+                '<ScriptCondition code="x &lt; 2"/>',
+            ]
+            + [
+                '<SubTree ID="S" n="{x}"/>',
+                '<SubTree ID="S" n="{Y}"/>',
+                '<SetBlackboard output_key="x" value="{Y}"/>',
+            ]
         )
     word, fewest, most = rng.choice(
         [("Sequence", 1, 3), ("Fallback", 1, 3), ("ReactiveSequence", 1, 3), ("ReactiveFallback", 1, 3),
@@ -227,12 +254,19 @@ def _conditions(rng: random.Random) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("original", type=Path, help="the program of import_original.cpp")
     parser.add_argument("folder", type=Path, nargs="*", help="a checkout of a foreign repository")
-    parser.add_argument("--random", type=int, default=0, metavar="N", help="also so many random trees")
     parser.add_argument(
-        "--runs", type=int, default=5, help="how often each tree runs, with other results of its leaves"
+        "--random", type=int, default=0, metavar="N", help="also so many random trees"
+    )
+    parser.add_argument(
+        "--runs",
+        type=int,
+        default=5,
+        help="how often each tree runs, with other results of its leaves",
     )
     parser.add_argument("--seed", type=int, default=0)
     order = parser.parse_args()

@@ -124,7 +124,11 @@ def _cpp_strings(text: str) -> Iterator[tuple[int, str]]:
             parts = []
             continue
         line = line if parts else text.count("\n", 0, match.start()) + 1
-        parts.append(match["raw"] if match["raw"] is not None else re.sub(r"\\(.)", _unescaped, match["quoted"]))
+        parts.append(
+            match["raw"]
+            if match["raw"] is not None
+            else re.sub(r"\\(.)", _unescaped, match["quoted"])
+        )
     if parts:
         yield line, "".join(parts)
 
@@ -150,9 +154,14 @@ def refused_by_the_original(tree: Foreign, others: Sequence[Foreign]) -> str:
         if reason:
             return reason
     known = "".join([tree.text, *(text for text, _ in beside(tree, others))])
-    if not root.all("include") and any(f'<BehaviorTree ID="{called}"' not in known for called in missing_in(tree)):
+    if not root.all("include") and any(
+        f'<BehaviorTree ID="{called}"' not in known for called in missing_in(tree)
+    ):
         return "calls a tree that is nowhere"
-    calls = {found.get("ID"): {e.get("ID") for e in _walk(found) if e.tag == "SubTree"} for found in trees}
+    calls = {
+        found.get("ID"): {e.get("ID") for e in _walk(found) if e.tag == "SubTree"}
+        for found in trees
+    }
     if any(_reaches(calls, name, name, set()) for name in calls):
         return "a tree that calls itself"
     if root.get("BTCPP_format") == "3":
@@ -164,7 +173,10 @@ def refused_by_the_original(tree: Foreign, others: Sequence[Foreign]) -> str:
 
 
 def _bad_element(element: XmlElement) -> str:
-    children, name = len(element.children), element.get("ID") if element.tag in _BY_ID else element.tag
+    children, name = (
+        len(element.children),
+        element.get("ID") if element.tag in _BY_ID else element.tag,
+    )
     if not name:
         return "a node without an ID"
     if re.search(r"[\s<>&\"'/\\:*?|.]", name):
@@ -198,9 +210,15 @@ def stand_ins(document: Document, writes: bool = True) -> Registry:
         for node in definition.root.walk() if definition.root is not None else ():
             if node.type is SKILL:
                 ports[node.key.text].update(node.ports)
-                wired = {n for n, (_, v) in node.ports.items() if isinstance(v, YamlScalar) and _WIRE.fullmatch(v.text)}
+                wired = {
+                    n
+                    for n, (_, v) in node.ports.items()
+                    if isinstance(v, YamlScalar) and _WIRE.fullmatch(v.text)
+                }
                 inputs[node.key.text].update(node.ports.keys() - (wired if writes else set()))
-    return Registry({name: _stand_in(name, inputs[name], found - inputs[name]) for name, found in ports.items()})
+    return Registry(
+        {name: _stand_in(name, inputs[name], found - inputs[name]) for name, found in ports.items()}
+    )
 
 
 def _stand_in(name: str, inputs: Iterable[str], outputs: Iterable[str]) -> type[Skill]:
@@ -215,7 +233,10 @@ def _stand_in(name: str, inputs: Iterable[str], outputs: Iterable[str]) -> type[
 
 def missing_in(tree: Foreign) -> set[str]:
     """IDs of subtrees that a text calls and does not hold."""
-    held, called = (set(re.findall(rf'<{tag}\b[^>]*\bID="([^"]*)"', tree.text)) for tag in ("BehaviorTree", "SubTree"))
+    held, called = (
+        set(re.findall(rf'<{tag}\b[^>]*\bID="([^"]*)"', tree.text))
+        for tag in ("BehaviorTree", "SubTree")
+    )
     return called - held
 
 
@@ -261,7 +282,9 @@ def _reason(finding: Finding) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path, nargs="+", help="a checkout of a foreign repository")
     parser.add_argument("--where", action="store_true", help="also print files and lines")
     order = parser.parse_args()

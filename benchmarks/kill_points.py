@@ -41,7 +41,16 @@ WENT_ON = 0.5
 GONE = 8.0
 """Seconds after which no process of the run may be left."""
 
-WAYS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGKILL", "SIGINT twice", "SIGTERM then SIGINT", "reader gone", "to all")
+WAYS = (
+    "SIGINT",
+    "SIGTERM",
+    "SIGHUP",
+    "SIGKILL",
+    "SIGINT twice",
+    "SIGTERM then SIGINT",
+    "reader gone",
+    "to all",
+)
 """How a run is ended. `to all`: SIGTERM to every process of its session, as a service manager does it."""
 
 TREE = """
@@ -82,8 +91,14 @@ class Left:
 def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     """The process that is ended: the command line as it is, with a witness and two skills more."""
     os.setsid()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the parent process may ignore them
-        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    for number in (
+        signal.SIGINT,
+        signal.SIGTERM,
+        signal.SIGHUP,
+    ):  # the parent process may ignore them
+        signal.signal(
+            number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+        )
     os.dup2(stdout.fileno(), 1)
     os.dup2(os.open(f"{folder}/stderr", os.O_WRONLY | os.O_CREAT), 2)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
@@ -91,7 +106,17 @@ def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     _add_witness(witness)
     from pomona.executive.cli import main
 
-    sys.argv = ["pomona", "run", f"{folder}/tree.yaml", "--cell", cell, "--pace", "real", "--record", f"{folder}/runs"]
+    sys.argv = [
+        "pomona",
+        "run",
+        f"{folder}/tree.yaml",
+        "--cell",
+        cell,
+        "--pace",
+        "real",
+        "--record",
+        f"{folder}/runs",
+    ]
     Path(folder, "listening").touch()  # earlier code is this file's, not the command's
     sys.exit(main())
 
@@ -200,7 +225,13 @@ ALLOWED = {
 
 
 def _judge(
-    point: Point, phase: str, status: int | None, folder: Path, witness: Path, seen: float, slack: float
+    point: Point,
+    phase: str,
+    status: int | None,
+    folder: Path,
+    witness: Path,
+    seen: float,
+    slack: float,
 ) -> tuple[list[str], float]:
     from pomona.executive.recording.read import read_events
     from pomona.executive.running.events import RunEnded, SafeStopped
@@ -274,22 +305,35 @@ def _command(pid: int) -> str:
 def points(number: int, seed: int, ways: Sequence[str] = WAYS) -> list[Point]:
     """Random points; every way comes in turn."""
     rng = random.Random(seed)
-    return [Point(n, ways[n % len(ways)], rng.uniform(0.0, SPAN), rng.uniform(0.0, 0.4)) for n in range(number)]
+    return [
+        Point(n, ways[n % len(ways)], rng.uniform(0.0, SPAN), rng.uniform(0.0, 0.4))
+        for n in range(number)
+    ]
 
 
 def main() -> int:
     """Returns 0 when nothing was found."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--points", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cell", default="sim")
-    parser.add_argument("--way", action="append", choices=WAYS, help="only these (default: all, in turn)")
-    parser.add_argument("--slack", type=float, default=1.0, help="factor of the bounds on a busy processor")
+    parser.add_argument(
+        "--way", action="append", choices=WAYS, help="only these (default: all, in turn)"
+    )
+    parser.add_argument(
+        "--slack", type=float, default=1.0, help="factor of the bounds on a busy processor"
+    )
     options = parser.parse_args()
     context = multiprocessing.get_context("forkserver")
     # Loaded once, forked for each point: the test covers the run, not Python's imports.
     context.set_forkserver_preload(
-        ["benchmarks.kill_points_skills", "pomona.executive.commands.run", "pomona.tools.simulation.connect"]
+        [
+            "benchmarks.kill_points_skills",
+            "pomona.executive.commands.run",
+            "pomona.tools.simulation.connect",
+        ]
     )
     found = []
     for point in points(options.points, options.seed, options.way or WAYS):
@@ -302,9 +346,13 @@ def main() -> int:
     killed = [left.lost for left in found if left.status == -9 and left.phase == "running"]
     bad = [left for left in found if left.problems]
     running = sum(left.phase == "running" for left in found)
-    print(f"{len(found)} points, {running} of them while the run was going on, {len(bad)} with something wrong")
+    print(
+        f"{len(found)} points, {running} of them while the run was going on, {len(bad)} with something wrong"
+    )
     if killed:
-        print(f"lost by {len(killed)} kills: median {statistics.median(killed):.3f} s, worst {max(killed):.3f} s")
+        print(
+            f"lost by {len(killed)} kills: median {statistics.median(killed):.3f} s, worst {max(killed):.3f} s"
+        )
     return 1 if bad else 0
 
 

@@ -59,7 +59,9 @@ def read_problems(folder: Path, robot: RobotModel, limit: int = 0) -> Iterator[P
     Raises BadProblem: a file that cannot be read, a joint that the request lacks, a shape that is not known.
     """
     requests = sorted(path for path in folder.iterdir() if _NUMBER.match(path.name))
-    shapes: dict[frozenset[frozenset[str]], RobotShape] = {}  # one for all scenes that allow the same contacts
+    shapes: dict[
+        frozenset[frozenset[str]], RobotShape
+    ] = {}  # one for all scenes that allow the same contacts
     for request in requests[: limit or None]:
         scene = request.with_name(request.name.replace("request", "scene"))
         yield _problem(f"{folder.name} {request.stem[-4:]}", robot, request, scene, shapes)
@@ -77,12 +79,15 @@ def _problem(
         state = request["start_state"]["joint_state"]
         start = dict(zip(state["name"], state["position"], strict=True))
         goal = start | {
-            joint["joint_name"]: joint["position"] for joint in request["goal_constraints"][0]["joint_constraints"]
+            joint["joint_name"]: joint["position"]
+            for joint in request["goal_constraints"][0]["joint_constraints"]
         }
         q_start = _joints(robot, start)
         q_goal = _joints(robot, goal)
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise BadProblem(request_file, f"does not state start and goal of every joint: {error}") from error
+        raise BadProblem(
+            request_file, f"does not state start and goal of every joint: {error}"
+        ) from error
     try:
         obstacles = tuple(_obstacles(scene))
         allowed = _allowed(scene)
@@ -90,7 +95,9 @@ def _problem(
         raise BadProblem(scene_file, f"does not describe boxes and cylinders: {error}") from error
     if allowed not in shapes:
         shapes[allowed] = RobotShape.of(replace(robot, excluded=robot.excluded | allowed))
-    world = CollisionWorld.build(shapes[allowed], obstacles=obstacles, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
+    world = CollisionWorld.build(
+        shapes[allowed], obstacles=obstacles, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0)
+    )
     return PlanningProblem(name, world, q_start, q_goal)
 
 
@@ -118,7 +125,9 @@ def _obstacles(scene: Mapping[str, Any]) -> Iterator[Convex]:
         for shape, pose in zip(thing["primitives"], thing["primitive_poses"], strict=True):
             T, size = T_base_thing @ _pose(pose), [float(value) for value in shape["dimensions"]]
             if shape["type"] == "box":
-                yield Convex.of_box(Box(thing["id"], T, (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)))
+                yield Convex.of_box(
+                    Box(thing["id"], T, (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0))
+                )
             elif shape["type"] == "cylinder":
                 yield Convex.of_cylinder(thing["id"], T, radius=size[1], length=size[0])
             else:

@@ -76,11 +76,13 @@ def bench_collision(robot: RobotModel) -> None:
     print(f"one posture: free or not {1e6 * check:.2f} µs, with its clearance {1e6 * exact:.1f} µs")
     free = postures[world.free(postures, 0.08)][:1000]
     ends = np.clip(free + rng.normal(size=free.shape) * 0.15, robot.lower, robot.upper)
-    proven = best(lambda: [world.segment_free(a, b, 0.08) for a, b in zip(free, ends, strict=True)], 3) / len(free)
+    proven = best(
+        lambda: [world.segment_free(a, b, 0.08) for a, b in zip(free, ends, strict=True)], 3
+    ) / len(free)
     share = np.linspace(0.0, 1.0, 100)[:, None]
-    sampled = best(lambda: [world.free(a + share * (b - a), 0.08) for a, b in zip(free, ends, strict=True)], 3) / len(
-        free
-    )
+    sampled = best(
+        lambda: [world.free(a + share * (b - a), 0.08) for a, b in zip(free, ends, strict=True)], 3
+    ) / len(free)
     print(
         f"one segment of {np.linalg.norm(ends - free, axis=1).mean():.2f} rad: proven {1e6 * proven:.0f} µs, "
         f"100 samples (no proof) {1e6 * sampled:.0f} µs: {sampled / proven:.1f} x"
@@ -91,7 +93,9 @@ def bench_collision(robot: RobotModel) -> None:
         found = [inverse_kinematics(robot, T) for T in poses]
         return int(world.free(np.vstack(found), 0.1).sum())
 
-    print(f"125 pre-grasps x 36 arm angles, solved and checked: {1e3 * best(all_pre_grasps):.0f} ms")
+    print(
+        f"125 pre-grasps x 36 arm angles, solved and checked: {1e3 * best(all_pre_grasps):.0f} ms"
+    )
 
 
 def bench_map() -> None:
@@ -104,16 +108,30 @@ def bench_map() -> None:
     for _ in range(8):
         row, column = rng.integers(60, 420), rng.integers(60, 580)
         depth[row - 40 : row + 40, column - 40 : column + 40] -= 0.07
-    frame = Frame(0.0, 0, np.zeros((480, 640, 3), np.uint8), depth.astype(np.float32), lens, None, T_base_camera)
+    frame = Frame(
+        0.0,
+        0,
+        np.zeros((480, 640, 3), np.uint8),
+        depth.astype(np.float32),
+        lens,
+        None,
+        T_base_camera,
+    )
     for name, lower, upper, resolution in (
         ("2 cm, 2 x 2 x 1.6 m", np.array([-1.0, -1.0, -0.2]), np.array([1.0, 1.0, 1.4]), 0.02),
         ("1 cm, 1.2 x 1 x 0.84 m", np.array([-0.6, -0.8, -0.14]), np.array([0.6, 0.2, 0.7]), 0.01),
     ):
         workspace = Workspace(-0.12, lower, upper)
         grid = OccupancyMap.empty(lower, upper, resolution)
-        update = best(lambda grid=grid, workspace=workspace: integrate(grid, frame, T_base_camera, workspace))  # type: ignore[misc]
+        update = best(
+            lambda grid=grid, workspace=workspace: integrate(grid, frame, T_base_camera, workspace)
+        )  # type: ignore[misc]
         blocked = integrate(grid, frame, T_base_camera, workspace).blocked
-        own = best(lambda blocked=blocked, r=resolution: DistanceField.of_blocked(blocked, np.zeros(3), r, 0.3))  # type: ignore[misc]
+        own = best(
+            lambda blocked=blocked, r=resolution: DistanceField.of_blocked(
+                blocked, np.zeros(3), r, 0.3
+            )
+        )  # type: ignore[misc]
         scipys = best(lambda blocked=blocked: distance_transform_edt(~blocked), 3)  # type: ignore[misc]
         print(
             f"map of {name} ({blocked.size} cells): a frame {1e3 * update:.1f} ms, distance field {1e3 * own:.1f} ms, "

@@ -24,10 +24,25 @@ import pomona.applications.harvest.connect as walls
 import pomona.applications.harvest.detach as detach
 from benchmarks.orchard_pick import ROOT, seeds_of, share
 from pomona.applications.harvest.detaching import DetachSettings
-from pomona.applications.harvest.hanging import DRAWN, JUMP, HangingRules, knuckle_of, sample_hanging
+from pomona.applications.harvest.hanging import (
+    DRAWN,
+    JUMP,
+    HangingRules,
+    knuckle_of,
+    sample_hanging,
+)
 from pomona.applications.harvest.numbers import read_numbers
 from pomona.applications.harvest.reachable import SPARE, GraspSearch
-from pomona.drivers.interfaces import Arm, ForceSensor, Frame, Gripper, Intrinsics, Motion, StreamedArm, Workspace
+from pomona.drivers.interfaces import (
+    Arm,
+    ForceSensor,
+    Frame,
+    Gripper,
+    Intrinsics,
+    Motion,
+    StreamedArm,
+    Workspace,
+)
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.skill_testing import drive
@@ -74,7 +89,15 @@ ABLATIONS = (
     Variant("straight pull of 10 N, no roll", STRAIGHT, {"pull": 10.0}),
     Variant("position wrong by 6 mm (deviation of each axis)", {}, {}, error=6e-3),
 )  # fmt: skip
-NUMBERS = ("bend_angle", "twist_angle", "twist_median", "pull_median", "wood_modulus", "wood_damping", "fruit_friction")
+NUMBERS = (
+    "bend_angle",
+    "twist_angle",
+    "twist_median",
+    "pull_median",
+    "wood_modulus",
+    "wood_damping",
+    "fruit_friction",
+)
 """Numbers of the wall that the motion may depend on; their change leaves the wall's shape as it is."""
 
 
@@ -96,7 +119,13 @@ def measured_fruit(cell: Cell, i: int) -> MeasuredFruit:
     world: Any = cell.devices["world"]
     hung = world.built.wall.fruits[i]
     frame = Frame(
-        0.0, 0, np.zeros((2, 2, 3), np.uint8), None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), np.eye(4), np.eye(4)
+        0.0,
+        0,
+        np.zeros((2, 2, 3), np.uint8),
+        None,
+        Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2),
+        np.eye(4),
+        np.eye(4),
     )
     return MeasuredFruit(
         fruit=load_fruit("apple"), T_base_fruit=hung.T_base_fruit, T_base_camera=np.eye(4),
@@ -136,9 +165,17 @@ def _grasps(cell: Cell, search: GraspSearch, i: int) -> Iterator[tuple[float, Tr
                 line = straight_line(robot, q_before, T)
                 if not (line.complete and search._free(line.q[-1]) and search._free(q_before)):
                     continue
-                rolls = {way: _free_roll(search, robot, measured, i, line.q[-1], way) for way in (1.0, -1.0)}
-                ways = tuple(way for way in sorted(rolls, key=lambda way: -rolls[way]) if rolls[way] >= LEAST)
-                yield max(rolls.values()), TrueGrasp(i, measured, T, T_before, line.q[-1], q_before, ways)
+                rolls = {
+                    way: _free_roll(search, robot, measured, i, line.q[-1], way)
+                    for way in (1.0, -1.0)
+                }
+                ways = tuple(
+                    way for way in sorted(rolls, key=lambda way: -rolls[way]) if rolls[way] >= LEAST
+                )
+                yield (
+                    max(rolls.values()),
+                    TrueGrasp(i, measured, T, T_before, line.q[-1], q_before, ways),
+                )
                 if max(rolls.values()) >= GOOD:
                     return
 
@@ -177,8 +214,12 @@ def run(cell: Cell, placed: TrueGrasp, variant: Variant) -> dict[str, Any]:
     seen = placed.measured.T_base_fruit.copy()
     seen[:3, 3] += noise
     measured = replace(placed.measured, T_base_fruit=seen)
-    grasp = Grasp(0, 0.0, 0.0, placed.T_before, placed.T, width, placed.q[None], 0.01, 0.0, measured)
-    devices: dict[type, object] = {kind: cell.device(kind) for kind in (Arm, StreamedArm, Gripper, ForceSensor)}
+    grasp = Grasp(
+        0, 0.0, 0.0, placed.T_before, placed.T, width, placed.q[None], 0.01, 0.0, measured
+    )
+    devices: dict[type, object] = {
+        kind: cell.device(kind) for kind in (Arm, StreamedArm, Gripper, ForceSensor)
+    }
     devices[Workspace] = cell.workspace
     settings = dict(variant.settings)
     module: Any = detach
@@ -192,7 +233,11 @@ def run(cell: Cell, placed: TrueGrasp, variant: Variant) -> dict[str, Any]:
     module.Detach._rolls = free_ways
     began = cell.clock.now()
     end = drive(
-        detach.Detach(), {"grasp": grasp, "roll": ROLL, **variant.inputs}, devices, clock=cell.clock, limit=LIMIT
+        detach.Detach(),
+        {"grasp": grasp, "roll": ROLL, **variant.inputs},
+        devices,
+        clock=cell.clock,
+        limit=LIMIT,
     )
     report = world.score.report()
     story = report["fruits"][placed.fruit]
@@ -228,20 +273,36 @@ def _child(pipe: Connection, cell: Cell, placed: TrueGrasp, variant: Variant) ->
         pipe.send(run(cell, placed, variant))
     except Exception as error:  # a run that fails in any way counts as a fruit that stays
         pipe.send(
-            {"off": False, "code": type(error).__name__, "bruised": False, "knocked": 0, "torn": 0, "time": np.nan}
+            {
+                "off": False,
+                "code": type(error).__name__,
+                "bruised": False,
+                "knocked": 0,
+                "torn": 0,
+                "time": np.nan,
+            }
         )
 
 
 def in_a_process(cell: Cell, placed: TrueGrasp, variant: Variant) -> dict[str, Any]:
     """Run a variant in a fork, which leaves the cell as it is."""
     ours, theirs = multiprocessing.get_context("fork").Pipe(duplex=False)
-    process = multiprocessing.get_context("fork").Process(target=_child, args=(theirs, cell, placed, variant))
+    process = multiprocessing.get_context("fork").Process(
+        target=_child, args=(theirs, cell, placed, variant)
+    )
     process.start()
     theirs.close()
     try:
         found: dict[str, Any] = ours.recv()
     except EOFError:
-        found = {"off": False, "code": "ended", "bruised": False, "knocked": 0, "torn": 0, "time": np.nan}
+        found = {
+            "off": False,
+            "code": "ended",
+            "bruised": False,
+            "knocked": 0,
+            "torn": 0,
+            "time": np.nan,
+        }
     process.join()
     return found
 
@@ -273,14 +334,21 @@ def measure(seed: int, varied: Sequence[str], ablations: int) -> dict[str, Any]:
             cell, variant = load_wall(seed, (name, factor)), Variant(f"{name} × {factor}", {}, {})
             results[variant.name] = [in_a_process(cell, each, variant) for each in placed]
             cell.close()
-    print(seed, {name: f"{sum(r['off'] for r in rows)} of {len(rows)}" for name, rows in results.items()}, flush=True)
+    print(
+        seed,
+        {name: f"{sum(r['off'] for r in rows)} of {len(rows)}" for name, rows in results.items()},
+        flush=True,
+    )
     return {"commit": commit_here(), "apples": count, "results": results}
 
 
 def page(walls: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the report of some walls, by their seeds."""
     names = list(dict.fromkeys(name for wall in walls.values() for name in wall["results"]))
-    results = {name: [row for wall in walls.values() for row in wall["results"].get(name, [])] for name in names}
+    results = {
+        name: [row for wall in walls.values() for row in wall["results"].get(name, [])]
+        for name in names
+    }
     commits = ", ".join(sorted({f"`{wall['commit']}`" for wall in walls.values()}))
     lines = [
         "# Simulated: `Detach` alone at grasps that are free by the truth",
@@ -301,15 +369,24 @@ def page(walls: Mapping[str, Mapping[str, Any]]) -> str:
         lines.append(
             f"{share(name, len(off), len(rows))} {sums[0]} | {sums[1]} | {sums[2]} | {time:.1f} | {stem:.1f} |"
         )
-    return "\n".join([*lines, "", "Time: mean of all tries; stem force: median of those that came off.", ""])
+    return "\n".join(
+        [*lines, "", "Time: mean of all tries; stem force: median of those that came off.", ""]
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--walls", default="301..306", help="seeds, 301..306 or 301,305")
-    parser.add_argument("--numbers", nargs="*", default=NUMBERS, help="numbers of the wall to vary by ± 50 %%")
     parser.add_argument(
-        "--ablations", type=int, default=len(ABLATIONS), help="number of variants to run, from the first"
+        "--numbers", nargs="*", default=NUMBERS, help="numbers of the wall to vary by ± 50 %%"
+    )
+    parser.add_argument(
+        "--ablations",
+        type=int,
+        default=len(ABLATIONS),
+        help="number of variants to run, from the first",
     )
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "reports" / "orchard_detach")
     args = parser.parse_args()

@@ -77,19 +77,28 @@ class Pull:
 
 def main() -> None:
     """Pull, compare, write the report."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--data", type=Path, help="folder of the measured traces")
     options.add_argument("--out", type=Path, default=Path("docs/reports/orchard_law"))
     options.add_argument("--walls", type=int, default=4)
     options.add_argument(
-        "--sensitivity", type=int, default=1, help="walls for ± 50 %% of each assumed number; 0 for none"
+        "--sensitivity",
+        type=int,
+        default=1,
+        help="walls for ± 50 %% of each assumed number; 0 for none",
     )
     said = options.parse_args()
     numbers, origins = read_numbers(NUMBERS)
     said.out.mkdir(parents=True, exist_ok=True)
     simulated = {motion: pulls(numbers, range(said.walls), motion) for motion in MOTIONS}
     measured = read_measured(said.data) if said.data else {}
-    lines = [*_head(numbers, simulated), *_compared(simulated, measured), *_hands(numbers, measured)]
+    lines = [
+        *_head(numbers, simulated),
+        *_compared(simulated, measured),
+        *_hands(numbers, measured),
+    ]
     if measured:
         _plot(simulated, measured, said.out / "law.png")
         lines += ["", "![measured and simulated peaks](law.png)", ""]
@@ -100,13 +109,19 @@ def main() -> None:
 
 
 def pulls(
-    numbers: WallNumbers, seeds: Sequence[int], motion: str, turn: float = HOLD_TURNS[0], apples: int | None = None
+    numbers: WallNumbers,
+    seeds: Sequence[int],
+    motion: str,
+    turn: float = HOLD_TURNS[0],
+    apples: int | None = None,
 ) -> list[Pull]:
     """Pull every apple of some walls, each from its branch with all that hangs on it."""
     return [
         pull_off(built, i, motion, turn, np.random.default_rng([seed, 21, k]))
         for seed in seeds
-        for k, (built, i) in enumerate(_branches(draw_wall(numbers, seed, fruit=apples, leaves=0.0)))
+        for k, (built, i) in enumerate(
+            _branches(draw_wall(numbers, seed, fruit=apples, leaves=0.0))
+        )
     ]
 
 
@@ -120,7 +135,9 @@ def _branches(wall: Wall) -> Iterator[tuple[WallModel, int]]:
             wall,
             laterals=(wall.laterals[lateral],),
             spurs=tuple(replace(wall.spurs[k], lateral=0) for k in spurs),
-            fruits=tuple(replace(f, spur=spurs.index(f.spur)) for f in wall.fruits if f.spur in spurs),
+            fruits=tuple(
+                replace(f, spur=spurs.index(f.spur)) for f in wall.fruits if f.spur in spurs
+            ),
         )
         built = build_wall_model(part, wall_shapes(part, APPLE, "red"))
         stiffness, damping = built.model.jnt_stiffness.copy(), built.model.dof_damping.copy()
@@ -129,7 +146,9 @@ def _branches(wall: Wall) -> Iterator[tuple[WallModel, int]]:
             yield built, i
 
 
-def pull_off(built: WallModel, fruit: int, motion: str, turn: float, rng: np.random.Generator) -> Pull:
+def pull_off(
+    built: WallModel, fruit: int, motion: str, turn: float, rng: np.random.Generator
+) -> Pull:
     """One fruit's pull."""
     mujoco = load_mujoco()
     data = mujoco.MjData(built.model)
@@ -157,11 +176,23 @@ class _Hand:
     """A grip like a spring on a fruit, which draws back along a line."""
 
     def __init__(
-        self, built: WallModel, data: Any, fruit: int, away: Float64, turning: float, stiffness: float
+        self,
+        built: WallModel,
+        data: Any,
+        fruit: int,
+        away: Float64,
+        turning: float,
+        stiffness: float,
     ) -> None:
         body, kind = int(built.fruit_bodies[fruit]), built.wall.fruits[fruit]
         self._mujoco, self._model = load_mujoco(), built.model
-        self._data, self._body, self._away, self._turning, self._stiffness = data, body, away, turning, stiffness
+        self._data, self._body, self._away, self._turning, self._stiffness = (
+            data,
+            body,
+            away,
+            turning,
+            stiffness,
+        )
         self._p, self._R = data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
         self._damping = 2.0 * 0.7 * np.sqrt(HOLD * kind.mass)
         self._turn_damping = 2.0 * 0.5 * np.sqrt(stiffness * 0.4 * kind.mass * kind.radius**2)
@@ -176,17 +207,23 @@ class _Hand:
         self._angle += self._turning * TIMESTEP
         target = self._p + self.way * away
         turn = (
-            np.eye(3) + np.sin(self._angle) * self._across + (1.0 - np.cos(self._angle)) * self._across @ self._across
+            np.eye(3)
+            + np.sin(self._angle) * self._across
+            + (1.0 - np.cos(self._angle)) * self._across @ self._across
         )
         R, wanted = data.xmat[body].reshape(3, 3), turn @ self._R
         error = 0.5 * sum((np.cross(R[:, k], wanted[:, k]) for k in range(3)), start=np.zeros(3))
         moving = np.zeros(6)
-        self._mujoco.mj_objectVelocity(self._model, data, self._mujoco.mjtObj.mjOBJ_XBODY, body, moving, 0)
+        self._mujoco.mj_objectVelocity(
+            self._model, data, self._mujoco.mjtObj.mjOBJ_XBODY, body, moving, 0
+        )
         f = HOLD * (target - data.xpos[body]) + self._damping * (SPEED * away - moving[3:])
         m = self._stiffness * error + self._turn_damping * (self._turning * away - moving[:3])
         data.xfrc_applied[body] = [*f, *(m + np.cross(data.xpos[body] - data.xipos[body], f))]
         wrist = target + WRIST * away
-        return float(np.linalg.norm(f)), float(np.linalg.norm(m + np.cross(data.xpos[body] - wrist, f)))
+        return float(np.linalg.norm(f)), float(
+            np.linalg.norm(m + np.cross(data.xpos[body] - wrist, f))
+        )
 
 
 # -------------------------------------------------------------------------------------------------- measured
@@ -198,7 +235,11 @@ def read_measured(folder: Path) -> dict[str, Float64]:
         rows = list(csv.DictReader(lines))
     return {
         outcome: np.array(
-            [[float(r["peak_force_n"]), float(r["peak_torque_nm"])] for r in rows if r["outcome"] == outcome]
+            [
+                [float(r["peak_force_n"]), float(r["peak_torque_nm"])]
+                for r in rows
+                if r["outcome"] == outcome
+            ]
         )
         for outcome in ("success", "failed")
     }
@@ -242,7 +283,9 @@ def _compared(simulated: Mapping[str, list[Pull]], measured: Mapping[str, Float6
         "|---|---|---|---|---|---|",
     ]
     for outcome, rows in measured.items():
-        lines.append(f"| measured, {outcome} | {len(rows)} | {_three(rows[:, 0])} | {_three(rows[:, 1])} | | |")
+        lines.append(
+            f"| measured, {outcome} | {len(rows)} | {_three(rows[:, 0])} | {_three(rows[:, 1])} | | |"
+        )
     for motion, found in simulated.items():
         rows = peaks(found)
         apart = ["", ""]
@@ -252,7 +295,11 @@ def _compared(simulated: Mapping[str, list[Pull]], measured: Mapping[str, Float6
         lines.append(
             f"| simulated, {motion} | {len(rows)} | {_three(rows[:, 0])} | {_three(rows[:, 1])} | {' | '.join(apart)} |"
         )
-    return [*lines, "", "KS: against the measured successes, in which the fruit came off in the hand."]
+    return [
+        *lines,
+        "",
+        "KS: against the measured successes, in which the fruit came off in the hand.",
+    ]
 
 
 def _hands(numbers: WallNumbers, measured: Mapping[str, Float64]) -> list[str]:
@@ -277,10 +324,17 @@ def _three(x: Float64) -> str:
 
 
 def sensitivity(
-    numbers: WallNumbers, origins: Mapping[str, Provenance], seeds: Sequence[int], measured: Mapping[str, Float64]
+    numbers: WallNumbers,
+    origins: Mapping[str, Provenance],
+    seeds: Sequence[int],
+    measured: Mapping[str, Float64],
 ) -> list[str]:
     """Return tables of the effect of ± 50 % of each assumed number on the medians of a pull and of a pull and twist."""
-    names = [name for name, origin in origins.items() if origin.standing == "assumed" and not name.startswith(SPARED)]
+    names = [
+        name
+        for name, origin in origins.items()
+        if origin.standing == "assumed" and not name.startswith(SPARED)
+    ]
     lines = [
         "## Sensitivity",
         "",
@@ -293,8 +347,12 @@ def sensitivity(
     lines.append(_row("as they are", "", numbers, seeds, measured))
     for name in names:
         for factor in (0.5, 1.5):
-            lines.append(_row(name, f"{factor}", _bounded(numbers.scaled(name, factor)), seeds, measured))
-    spared = ", ".join(name for name, o in origins.items() if o.standing == "assumed" and name.startswith(SPARED))
+            lines.append(
+                _row(name, f"{factor}", _bounded(numbers.scaled(name, factor)), seeds, measured)
+            )
+    spared = ", ".join(
+        name for name, o in origins.items() if o.standing == "assumed" and name.startswith(SPARED)
+    )
     return [*lines, "", f"Not varied, since a pull does not ask for them: {spared}."]
 
 
@@ -302,7 +360,13 @@ def _bounded(numbers: WallNumbers) -> WallNumbers:
     return replace(numbers, strength_shared=min(numbers.strength_shared, 1.0))
 
 
-def _row(name: str, factor: str, numbers: WallNumbers, seeds: Sequence[int], measured: Mapping[str, Float64]) -> str:
+def _row(
+    name: str,
+    factor: str,
+    numbers: WallNumbers,
+    seeds: Sequence[int],
+    measured: Mapping[str, Float64],
+) -> str:
     cells = []
     for motion in MOTIONS:
         found = pulls(numbers, seeds, motion, apples=SAMPLE)
@@ -311,7 +375,9 @@ def _row(name: str, factor: str, numbers: WallNumbers, seeds: Sequence[int], mea
             force = rows[:, 0]
         medians = np.median(rows, axis=0) if len(rows) else np.full(2, np.nan)
         cells += [f"{len(rows)} of {len(found)}", f"{medians[0]:.1f}", f"{medians[1]:.2f}"]
-    apart = f"{distance(force, measured['success'][:, 0])[0]:.2f}" if measured and len(force) else ""
+    apart = (
+        f"{distance(force, measured['success'][:, 0])[0]:.2f}" if measured and len(force) else ""
+    )
     line = f"| {name} | {factor} | " + " | ".join([*cells, apart]) + " |"
     print(line, flush=True)
     return line
@@ -319,11 +385,18 @@ def _row(name: str, factor: str, numbers: WallNumbers, seeds: Sequence[int], mea
 
 def _plot(simulated: Mapping[str, list[Pull]], measured: Mapping[str, Float64], path: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(13.0, 3.8), layout="constrained")
-    for c, (axis, words) in enumerate(zip(axes, ("peak force [N]", "peak torque [N·m]"), strict=False)):
+    for c, (axis, words) in enumerate(
+        zip(axes, ("peak force [N]", "peak torque [N·m]"), strict=False)
+    ):
         for motion, found in simulated.items():
             axis.ecdf(peaks(found)[:, c], label=f"simulated, {motion}")
         for outcome, style in (("success", "-"), ("failed", ":")):
-            axis.ecdf(measured[outcome][:, c], color="black", linestyle=style, label=f"measured, {outcome}")
+            axis.ecdf(
+                measured[outcome][:, c],
+                color="black",
+                linestyle=style,
+                label=f"measured, {outcome}",
+            )
         axis.set(xlabel=words, ylabel="share")
     for motion, found in simulated.items():
         axes[2].plot(*peaks(found).T, ".", alpha=0.5, label=motion)

@@ -37,7 +37,17 @@ TUNED = (*range(1, 13), *range(101, 129), *range(204, 210))
 """Walls that were looked at while the skills were made, or for which errors were found."""
 LIMIT = 7200.0
 """Wall-clock time after which a wall is given up [s]."""
-COUNTED = ("apples", "reachable", "gripped", "detached", "picked", "dropped", "knocked_off", "bruised", "stems_torn")
+COUNTED = (
+    "apples",
+    "reachable",
+    "gripped",
+    "detached",
+    "picked",
+    "dropped",
+    "knocked_off",
+    "bruised",
+    "stems_torn",
+)
 GROUPS = {
     "ruled out": "no free grasp",
     "the stem held": "stem held",
@@ -58,7 +68,9 @@ GROUPS = {
 """Groups of the reasons in the tally, by a part of the sentence."""
 
 
-def pick_wall(cell: str, seed: int, leaves: float, stops: Sequence[int], extra: Sequence[str]) -> dict[str, Any]:
+def pick_wall(
+    cell: str, seed: int, leaves: float, stops: Sequence[int], extra: Sequence[str]
+) -> dict[str, Any]:
     """Pick one wall from several stops [mm]: truth, time, and the reasons of the apples that each stop left."""
     runs: list[dict[str, Any]] = []
     gone = set[int]()
@@ -104,8 +116,14 @@ def together(truths: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     named = ("reachable", "gripped", "bruised")
     return {
         "apples": truths[0]["apples"],
-        **{key: len(set().union(*(numbers_in(truth[f"which_{key}"]) for truth in truths))) for key in named},
-        **{key: sum(t[key] for t in truths) for key in ("detached", "picked", "dropped", "knocked_off", "stems_torn")},
+        **{
+            key: len(set().union(*(numbers_in(truth[f"which_{key}"]) for truth in truths)))
+            for key in named
+        },
+        **{
+            key: sum(t[key] for t in truths)
+            for key in ("detached", "picked", "dropped", "knocked_off", "stems_torn")
+        },
         **{
             key: float((np.median if "median" in key else np.max)(each)) if each else None
             for key, each in forces.items()
@@ -117,7 +135,15 @@ def together(truths: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def pick_from(cell: str, seed: int, settings: Sequence[str]) -> dict[str, Any]:
     """Run the tree from one stop and return the result of the command."""
     command = [
-        *(sys.executable, "-m", "pomona.executive.cli", "run", str(TREE), "--cell", str(CELLS / f"{cell}.yaml")),
+        *(
+            sys.executable,
+            "-m",
+            "pomona.executive.cli",
+            "run",
+            str(TREE),
+            "--cell",
+            str(CELLS / f"{cell}.yaml"),
+        ),
         *("--seed", str(seed), "--no-record", "--json", *settings),
     ]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=False)
@@ -152,8 +178,15 @@ def compared(ways: Mapping[tuple[str, tuple[int, ...]], Sequence[Mapping[str, An
     for (cell, stops), walls in ways.items():
         counts = [sum(int(wall["truth"][key]) for wall in walls) for key in ("picked", "apples")]
         seeds = ", ".join(str(wall["seed"]) for wall in walls)
-        rows.append(share(f"cell {cell}, stops at {', '.join(map(str, stops))} mm: walls {seeds}", *counts))
-    return ["", "| in the bin, of all | apples | share | 95 % interval |", "|---|---|---|---|", *rows]
+        rows.append(
+            share(f"cell {cell}, stops at {', '.join(map(str, stops))} mm: walls {seeds}", *counts)
+        )
+    return [
+        "",
+        "| in the bin, of all | apples | share | 95 % interval |",
+        "|---|---|---|---|",
+        *rows,
+    ]
 
 
 def by_leaves(walls: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -192,14 +225,24 @@ def report(measured: Sequence[Mapping[str, Any]], out: Path) -> str:
         total.update({key: int(wall["truth"].get(key) or 0) for key in COUNTED})
     time = sum(wall["time_s"] for wall in walls)
     why = Counter(group_of(each) for wall in walls for each in wall["left"])
-    forces = [w["truth"]["stem_force_median_n"] for w in walls if w["truth"].get("stem_force_median_n") is not None]
+    forces = [
+        w["truth"]["stem_force_median_n"]
+        for w in walls
+        if w["truth"].get("stem_force_median_n") is not None
+    ]
     force = float(np.median(forces)) if forces else float("nan")
     rows = [
         share("in the bin, of those that both pads gripped", total["picked"], total["gripped"]),
-        share("in the bin, of those with a free grasp and roll", total["picked"], total["reachable"]),
+        share(
+            "in the bin, of those with a free grasp and roll", total["picked"], total["reachable"]
+        ),
         share("in the bin, of all", total["picked"], total["apples"]),
         share("bruised, of all", total["bruised"], total["apples"]),
-        share("neighbours knocked off, per detached apple", total["knocked_off"], max(total["detached"], 1)),
+        share(
+            "neighbours knocked off, per detached apple",
+            total["knocked_off"],
+            max(total["detached"], 1),
+        ),
         share("dropped, per detached apple", total["dropped"], max(total["detached"], 1)),
     ]
     each = [
@@ -210,7 +253,11 @@ def report(measured: Sequence[Mapping[str, Any]], out: Path) -> str:
     draw(total, why, out / "picked.png")
     per_apple = time / total["picked"] if total["picked"] else float("nan")
     commits = ", ".join(f"`{c}`" for c in sorted({w["commit"] for w in walls}))
-    stopped = [f"Wall {w['seed']} ended with *{w['outcome']}*: {w['reason']}." for w in walls if w["reason"]]
+    stopped = [
+        f"Wall {w['seed']} ended with *{w['outcome']}*: {w['reason']}."
+        for w in walls
+        if w["reason"]
+    ]
     return "\n".join([
         f"# Simulated: {total['apples']} apples of {len(walls)} fruit walls, picked by `pick_tree`",
         "",
@@ -248,7 +295,11 @@ def draw(total: Mapping[str, int], why: Mapping[str, int], path: Path) -> None:
     """Draw the way of the apples from the wall into the bin."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.2), layout="constrained")
     keys = ("apples", "reachable", "gripped", "detached", "picked")
-    left.bar(keys, [total[key] for key in keys], color=["#8aa17a", "#8aa17a", "#c98b4a", "#c98b4a", "#b5453a"])
+    left.bar(
+        keys,
+        [total[key] for key in keys],
+        color=["#8aa17a", "#8aa17a", "#c98b4a", "#c98b4a", "#b5453a"],
+    )
     for k, key in enumerate(keys):
         left.text(k, total[key], str(total[key]), ha="center", va="bottom")
     left.set_ylabel("apples (simulated)")
@@ -262,17 +313,25 @@ def draw(total: Mapping[str, int], why: Mapping[str, int], path: Path) -> None:
 def seeds_of(text: str) -> list[int]:
     """Return the numbers of walls: `201..203` or `201,205`."""
     first, dots, last = text.partition("..")
-    return list(range(int(first), int(last) + 1)) if dots else [int(each) for each in text.split(",")]
+    return (
+        list(range(int(first), int(last) + 1)) if dots else [int(each) for each in text.split(",")]
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--walls", default="201..203", help="seeds, 201..203 or 201,205")
     parser.add_argument("--cell", default=USUAL[0], help="name of a cell in trees/cells")
-    parser.add_argument("--stops", default="0", help="places of the base along the row [mm]: --stops=-350,0,350")
+    parser.add_argument(
+        "--stops", default="0", help="places of the base along the row [mm]: --stops=-350,0,350"
+    )
     parser.add_argument("--leaves", type=float, default=0.0, help="share of the full foliage")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "reports" / "orchard_pick")
-    parser.add_argument("--only-report", action="store_true", help="write the page of the walls that are there")
+    parser.add_argument(
+        "--only-report", action="store_true", help="write the page of the walls that are there"
+    )
     parser.add_argument("--set", action="append", default=[], help="passed on to pomona run")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)

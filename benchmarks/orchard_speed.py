@@ -20,7 +20,15 @@ from pomona.executive.cell.connect import load_cell
 from pomona.tools.simulation.scene import TIMESTEP
 
 CELL = Path(__file__).parents[1] / "trees" / "cells" / "orchard.yaml"
-PARTS = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_factorM", "mj_collision", "mj_fwdVelocity", "mj_fwdConstraint")
+PARTS = (
+    "mj_kinematics",
+    "mj_comPos",
+    "mj_makeM",
+    "mj_factorM",
+    "mj_collision",
+    "mj_fwdVelocity",
+    "mj_fwdConstraint",
+)
 """Of a step, called by themselves."""
 
 
@@ -28,9 +36,13 @@ def main() -> None:
     """Print the table."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--seeds", type=int, default=1)
-    options.add_argument("--seconds", type=float, default=2.0, help="of the wall's time, of each measurement")
+    options.add_argument(
+        "--seconds", type=float, default=2.0, help="of the wall's time, of each measurement"
+    )
     said = options.parse_args()
-    print(f"{'leaves':>7} {'wind':>5} {'seed':>4} {'fruit':>5} {'plates':>6} {'dof':>4} {'step µs':>8} {'x real':>7}")
+    print(
+        f"{'leaves':>7} {'wind':>5} {'seed':>4} {'fruit':>5} {'plates':>6} {'dof':>4} {'step µs':>8} {'x real':>7}"
+    )
     for seed in range(said.seeds):
         for leaves, wind in ((0.0, 0), (0.5, 0), (1.0, 0), (1.0, 1)):
             _measure(leaves, wind, seed, said.seconds)
@@ -40,13 +52,19 @@ def main() -> None:
 
 TRIES: Mapping[str, Callable[[Any, Any], None]] = {
     "as it is": lambda mujoco, option: None,
-    "sleeping islands": lambda mujoco, option: _set(option, "enableflags", int(mujoco.mjtEnableBit.mjENBL_SLEEP)),
-    "dense jacobian": lambda mujoco, option: _set(option, "jacobian", int(mujoco.mjtJacobian.mjJAC_DENSE)),
+    "sleeping islands": lambda mujoco, option: _set(
+        option, "enableflags", int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    ),
+    "dense jacobian": lambda mujoco, option: _set(
+        option, "jacobian", int(mujoco.mjtJacobian.mjJAC_DENSE)
+    ),
     "implicit, not implicitfast": lambda mujoco, option: _set(
         option, "integrator", int(mujoco.mjtIntegrator.mjINT_IMPLICIT)
     ),
     "CG, not Newton": lambda mujoco, option: _set(option, "solver", int(mujoco.mjtSolver.mjSOL_CG)),
-    "no contacts at all": lambda mujoco, option: _set(option, "disableflags", int(mujoco.mjtDisableBit.mjDSBL_CONTACT)),
+    "no contacts at all": lambda mujoco, option: _set(
+        option, "disableflags", int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    ),
 }
 """Other variants with the full foliage."""
 
@@ -65,7 +83,9 @@ def _measure(leaves: float, wind: int, seed: int, seconds: float) -> None:
             part = partial(getattr(world.mujoco, name), world.model, world.state)
             print(f"        {name:<28} {1e6 * _mean(part, 100):>6.0f} µs")
         hooks = (*world.before_step, *world.after_step)
-        print(f"        {'devices and score':<28} {1e6 * _mean(lambda: [hook() for hook in hooks], 100):>6.0f} µs")
+        print(
+            f"        {'devices and score':<28} {1e6 * _mean(lambda: [hook() for hook in hooks], 100):>6.0f} µs"
+        )
     close()
 
 
@@ -73,12 +93,17 @@ def _try(name: str, seconds: float) -> None:
     world, close = _open(1.0, 0, 0)
     TRIES[name](world.mujoco, world.model.opt)
     step = _step(world, seconds)
-    print(f"        {name:<28} {1e6 * step:>6.0f} µs a step, {TIMESTEP / step:.2f} x real time", flush=True)
+    print(
+        f"        {name:<28} {1e6 * step:>6.0f} µs a step, {TIMESTEP / step:.2f} x real time",
+        flush=True,
+    )
     close()
 
 
 def _open(leaves: float, wind: int, seed: int) -> tuple[FruitWallWorld, Callable[[], None]]:
-    cell = load_cell(CELL, seed=seed, overrides={"leaves": str(leaves), "wind": str(wind), "behind": "0"})
+    cell = load_cell(
+        CELL, seed=seed, overrides={"leaves": str(leaves), "wind": str(wind), "behind": "0"}
+    )
     world = cell.devices["world"]
     assert isinstance(world, FruitWallWorld)
     felt: list[Any] = []

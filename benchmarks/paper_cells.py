@@ -22,7 +22,12 @@ TABLE_Z = -0.12
 class Cells:
     """All results of a campaign with the arms `refined` and `unrefined`."""
 
-    ERRORS: ClassVar[tuple[str, ...]] = ("position_error_mm", "centroid_error_mm", "size_error_mm", "width_error_mm")
+    ERRORS: ClassVar[tuple[str, ...]] = (
+        "position_error_mm",
+        "centroid_error_mm",
+        "size_error_mm",
+        "width_error_mm",
+    )
 
     def __init__(self, campaign: Campaign, results: Sequence[Result]) -> None:
         self.campaign, self.results = campaign, results
@@ -35,7 +40,8 @@ class Cells:
         return [
             run
             for run in self.arm(arm)
-            if run["varied"]["place"] == place and (fruit is None or run["varied"]["fruit"] == fruit)
+            if run["varied"]["place"] == place
+            and (fruit is None or run["varied"]["fruit"] == fruit)
         ]
 
     def good(self, runs: Sequence[Result]) -> list[Result]:

@@ -18,7 +18,15 @@ from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
 from benchmarks.paper_plots import time_plot
 from benchmarks.paper_tables import FORCE_GOAL, everywhere, force, refined, success, unrefined
 from pomona.skills.grip.limit_surface import NO_BRUISE, pressure
-from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, SvgPlot, Tile, Tiles
+from pomona.tools.campaign.document import (
+    Bullets,
+    Heading,
+    Paragraph,
+    ReportPage,
+    SvgPlot,
+    Tile,
+    Tiles,
+)
 from pomona.tools.campaign.report import commits, failures, numbers, percent
 from pomona.tools.campaign.run import finished_runs
 from pomona.tools.campaign.spec import read_campaign
@@ -29,7 +37,9 @@ ALL_GOAL, CELL_GOAL = 0.99, 0.95
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Write the report of the runs that are there."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("campaign", type=Path)
     parser.add_argument("results", type=Path)
     parser.add_argument("--out", type=Path, required=True)
@@ -45,20 +55,27 @@ def paper_report(cells: Cells, source: Path) -> ReportPage:
     runs = [*cells.arm(REFINED), *cells.arm(UNREFINED)]
     large = "large" in source.stem
     document = ReportPage(
-        "Many more apples than the paper's" if large else "The paper's experiment, on the simulated cell",
+        "Many more apples than the paper's"
+        if large
+        else "The paper's experiment, on the simulated cell",
         f"{len(runs)} of {len(cells.campaign.runs)} runs, made at {commits(runs)} with "
         f"`make {'paper-large' if large else 'paper'}` from `{source}`. Beside it: Costanzo, De Simone, Federico, "
         "Natale, Pirozzi: Enhanced 6D Pose Estimation for Robotic Fruit Picking (CODIT 2023).",
     )
     document.add(
-        Paragraph(cells.campaign.description), _tiles(cells), Heading("What stands beside what"), _differences()
+        Paragraph(cells.campaign.description),
+        _tiles(cells),
+        Heading("What stands beside what"),
+        _differences(),
     )
     document.add(Heading("Grasping success"), *success(cells))
     document.add(Heading("With refinement, attempt 3"), *refined(cells))
     document.add(Heading("Without refinement, attempt 3"), *unrefined(cells))
     document.add(Heading("All five places"), *everywhere(cells))
     document.add(Heading("Force"), *force(cells))
-    document.add(Heading("Time"), SvgPlot("time", time_plot(cells), "Median time of a pick, skill by skill."))
+    document.add(
+        Heading("Time"), SvgPlot("time", time_plot(cells), "Median time of a pick, skill by skill.")
+    )
     document.add(Heading("Failures by code"), *failures(cells.campaign, runs))
     document.add(Heading("How the figures were made"), _method(cells))
     return document
@@ -102,7 +119,11 @@ def _tiles(cells: Cells) -> Tiles:
             "they must fail: nothing else knows their size; the paper: 0 %",
             small_good == 0,
         ),
-        Tile("median error of the dimensions", f"{size.value:.2f} mm", f"the paper's, recomputed: {paper_size:.1f} mm"),
+        Tile(
+            "median error of the dimensions",
+            f"{size.value:.2f} mm",
+            f"the paper's, recomputed: {paper_size:.1f} mm",
+        ),
         Tile(
             "times the minimum grip force, median while held",
             f"{ratio.value:.2f}",
@@ -138,8 +159,14 @@ def _differences() -> Bullets:
 
 def _method(cells: Cells) -> Bullets:
     settings = dict(cells.campaign.runs[0].order.settings)
-    fixed = {key: value for key, value in settings.items() if key not in cells.campaign.vary and key != "refine"}
-    trees = " and ".join(sorted({f"`{run.order.tree.name}` ({run.arm})" for run in cells.campaign.runs}))
+    fixed = {
+        key: value
+        for key, value in settings.items()
+        if key not in cells.campaign.vary and key != "refine"
+    }
+    trees = " and ".join(
+        sorted({f"`{run.order.tree.name}` ({run.arm})" for run in cells.campaign.runs})
+    )
     said = ", ".join(f"{key} {value}" for key, value in fixed.items()) or "the cell file's own"
     return Bullets(
         (

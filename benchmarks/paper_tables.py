@@ -37,7 +37,14 @@ def success(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
                 f"{100 * paper[i, j]:.0f} / **{_percent(cells.rate(arm, fruit, place))}**"
                 for j, place in enumerate(PLACES)
             ]
-            rows.append((name, *each, f"{100 * paper[i].mean():.1f} %", rate(runs, cells.campaign.conditions)))
+            rows.append(
+                (
+                    name,
+                    *each,
+                    f"{100 * paper[i].mean():.1f} %",
+                    rate(runs, cells.campaign.conditions),
+                )
+            )
         everything = rate(cells.arm(arm), cells.campaign.conditions)
         columns = [f"{_percent(cells.rate(arm, None, place))}" for place in PLACES]
         of_paper = [f"{100 * paper[:, j].mean():.0f}" for j in range(5)]
@@ -99,13 +106,29 @@ def refined(cells: Cells) -> list[Table | Paragraph]:
         scale.append((name, f"{printed.MU_OPT[i]:.3f}", _mean(mean(cells.mu(runs)), 3)))
     return [
         Table(
-            ("", "paper: refined pos. [m]", "ours [m]", "true [m]", "centroid err. printed", "recomputed", "ours [mm]"),
+            (
+                "",
+                "paper: refined pos. [m]",
+                "ours [m]",
+                "true [m]",
+                "centroid err. printed",
+                "recomputed",
+                "ours [mm]",
+            ),
             tuple(position),
             "Refined position, on the table's surface with z up, and centroid error [mm] (half the height less the "
             "estimated z; positive when the estimate is too low)",
         ),
         Table(
-            ("", "paper: est. dim. [m]", "ours [m]", "true [m]", "dim. err. printed", "recomputed", "ours [mm]"),
+            (
+                "",
+                "paper: est. dim. [m]",
+                "ours [m]",
+                "true [m]",
+                "dim. err. printed",
+                "recomputed",
+                "ours [mm]",
+            ),
             tuple(size),
             "Estimated dimensions and dimension error [mm] (norm of the difference)",
         ),
@@ -139,7 +162,13 @@ def unrefined(cells: Cells) -> list[Table | Paragraph]:
         "recomputed",
         "ours [mm]",
     )
-    return [Table(header, tuple(rows), "Position as detected, with the CAD model's size, and centroid error [mm]")]
+    return [
+        Table(
+            header,
+            tuple(rows),
+            "Position as detected, with the CAD model's size, and centroid error [mm]",
+        )
+    ]
 
 
 def everywhere(cells: Cells) -> list[Table | SvgPlot]:
@@ -178,10 +207,23 @@ def force(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
     for name, fruit in (*zip(APPLES, FRUITS, strict=True), ("All", None)):
         runs = [run for run in good if fruit is None or run["varied"]["fruit"] == fruit]
         kpa = [1e-3 * pressure(force) for force in numbers(runs, cells.truth("finger_peak_n"))]
-        figures = [numbers(runs, cells.truth(key)) for key in ("hold_force_n", "hold_ratio", "end_ratio", "slip_mm")]
+        figures = [
+            numbers(runs, cells.truth(key))
+            for key in ("hold_force_n", "hold_ratio", "end_ratio", "slip_mm")
+        ]
         peak = f"{max(kpa):.0f}" if kpa else "–"
-        rows.append((name, *(_interval(median(values), 2) for values in figures), peak, str(len(runs))))
-    header = ("", "force [N]", "force / least", "at the end", "slip [mm]", "highest pressure [kPa]", "picks")
+        rows.append(
+            (name, *(_interval(median(values), 2) for values in figures), peak, str(len(runs)))
+        )
+    header = (
+        "",
+        "force [N]",
+        "force / least",
+        "at the end",
+        "slip [mm]",
+        "highest pressure [kPa]",
+        "picks",
+    )
     return [
         SvgPlot(
             "force",
@@ -189,7 +231,11 @@ def force(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
             "Left: both fingers' force at the end of the lift over the least that would hold the load; the lines are 1 "
             f"and {FORCE_GOAL} times the least. Right: slip of the fruit on the pads.",
         ),
-        Table(header, tuple(rows), "Medians of successful picks with refinement, with the bootstrap's 95 % interval"),
+        Table(
+            header,
+            tuple(rows),
+            "Medians of successful picks with refinement, with the bootstrap's 95 % interval",
+        ),
         Paragraph(
             "Force: normal force of both fingers, its median while the fruit hangs free. Least: what the limit surface "
             "of the simulator's pads needs for the load of the same moment. Pressure: in the middle of a soft finger's "

@@ -23,7 +23,9 @@ def cut_by_border(photo: Photograph) -> NDArray[np.bool_]:
     return np.asarray((low <= AT_BORDER).any(axis=1) | (high >= limits).any(axis=1), np.bool_)
 
 
-def recall_at_border(found: Sequence[Finds], photographs: Sequence[Photograph], score: float) -> tuple[int, int]:
+def recall_at_border(
+    found: Sequence[Finds], photographs: Sequence[Photograph], score: float
+) -> tuple[int, int]:
     """Return how many of the boxes that the border cuts are found with at least this score, and how many there are."""
     right = asked = 0
     for finds, photo in zip(found, photographs, strict=True):
@@ -35,7 +37,9 @@ def recall_at_border(found: Sequence[Finds], photographs: Sequence[Photograph], 
     return right, asked
 
 
-def calibration_error(scores: Float64, right: NDArray[np.bool_], least: float = LEAST_SCORE) -> float:
+def calibration_error(
+    scores: Float64, right: NDArray[np.bool_], least: float = LEAST_SCORE
+) -> float:
     """Return the expected calibration error of the detections with at least this score."""
     return calibration(scores[scores >= least], right[scores >= least])[0]
 
@@ -45,4 +49,6 @@ def calibration_table(scores: Float64, right: NDArray[np.bool_], least: float = 
     error, points = calibration(scores[scores >= least], right[scores >= least])
     lines = [f"Expected calibration error of detections with score ≥ {least}: {error:.3f}.", ""]
     lines += ["| mean score | ratio right | detections |", "|---|---|---|"]
-    return "\n".join([*lines, *(f"| {score:.2f} | {share:.2f} | {count} |" for score, share, count in points)])
+    return "\n".join(
+        [*lines, *(f"| {score:.2f} | {share:.2f} | {count} |" for score, share, count in points)]
+    )

@@ -21,17 +21,31 @@ class PlanningOracle:
     """The robot file with a table, boxes and the hulls of fruit around it; shares no code with the planner's checks."""
 
     def __init__(
-        self, robot: RobotModel, table_z: float, boxes: tuple[Box, ...], fruits: tuple[MeasuredFruit, ...]
+        self,
+        robot: RobotModel,
+        table_z: float,
+        boxes: tuple[Box, ...],
+        fruits: tuple[MeasuredFruit, ...],
     ) -> None:
         spec = mujoco.MjSpec.from_file(str(robot.path))
         table = Box("table", transform(None, [0.0, 0.0, table_z - 0.5]), (3.0, 3.0, 0.5))
         for box in (table, *boxes):
-            self._add(spec, box.name, box.T_base_box, type=mujoco.mjtGeom.mjGEOM_BOX, size=box.half_extents)
+            self._add(
+                spec,
+                box.name,
+                box.T_base_box,
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=box.half_extents,
+            )
         for number, fruit in enumerate(fruits):
             scaled = fruit.fruit.vertices * (fruit.dimensions / fruit.fruit.dimensions)
             spec.add_mesh(name=f"fruit {number}", uservert=scaled.ravel())
             self._add(
-                spec, f"fruit {number}", fruit.T_base_fruit, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"fruit {number}"
+                spec,
+                f"fruit {number}",
+                fruit.T_base_fruit,
+                type=mujoco.mjtGeom.mjGEOM_MESH,
+                meshname=f"fruit {number}",
             )
         self._robot = robot
         self._model: Any = spec.compile()
@@ -42,7 +56,9 @@ class PlanningOracle:
     def _add(spec: Any, name: str, T: Float64, **shape: Any) -> None:
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(T[:3, :3]).ravel())
-        spec.worldbody.add_geom(name=f"{name} geom", pos=T[:3, 3], quat=quaternion, contype=1, conaffinity=2, **shape)
+        spec.worldbody.add_geom(
+            name=f"{name} geom", pos=T[:3, 3], quat=quaternion, contype=1, conaffinity=2, **shape
+        )
 
     def contacts(self, q: Float64, width: float) -> list[tuple[str, str]]:
         """Names of the geoms that touch in a posture, for an opening of the gripper [m]."""

@@ -49,7 +49,9 @@ class PlanningScene:
     def space(self, robot: RobotModel, margins: Margins | None = None) -> ArmSpace:
         """Collision checks as the skills build them."""
         field = DistanceField.of_blocked(self.blocked, LOWER, CELL, FIELD_LIMIT)
-        world = CollisionWorld.build(robot, WORKSPACE, field, (Convex.of_fruit(self.target, TARGET),), margins)
+        world = CollisionWorld.build(
+            robot, WORKSPACE, field, (Convex.of_fruit(self.target, TARGET),), margins
+        )
         return ArmSpace(world.allowing(TARGET, "fingers"), robot.width_max)
 
 
@@ -67,7 +69,9 @@ def random_scene(seed: int, obstructed: bool = False) -> PlanningScene:
         place = rng.uniform([-0.26, -0.56], [0.24, -0.30])
         if np.hypot(*place) > 0.57:
             continue
-        fruit = _standing(np.array([width, width * height, width]), place, rng.uniform(-np.pi, np.pi))
+        fruit = _standing(
+            np.array([width, width * height, width]), place, rng.uniform(-np.pi, np.pi)
+        )
         if all(_apart(fruit, other) > 0.006 for other in fruits):
             fruits.append(fruit)
         if len(fruits) == count:
@@ -83,7 +87,11 @@ def random_scene(seed: int, obstructed: bool = False) -> PlanningScene:
         if away < fruits[0].dimensions[0] / 2.0 + 0.015 or np.linalg.norm(place) < 0.2:
             continue
         R = rotation_about((0.0, 0.0, 1.0), rng.uniform(0.0, np.pi))
-        box = Box(f"clutter {len(boxes)}", transform(R, [*place, TABLE_Z + half[2]]), (half[0], half[1], half[2]))
+        box = Box(
+            f"clutter {len(boxes)}",
+            transform(R, [*place, TABLE_Z + half[2]]),
+            (half[0], half[1], half[2]),
+        )
         boxes.append(box)
     if obstructed:
         boxes += _obstruction(fruits[0], np.random.default_rng([seed, 1]))
@@ -96,7 +104,10 @@ def _obstruction(target: MeasuredFruit, rng: np.random.Generator) -> list[Box]:
     """A wall, a shelf, posts or a crate by the target, none of it where the arm stands."""
     while True:
         boxes = _somewhere(target, rng)
-        if all(Convex.of_box(box).distance([[0.0, 0.0, z] for z in (0.0, 0.15, 0.3)]).min() > ARM for box in boxes):
+        if all(
+            Convex.of_box(box).distance([[0.0, 0.0, z] for z in (0.0, 0.15, 0.3)]).min() > ARM
+            for box in boxes
+        ):
             return boxes
 
 
@@ -106,15 +117,26 @@ def _somewhere(target: MeasuredFruit, rng: np.random.Generator) -> list[Box]:
     R = rotation_about((0.0, 0.0, 1.0), turn)
     kind = rng.choice(["wall", "shelf", "posts", "crate"])
 
-    def box(name: str, offset: tuple[float, float], low: float, half: tuple[float, float, float]) -> Box:
+    def box(
+        name: str, offset: tuple[float, float], low: float, half: tuple[float, float, float]
+    ) -> Box:
         """`offset` from the target in the obstruction's own axes, `low` above the table."""
         dx, dy = R[:2, :2] @ offset
         return Box(name, transform(R, [x + dx, y + dy, TABLE_Z + low + half[2]]), half)
 
     if kind == "wall":
-        return [box("wall", (0.0, rng.uniform(0.09, 0.14)), 0.0, (0.25, 0.008, rng.uniform(0.10, 0.20)))]
+        return [
+            box("wall", (0.0, rng.uniform(0.09, 0.14)), 0.0, (0.25, 0.008, rng.uniform(0.10, 0.20)))
+        ]
     if kind == "shelf":
-        return [box("shelf", (0.0, rng.uniform(0.17, 0.24)), rng.uniform(0.18, 0.30), (0.20, 0.12, 0.008))]
+        return [
+            box(
+                "shelf",
+                (0.0, rng.uniform(0.17, 0.24)),
+                rng.uniform(0.18, 0.30),
+                (0.20, 0.12, 0.008),
+            )
+        ]
     if kind == "posts":
         angles = turn + np.arange(6) * np.pi / 3.0 + rng.uniform(-0.3, 0.3, 6)
         away = rng.uniform(0.10, 0.20, 6)
@@ -130,7 +152,10 @@ def _somewhere(target: MeasuredFruit, rng: np.random.Generator) -> list[Box]:
         (0.0, inside, inside, 0.005),
         (0.0, -inside, inside, 0.005),
     )
-    return [box(f"crate {k}", (dx, dy), 0.0, (hx, hy, height)) for k, (dx, dy, hx, hy) in enumerate(sides)]
+    return [
+        box(f"crate {k}", (dx, dy), 0.0, (hx, hy, height))
+        for k, (dx, dy, hx, hy) in enumerate(sides)
+    ]
 
 
 def _block(grid: NDArray[np.bool_], shape: Convex) -> None:
@@ -146,7 +171,15 @@ def _block(grid: NDArray[np.bool_], shape: Convex) -> None:
 def _standing(dimensions: Float64, place: Float64, yaw: float) -> MeasuredFruit:
     """A fruit on the table, measured with a standard deviation of 1 mm in everything."""
     centre = [place[0], place[1], TABLE_Z + dimensions[1] / 2.0]
-    look = Frame(0.0, 0, np.zeros((1, 1, 3), np.uint8), None, Intrinsics(1.0, 1.0, 0.0, 0.0, 1, 1), None, np.eye(4))
+    look = Frame(
+        0.0,
+        0,
+        np.zeros((1, 1, 3), np.uint8),
+        None,
+        Intrinsics(1.0, 1.0, 0.0, 0.0, 1, 1),
+        None,
+        np.eye(4),
+    )
     return MeasuredFruit(
         fruit=load_fruit("apple"),
         T_base_fruit=transform(rot_z(yaw) @ UPRIGHT, centre),
@@ -170,7 +203,9 @@ def table_look() -> tuple[Frame, Float64]:
     rng = np.random.default_rng(0)
     depth = (0.60 - TABLE_Z + rng.normal(0.0, 1e-3, (480, 640))).astype(np.float32)
     depth[180:300, 250:400] -= 0.08
-    return Frame(0.0, 0, np.zeros((480, 640, 3), np.uint8), depth, lens, None, T_base_camera), T_base_camera
+    return Frame(
+        0.0, 0, np.zeros((480, 640, 3), np.uint8), depth, lens, None, T_base_camera
+    ), T_base_camera
 
 
 def _apart(one: MeasuredFruit, other: MeasuredFruit) -> float:

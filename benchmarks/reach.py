@@ -87,7 +87,9 @@ class Expert:
         """Where the arm stands with the tool's point at a goal (3,) [m], shape (dof,) [rad]."""
         arm = as_spherical_arm(self.robot)
         assert arm is not None
-        found = arm.solve(transform(self.R, goal), np.array([self.arm_angle]), self.robot.lower, self.robot.upper)
+        found = arm.solve(
+            transform(self.R, goal), np.array([self.arm_angle]), self.robot.lower, self.robot.upper
+        )
         nearest: Float64 = found[np.argmin(((found - self.nominal) ** 2).sum(axis=1))]
         return nearest
 
@@ -96,7 +98,9 @@ def simulated() -> Expert:
     """For the arm of the simulated cell, and where it stands at first."""
     cell = load_cell(CELLS / "sim.yaml")
     try:
-        return Expert.of(RobotModel.load(cell.device(Arm).description), cell.device(Workspace).poses[START])
+        return Expert.of(
+            RobotModel.load(cell.device(Arm).description), cell.device(Workspace).poses[START]
+        )
     finally:
         cell.close()
 
@@ -118,8 +122,13 @@ def beginnings(expert: Expert, count: int, seed: int) -> Float64:
     rng = np.random.default_rng(seed)
     found = []
     for k in range(count):
-        way, share = expert.joints(rng.uniform(LOWER, UPPER)) - expert.start, 0.0 if k % 3 == 0 else rng.uniform()
-        found.append(expert.start + share * way + rng.normal(0.0, BESIDE if k % 3 else AT_START, way.size))
+        way, share = (
+            expert.joints(rng.uniform(LOWER, UPPER)) - expert.start,
+            0.0 if k % 3 == 0 else rng.uniform(),
+        )
+        found.append(
+            expert.start + share * way + rng.normal(0.0, BESIDE if k % 3 else AT_START, way.size)
+        )
     return np.array(found)
 
 
@@ -128,35 +137,57 @@ def demonstrate(out: Path, count: int) -> Path:
     expert = simulated()
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    begins, ends = beginnings(expert, count, seed=3), [expert.joints(goal) for goal in drawn(count, seed=1)]
-    named = {f"begin_{k}": q for k, q in enumerate(begins)} | {f"end_{k}": q for k, q in enumerate(ends)}
+    begins, ends = (
+        beginnings(expert, count, seed=3),
+        [expert.joints(goal) for goal in drawn(count, seed=1)],
+    )
+    named = {f"begin_{k}": q for k, q in enumerate(begins)} | {
+        f"end_{k}": q for k, q in enumerate(ends)
+    }
     cell = write_cell(out, named | {START: expert.start})
     records = []
     for first in range(0, count, PART):
         part = range(first, min(first + PART, count))
-        steps = [f"MoveTo: {{pose: {end}_{k}, budget: 50 ms}}" for k in part for end in ("begin", "end")]
-        done = execute(RunOrder(write_tree(out / "demonstration.yaml", steps), cell, seed=first, record=out / "runs"))
+        steps = [
+            f"MoveTo: {{pose: {end}_{k}, budget: 50 ms}}" for k in part for end in ("begin", "end")
+        ]
+        done = execute(
+            RunOrder(
+                write_tree(out / "demonstration.yaml", steps), cell, seed=first, record=out / "runs"
+            )
+        )
         if done.record is None or done.result.outcome != "success":
             because = done.result.reason
-            raise SystemExit(f"demonstrations {part}: {because.message if because else done.result.outcome}")
+            raise SystemExit(
+                f"demonstrations {part}: {because.message if because else done.result.outcome}"
+            )
         records.append(done.record)
-        print(f"demonstrations {first} … {part[-1]}: {done.result.time:.0f} s of the cell's clock", flush=True)
+        print(
+            f"demonstrations {first} … {part[-1]}: {done.result.time:.0f} s of the cell's clock",
+            flush=True,
+        )
     export_lerobot(records, out / "dataset", RATE, "reach the goals")
     return out / "dataset"
 
 
 def write_cell(out: Path, poses: Mapping[str, Float64]) -> Path:
     """The simulated cell with other poses."""
-    lines = "".join(f"    {name}: {' '.join(f'{x:.6f}' for x in q)} rad\n" for name, q in poses.items())
+    lines = "".join(
+        f"    {name}: {' '.join(f'{x:.6f}' for x in q)} rad\n" for name, q in poses.items()
+    )
     cell, sim = out / "cell.yaml", CELLS / "sim.yaml"
-    cell.write_text(f"include: {sim}\nname: reach\nworkspace:\n  include: {sim}#workspace\n  poses:\n{lines}")
+    cell.write_text(
+        f"include: {sim}\nname: reach\nworkspace:\n  include: {sim}#workspace\n  poses:\n{lines}"
+    )
     return cell
 
 
 def write_tree(path: Path, steps: list[str]) -> Path:
     """A tree that takes steps one after the other, with rests between."""
     lines = "".join(f"    - {step}\n    - wait: 300 ms\n" for step in steps)
-    path.write_text(f"pomona: 1\ntree: {path.stem}\nroot:\n  sequence:\n    - wait: 300 ms\n{lines}")
+    path.write_text(
+        f"pomona: 1\ntree: {path.stem}\nroot:\n  sequence:\n    - wait: 300 ms\n{lines}"
+    )
     return path
 
 
@@ -186,7 +217,9 @@ def reaches(state: Float64, action: Float64) -> list[Float64]:
     begins = moving[np.append(True, np.diff(moving) > REST)]
     if len(begins) % 2:
         raise SystemExit(f"an episode has {len(begins)} motions: demonstrations are pairs of them")
-    return [state[begin:end] for begin, end in zip(begins, [*begins[1:], len(state)], strict=True)][1::2]
+    return [state[begin:end] for begin, end in zip(begins, [*begins[1:], len(state)], strict=True)][
+        1::2
+    ]
 
 
 def samples(robot: RobotModel, reach: Float64) -> tuple[Float64, Float64]:
@@ -209,7 +242,9 @@ def train(dataset: Path, weights: Path, rounds: int = ROUNDS) -> PolicyNetwork:
     x, y = (np.concatenate(column) for column in zip(*parts, strict=True))
     scales = x.mean(0), x.std(0) + 1e-4, y.mean(0), y.std(0) + 1e-4
     torch.manual_seed(SEED)
-    layers = [torch.nn.Linear(a, b) for a, b in ((x.shape[1], WIDTH), (WIDTH, WIDTH), (WIDTH, y.shape[1]))]
+    layers = [
+        torch.nn.Linear(a, b) for a, b in ((x.shape[1], WIDTH), (WIDTH, WIDTH), (WIDTH, y.shape[1]))
+    ]
     net = torch.nn.Sequential(layers[0], torch.nn.Tanh(), layers[1], torch.nn.Tanh(), layers[2])
     X = torch.tensor((x - scales[0]) / scales[1], dtype=torch.float32)
     Y = torch.tensor((y - scales[2]) / scales[3], dtype=torch.float32)
@@ -223,11 +258,14 @@ def train(dataset: Path, weights: Path, rounds: int = ROUNDS) -> PolicyNetwork:
         optimiser.step()
         schedule.step()
     learned = tuple(
-        (of.weight.detach().numpy().T.astype(float), of.bias.detach().numpy().astype(float)) for of in layers
+        (of.weight.detach().numpy().T.astype(float), of.bias.detach().numpy().astype(float))
+        for of in layers
     )
     write_policy(weights, PolicyNetwork(joints, RATE / 2.0, *scales, learned))
     size = weights.stat().st_size / 1e3
-    print(f"trained on {len(x)} steps of {len(parts)} reaches, loss {loss.item():.5f}, {size:.0f} kB: {weights}")
+    print(
+        f"trained on {len(x)} steps of {len(parts)} reaches, loss {loss.item():.5f}, {size:.0f} kB: {weights}"
+    )
     return read_policy(weights)
 
 
@@ -263,13 +301,18 @@ def judge(weights: Path, count: int, out: Path) -> None:
             aim = f"Policy: {{weights: {weights.resolve()}, x: {x}, y: {y}, z: {z}}}"
             steps += [f"MoveTo: {{pose: {START}, budget: 50 ms}}", aim]
         rests = _Rests()
-        order = RunOrder(write_tree(out / "judged.yaml", steps), CELLS / "sim.yaml", seed=1000 + first)
+        order = RunOrder(
+            write_tree(out / "judged.yaml", steps), CELLS / "sim.yaml", seed=1000 + first
+        )
         done = execute(order, [rests.on_event], readers=[rests.read])
         away += [
-            float(np.linalg.norm(expert.robot.tcp(q)[:3, 3] - goal)) for q, goal in zip(rests.ends, part, strict=False)
+            float(np.linalg.norm(expert.robot.tcp(q)[:3, 3] - goal))
+            for q, goal in zip(rests.ends, part, strict=False)
         ]
         because = done.result.reason
-        if done.result.outcome == "failure" and because is not None:  # the goal on which it failed counts as missed
+        if (
+            done.result.outcome == "failure" and because is not None
+        ):  # the goal on which it failed counts as missed
             print(f"goal {len(away)}: {because.message}")
             away.append(math.inf)
         elif done.result.outcome != "success" or len(rests.ends) != len(part):
@@ -282,7 +325,9 @@ def said(where: str, away: Float64) -> None:
     """Print how many goals were reached."""
     arrived, count = int((away <= NEAR).sum()), len(away)
     low, high = wilson(arrived, count)
-    median, most, worst = (1e3 * np.quantile(away, share, method="lower") for share in (0.5, 0.9, 1.0))
+    median, most, worst = (
+        1e3 * np.quantile(away, share, method="lower") for share in (0.5, 0.9, 1.0)
+    )
     print(
         f"{where}: within {1e3 * NEAR:.0f} mm of {arrived} of {count} goals never shown ({low:.1%} … {high:.1%}); "
         f"away: median {median:.1f} mm, 90 % {most:.1f} mm, worst {worst:.1f} mm"
@@ -308,14 +353,18 @@ class _Rests:
     def read(self, _t: float, _tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
         """Take the newest joints."""
         arm = readings.get("arm", {})
-        newest = [np.atleast_1d(values)[-1] for name, values in arm.items() if name.startswith("q_")]
+        newest = [
+            np.atleast_1d(values)[-1] for name, values in arm.items() if name.startswith("q_")
+        ]
         self._q = np.array(newest) if newest else self._q
 
 
 def main() -> None:
     """Do the parts that were asked for, or all."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("parts", nargs="*", choices=["demonstrate", "train", "judge", []], default=[])
+    parser.add_argument(
+        "parts", nargs="*", choices=["demonstrate", "train", "judge", []], default=[]
+    )
     parser.add_argument("--demonstrations", type=int, default=150)
     parser.add_argument("--goals", type=int, default=60)
     parser.add_argument("--out", type=Path, default=Path("runs/reach"))

@@ -28,7 +28,14 @@ from pomona.skills.geometry import transform
 from pomona.skills.perception.detection.detection import Detection, DetectorOptions
 from pomona.skills.perception.fruit import FruitModel
 from pomona.skills.perception.fruit.sizes import KindSizes, learn_sizes
-from pomona.skills.perception.refinement import DepthLook, FruitContext, Limits, RefineResult, refine, render_depth
+from pomona.skills.perception.refinement import (
+    DepthLook,
+    FruitContext,
+    Limits,
+    RefineResult,
+    refine,
+    render_depth,
+)
 from pomona.skills.perception.refinement.errors import NoDepth, RefineError
 from pomona.skills.shared.looking import find_in_frame
 
@@ -45,34 +52,50 @@ def orchard_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[st
         name: np.asarray(read_plane(folder / f"{name}_depth_mm.png"), np.float32) / 1e3
         for name in {row["frame"] for row in rows}
     }
-    table = Table("method", "fruit", "measured", "raw bias", "raw MAE", "leave-one-out MAE", "of the calibre")
-    table.title = f"calibre of real apples in mm; {LITERATURE_MM} mm in the literature (>= 60 % visible)"
+    table = Table(
+        "method", "fruit", "measured", "raw bias", "raw MAE", "leave-one-out MAE", "of the calibre"
+    )
+    table.title = (
+        f"calibre of real apples in mm; {LITERATURE_MM} mm in the literature (>= 60 % visible)"
+    )
     figures: dict[str, object] = {}
     for method in ("uniform", "shape"):
         for group in ("not occluded", "all"):
             chosen = [row for row in rows if group == "all" or row["lab.occluded"] == "NO"]
-            measured = np.array([_calibre(row, depth[row["frame"]], fruit, method) for row in chosen])
+            measured = np.array(
+                [_calibre(row, depth[row["frame"]], fruit, method) for row in chosen]
+            )
             known = np.isfinite(measured)
             estimate = measured[known]
             true = np.array([float(row["lab.o_caliber_mm"]) for row in chosen])[known]
             names = np.array([row["fruit_id"] for row in chosen])[known]
             raw = estimate - true
-            left_out = np.concatenate([_left_out(estimate, true, names == name) for name in np.unique(names)])
+            left_out = np.concatenate(
+                [_left_out(estimate, true, names == name) for name in np.unique(names)]
+            )
             values = (raw.mean(), np.abs(raw).mean(), np.abs(left_out).mean())
             table.add_row(
                 method, group, f"{len(true)} of {len(chosen)}", f"{values[0]:+.2f}", f"{values[1]:.2f}",
                 f"{values[2]:.2f}", f"{100.0 * values[2] / true.mean():.1f} %",
             )  # fmt: skip
-            figures[f"{method}, {group}"] = dict(zip(("bias", "raw", "left_out"), map(float, values), strict=True))
+            figures[f"{method}, {group}"] = dict(
+                zip(("bias", "raw", "left_out"), map(float, values), strict=True)
+            )
     console.print(table)
     return figures
 
 
-def _calibre(row: dict[str, str], depth: NDArray[np.float32], fruit: FruitModel, method: str) -> float:
+def _calibre(
+    row: dict[str, str], depth: NDArray[np.float32], fruit: FruitModel, method: str
+) -> float:
     """The larger horizontal dimension of one fruit [mm]; NaN where Refine refuses."""
     x, y, w, h = (float(row[key]) for key in "xywh")
-    centre = np.array([(x + 0.5 * w - KINECT.cx) / KINECT.fx, (y + 0.5 * h - KINECT.cy) / KINECT.fy, 1.0])
-    drawn_out = np.sqrt(np.hypot(1.0, centre[0]) * np.hypot(1.0, centre[1]))  # a ball off the axis is no circle
+    centre = np.array(
+        [(x + 0.5 * w - KINECT.cx) / KINECT.fx, (y + 0.5 * h - KINECT.cy) / KINECT.fy, 1.0]
+    )
+    drawn_out = np.sqrt(
+        np.hypot(1.0, centre[0]) * np.hypot(1.0, centre[1])
+    )  # a ball off the axis is no circle
     distance = KINECT.fx * np.sqrt(fruit.dimensions[0] * fruit.dimensions[1] / (w * h)) * drawn_out
     try:
         result = refine(
@@ -140,7 +163,11 @@ def found_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[str,
     for frame in list_frames(folder):
         colour, depth = frame.read(KINECT)
         look = Frame(0.0, 0, colour, depth, KINECT, None, LEVEL, frame.label, AZURE_KINECT)
-        labelled = [row for row in rows if row["frame"] == frame.label and not row["fruit_id"].startswith("BALL")]
+        labelled = [
+            row
+            for row in rows
+            if row["frame"] == frame.label and not row["fruit_id"].startswith("BALL")
+        ]
         for found in _detections(look, fruit):
             counts["found"] += 1
             find = Find("", False, np.full(2, np.nan), found, depth)
@@ -155,12 +182,19 @@ def found_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[str,
                 continue
             row = max(labelled, key=lambda row: _overlap(row, found))
             if _overlap(row, found) >= OVERLAP:
-                true = np.array([float(row["lab.o_caliber_mm"]), float(row["lab.o_height_mm"])]) / 1e3
-                finds.append(Find(row["fruit_id"], row["lab.occluded"] == "YES", true, found, depth))
+                true = (
+                    np.array([float(row["lab.o_caliber_mm"]), float(row["lab.o_height_mm"])]) / 1e3
+                )
+                finds.append(
+                    Find(row["fruit_id"], row["lab.occluded"] == "YES", true, found, depth)
+                )
     table = Table("sizes", "fruit", "finds", "bias", "MAE", "90 % intervals hold")
     table.title = "width / height of the detector's finds on real frames, in mm"
     figures: dict[str, object] = dict(counts)
-    for name, results in (("as the model", _alone(finds, fruit)), ("learnt from others", _learnt(finds, fruit))):
+    for name, results in (
+        ("as the model", _alone(finds, fruit)),
+        ("learnt from others", _learnt(finds, fruit)),
+    ):
         sizes = np.array([r.dimensions[[0, 1]] for r in results])
         stated = np.array([np.sqrt(np.diag(r.covariance)[[3, 4]]) for r in results])
         error = sizes - [f.true for f in finds]
@@ -172,7 +206,11 @@ def found_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[str,
                 name, group, str(of.sum()), f"{bias[0]:+.1f} / {bias[1]:+.1f}", f"{mae[0]:.2f} / {mae[1]:.2f}",
                 f"{hold[0]:.0%} / {hold[1]:.0%}",
             )  # fmt: skip
-            figures[f"{name}, {group}"] = {"bias": bias.tolist(), "mae": mae.tolist(), "hold": hold.tolist()}
+            figures[f"{name}, {group}"] = {
+                "bias": bias.tolist(),
+                "mae": mae.tolist(),
+                "hold": hold.tolist(),
+            }
     console.print(table)
     console.print(", ".join(f"{count} {what}" for what, count in counts.items()))
     return figures
@@ -181,9 +219,21 @@ def found_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[str,
 def _detections(look: Frame, fruit: FruitModel) -> Iterator[Detection]:
     options = DetectorOptions(working_width=WORKING_WIDTH, most_fruit=100)
     for k, found in enumerate(find_in_frame(look, fruit, options)):
-        if found.score >= LEAST_SCORE and found.T_camera_object is not None and found.covariance is not None:
+        if (
+            found.score >= LEAST_SCORE
+            and found.T_camera_object is not None
+            and found.covariance is not None
+        ):
             yield Detection(
-                fruit, look, LEVEL, found.T_camera_object, found.keypoints, found.score, found.covariance, k, 0
+                fruit,
+                look,
+                LEVEL,
+                found.T_camera_object,
+                found.keypoints,
+                found.score,
+                found.covariance,
+                k,
+                0,
             )
 
 
@@ -212,6 +262,8 @@ def _learnt(finds: list[Find], fruit: FruitModel) -> list[RefineResult]:
     found = []
     for find in finds:
         others = names != find.name
-        sizes = learn_sizes(true[others], shown[others], deviations[others], sines[others], proportion)
+        sizes = learn_sizes(
+            true[others], shown[others], deviations[others], sines[others], proportion
+        )
         found.append(find.measured(fruit, sizes=sizes))
     return found

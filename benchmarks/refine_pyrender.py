@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import Intrinsics
-from pomona.skills.perception.refinement.render import DepthImage, ImageBox, Triangles, load_pyrender
+from pomona.skills.perception.refinement.render import (
+    DepthImage,
+    ImageBox,
+    Triangles,
+    load_pyrender,
+)
 
 _FLIP_Y_Z = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera looks along -z with y up."""

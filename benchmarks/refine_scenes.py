@@ -63,14 +63,20 @@ def cell_views(
         try:
             world = cell.devices["world"]
             assert isinstance(world, SimWorld)
-            found += _views_of(world, fruit, elevations, detector, np.random.default_rng([seed, 77]))
+            found += _views_of(
+                world, fruit, elevations, detector, np.random.default_rng([seed, 77])
+            )
         finally:
             cell.close()
     return found
 
 
 def _views_of(
-    world: SimWorld, fruit: FruitModel, elevations: tuple[float, ...], detector: bool, rng: np.random.Generator
+    world: SimWorld,
+    fruit: FruitModel,
+    elevations: tuple[float, ...],
+    detector: bool,
+    rng: np.random.Generator,
 ) -> list[View]:
     table_z = world.scene.table_z
     found = []
@@ -80,7 +86,9 @@ def _views_of(
         T_base_fruit = np.array(apple["T_base_fruit_at_look"])
         for elevation in elevations:
             target = T_base_fruit[:3, 3] + rng.normal(0.0, 0.02, 3)
-            T_base_camera = looking_at(target, 0.6, np.radians(elevation), rng.uniform(-np.pi, np.pi))
+            T_base_camera = looking_at(
+                target, 0.6, np.radians(elevation), rng.uniform(-np.pi, np.pi)
+            )
             colour, ideal = in_gl_thread(partial(_render, world, T_base_camera))
             noisy = colour + rng.normal(0.0, 2.0, colour.shape)
             colour = np.clip(cv2.GaussianBlur(noisy, (0, 0), 0.6), 0, 255).astype(np.uint8)
@@ -92,12 +100,26 @@ def _views_of(
                 T_detected = _detect(frame, fruit, T_true)
             else:
                 T_detected = _simulated_detection(T_true, dimensions, fruit, rng)
-            found.append(View(apple["name"], depth, T_base_camera, table_z, T_detected, T_true, dimensions, elevation))
+            found.append(
+                View(
+                    apple["name"],
+                    depth,
+                    T_base_camera,
+                    table_z,
+                    T_detected,
+                    T_true,
+                    dimensions,
+                    elevation,
+                )
+            )
     return found
 
 
 def stretched_views(
-    fruit: FruitModel, apples: Mapping[str, tuple[Any, ...]], elevations: tuple[float, ...], seeds: range
+    fruit: FruitModel,
+    apples: Mapping[str, tuple[Any, ...]],
+    elevations: tuple[float, ...],
+    seeds: range,
 ) -> list[View]:
     """The model stretched to each apple's dimensions [mm], alone on a table, from each elevation [deg]."""
     found = []
@@ -112,7 +134,18 @@ def stretched_views(
                 depth = as_d435i(true_depth([apple], T_base_camera, CAMERA), rng, CAMERA)
                 T_true = inverse(T_base_camera) @ apple.T_base_object
                 T_detected = _simulated_detection(T_true, apple.dimensions, fruit, rng)
-                found.append(View(name, depth, T_base_camera, 0.0, T_detected, T_true, apple.dimensions, elevation))
+                found.append(
+                    View(
+                        name,
+                        depth,
+                        T_base_camera,
+                        0.0,
+                        T_detected,
+                        T_true,
+                        apple.dimensions,
+                        elevation,
+                    )
+                )
     return found
 
 
@@ -130,13 +163,20 @@ def leaf_over(view: View, share: float = 0.5) -> View:
     leaf = (across < inside) & (across > -1.6 * reach) & (np.abs(along) < 1.6 * reach)
     surface = centre[2] - radius - 0.02 + 1e-4 * across
     noise = gaussian_filter(rng.normal(0.0, 1.0, view.depth.shape), 1.0)
-    return replace(view, depth=np.where(leaf, surface + 1e-3 * noise / noise.std(), view.depth).astype(np.float32))
+    return replace(
+        view,
+        depth=np.where(leaf, surface + 1e-3 * noise / noise.std(), view.depth).astype(np.float32),
+    )
 
 
-def _simulated_detection(T_true: Float64, dimensions: Float64, fruit: FruitModel, rng: np.random.Generator) -> Float64:
+def _simulated_detection(
+    T_true: Float64, dimensions: Float64, fruit: FruitModel, rng: np.random.Generator
+) -> Float64:
     """The pose that PnP finds with the CAD cuboid for the true cuboid's corners, seen with 1.5 px of error."""
     towards = T_true[:3, :3].T @ -T_true[:3, 3]
-    facing = T_true @ transform(rot_y(np.arctan2(towards[0], towards[2]) + np.pi + rng.normal(0.0, 0.1)))
+    facing = T_true @ transform(
+        rot_y(np.arctan2(towards[0], towards[2]) + np.pi + rng.normal(0.0, 0.1))
+    )
     corners = apply(facing, cuboid_keypoints(dimensions))
     pixels = corners[:, :2] / corners[:, 2:] * [CAMERA.fx, CAMERA.fy] + [CAMERA.cx, CAMERA.cy]
     pixels += rng.normal(0.0, 1.5, pixels.shape)
@@ -159,7 +199,9 @@ def _detect(frame: Frame, fruit: FruitModel, T_true: Float64) -> Float64 | None:
     return best
 
 
-def _render(world: SimWorld, T_base_camera: Float64) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def _render(
+    world: SimWorld, T_base_camera: Float64
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """Colour and ideal z-depth from a free camera, without the robot."""
     mujoco = load_mujoco()
     world.model.vis.global_.fovy = np.degrees(2.0 * np.arctan(0.5 * CAMERA.height / CAMERA.fy))

@@ -17,8 +17,17 @@ from scipy.optimize import minimize
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.fruit import FruitModel
-from pomona.skills.perception.refinement.render import DepthImage, ImageBox, RendererName, render_depth
-from pomona.skills.perception.refinement.scale_fit import line_inliers, moved_and_scaled, sigma_bound
+from pomona.skills.perception.refinement.render import (
+    DepthImage,
+    ImageBox,
+    RendererName,
+    render_depth,
+)
+from pomona.skills.perception.refinement.scale_fit import (
+    line_inliers,
+    moved_and_scaled,
+    sigma_bound,
+)
 
 SEARCHES: dict[str, dict[str, float]] = {
     "L-BFGS-B": {"eps": 1e-3, "ftol": 1e-14, "gtol": 1e-9},
@@ -32,7 +41,12 @@ SEARCHES: dict[str, dict[str, float]] = {
 
 
 def search(
-    name: str, depth: DepthImage, fruit: FruitModel, T: Float64, camera: Intrinsics, using: RendererName
+    name: str,
+    depth: DepthImage,
+    fruit: FruitModel,
+    T: Float64,
+    camera: Intrinsics,
+    using: RendererName,
 ) -> Callable[[], tuple[float, int]]:
     """The paper's method on the whole image with one of `SEARCHES`: gives mu and the number of renders."""
     whole = ImageBox(0, 0, camera.width, camera.height)
@@ -52,9 +66,13 @@ def search(
             moved = moved_and_scaled(T, float(np.atleast_1d(share)[0]) * bound)
             rendered, _ = render_depth(fruit, moved, camera, whole, using)
             compared = inliers & (rendered > 0.0)
-            return 1e6 * float(np.mean((depth[compared].astype(np.float64) - rendered[compared]) ** 2))
+            return 1e6 * float(
+                np.mean((depth[compared].astype(np.float64) - rendered[compared]) ** 2)
+            )
 
-        found = minimize(objective, [0.0], method=name, bounds=[(-1.0, 1.0)], options=SEARCHES[name])
+        found = minimize(
+            objective, [0.0], method=name, bounds=[(-1.0, 1.0)], options=SEARCHES[name]
+        )
         sigma = float(np.atleast_1d(found.x)[0]) * bound
         return 1.0 - sigma / float(np.linalg.norm(p_hat)), renders
 

@@ -51,7 +51,11 @@ MOMENTS = {
     "Release": 3.0,
 }  # fmt: skip
 """Nodes of the pick at which a drawn fault begins, with their durations [s]."""
-PROGRAM = (sys.executable, "-c", "import sys; from pomona.executive.cli import main; sys.exit(main())")
+PROGRAM = (
+    sys.executable,
+    "-c",
+    "import sys; from pomona.executive.cli import main; sys.exit(main())",
+)
 LIMIT = 120.0
 """Deadline of one process [s]."""
 
@@ -70,7 +74,9 @@ class Attack:
 # ------------------------------------------------------------------------------------------------- the program
 
 
-def command(*words: str, cwd: Path, stdin: str = "", **more: object) -> subprocess.CompletedProcess[str]:
+def command(
+    *words: str, cwd: Path, stdin: str = "", **more: object
+) -> subprocess.CompletedProcess[str]:
     """Run `pomona` with these words; a process that does not end counts as one that was killed."""
     try:
         return subprocess.run(  # type: ignore[call-overload,no-any-return]
@@ -87,12 +93,21 @@ def command(*words: str, cwd: Path, stdin: str = "", **more: object) -> subproce
         return subprocess.CompletedProcess(words, -9, "", f"does not end within {LIMIT:.0f} s")
 
 
-def refused(area: str, name: str, done: subprocess.CompletedProcess[str], status: int = 2) -> Attack:
+def refused(
+    area: str, name: str, done: subprocess.CompletedProcess[str], status: int = 2
+) -> Attack:
     """An attack that must be refused in words."""
     words = f"{done.stdout}\n{done.stderr}"
     last = (done.stderr.strip() or done.stdout.strip() or "nothing").splitlines()[-1][:90]
-    held = done.returncode == status and "Traceback" not in words and "\x1b[" not in words and "\u202e" not in words
-    return Attack(area, name, f"status {status}, in words", f"status {done.returncode}: {last}", held)
+    held = (
+        done.returncode == status
+        and "Traceback" not in words
+        and "\x1b[" not in words
+        and "\u202e" not in words
+    )
+    return Attack(
+        area, name, f"status {status}, in words", f"status {done.returncode}: {last}", held
+    )
 
 
 def input_attacks(folder: Path) -> Iterator[Attack]:
@@ -139,7 +154,9 @@ def input_attacks(folder: Path) -> Iterator[Attack]:
         "alias bomb": "a: &a [x,x]\nb: &b [*a,*a]\nc: &c [*b,*b]\nroot: *c\n",
         "cycle of aliases": "pomona: 1\ntree: t\nroot: &r {sequence: [*r]}\n",
         "port of another type": TREE.replace("{pose: observe}", "{pose: 5 mm}"),
-        "expression that divides by zero": TREE.replace("- wait: 100 ms", "- wait: 100 ms\n      when: '1 / 0 > 1'"),
+        "expression that divides by zero": TREE.replace(
+            "- wait: 100 ms", "- wait: 100 ms\n      when: '1 / 0 > 1'"
+        ),
         "deep nesting": f"pomona: 1\ntree: t\nroot: {'{sequence: [' * 400}wait: 1 s{']}' * 400}\n",
     }
     for name, text in trees.items():
@@ -157,7 +174,9 @@ def input_attacks(folder: Path) -> Iterator[Attack]:
     }
     for name, text in cells.items():
         (folder / "cell.yaml").write_text(f"name: attacked\n{text}")
-        yield refused("cell", name, command("run", "tree.yaml", "--quiet", "--cell", "cell.yaml", cwd=folder))
+        yield refused(
+            "cell", name, command("run", "tree.yaml", "--quiet", "--cell", "cell.yaml", cwd=folder)
+        )
 
 
 def _with_pipe(folder: Path) -> subprocess.CompletedProcess[str]:
@@ -187,7 +206,9 @@ def record_attacks(folder: Path) -> Iterator[Attack]:
         "one bit in the middle": lambda run: run.write_bytes(
             content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
         ),
-        "one byte near the end": lambda run: run.write_bytes(content[:-300] + b"\xff" + content[-299:]),
+        "one byte near the end": lambda run: run.write_bytes(
+            content[:-300] + b"\xff" + content[-299:]
+        ),
         "twice one after the other": lambda run: run.write_bytes(2 * content),
         "zeros at the end": lambda run: run.write_bytes(content + bytes(4096)),
         "zeros instead": lambda run: run.write_bytes(bytes(len(content))),
@@ -218,7 +239,9 @@ def record_attacks(folder: Path) -> Iterator[Attack]:
             "no such",
             "cannot",
         )
-        trusted = "succeeded" in words.partition("\n")[0] and not any(word in words for word in reported)
+        trusted = "succeeded" in words.partition("\n")[0] and not any(
+            word in words for word in reported
+        )
         yield Attack(
             "record",
             name,
@@ -269,8 +292,16 @@ def run_attacks(folder: Path) -> Iterator[Attack]:
         run = next((folder / "runs").iterdir())
         explained = command("explain", str(run), cwd=folder)
         words = explained.stdout + explained.stderr
-        held = process.returncode != 0 and "Traceback" not in said + words and "succeeded" not in words
-        yield Attack("end", name, f"status {status} or 3, record readable", f"status {process.returncode}", held)
+        held = (
+            process.returncode != 0 and "Traceback" not in said + words and "succeeded" not in words
+        )
+        yield Attack(
+            "end",
+            name,
+            f"status {status} or 3, record readable",
+            f"status {process.returncode}",
+            held,
+        )
     for size in (0, 4096, 50_000):
         done = command(
             "run", "tree.yaml", "--cell", "mock.yaml", "--record", f"disk_{size}", cwd=folder,
@@ -278,13 +309,17 @@ def run_attacks(folder: Path) -> Iterator[Attack]:
         )  # fmt: skip
         words = done.stdout + done.stderr
         held = "Traceback" not in words and (done.returncode != 0 or "record" in words)
-        yield Attack("disk", f"files of at most {size} bytes", "reported", f"status {done.returncode}", held)
+        yield Attack(
+            "disk", f"files of at most {size} bytes", "reported", f"status {done.returncode}", held
+        )
     done = command(
         "run", "tree.yaml", "--cell", "mock.yaml", "--record", "handles", cwd=folder,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (16, 16)),
     )  # fmt: skip
     held = "success" not in done.stdout or done.returncode == 0
-    yield Attack("disk", "16 open files", "reported, or a success", f"status {done.returncode}", held)
+    yield Attack(
+        "disk", "16 open files", "reported, or a success", f"status {done.returncode}", held
+    )
     first = subprocess.Popen(
         [*PROGRAM, "run", "slow.yaml", "--cell", "emulated", "--set", "time=wall", "--record", "shared"],
         cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -292,7 +327,17 @@ def run_attacks(folder: Path) -> Iterator[Attack]:
     begun = time.monotonic()
     while time.monotonic() - begun < LIMIT and not list((folder / "shared").glob("*/run.mcap")):
         time.sleep(0.2)
-    second = command("run", "tree.yaml", "--cell", "emulated", "--set", "time=wall", "--record", "shared", cwd=folder)
+    second = command(
+        "run",
+        "tree.yaml",
+        "--cell",
+        "emulated",
+        "--set",
+        "time=wall",
+        "--record",
+        "shared",
+        cwd=folder,
+    )
     lines = (second.stdout + second.stderr).strip().splitlines()
     yield Attack(
         "two processes", "a second run on an emulated cell of its own world", "refused, or a world of its own",
@@ -300,7 +345,9 @@ def run_attacks(folder: Path) -> Iterator[Attack]:
     )  # fmt: skip
     first.send_signal(signal.SIGTERM)
     status = first.wait(LIMIT)
-    yield Attack("two processes", "SIGTERM to the first of them", "status 3", f"status {status}", status == 3)
+    yield Attack(
+        "two processes", "SIGTERM to the first of them", "status 3", f"status {status}", status == 3
+    )
 
 
 def hand_attacks(folder: Path) -> Iterator[Attack]:
@@ -335,7 +382,11 @@ def hand_attacks(folder: Path) -> Iterator[Attack]:
     path.unlink()
     path.mkdir()
     yield Attack(
-        "hand", "a folder", "may hold something", "", bool(may_hold(state, limits, HandMemory(path).record, None))
+        "hand",
+        "a folder",
+        "may hold something",
+        "",
+        bool(may_hold(state, limits, HandMemory(path).record, None)),
     )
 
 
@@ -356,7 +407,11 @@ def page_attacks(folder: Path) -> Iterator[Attack]:
         ):
             time.sleep(0.2)
         host = f"Host: localhost:{port}"
-        evil, body, deep = "Origin: http://evil.example", '{"action": "stop", "viewer": "\\ud800"}', "[" * 5000
+        evil, body, deep = (
+            "Origin: http://evil.example",
+            '{"action": "stop", "viewer": "\\ud800"}',
+            "[" * 5000,
+        )
         json_type = "Content-Type: application/json"
         upgrade = (
             "Upgrade: websocket",
@@ -393,7 +448,13 @@ def page_attacks(folder: Path) -> Iterator[Attack]:
             leaks = "root:" in answer
             acts = first.startswith("HTTP/1.1 2") and text.startswith("POST")
             sound = request(port, get("/", host))
-            held = not leaks and not acts and " 500 " not in first and " 101 " not in first and " 200 " in sound[:20]
+            held = (
+                not leaks
+                and not acts
+                and " 500 " not in first
+                and " 101 " not in first
+                and " 200 " in sound[:20]
+            )
             yield Attack("page", name, "refused, and the page still answers", first, held)
     finally:
         server.terminate()
@@ -411,7 +472,9 @@ def get(path: str, *headers: str) -> str:
 
 def post(body: str, *headers: str) -> str:
     """An action with a body."""
-    return "\r\n".join(["POST /api/act HTTP/1.1", *headers, f"Content-Length: {len(body)}", "", body])
+    return "\r\n".join(
+        ["POST /api/act HTTP/1.1", *headers, f"Content-Length: {len(body)}", "", body]
+    )
 
 
 def request(port: int, text: str) -> str:
@@ -431,14 +494,20 @@ def request(port: int, text: str) -> str:
 def drawn_cases(rng: random.Random, count: int) -> list[Case]:
     """Faults at drawn moments of a pick, some of which pass, some with an operator's action before."""
     table = [case for case in read_table("sim") if case.ends != "recovered" and not case.spoils]
-    kinds = sorted({(c.switch, c.kind) for c in table if c.phase.name != "preparing" and not c.phase.operator})
+    kinds = sorted(
+        {(c.switch, c.kind) for c in table if c.phase.name != "preparing" and not c.phase.operator}
+    )
     drawn = []
     for index in range(count):
         switch, kind = rng.choice(kinds)
         node = rng.choice(list(MOMENTS))
         operator = rng.choice(["", "", "", "pauses", "stops"])
         # An operator acts 0.25 s after the node's start; a stopped run ends soon after.
-        first, last = {"": (0.0, MOMENTS[node]), "pauses": (0.3, MOMENTS[node]), "stops": (0.26, 0.32)}[operator]
+        first, last = {
+            "": (0.0, MOMENTS[node]),
+            "pauses": (0.3, MOMENTS[node]),
+            "stops": (0.26, 0.32),
+        }[operator]
         after = rng.uniform(first, max(first, last))
         lasts = rng.choice([float("inf"), rng.uniform(0.02, 0.6)])
         phase = FaultPhase(f"{index}", node, round(after, 3), operator)
@@ -457,7 +526,9 @@ def drawn_runs(seed: int, count: int, jobs: int) -> list[Attack]:
             f", after the operator {case.phase.operator}" if case.phase.operator else ""
         )
         seen = "; ".join(verdict.wrong) or f"{verdict.outcome} {verdict.reason[:60]}".strip()
-        found.append(Attack("run", name, "no false success, drop, opening or force", seen, not verdict.wrong))
+        found.append(
+            Attack("run", name, "no false success, drop, opening or force", seen, not verdict.wrong)
+        )
         print("✗" if verdict.wrong else "✓", name, seen, file=sys.stderr, flush=True)
 
     prepare_to_fork()
@@ -477,15 +548,27 @@ def report(attacks: Sequence[Attack], commands: str) -> str:
         "| area | attack | expected | observed | held |", "|---|---|---|---|---|",
     ]  # fmt: skip
     for attack in attacks:
-        cells = (attack.area, attack.name, attack.expected, attack.observed, "yes" if attack.held else "**no**")
-        clean = ["".join(c if c.isprintable() else "·" for c in cell).replace("|", "/") for cell in cells]
+        cells = (
+            attack.area,
+            attack.name,
+            attack.expected,
+            attack.observed,
+            "yes" if attack.held else "**no**",
+        )
+        clean = [
+            "".join(c if c.isprintable() else "·" for c in cell).replace("|", "/") for cell in cells
+        ]
         lines.append(f"| {' | '.join(clean)} |")
     return "\n".join(lines) + "\n"
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", nargs="*", default=["program", "runs"], choices=("program", "runs"))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--parts", nargs="*", default=["program", "runs"], choices=("program", "runs")
+    )
     parser.add_argument("--only", nargs="*", help="areas of the program")
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--runs", type=int, default=60)
@@ -512,7 +595,9 @@ def main() -> int:
                     )
     if "runs" in options.parts:
         found += drawn_runs(options.seed, options.runs, options.jobs)
-    text = report(found, f"python -m benchmarks.safety_attacks --seed {options.seed} --runs {options.runs}")
+    text = report(
+        found, f"python -m benchmarks.safety_attacks --seed {options.seed} --runs {options.runs}"
+    )
     if options.out is not None:
         options.out.write_text(text, encoding="utf-8")
     print(text.splitlines()[2])

@@ -31,7 +31,11 @@ SEEDS = 50
 
 def resident_mb(process: str) -> float:
     """Resident memory of a process [MB]."""
-    return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return (
+        int(Path(f"/proc/{process}/statm").read_text().split()[1])
+        * os.sysconf("SC_PAGE_SIZE")
+        / 1e6
+    )
 
 
 def measure() -> dict[str, float]:
@@ -48,7 +52,10 @@ def measure() -> dict[str, float]:
 def growth(values: list[float]) -> float:
     """By which share the last quarter lies above the third one."""
     quarter = max(1, len(values) // 4)
-    before, after = statistics.median(values[-2 * quarter : -quarter]), statistics.median(values[-quarter:])
+    before, after = (
+        statistics.median(values[-2 * quarter : -quarter]),
+        statistics.median(values[-quarter:]),
+    )
     return after / before - 1.0 if before else 0.0
 
 
@@ -59,14 +66,18 @@ def soak(picks: int, tree: str, dry: bool) -> dict[str, list[float]]:
     with tempfile.TemporaryDirectory(prefix="pomona-soak-") as folder:
         for number in range(picks):
             record = Path(folder) / "runs"
-            order = RunOrder(find_tree(tree), find_cell("sim"), seed=number % SEEDS, record=record, dry=dry)
+            order = RunOrder(
+                find_tree(tree), find_cell("sim"), seed=number % SEEDS, record=record, dry=dry
+            )
             began = time.process_time()
             executed = execute(order)
             spent = time.process_time() - began
             gc.collect()  # unreferenced objects are not counted
             give_back_memory()
             now = measure()
-            if not dry:  # a dry run's ticks are too few and too short to be timed on a shared machine
+            if (
+                not dry
+            ):  # a dry run's ticks are too few and too short to be timed on a shared machine
                 now["tick_ms"] = 1e3 * spent / max(executed.result.ticks, 1)
             for name, value in now.items():
                 seen.setdefault(name, []).append(value)
@@ -75,13 +86,17 @@ def soak(picks: int, tree: str, dry: bool) -> dict[str, list[float]]:
                     path.unlink()
                 executed.record.rmdir()
             if number % 50 == 0 and not dry:
-                print(f"{number:5d} " + "  ".join(f"{k} {v:.2f}" for k, v in now.items()), flush=True)
+                print(
+                    f"{number:5d} " + "  ".join(f"{k} {v:.2f}" for k, v in now.items()), flush=True
+                )
     return seen
 
 
 def main() -> int:
     """Returns 0 when all is flat."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--picks", type=int, default=1000)
     parser.add_argument("--tree", default="pick_apple")
     parser.add_argument("--dry", action="store_true")
@@ -90,7 +105,9 @@ def main() -> int:
     for name, values in soak(options.picks, options.tree, options.dry).items():
         more = growth(values)
         grown += more > GROWTH
-        print(f"{'✗' if more > GROWTH else '✓'} {name:10s} first {values[0]:.2f}, last {values[-1]:.2f}, {more:+.2%}")
+        print(
+            f"{'✗' if more > GROWTH else '✓'} {name:10s} first {values[0]:.2f}, last {values[-1]:.2f}, {more:+.2%}"
+        )
     return 1 if grown else 0
 
 

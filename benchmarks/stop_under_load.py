@@ -101,7 +101,9 @@ class Load:
     """Processes that compute while `on`. A start is not measured, and its own computations give way to others."""
 
     def __init__(self, processes: int) -> None:
-        self._loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+        self._loops = [
+            subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)
+        ]
         self.set(on=False)
 
     def set(self, *, on: bool) -> None:
@@ -132,10 +134,18 @@ def served(folder: Path) -> Iterator[str]:
         "from pomona.executive.cli import main; import sys; sys.exit(main())",
         "dashboard",
     ]
-    command += ["--port", str(port), "--record", str(folder / "runs"), *(f"--tree={tree}" for tree in trees)]
+    command += [
+        "--port",
+        str(port),
+        "--record",
+        str(folder / "runs"),
+        *(f"--tree={tree}" for tree in trees),
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
         assert process.stdout is not None
-        link = next(found[0] for line in process.stdout if (found := re.search(r"http://\S+", line)))
+        link = next(
+            found[0] for line in process.stdout if (found := re.search(r"http://\S+", line))
+        )
         try:
             yield link
         finally:
@@ -163,7 +173,9 @@ def measure(page: Any, load: Load, record: str, seconds: float) -> dict[str, lis
             load.set(on=True)
             time.sleep(SETTLING)
             made = page.evaluate(PRESS, {"run": record if "record" in what else ""})
-        except Error as error:  # a busy computer needs minutes for a start: the measured part counts
+        except (
+            Error
+        ) as error:  # a busy computer needs minutes for a start: the measured part counts
             print(f"turn {turn}, {what}: {error.message.splitlines()[0]}", file=sys.stderr)
             continue
         finally:
@@ -183,7 +195,9 @@ def main() -> int:
     parser.add_argument("--load", type=int, default=12, help="processes that compute beside it")
     parser.add_argument("--seconds", type=float, default=170.0, help="time to press in [s]")
     options = parser.parse_args()
-    browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+    browser_path = next(
+        (path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None
+    )
     if browser_path is None:
         print("no Chromium is installed", file=sys.stderr)
         return 2
@@ -195,7 +209,9 @@ def main() -> int:
         record_of(folder / "runs" / "recorded", 15_000)
         with served(folder) as link:
             browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
-            page = browser.new_page(viewport={"width": 1280, "height": 800}, bypass_csp=True)  # for the worker
+            page = browser.new_page(
+                viewport={"width": 1280, "height": 800}, bypass_csp=True
+            )  # for the worker
             page.set_default_timeout(1e3 * PATIENCE)
             page.goto(link)
             page.get_by_label("your name").fill("bench")
@@ -207,9 +223,16 @@ def main() -> int:
     presses = {**taken, "all": [made for of in taken.values() for made in of]}
     for what, made in presses.items():
         took = np.array([one["took"] for one in made])
-        print(f"{what}: {len(took)} presses, median {np.median(took):.0f} ms, p99 {np.percentile(took, 99):.0f} ms,")
-        print(f"  longest {took.max():.0f} ms; ended as {', '.join(sorted({one['state'] for one in made}))};")
-        disabled, silent = sum(not one["enabled"] for one in made), sum(not one["alive"] for one in made)
+        print(
+            f"{what}: {len(took)} presses, median {np.median(took):.0f} ms, p99 {np.percentile(took, 99):.0f} ms,"
+        )
+        print(
+            f"  longest {took.max():.0f} ms; ended as {', '.join(sorted({one['state'] for one in made}))};"
+        )
+        disabled, silent = (
+            sum(not one["enabled"] for one in made),
+            sum(not one["alive"] for one in made),
+        )
         print(f"  button disabled {disabled}, shown as not live {silent}")
     late = np.percentile([one["took"] for one in presses["all"]], 99) > 1e3 * GOAL
     return int(late or not all(one["enabled"] for one in presses["all"]))

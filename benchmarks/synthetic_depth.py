@@ -18,7 +18,12 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import inverse, rot_x, rot_z, transform
-from pomona.skills.perception.refinement.render import DepthImage, ImageBox, Triangles, render_with_zbuffer
+from pomona.skills.perception.refinement.render import (
+    DepthImage,
+    ImageBox,
+    Triangles,
+    render_with_zbuffer,
+)
 
 D435I = Intrinsics(610.6, 610.6, 322.3, 241.9, 640, 480)
 
@@ -68,10 +73,14 @@ def standing(
         rng = rng or np.random.default_rng(0)
         direction = vertices / np.linalg.norm(vertices, axis=1, keepdims=True)
         wave = sum(
-            np.sin(direction @ rng.normal(0.0, 2.0, 3) + rng.uniform(0.0, 2.0 * np.pi)) * rng.normal() for _ in range(4)
+            np.sin(direction @ rng.normal(0.0, 2.0, 3) + rng.uniform(0.0, 2.0 * np.pi))
+            * rng.normal()
+            for _ in range(4)
         )
         vertices *= 1.0 + dents * np.asarray(wave)[:, None] / 2.0
-    vertices[:, 1] *= 1.0 + (vertices[:, [0, 2]] / np.abs(vertices[:, [0, 2]]).max(axis=0)) @ np.asarray(lean)
+    vertices[:, 1] *= 1.0 + (
+        vertices[:, [0, 2]] / np.abs(vertices[:, [0, 2]]).max(axis=0)
+    ) @ np.asarray(lean)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     true = np.asarray(dimensions, dtype=np.float64)
     vertices = (vertices - 0.5 * (low + high)) * (true / (high - low))
@@ -80,29 +89,50 @@ def standing(
     return StandingFruit(vertices, mesh.faces, true, transform(R, (*spot, height)))
 
 
-def looking_at(target: Sequence[float] | Float64, distance: float, elevation: float, azimuth: float = 0.0) -> Float64:
+def looking_at(
+    target: Sequence[float] | Float64, distance: float, elevation: float, azimuth: float = 0.0
+) -> Float64:
     """T_base_camera (4, 4) of a camera that looks at a point from `elevation` above the horizon [m, rad], upright."""
-    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    towards = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
     forward = -towards
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     return transform(
-        np.column_stack([right, np.cross(forward, right), forward]), np.asarray(target) + distance * towards
+        np.column_stack([right, np.cross(forward, right), forward]),
+        np.asarray(target) + distance * towards,
     )
 
 
 def true_depth(
-    things: Sequence[StandingFruit], T_base_camera: Float64, intrinsics: Intrinsics = D435I, table: bool = True
+    things: Sequence[StandingFruit],
+    T_base_camera: Float64,
+    intrinsics: Intrinsics = D435I,
+    table: bool = True,
 ) -> Float64:
     """Return the z-depth without error, shape (h, w) [m]: the table z = 0 and objects on it; 0 without a surface."""
     u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
-    rays = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy, np.ones(u.shape)], -1)
+    rays = np.stack(
+        [
+            (u - intrinsics.cx) / intrinsics.fx,
+            (v - intrinsics.cy) / intrinsics.fy,
+            np.ones(u.shape),
+        ],
+        -1,
+    )
     downwards = rays @ T_base_camera[2, :3]
     depth = np.where(downwards < -1e-6, -T_base_camera[2, 3] / np.minimum(downwards, -1e-6), 0.0)
     if not table:
         depth[:] = 0.0
     whole = ImageBox(0, 0, intrinsics.width, intrinsics.height)
     for thing in things:
-        seen = render_with_zbuffer(thing, inverse(T_base_camera) @ thing.T_base_object, intrinsics, whole)
+        seen = render_with_zbuffer(
+            thing, inverse(T_base_camera) @ thing.T_base_object, intrinsics, whole
+        )
         depth = np.where((seen > 0.0) & ((depth == 0.0) | (seen < depth)), seen, depth)
     return depth
 
@@ -120,7 +150,9 @@ def as_d435i(
     noise = gaussian_filter(rng.normal(0.0, 1.0, shape), 1.0)
     disparity = focal * baseline / np.maximum(seen, 1e-3) + 0.08 * noise / noise.std()
     disparity = np.maximum(np.round(disparity * 32.0) / 32.0, 1e-3)
-    measured: DepthImage = np.where(seen <= 0.0, 0.0, focal * baseline / disparity).astype(np.float32)
+    measured: DepthImage = np.where(seen <= 0.0, 0.0, focal * baseline / disparity).astype(
+        np.float32
+    )
     return measured
 
 

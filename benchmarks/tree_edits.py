@@ -46,7 +46,18 @@ VALUES = (
     "{position: [0, 0, 1]}",
     "'it''s'",
 )
-WORDS = ("sequence", "fallback", "parallel", "reactive_sequence", "retry", "timeout", "repeat", "invert", "when", "if")
+WORDS = (
+    "sequence",
+    "fallback",
+    "parallel",
+    "reactive_sequence",
+    "retry",
+    "timeout",
+    "repeat",
+    "invert",
+    "when",
+    "if",
+)
 BESIDE = ("retry", "timeout", "when", "guard", "description", "repeat", "delay")
 
 
@@ -158,14 +169,20 @@ root:
 def tree_texts(seed: int = 0) -> dict[str, str]:
     """Return texts of trees: shipped, in documents, in tests, exported and imported again, and variants of them."""
     found = {
-        str(path.relative_to(ROOT)): path.read_text("utf-8") for path in _files() if _is_tree(path.read_text("utf-8"))
+        str(path.relative_to(ROOT)): path.read_text("utf-8")
+        for path in _files()
+        if _is_tree(path.read_text("utf-8"))
     }
     for name, text in list(found.items()):
         document = read(text, ROOT / name)
         if not document.findings:
-            found[f"{name} imported"] = import_groot(with_declarations(partial(export_groot, document)), "tree.xml")[0]
+            found[f"{name} imported"] = import_groot(
+                with_declarations(partial(export_groot, document)), "tree.xml"
+            )[0]
     for path in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
-        for number, block in enumerate(re.findall(r"```yaml\n(.*?)```", path.read_text("utf-8"), re.DOTALL)):
+        for number, block in enumerate(
+            re.findall(r"```yaml\n(.*?)```", path.read_text("utf-8"), re.DOTALL)
+        ):
             found[f"{path.name} {number}"] = block
     for path in sorted((ROOT / "tests" / "executive").rglob("test_*.py")):
         for number, value in enumerate(_literals(path)):
@@ -201,7 +218,10 @@ def _content(text: str) -> list[object]:
     """Return the nodes of a text without their lines and comments."""
     apart = {"line", "end_line", "comment", "ports", "modifiers"}
     return [
-        ({k: v for k, v in node.items() if k not in apart}, [(e["name"], e["text"]) for e in _entries(node)])
+        (
+            {k: v for k, v in node.items() if k not in apart},
+            [(e["name"], e["text"]) for e in _entries(node)],
+        )
         for node in nodes(text)
     ]
 
@@ -218,12 +238,18 @@ def _files() -> Iterator[Path]:
 def _literals(path: Path) -> Iterator[str]:
     text = path.read_text("utf-8")
     for node in ast.walk(ast.parse(text)) if "root:" in text else ():
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\nroot:" in node.value:
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and "\nroot:" in node.value
+        ):
             yield node.value
 
 
 def _is_tree(text: str) -> bool:
-    return "root:" in text and len(text) < 60_000 and bool(nodes(text)) and bool(nodes(text)[0]["id"])
+    return (
+        "root:" in text and len(text) < 60_000 and bool(nodes(text)) and bool(nodes(text)[0]["id"])
+    )
 
 
 # ----------------------------------------------------------------------------------------------------- edits
@@ -240,7 +266,9 @@ def random_edit(rng: random.Random, text: str) -> dict[str, Any]:
     if not node["parent"] and rng.random() < 0.7:
         node = rng.choice(table)
     if kind in ("unwrap", "duplicate"):
-        node = rng.choice([n for n in table if n["kind"] == "composite" or kind == "duplicate"] or table)
+        node = rng.choice(
+            [n for n in table if n["kind"] == "composite" or kind == "duplicate"] or table
+        )
     address = node["id"]
     parents = [n for n in table if n["kind"] == "composite"] or table
     if kind == "insert":
@@ -248,30 +276,45 @@ def random_edit(rng: random.Random, text: str) -> dict[str, Any]:
         text = rng.choice(NODES).replace("{n}", str(rng.randrange(10**6)))
         return {"do": kind, **_into(rng, into, table), "node": text}
     if kind == "move":
-        into = rng.choice([n for n in parents if not f"{n['id']}/".startswith(f"{address}/")] or parents)
+        into = rng.choice(
+            [n for n in parents if not f"{n['id']}/".startswith(f"{address}/")] or parents
+        )
         return {"do": kind, "node": address, **_into(rng, into, table, address)}
     if kind == "wrap":
         return {"do": kind, "node": address, "in": rng.choice(WORDS)}
     if kind == "rename":
-        return {"do": kind, "node": address, "name": rng.choice(("", "Go", "Go: on", "Größe", "a # b", "null", "3"))}
+        return {
+            "do": kind,
+            "node": address,
+            "name": rng.choice(("", "Go", "Go: on", "Größe", "a # b", "null", "3")),
+        }
     if kind == "set_port":
-        leaf = rng.choice([n for n in table if n["ports"] or n["kind"] in ("skill", "subtree")] or table)
+        leaf = rng.choice(
+            [n for n in table if n["ports"] or n["kind"] in ("skill", "subtree")] or table
+        )
         port = rng.choice([p["name"] for p in leaf["ports"]] + ["new_port"])
         return {"do": kind, "node": leaf["id"], "port": port, "value": rng.choice((None, *VALUES))}
     if kind == "set_modifier":
-        word = rng.choice([m["name"] for m in node["modifiers"] if m["name"] != "on_failure"] + [rng.choice(BESIDE)])
+        word = rng.choice(
+            [m["name"] for m in node["modifiers"] if m["name"] != "on_failure"]
+            + [rng.choice(BESIDE)]
+        )
         return {"do": kind, "node": address, "modifier": word, "value": rng.choice((None, *VALUES))}
     if kind == "comment":
         said = rng.choice(("", "one line", "one: line # with more", "two\nlines"))
         return {"do": kind, "node": address, "text": said}
     if kind == "set_parameter":
-        names = re.findall(r"^  (\w+):", text.partition("parameters:")[2].partition("\nroot:")[0], re.MULTILINE)
+        names = re.findall(
+            r"^  (\w+):", text.partition("parameters:")[2].partition("\nroot:")[0], re.MULTILINE
+        )
         value = rng.choice((None, "3", "2 s", "apple", "{type: text, default: a}"))
         return {"do": kind, "name": rng.choice([*names, "fresh"]), "value": value}
     return {"do": kind, "node": address}
 
 
-def _into(rng: random.Random, into: dict[str, Any], table: list[dict[str, Any]], leaving: str = "") -> dict[str, Any]:
+def _into(
+    rng: random.Random, into: dict[str, Any], table: list[dict[str, Any]], leaving: str = ""
+) -> dict[str, Any]:
     count = sum(n["parent"] == into["id"] and n["index"] >= 0 and n["id"] != leaving for n in table)
     place: dict[str, Any] = {"into": into["id"], "index": rng.randint(0, count)}
     words = {"if": ("else",), "switch": ("more", "default")}.get(into["type"], ())
@@ -327,7 +370,9 @@ def _rows_of(text: str, address: str) -> set[int]:
 
 def _rows_of_root(lines: list[str]) -> set[int]:
     """Rows of the whole tree, with `root:` and the notes right above it."""
-    first = last = next((row for row, line in enumerate(lines) if re.match(r"\ufeff?[\"']?root[\"']?\s*:", line)), 0)
+    first = last = next(
+        (row for row, line in enumerate(lines) if re.match(r"\ufeff?[\"']?root[\"']?\s*:", line)), 0
+    )
     while first > 0 and lines[first - 1].startswith("#"):
         first -= 1
     while last + 1 < len(lines) and not re.match(r"[A-Za-z_]", lines[last + 1]):
@@ -339,11 +384,23 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
     """Untouched lines are in the new text byte for byte, in their order."""
     lines = before.split("\n")
     if edit.do == "set_parameter":
-        touched = {row for row, line in enumerate(lines) if re.match(rf"\ufeff?\s*({edit.name}|parameters)\b", line)}
-        touched |= {row for row, line in enumerate(lines) if "{" in line and f"{edit.name}:" in line}
-        touched |= {row + 1 for row in touched if row + 1 < len(lines) and not lines[row + 1].strip()}
-        touched |= _below(lines, edit.name) if edit.value is None else set()  # with the notes right above it
-        touched |= {row for row, line in enumerate(lines) if line.startswith("    ")} & _below(lines, edit.name)
+        touched = {
+            row
+            for row, line in enumerate(lines)
+            if re.match(rf"\ufeff?\s*({edit.name}|parameters)\b", line)
+        }
+        touched |= {
+            row for row, line in enumerate(lines) if "{" in line and f"{edit.name}:" in line
+        }
+        touched |= {
+            row + 1 for row in touched if row + 1 < len(lines) and not lines[row + 1].strip()
+        }
+        touched |= (
+            _below(lines, edit.name) if edit.value is None else set()
+        )  # with the notes right above it
+        touched |= {row for row, line in enumerate(lines) if line.startswith("    ")} & _below(
+            lines, edit.name
+        )
     else:
         touched = _rows_of(before, edit.into if edit.do == "insert" else edit.node)
         if edit.do == "insert":
@@ -354,10 +411,18 @@ def _lines(before: str, edit: TreeEdit, after: str) -> str:
         if edit.do == "delete" and not parent:
             touched |= _rows_of_root(lines)
         if edit.do in ("delete", "move") and sum(n["parent"] == parent for n in nodes(before)) == 1:
-            touched.add(next((n["line"] - 1 for n in nodes(before) if n["id"] == parent), 0))  # it has `[]` now
+            touched.add(
+                next((n["line"] - 1 for n in nodes(before) if n["id"] == parent), 0)
+            )  # it has `[]` now
         if edit.do == "move":
-            touched |= {row for row in _rows_of(before, edit.into) if re.search(r"[\[\]{}]", lines[row])}
-            touched |= {row for row in _rows_of(before, edit.into) if re.search(r":\s*(#.*)?\r?$", lines[row])}
+            touched |= {
+                row for row in _rows_of(before, edit.into) if re.search(r"[\[\]{}]", lines[row])
+            }
+            touched |= {
+                row
+                for row in _rows_of(before, edit.into)
+                if re.search(r":\s*(#.*)?\r?$", lines[row])
+            }
     if lines[-1] and len(lines) - 1 not in touched and not after.endswith(lines[-1]):
         lines[-1] += "\r" if "\r\n" in before else ""  # a line was put behind the last one
     rest = after.split("\n")
@@ -394,13 +459,19 @@ def _notes(text: str, rows: set[int] | None = None) -> Counter[str]:
 
 def _comments(before: str, edit: TreeEdit, after: str) -> str:
     lost = _notes(before) - _notes(after)
-    takes_a_word = (edit.do == "set_modifier" and edit.value is None) or (edit.do == "rename" and not edit.name)
+    takes_a_word = (edit.do == "set_modifier" and edit.value is None) or (
+        edit.do == "rename" and not edit.name
+    )
     if edit.do in ("delete", "comment") or takes_a_word:
         whole = edit.do == "delete" and edit.node == "root"
-        lost -= _notes(before, _rows_of_root(before.split("\n")) if whole else _rows_of(before, edit.node))
+        lost -= _notes(
+            before, _rows_of_root(before.split("\n")) if whole else _rows_of(before, edit.node)
+        )
     if edit.do in ("set_modifier", "set_port", "set_parameter") and lost:
         gone = [line for line in before.split("\n") if line not in after.split("\n")]
-        lost = Counter({note: count for note, count in lost.items() if not any(note in line for line in gone)})
+        lost = Counter(
+            {note: count for note, count in lost.items() if not any(note in line for line in gone)}
+        )
     return f"lost comments: {list(lost)}" if lost else ""
 
 
@@ -413,8 +484,15 @@ def _shape(node: TreeNode, lead: str = "") -> Shape:
     single = "" if node.type.value.nodes or node.type.value.wires else written(node.value)
     if node.type.key == "switch":
         single = written(node.value)
-    beside = {w: written(v) for w, (_, v) in node.modifiers.items() if w not in parts and not _holds_nodes(node, w)}
-    kids = [_shape(child, lead.removesuffix(": ")) for child, lead in zip(node.children, node.leads, strict=True)]
+    beside = {
+        w: written(v)
+        for w, (_, v) in node.modifiers.items()
+        if w not in parts and not _holds_nodes(node, w)
+    }
+    kids = [
+        _shape(child, lead.removesuffix(": "))
+        for child, lead in zip(node.children, node.leads, strict=True)
+    ]
     return {
         "type": node.key.text, "lead": lead, "name": node.name.text if node.name is not None else "", "ports": value,
         "value": single, "beside": beside, "description": node.description, "kids": kids, "parts": parts,
@@ -446,14 +524,20 @@ def _guessed(finding: Finding) -> bool:
 def _meaning(before: str, edit: TreeEdit, after: str) -> str:
     """The new text reads as the tree before with the edit made."""
     old, new = _read(before), _read(after)
-    if any(node["error"] for node in nodes(before)) or any(map(_guessed, (*old.findings, *new.findings))):
+    if any(node["error"] for node in nodes(before)) or any(
+        map(_guessed, (*old.findings, *new.findings))
+    ):
         return ""  # the reader guesses a meaning
     if edit.do == "set_parameter":
         declared = new.main.parameters.get(edit.name)
         if edit.value is None:
             return "" if declared is None else "the parameter is still there"
         wanted = "a" if edit.value.startswith("{") else edit.value
-        found = written(declared.default) if declared is not None and declared.default is not None else None
+        found = (
+            written(declared.default)
+            if declared is not None and declared.default is not None
+            else None
+        )
         return "" if found == wanted else f"the parameter is {found!r}"
     if edit.do == "comment":
         found = next(node["comment"] for node in nodes(after) if node["id"] == edit.node)
@@ -509,7 +593,16 @@ def _set(shapes: dict[str, Shape], address: str, shape: Shape) -> None:
 
 
 def _new(word: str, **fields: Any) -> Shape:
-    empty = {"lead": "", "name": "", "ports": {}, "value": "", "beside": {}, "description": "", "kids": [], "parts": {}}
+    empty = {
+        "lead": "",
+        "name": "",
+        "ports": {},
+        "value": "",
+        "beside": {},
+        "description": "",
+        "kids": [],
+        "parts": {},
+    }
     return {"type": word, **empty, **fields}
 
 
@@ -522,7 +615,9 @@ def _from_yaml(text: str) -> Shape:
 
 
 def _value(text: str) -> str:
-    shape = _from_yaml(f"Beep: {{}}\ndescription: {text}" if text[:1] not in "[{" else f"Beep: {{p: {text}}}")
+    shape = _from_yaml(
+        f"Beep: {{}}\ndescription: {text}" if text[:1] not in "[{" else f"Beep: {{p: {text}}}"
+    )
     return str(shape["description"] or shape["ports"]["p"])
 
 

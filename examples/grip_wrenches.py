@@ -29,7 +29,9 @@ for n in range(1500):
     commanded = controller.step(stamp=n * PERIOD, sequence=n, wrenches=wrenches)
     speed = speed if commanded is None else commanded
     if n % 250 == 249:
-        print(f"{(n + 1) * PERIOD:.1f} s  {controller.phase.name:<8} grip {2 * normal:5.2f} N  load {2 * load:4.2f} N")
+        print(
+            f"{(n + 1) * PERIOD:.1f} s  {controller.phase.name:<8} grip {2 * normal:5.2f} N  load {2 * load:4.2f} N"
+        )
 
 needed = grasp_force(f_t=(WEIGHT / 2, WEIGHT / 2), tau_n=(0.0, 0.0), contact=contact)
 print(f"minimum grip force of this load with margin: {needed:.2f} N")

@@ -33,9 +33,14 @@ class WallCamera(Device):
 
     def latest(self) -> Frame | None:
         self._frames += 1
-        colour, depth = np.full((48, 64, 3), 128, np.uint8), np.full((48, 64), self._options.distance, np.float32)
+        colour, depth = (
+            np.full((48, 64, 3), 128, np.uint8),
+            np.full((48, 64), self._options.distance, np.float32),
+        )
         lens = Intrinsics(fx=60.0, fy=60.0, cx=31.5, cy=23.5, width=64, height=48)
-        return Frame(self._clock.now(), self._frames, colour, depth, lens, q=None, T_mount_camera=np.eye(4))
+        return Frame(
+            self._clock.now(), self._frames, colour, depth, lens, q=None, T_mount_camera=np.eye(4)
+        )
 
 
 @driver(WallCamera, WallOptions)
@@ -48,4 +53,6 @@ camera = WallCamera(WallOptions(distance=0.4), ManualClock())
 frame = camera.latest()
 assert frame is not None
 assert frame.depth is not None
-print(f"{camera.name}: frame {frame.sequence}, {frame.depth.shape} pixels, {frame.depth.mean():.2f} m, {camera.link()}")
+print(
+    f"{camera.name}: frame {frame.sequence}, {frame.depth.shape} pixels, {frame.depth.mean():.2f} m, {camera.link()}"
+)

@@ -24,7 +24,9 @@ class Weigh(Skill):
     devices = (ForceSensor,)
     failures = ("SENSOR_STALE",)
 
-    def run(self, settle: Annotated[Time, Port(min="0 s", help="settling time")] = TIME("200 ms")) -> Work[Weighed]:
+    def run(
+        self, settle: Annotated[Time, Port(min="0 s", help="settling time")] = TIME("200 ms")
+    ) -> Work[Weighed]:
         yield from self.wait(settle)
         sample = self.device(ForceSensor).latest()
         if sample is None or self.clock.now() - sample.stamp > 0.05:

@@ -18,12 +18,16 @@ spent: dict[str, float] = {}
 for event in read_events(folder):
     if isinstance(event, RunStarted):
         skills = {node["path"] for node in event.nodes if node["kind"] == "skill"}
-        print(f"{event.run}: {event.tree} on {event.cell}, seed {event.seed}, {len(event.nodes)} nodes")
+        print(
+            f"{event.run}: {event.tree} on {event.cell}, seed {event.seed}, {len(event.nodes)} nodes"
+        )
     elif isinstance(event, NodeChanged) and event.path in skills:
         if event.status == "RUNNING":
             began.setdefault(event.path, event.t)
         else:
-            spent[event.path] = spent.get(event.path, 0.0) + event.t - began.pop(event.path, event.t)
+            spent[event.path] = (
+                spent.get(event.path, 0.0) + event.t - began.pop(event.path, event.t)
+            )
         if event.status == "FAILURE" and event.reason is not None:
             print(f"{event.t:6.2f} s  {event.path}: {event.reason.code}, {event.reason.message}")
     elif isinstance(event, RunEnded):

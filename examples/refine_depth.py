@@ -13,7 +13,9 @@ from pomona.skills.perception.refinement import DepthLook, refine, render_depth
 
 apple = load_fruit("apple")
 camera = Intrinsics(fx=615.0, fy=615.0, cx=319.5, cy=239.5, width=640, height=480)
-T_camera_detected = transform(rot_x(0.8) @ rot_y(0.3), [0.03, 0.01, 0.45])  # pose by keypoints and the CAD size
+T_camera_detected = transform(
+    rot_x(0.8) @ rot_y(0.3), [0.03, 0.01, 0.45]
+)  # pose by keypoints and the CAD size
 
 # A depth image [m] of an apple of 0.9 times the CAD size before a wall, with 1 mm of noise.
 scale = 0.9
@@ -26,5 +28,7 @@ depth += np.random.default_rng(1).normal(0.0, 1e-3, depth.shape).astype(np.float
 look = DepthLook(depth, camera, renderer="zbuffer")
 found = refine(look, T_camera_detected, apple, method="uniform")
 error = np.linalg.norm(found.T_camera_object[:3, 3] - scale * T_camera_detected[:3, 3])
-print(f"scale {found.mu:.4f} (true {scale}), position error {1e3 * error:.2f} mm, inliers {found.inlier_ratio:.0%}")
+print(
+    f"scale {found.mu:.4f} (true {scale}), position error {1e3 * error:.2f} mm, inliers {found.inlier_ratio:.0%}"
+)
 print(f"dimensions {1e3 * found.dimensions} mm, CAD model {1e3 * apple.dimensions} mm")

@@ -28,4 +28,6 @@ if __name__ == "__main__":  # computations run in processes of their own
         dry="--dry" in sys.argv,
     )
     executed = execute(order, [on_event])
-    print(f"{executed.result.outcome} after {executed.result.time:.2f} s, record in {executed.record}")
+    print(
+        f"{executed.result.outcome} after {executed.result.time:.2f} s, record in {executed.record}"
+    )

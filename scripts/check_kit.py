@@ -41,7 +41,13 @@ def check() -> int:
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / "my_fruit_kit"
         main(["new", "package", "my_fruit_kit", "--into", folder])
-        pieces = "node forgive", "driver wall_camera", "gripper clamp", "arm reacher", "skill weigh_fruit"
+        pieces = (
+            "node forgive",
+            "driver wall_camera",
+            "gripper clamp",
+            "arm reacher",
+            "skill weigh_fruit",
+        )
         for kind, name in map(str.split, pieces):
             main(["new", kind, name, "--into", str(package)])
         (package / "my_fruit_kit" / "weigh.py").write_text(IMPORTS + readme_skill())
@@ -52,7 +58,9 @@ def check() -> int:
 
 def readme_skill() -> str:
     """The skill that the README shows."""
-    found = re.search(r"```python\n(class Weighed.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    found = re.search(
+        r"```python\n(class Weighed.*?)```", (ROOT / "README.md").read_text(), re.DOTALL
+    )
     if found is None:
         raise SystemExit("README.md shows no skill")
     return found[1]
@@ -62,19 +70,30 @@ def mypy(package: Path) -> int:
     """mypy's exit status, with this repository's settings."""
     paths = [str(package / "my_fruit_kit"), *map(str, sorted((package / "tests").glob("*.py")))]
     words = [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml"), *paths]
-    return subprocess.run(words, cwd=ROOT, check=False, env={"MYPYPATH": str(package), "PATH": ""}).returncode
+    return subprocess.run(
+        words, cwd=ROOT, check=False, env={"MYPYPATH": str(package), "PATH": ""}
+    ).returncode
 
 
 def pyright(package: Path, folder: Path) -> int:
     """pyright's exit status in its strict mode, in an environment in which the wheel is installed."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder / "wheel")]
-    subprocess.run(build, cwd=ROOT, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    subprocess.run(
+        build, cwd=ROOT, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     venv.create(folder / "venv", symlinks=True)
     (site,) = (folder / "venv").glob("lib/*/site-packages")
     with zipfile.ZipFile(next((folder / "wheel").glob("*.whl"))) as wheel:
         wheel.extractall(site)
-    (site / "others.pth").write_text("\n".join(place for place in sys.path if place.endswith("site-packages")))
-    settings = {"include": ["."], "typeCheckingMode": "strict", "venvPath": str(folder), "venv": "venv"}
+    (site / "others.pth").write_text(
+        "\n".join(place for place in sys.path if place.endswith("site-packages"))
+    )
+    settings = {
+        "include": ["."],
+        "typeCheckingMode": "strict",
+        "venvPath": str(folder),
+        "venv": "venv",
+    }
     (package / "pyrightconfig.json").write_text(json.dumps(settings))
     words = [sys.executable, "-m", "basedpyright", "--project", str(package)]
     return subprocess.run(words, cwd=package, check=False).returncode

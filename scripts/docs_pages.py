@@ -83,7 +83,9 @@ def overview() -> str:
             return f"[{words}](reference/decisions.md)"
         return f"[{words}]({target[5:]})" if target.startswith("docs/") else f"`{target}`"
 
-    return re.sub(r"(?<!!)\[([^\]]*)\]\(([^)]*)\)", link, text).replace("](docs/images/", "](images/")
+    return re.sub(r"(?<!!)\[([^\]]*)\]\(([^)]*)\)", link, text).replace(
+        "](docs/images/", "](images/"
+    )
 
 
 def commands(parser: argparse.ArgumentParser, path: str = "pomona") -> Iterator[str]:
@@ -102,7 +104,9 @@ def skill(listing: SkillListing) -> str:
             for port in ports:
                 default = port.get("default")
                 shown = "" if default in (None, "") else f"`{default}`"
-                parts.append(f"| `{port['name']}` | {port['type']} | {shown} | {port.get('help', '')} |")
+                parts.append(
+                    f"| `{port['name']}` | {port['type']} | {shown} | {port.get('help', '')} |"
+                )
             parts.append("")
     if listing.devices:
         parts.append(f"Devices: {', '.join(f'`{device}`' for device in listing.devices)}.\n")
@@ -120,7 +124,10 @@ def nodes(title: str, types: list[NodeType]) -> Iterator[str]:
         fields = [(word, each.help, each.required) for word, each in node.fields.items()]
         if fields:
             words = [(node.key, node.value.help if node.value else "", False), *fields]
-            rows = [f"| `{word}`{' (needed)' if needed else ''} | {told} |" for word, told, needed in words]
+            rows = [
+                f"| `{word}`{' (needed)' if needed else ''} | {told} |"
+                for word, told, needed in words
+            ]
             yield "| word | stands behind it |\n|---|---|\n" + "\n".join(rows) + "\n"
         yield beside(node.key)
 
@@ -146,12 +153,16 @@ def ports(listing: Sequence[SkillListing]) -> str:
     found: dict[str, dict[str, dict[str, None]]] = {}
     for one in listing:
         for port in (*one.inputs, *one.outputs):
-            users = found.setdefault(str(port["name"]), {}).setdefault(str(port.get("help", "")), {})
+            users = found.setdefault(str(port["name"]), {}).setdefault(
+                str(port.get("help", "")), {}
+            )
             users[f"[{one.name}](skills.md#{one.name.lower()})"] = None
     rows = [
         f"| `{name}` | {meaning} | {', '.join(users)} |"
         for name, meanings in sorted(found.items())
-        for meaning, users in sorted(meanings.items(), reverse=True)  # skills without a help of their own come last
+        for meaning, users in sorted(
+            meanings.items(), reverse=True
+        )  # skills without a help of their own come last
     ]
     intro = "Inputs and outputs of the skills by name. [Skills](skills.md) has their types, ranges and defaults."
     head = "| port | meaning | skills |\n|---|---|---|\n"
@@ -163,7 +174,9 @@ def public_names(package: str) -> str:
     rows = []
     for home, names in import_module(package).PUBLIC.items():
         purpose = (import_module(full_name(package, home)).__doc__ or "").split("\n\n")[0]
-        rows.append(f"| {' '.join(purpose.split())} | {', '.join(f'`{name}`' for name in names.split())} |")
+        rows.append(
+            f"| {' '.join(purpose.split())} | {', '.join(f'`{name}`' for name in names.split())} |"
+        )
     return f"## {package}\n\n| | names |\n|---|---|\n" + "\n".join(rows) + "\n"
 
 
@@ -175,7 +188,10 @@ def title_of(page: Path) -> str:
 
 def listed(pages: list[Path]) -> str:
     """A list of pages in docs/, as links, or with their path where they lie outside the site."""
-    return "\n".join(f"- [{title_of(page)}](../{page.relative_to(DOCS).as_posix()})" for page in pages) + "\n"
+    return (
+        "\n".join(f"- [{title_of(page)}](../{page.relative_to(DOCS).as_posix()})" for page in pages)
+        + "\n"
+    )
 
 
 DECISION = re.compile(r"^\*Decision (\d+) · (\d{4}-\d\d-\d\d) · ([^*\n]+)\*$", re.MULTILINE)
@@ -204,13 +220,19 @@ write("reference/commands.md", "# Commands\n\n" + "\n".join(commands(make_parser
 own = [one for one in declared_skills().listing() if one.module.startswith("pomona.")]
 write("reference/skills.md", "# Skills\n\n" + "\n".join(skill(one) for one in own))
 write("reference/failures.md", failures(own))
-kinds = {"Composites": Composite, "Modifiers, from the inside to the outside": Modifier, "Leaves": Leaf}
+kinds = {
+    "Composites": Composite,
+    "Modifiers, from the inside to the outside": Modifier,
+    "Leaves": Leaf,
+}
 listed_types = list(NodeTypes.installed().values())
 write(
     "reference/nodes.md",
     "# Nodes\n\nThe words of [the tree language](../tree_language.md) as their classes declare them.\n\n"
     + "\n".join(
-        part for title, kind in kinds.items() for part in nodes(title, [t for t in listed_types if isinstance(t, kind)])
+        part
+        for title, kind in kinds.items()
+        for part in nodes(title, [t for t in listed_types if isinstance(t, kind)])
     ),
 )
 write(
@@ -222,7 +244,10 @@ write(
 for name in MODULES:
     write(f"reference/modules/{name}.md", f"# {name.removeprefix('pomona.')}\n\n::: {name}\n")
 links = "\n".join(f"- [`{name}`](modules/{name}.md)" for name in MODULES)
-write("reference/modules.md", f"# Modules\n\nWhat an integrator calls; each module has a page.\n\n{links}\n")
+write(
+    "reference/modules.md",
+    f"# Modules\n\nWhat an integrator calls; each module has a page.\n\n{links}\n",
+)
 write("reference/ports.md", ports(own))
 write(
     "reference/decisions.md",

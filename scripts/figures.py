@@ -17,7 +17,12 @@ from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.palette import INK, LINE, MUTED, SERIES
 from pomona.skills.geometry import rot_x, transform
 from pomona.skills.grip.limit_surface import limit_surface
-from pomona.skills.grip.observer import DynamicSettings, ObserverSettings, dynamic_force, observe_slip
+from pomona.skills.grip.observer import (
+    DynamicSettings,
+    ObserverSettings,
+    dynamic_force,
+    observe_slip,
+)
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_pose
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.render import render_depth, renderer
@@ -39,7 +44,9 @@ def scale() -> Series:
     T_camera_object = transform(rot_x(0.6), np.array([0.03, 0.02, 0.62]))
     true_sigma = 0.3 * float(np.linalg.norm(T_camera_object[:3, 3]))
     virtual, box = render_depth(apple, T_camera_object, CAMERA, using="zbuffer")
-    depth = draw(apple, moved_and_scaled(T_camera_object, true_sigma), CAMERA, box).astype(np.float64)
+    depth = draw(apple, moved_and_scaled(T_camera_object, true_sigma), CAMERA, box).astype(
+        np.float64
+    )
     rng = np.random.default_rng(4)
     depth += rng.normal(size=depth.shape) * SIMULATED.deviation(depth, CAMERA.fx)
     depth[:, : depth.shape[1] // 4] -= 0.05  # a leaf over the left quarter
@@ -47,7 +54,9 @@ def scale() -> Series:
     tried = true_sigma + np.linspace(-0.06, 0.06, 61)
     of_all, of_inliers = [], []
     for sigma in tried:
-        square = (1e3 * (depth - (1.0 - sigma / np.linalg.norm(T_camera_object[:3, 3])) * virtual)) ** 2
+        square = (
+            1e3 * (depth - (1.0 - sigma / np.linalg.norm(T_camera_object[:3, 3])) * virtual)
+        ) ** 2
         of_all.append(float(square[virtual > 0.0].mean()))
         of_inliers.append(float(square[fit.inliers].mean()))
     return {
@@ -89,13 +98,23 @@ def slip() -> Series:
 def sphere() -> Series:
     """Pre-grasps around a fruit in the origin, in the order in which they are sampled."""
     chosen = Sphere()
-    poses = np.array([pre_grasp_pose(np.zeros(3), chosen.radius, theta, alpha) for theta, alpha in chosen.attempts()])
+    poses = np.array(
+        [
+            pre_grasp_pose(np.zeros(3), chosen.radius, theta, alpha)
+            for theta, alpha in chosen.attempts()
+        ]
+    )
     names = ("x [m]", "y [m]", "z [m]")
     places = {name: poses[:, i, 3].tolist() for i, name in enumerate(names)}
     return places | {f"approach {'xyz'[i]}": poses[:, i, 2].tolist() for i in range(3)}
 
 
-FIGURES: dict[str, Callable[[], Series]] = {"scale": scale, "surface": surface, "slip": slip, "sphere": sphere}
+FIGURES: dict[str, Callable[[], Series]] = {
+    "scale": scale,
+    "surface": surface,
+    "slip": slip,
+    "sphere": sphere,
+}
 
 
 def _axes(width: float = 7.0, height: float = 3.4, rows: int = 1, **options: Any) -> Any:
@@ -116,7 +135,9 @@ def _axes(width: float = 7.0, height: float = 3.4, rows: int = 1, **options: Any
 def draw_scale(n: Series) -> Any:
     """Mean square over sigma: with all pixels, and with those that agree."""
     figure, axes = _axes()
-    axes.semilogy(n["sigma [mm]"], n["all pixels [mm²]"], color=SERIES[1], label="all pixels of the model")
+    axes.semilogy(
+        n["sigma [mm]"], n["all pixels [mm²]"], color=SERIES[1], label="all pixels of the model"
+    )
     axes.semilogy(n["sigma [mm]"], n["inliers [mm²]"], color=SERIES[0], label="pixels that agree")
     axes.axvline(n["true sigma [mm]"][0], color=MUTED, linestyle=":", label="true size")
     axes.axvline(n["closed form [mm]"][0], color=SERIES[2], linestyle="--", label="closed form")
@@ -129,9 +150,22 @@ def draw_surface(n: Series) -> Any:
     """Share of the torsional limit over share of the tangential one."""
     figure, axes = _axes(5.6, 3.8)
     for k, colour, line in (("2", SERIES[0], "-"), ("4", SERIES[2], ":")):  # they lie on each other
-        axes.plot(n[f"k={k} f"], n[f"k={k} tau"], color=colour, linestyle=line, label=f"exact, pressure with k = {k}")
-    axes.plot(n["ellipsoid f"], n["ellipsoid tau"], color=SERIES[3], linestyle="--", label="ellipsoid")
-    axes.set(xlabel="tangential force / (μ f_n)", ylabel="moment / τ_max", xlim=(0.0, 1.05), ylim=(0.0, 1.05))
+        axes.plot(
+            n[f"k={k} f"],
+            n[f"k={k} tau"],
+            color=colour,
+            linestyle=line,
+            label=f"exact, pressure with k = {k}",
+        )
+    axes.plot(
+        n["ellipsoid f"], n["ellipsoid tau"], color=SERIES[3], linestyle="--", label="ellipsoid"
+    )
+    axes.set(
+        xlabel="tangential force / (μ f_n)",
+        ylabel="moment / τ_max",
+        xlim=(0.0, 1.05),
+        ylim=(0.0, 1.05),
+    )
     axes.legend(loc="lower left")
     return figure
 
@@ -154,9 +188,23 @@ def draw_sphere(n: Series) -> Any:
     """The pre-grasps with their approach, from the side."""
     figure, axes = _axes(5.6, 5.0, subplot_kw={"projection": "3d"})
     x, y, z = (np.array(n[f"{a} [m]"]) for a in "xyz")
-    axes.quiver(x, y, z, *(0.05 * np.array(n[f"approach {a}"]) for a in "xyz"), color=SERIES[0], linewidth=1.0)
+    axes.quiver(
+        x,
+        y,
+        z,
+        *(0.05 * np.array(n[f"approach {a}"]) for a in "xyz"),
+        color=SERIES[0],
+        linewidth=1.0,
+    )
     axes.scatter([0.0], [0.0], [0.0], color=SERIES[1], s=220, depthshade=False)
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", xlim=(-0.1, 0.1), ylim=(-0.1, 0.1), zlim=(-0.05, 0.15))
+    axes.set(
+        xlabel="x [m]",
+        ylabel="y [m]",
+        zlabel="z [m]",
+        xlim=(-0.1, 0.1),
+        ylim=(-0.1, 0.1),
+        zlim=(-0.05, 0.15),
+    )
     axes.set(xticks=(-0.1, 0.0, 0.1), yticks=(0.0, 0.1), zticks=(0.0, 0.1))
     axes.view_init(20.0, -60.0)
     return figure
@@ -177,8 +225,13 @@ def main() -> None:
     found = numbers()
     for name, series in found.items():
         DRAWN[name](series).savefig(IMAGES / f"method_{name}.svg", metadata={"Date": None})
-    rounded = {n: {k: [float(f"{v:.6g}") for v in values] for k, values in s.items()} for n, s in found.items()}
-    NUMBERS.write_text(json.dumps(rounded, ensure_ascii=False, separators=(",", ":")) + "\n", encoding="utf-8")
+    rounded = {
+        n: {k: [float(f"{v:.6g}") for v in values] for k, values in s.items()}
+        for n, s in found.items()
+    }
+    NUMBERS.write_text(
+        json.dumps(rounded, ensure_ascii=False, separators=(",", ":")) + "\n", encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

@@ -31,10 +31,21 @@ def constraints(report: Mapping[str, Any]) -> str:
 
     Local labels such as `+cpu` are left out: an index without them serves the same release.
     """
-    versions = {entry["metadata"]["name"].lower(): entry["metadata"]["version"] for entry in report["install"]}
-    lines = [f"{name}=={version.partition('+')[0]}" for name, version in versions.items() if name != "pomona"]
+    versions = {
+        entry["metadata"]["name"].lower(): entry["metadata"]["version"]
+        for entry in report["install"]
+    }
+    lines = [
+        f"{name}=={version.partition('+')[0]}"
+        for name, version in versions.items()
+        if name != "pomona"
+    ]
     return "\n".join(
-        ["# Written by `make lock`: the versions that `make run` and `make test` install.", *sorted(lines), ""]
+        [
+            "# Written by `make lock`: the versions that `make run` and `make test` install.",
+            *sorted(lines),
+            "",
+        ]
     )
 
 
@@ -51,8 +62,12 @@ def locked(report: Mapping[str, Any]) -> str:
             continue
         hashes = entry["download_info"].get("archive_info", {}).get("hashes", {})
         if "sha256" not in hashes:
-            raise ValueError(f"{about['name']} comes without a SHA-256 from {entry['download_info'].get('url')}")
-        lines.append(f"{about['name'].lower()}=={about['version']} \\\n    --hash=sha256:{hashes['sha256']}\n")
+            raise ValueError(
+                f"{about['name']} comes without a SHA-256 from {entry['download_info'].get('url')}"
+            )
+        lines.append(
+            f"{about['name'].lower()}=={about['version']} \\\n    --hash=sha256:{hashes['sha256']}\n"
+        )
     python = ".".join(platform.python_version_tuple()[:2])
     head = f"# Written by `make lock` for Python {python} on {platform.system()} {platform.machine()}.\n"
     return head + "".join(sorted(lines))
@@ -60,7 +75,17 @@ def locked(report: Mapping[str, Any]) -> str:
 
 def resolved(*what: str) -> Mapping[str, Any]:
     """Return pip's report of an installation that is resolved but not carried out."""
-    command = [sys.executable, "-m", "pip", "install", "--dry-run", "--ignore-installed", "--quiet", "--report", "-"]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--dry-run",
+        "--ignore-installed",
+        "--quiet",
+        "--report",
+        "-",
+    ]
     done = subprocess.run([*command, *what], capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(done.stderr)

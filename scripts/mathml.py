@@ -9,9 +9,13 @@ from xml.etree import ElementTree
 
 from latex2mathml.converter import convert
 
-FORMULA = re.compile(r'<(span|div) class="arithmatex">(?:\\\(|\\\[)(.*?)(?:\\\)|\\\])</\1>', re.DOTALL)
+FORMULA = re.compile(
+    r'<(span|div) class="arithmatex">(?:\\\(|\\\[)(.*?)(?:\\\)|\\\])</\1>', re.DOTALL
+)
 
-BRACKETS = re.compile(r"<mo[^>]*>&#x0005B;</mo><mtable>(.*?)</mtable><mo[^>]*>&#x0005D;</mo>", re.DOTALL)
+BRACKETS = re.compile(
+    r"<mo[^>]*>&#x0005B;</mo><mtable>(.*?)</mtable><mo[^>]*>&#x0005D;</mo>", re.DOTALL
+)
 """A vector or matrix: browsers stretch its brackets only with a mathematical font, so the style sheet draws them."""
 
 BOLD, BOLD_A = re.compile(r'<mi mathvariant="bold">([a-z])</mi>'), 0x1D41A
@@ -30,7 +34,9 @@ def _with_full_primes(formula: str) -> str:
         kind, children = node.tag.rpartition("}")[2], list(node)
         if kind in ("msup", "msubsup") and children[-1].text == PRIME:
             base = ElementTree.Element(f"{{{MATHML}}}mrow")
-            base.extend([children[0], ElementTree.Element(f"{{{MATHML}}}mo", lspace="0", rspace="0")])
+            base.extend(
+                [children[0], ElementTree.Element(f"{{{MATHML}}}mo", lspace="0", rspace="0")]
+            )
             base[1].text = PRIME
             node.tag = f"{{{MATHML}}}{'mrow' if kind == 'msup' else 'msub'}"
             node[:] = [base, *children[1:-1]]
@@ -46,8 +52,12 @@ def on_page_content(html: str, **_others: Any) -> str:
         inline = found[1] == "span"
         formula = str(convert(unescape(found[2]), display="inline" if inline else "block"))
         formula = BRACKETS.sub(r'<mtable class="bracketed">\1</mtable>', formula)
-        formula = formula.replace("<mo>&#x0005E;</mo>", '<mo stretchy="false">&#x002C6;</mo>')  # a hat of its own width
-        formula = BOLD.sub(lambda letter: f"<mi>{chr(BOLD_A + ord(letter[1]) - ord('a'))}</mi>", formula)
+        formula = formula.replace(
+            "<mo>&#x0005E;</mo>", '<mo stretchy="false">&#x002C6;</mo>'
+        )  # a hat of its own width
+        formula = BOLD.sub(
+            lambda letter: f"<mi>{chr(BOLD_A + ord(letter[1]) - ord('a'))}</mi>", formula
+        )
         formula = _with_full_primes(formula)
         return formula if inline else f'<div class="formula" tabindex="0">{formula}</div>'
 

@@ -27,16 +27,16 @@ def machine() -> str:
     told = Path("/proc/cpuinfo")
     names = re.findall(r"model name\s*: (.*)", told.read_text("utf-8")) if told.is_file() else []
     busy = os.getloadavg()[0]
-    beside = "nothing else running" if busy < 0.5 else f"on average {busy:.0f} other processes running"
+    beside = (
+        "nothing else running" if busy < 0.5 else f"on average {busy:.0f} other processes running"
+    )
     return f"{os.cpu_count()} cores of {names[0] if names else platform.processor()}, {beside}"
 
 
 def page(command: list[str], commit: str, day: str, where: str, printed: str) -> str:
     """The page of one measurement."""
     words = " ".join(command)
-    return (
-        f"# {words}\n\nMade at commit `{commit}` with `{words}`, {day}, {where}.\n\n```text\n{printed.strip()}\n```\n"
-    )
+    return f"# {words}\n\nMade at commit `{commit}` with `{words}`, {day}, {where}.\n\n```text\n{printed.strip()}\n```\n"
 
 
 def main() -> int:
@@ -51,7 +51,9 @@ def main() -> int:
         return done.returncode
     MEASURED.mkdir(parents=True, exist_ok=True)
     day = datetime.datetime.now(datetime.UTC).date().isoformat()
-    (MEASURED / f"{name}.md").write_text(page(command, commit, day, where, done.stdout), encoding="utf-8")
+    (MEASURED / f"{name}.md").write_text(
+        page(command, commit, day, where, done.stdout), encoding="utf-8"
+    )
     sys.stdout.write(done.stdout)
     return 0
 

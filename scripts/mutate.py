@@ -47,7 +47,9 @@ MATHEMATICS: dict[str, tuple[str, ...]] = {
     "pomona.skills.grip.pads": ("tests/skills/grip/test_pads.py",),
     "pomona.skills.motion.grasps.sphere": ("tests/skills/motion/grasps/test_sphere.py",),
     "pomona.skills.motion.planning.timing": ("tests/skills/motion/planning/test_timing.py",),
-    "pomona.skills.perception.detection.instances": ("tests/skills/perception/detection/test_instances.py",),
+    "pomona.skills.perception.detection.instances": (
+        "tests/skills/perception/detection/test_instances.py",
+    ),
 }
 """Modules with the tests that should find errors in them."""
 
@@ -86,7 +88,9 @@ def places(tree: ast.AST) -> Iterator[ast.AST]:
             if name in ("annotation", "returns", "decorator_list", "bases", "type_params"):
                 continue
             waiting += [
-                child for child in (field if isinstance(field, list) else [field]) if isinstance(child, ast.AST)
+                child
+                for child in (field if isinstance(field, list) else [field])
+                if isinstance(child, ast.AST)
             ]
 
 
@@ -140,7 +144,9 @@ def changes(module: str, most: int, seed: int) -> list[Change]:
         tree = ast.fix_missing_locations(_Put(node, new).visit(tree))
         whole = ast.unparse(tree)
         tree = _Put(new, node).visit(tree)
-        made.append(Change(module, getattr(node, "lineno", 0), ast.unparse(node), ast.unparse(new), whole))
+        made.append(
+            Change(module, getattr(node, "lineno", 0), ast.unparse(node), ast.unparse(new), whole)
+        )
     return made
 
 
@@ -150,10 +156,14 @@ class _Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def __init__(self, change: Change) -> None:
         self._change = change
 
-    def find_spec(self, name: str, _path: Sequence[str] | None, _target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(
+        self, name: str, _path: Sequence[str] | None, _target: ModuleType | None = None
+    ) -> ModuleSpec | None:
         if name != self._change.module:
             return None
-        return importlib.util.spec_from_loader(name, self, origin=str(ROOT / (name.replace(".", "/") + ".py")))
+        return importlib.util.spec_from_loader(
+            name, self, origin=str(ROOT / (name.replace(".", "/") + ".py"))
+        )
 
     def exec_module(self, module: ModuleType) -> None:
         path = ROOT / (self._change.module.replace(".", "/") + ".py")
@@ -217,7 +227,10 @@ def report(results: dict[str, tuple[int, list[Change]]], command: str) -> str:
         "",
         "| module | found | of |",
         "|---|--:|--:|",
-        *(f"| `{name}` | {count - len(left)} | {count} |" for name, (count, left) in results.items()),
+        *(
+            f"| `{name}` | {count - len(left)} | {count} |"
+            for name, (count, left) in results.items()
+        ),
         "",
         "## Not found",
         "",
@@ -232,7 +245,9 @@ def report(results: dict[str, tuple[int, list[Change]]], command: str) -> str:
 
 def main() -> None:
     """Change, test, count."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--most", type=int, default=60, help="changes a module (60)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     parser.add_argument("--only", default="", help="modules with this in their name")
@@ -241,7 +256,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = scratch
         chosen = {name: tests for name, tests in MATHEMATICS.items() if options.only in name}
-        results = {name: judge(name, tests, options.most, options.seed) for name, tests in chosen.items()}
+        results = {
+            name: judge(name, tests, options.most, options.seed) for name, tests in chosen.items()
+        }
     chosen_by = " ".join(
         f"--{word} {getattr(options, word)}"
         for word in ("most", "seed", "only")

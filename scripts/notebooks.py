@@ -68,7 +68,12 @@ def notebook(text: str, name: str) -> dict[str, Any]:
     """Return a notebook that has not been executed."""
     made: list[dict[str, Any]] = []
     for number, (kind, source) in enumerate(cells(text, name)):
-        cell: dict[str, Any] = {"cell_type": kind, "id": f"cell-{number}", "metadata": {}, "source": source}
+        cell: dict[str, Any] = {
+            "cell_type": kind,
+            "id": f"cell-{number}",
+            "metadata": {},
+            "source": source,
+        }
         if LONG in source:
             cell["metadata"] = {"tags": ["skip-execution"]}
         made.append(cell | ({"execution_count": None, "outputs": []} if kind == "code" else {}))
@@ -79,7 +84,9 @@ def notebook(text: str, name: str) -> dict[str, Any]:
 def _installed(folder: str) -> str:
     """Where the commands that are typed in a folder come from."""
     where = "from pomona.executive.values.installation import installed_trees; print(installed_trees().parent)"
-    done = subprocess.run([sys.executable, "-c", where], cwd=folder, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", where], cwd=folder, capture_output=True, text=True, check=True
+    )
     return done.stdout.strip()
 
 
@@ -96,9 +103,14 @@ def execute(made: dict[str, Any]) -> dict[str, Any]:
             "PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_ROOT_USER_ACTION": "ignore",
         }  # fmt: skip
         read = nbformat.from_dict(made)
-        NotebookClient(read, timeout=LIMIT, coalesce_streams=True, resources={"metadata": {"path": folder}}).execute()
+        NotebookClient(
+            read, timeout=LIMIT, coalesce_streams=True, resources={"metadata": {"path": folder}}
+        ).execute()
         text = (
-            nbformat.writes(read).replace(f"{folder}/", "").replace(folder, ".").replace(f"{_installed(folder)}/", "")
+            nbformat.writes(read)
+            .replace(f"{folder}/", "")
+            .replace(folder, ".")
+            .replace(f"{_installed(folder)}/", "")
         )
         done = json.loads(text)
     for cell in done["cells"]:

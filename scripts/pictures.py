@@ -38,7 +38,12 @@ ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
 LEDGER = IMAGES / "made.json"
 
-PICK: dict[str, Any] = {"tree": "pick_apple", "cell": "sim", "seed": 5, "settings": {"fruit": "apple_4", "place": "2"}}
+PICK: dict[str, Any] = {
+    "tree": "pick_apple",
+    "cell": "sim",
+    "seed": 5,
+    "settings": {"fruit": "apple_4", "place": "2"},
+}
 """The run that pictures of a pick show; a test makes the same one, and holds its figures against the ledger's."""
 
 SAME = 2.0
@@ -62,7 +67,13 @@ class Picture:
 
 def order(records: Path) -> RunOrder:
     """To carry out the run."""
-    return RunOrder(find_tree(PICK["tree"]), find_cell(PICK["cell"]), PICK["seed"], PICK["settings"], record=records)
+    return RunOrder(
+        find_tree(PICK["tree"]),
+        find_cell(PICK["cell"]),
+        PICK["seed"],
+        PICK["settings"],
+        record=records,
+    )
 
 
 @cache
@@ -111,7 +122,10 @@ def lifted_apple(out: Path) -> None:
             seen.append(in_gl_thread(lambda: _photograph(world)))
         return truth(world)
 
-    with tempfile.TemporaryDirectory() as records, mock.patch.object(SimWorld, "truth", photographed):
+    with (
+        tempfile.TemporaryDirectory() as records,
+        mock.patch.object(SimWorld, "truth", photographed),
+    ):
         execute(order(Path(records)))
     Image.fromarray(seen[0]).resize((1280, 640), Image.Resampling.LANCZOS).save(out, quality=88)
 
@@ -170,7 +184,9 @@ def rendered_frames(out: Path) -> None:
             options = SceneOptions(kinds=chances)  # type: ignore[arg-type]
             row.append(render_scene(apple, options, frame_seed(1, 10 * kind + index)).colour)
         rows.append(np.hstack(row))
-    Image.fromarray(np.vstack(rows)).resize((1280, 480), Image.Resampling.LANCZOS).save(out, quality=85)
+    Image.fromarray(np.vstack(rows)).resize((1280, 480), Image.Resampling.LANCZOS).save(
+        out, quality=85
+    )
 
 
 def found_in_a_frame(out: Path) -> None:
@@ -195,12 +211,18 @@ PAGE = "executive/pomona/tools/dashboard/static/"
 PICTURES: dict[str, Picture] = {
     "pick.png": Picture(
         run_picture,
-        ("executive/pomona/executive/recording/picture.py", "executive/pomona/executive/palette.py"),
+        (
+            "executive/pomona/executive/recording/picture.py",
+            "executive/pomona/executive/palette.py",
+        ),
         figures_of_pick,
     ),
     "pick.webp": Picture(
         page_animation,
-        tuple(PAGE + file for file in ("index.html", "style.css", "scene.js", "timeline.js", "pictures.js")),
+        tuple(
+            PAGE + file
+            for file in ("index.html", "style.css", "scene.js", "timeline.js", "pictures.js")
+        ),
         figures_of_pick,
     ),
     "lifted.jpg": Picture(lifted_apple, ("drivers/pomona/tools/simulation/layout.py",)),
@@ -244,27 +266,37 @@ def drawn_by(path: Path) -> bytes:
         if is_silent(node)
         for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)  # type: ignore[attr-defined]
     }
-    lines = [line.strip() for number, line in enumerate(content.splitlines(), 1) if number not in silent]
+    lines = [
+        line.strip() for number, line in enumerate(content.splitlines(), 1) if number not in silent
+    ]
     return b"\n".join(line for line in lines if line and not line.startswith(b"#"))
 
 
 def is_silent(node: ast.AST) -> bool:
     """Return True for an import and for a text that stands alone."""
     return isinstance(node, (ast.Import, ast.ImportFrom)) or (
-        isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
     )
 
 
 def ledger() -> dict[str, dict[str, Any]]:
     """Return the entries of the pictures, by name."""
-    entries: dict[str, dict[str, Any]] = json.loads(LEDGER.read_text("utf-8")) if LEDGER.is_file() else {}
+    entries: dict[str, dict[str, Any]] = (
+        json.loads(LEDGER.read_text("utf-8")) if LEDGER.is_file() else {}
+    )
     return entries
 
 
 def behind() -> list[str]:
     """Pictures whose sources have changed since they were made."""
     made = ledger()
-    return [name for name, picture in PICTURES.items() if made.get(name, {}).get("sources") != digest_of(picture)]
+    return [
+        name
+        for name, picture in PICTURES.items()
+        if made.get(name, {}).get("sources") != digest_of(picture)
+    ]
 
 
 def looks_the_same(one: Path, other: Path) -> bool:
@@ -277,7 +309,9 @@ def looks_the_same(one: Path, other: Path) -> bool:
             for image in (a, b):
                 image.seek(frame)
                 size = (96, max(1, 96 * image.height // image.width))
-                small.append(np.asarray(image.convert("L").resize(size, Image.Resampling.BOX), np.float64))
+                small.append(
+                    np.asarray(image.convert("L").resize(size, Image.Resampling.BOX), np.float64)
+                )
             if np.abs(small[0] - small[1]).mean() >= SAME:
                 return False
     return True
@@ -289,7 +323,11 @@ def make(name: str, entries: dict[str, dict[str, Any]]) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         fresh = Path(scratch) / name
         picture.make(fresh)
-        entry: dict[str, Any] = {"command": "make figures", "commit": commit_here(), "sources": digest_of(picture)}
+        entry: dict[str, Any] = {
+            "command": "make figures",
+            "commit": commit_here(),
+            "sources": digest_of(picture),
+        }
         if picture.shows is not None:
             entry["shows"] = picture.shows()
         same = (  # figures that can be read off it are not seen from afar
@@ -305,20 +343,29 @@ def make(name: str, entries: dict[str, dict[str, Any]]) -> None:
 
 def main() -> int:
     """Make the requested pictures; with --check return 1 if one is outdated."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"of {', '.join(PICTURES)}; default: those that are behind"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help=f"of {', '.join(PICTURES)}; default: those that are behind",
     )
     parser.add_argument("--check", action="store_true", help="make nothing")
     options = parser.parse_args()
     names = options.names or behind()
     if options.check:
-        sys.stdout.writelines(f"docs/images/{name} is older than its sources: make figures\n" for name in names)
+        sys.stdout.writelines(
+            f"docs/images/{name} is older than its sources: make figures\n" for name in names
+        )
         return 1 if names else 0
     entries = ledger()
     for name in names:
         make(name, entries)
-        LEDGER.write_text(json.dumps(dict(sorted(entries.items())), indent=1, ensure_ascii=False) + "\n", "utf-8")
+        LEDGER.write_text(
+            json.dumps(dict(sorted(entries.items())), indent=1, ensure_ascii=False) + "\n", "utf-8"
+        )
     return 0
 
 

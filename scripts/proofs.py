@@ -25,7 +25,9 @@ TREE = re.compile(r"^```yaml\n(.*?^root:\n.*?)^```$", re.MULTILINE | re.DOTALL)
 
 def on_page_markdown(markdown: str, **_others: Any) -> str:
     """A hook of mkdocs: paths outside the site, tables of words, footnotes for proofs, drawings for whole trees."""
-    markdown = TABLE_OF_WORDS.sub(lambda found: table_of_words(found[1]), OUTSIDE.sub(_path_outside, markdown))
+    markdown = TABLE_OF_WORDS.sub(
+        lambda found: table_of_words(found[1]), OUTSIDE.sub(_path_outside, markdown)
+    )
     if "| Proof |" not in markdown:
         return markdown
     return TREE.sub(_drawn, Footnotes().moved(markdown))
@@ -66,7 +68,12 @@ class Footnotes:
             column = row and (column or line.rstrip().endswith("| Proof |"))
             lines.append(self._row(line) if column else line)
         text = self._text("\n".join(lines))
-        return text + "\n\n" + "\n".join(f"[^{n}]: {note}" for n, note in enumerate(self._notes, 1)) + "\n"
+        return (
+            text
+            + "\n\n"
+            + "\n".join(f"[^{n}]: {note}" for n, note in enumerate(self._notes, 1))
+            + "\n"
+        )
 
     def _row(self, line: str) -> str:
         *cells, proof = re.split(r"(?<!\\)\|", line.strip().removeprefix("|").removesuffix("|"))

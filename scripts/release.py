@@ -26,7 +26,13 @@ ROOT = Path(__file__).resolve().parents[1]
 
 PLACEHOLDER = "example.org"
 """Address in the project's files until the public one is decided."""
-ADDRESSED = ("pyproject.toml", "CITATION.cff", "mkdocs.yml", "SECURITY.md", ".github/ISSUE_TEMPLATE/config.yml")
+ADDRESSED = (
+    "pyproject.toml",
+    "CITATION.cff",
+    "mkdocs.yml",
+    "SECURITY.md",
+    ".github/ISSUE_TEMPLATE/config.yml",
+)
 """Files with public addresses."""
 PYTHONS = ("python3.11", "python3.12", "python3.13")
 """Versions that the package supports (pyproject.toml, `requires-python` and classifiers)."""
@@ -46,14 +52,22 @@ tree: pick_apple
 cell: sim
 seeds: 2
 """
-TRIED_ALONE = (("--version",), ("check", "count_down"), ("run", "count_down"), ("explain", "last"), ("replay", "last"))
+TRIED_ALONE = (
+    ("--version",),
+    ("check", "count_down"),
+    ("run", "count_down"),
+    ("explain", "last"),
+    ("replay", "last"),
+)
 """Commands of an installed Pomona, and of `pomona-executive`, that must end with 0."""
 
 
 def problems(root: Path, version: str) -> Iterator[str]:
     """Why this cannot be released, in words; nothing when it can."""
     changelog = (root / "CHANGELOG.md").read_text("utf-8")
-    if not re.search(rf"^## \[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d$", changelog, re.MULTILINE):
+    if not re.search(
+        rf"^## \[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d$", changelog, re.MULTILINE
+    ):
         yield f"CHANGELOG.md has no heading '## [{version}] - 2026-01-31' (with the day of the release)"
     cited = re.search(r"^version: (.*)$", (root / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
     if cited is None or cited[1] != version:
@@ -73,7 +87,9 @@ def placeholders(root: Path) -> Iterator[str]:
 
 def git(root: Path, *words: str) -> str:
     """Return the output of git."""
-    return subprocess.run(["git", *words], cwd=root, check=True, capture_output=True, text=True).stdout.strip()
+    return subprocess.run(
+        ["git", *words], cwd=root, check=True, capture_output=True, text=True
+    ).stdout.strip()
 
 
 def build(folder: Path) -> list[Path]:
@@ -89,11 +105,18 @@ def pythons(wanted: Sequence[str]) -> list[str]:
     found = []
     for name in wanted or PYTHONS:
         path = shutil.which(name)
-        runs = path and not subprocess.run([path, "-c", "import venv"], check=False, capture_output=True).returncode
+        runs = (
+            path
+            and not subprocess.run(
+                [path, "-c", "import venv"], check=False, capture_output=True
+            ).returncode
+        )
         if runs:
             found.append(name)
         elif wanted:
-            raise SystemExit(f"{name}: no such Python runs here; name one that does, as {sys.executable}")
+            raise SystemExit(
+                f"{name}: no such Python runs here; name one that does, as {sys.executable}"
+            )
         else:
             sys.stdout.write(f"{name} is not found: nothing is tried with it\n")
     return found or [sys.executable]
@@ -117,7 +140,11 @@ def try_out(package: Path, python: str, folder: Path, shared: bool) -> bool:
         sys.stdout.write(f"  {package.name}, {Path(python).name}: {command} {' '.join(rest)}\n")
         sys.stdout.flush()
         done = subprocess.run(
-            [str(environment / "bin" / command), *rest], cwd=folder, check=False, capture_output=True, text=True
+            [str(environment / "bin" / command), *rest],
+            cwd=folder,
+            check=False,
+            capture_output=True,
+            text=True,
         )
         if done.returncode:
             sys.stdout.write(f"{done.stdout}{done.stderr}\n")
@@ -127,11 +154,19 @@ def try_out(package: Path, python: str, folder: Path, shared: bool) -> bool:
 
 def main() -> int:
     """Judge, build, try, tag; 0 when all went well."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tag", action="store_true", help="tag this commit when everything went well")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--tag", action="store_true", help="tag this commit when everything went well"
+    )
     parser.add_argument("--shared", action="store_true", help="share the installed packages")
-    parser.add_argument("--python", action="append", default=[], help="try with this Python; may be repeated")
-    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="where wheel and sdist go; must not exist")
+    parser.add_argument(
+        "--python", action="append", default=[], help="try with this Python; may be repeated"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "dist", help="where wheel and sdist go; must not exist"
+    )
     options = parser.parse_args()
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     found = [*problems(ROOT, version), *(placeholders(ROOT) if options.tag else ())]

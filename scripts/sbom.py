@@ -50,7 +50,10 @@ def needed(name: str, extras: Iterable[str] = ()) -> dict[str, tuple[Distributio
                 continue
             entry[1].add(normal(requirement[1]))
             waiting.append(
-                (requirement[1], frozenset(e.strip() for e in (requirement[2] or "").split(",") if e.strip()))
+                (
+                    requirement[1],
+                    frozenset(e.strip() for e in (requirement[2] or "").split(",") if e.strip()),
+                )
             )
     return found
 
@@ -58,9 +61,16 @@ def needed(name: str, extras: Iterable[str] = ()) -> dict[str, tuple[Distributio
 def bill(name: str, extras: Iterable[str] = ()) -> dict[str, Any]:
     """The bill of materials of a package."""
     packages = needed(name, extras)
-    components = [_component(found) for key, (found, _needs) in sorted(packages.items()) if key != normal(name)]
+    components = [
+        _component(found)
+        for key, (found, _needs) in sorted(packages.items())
+        if key != normal(name)
+    ]
     dependencies = [
-        {"ref": _purl(found), "dependsOn": sorted(_purl(packages[need][0]) for need in needs if need in packages)}
+        {
+            "ref": _purl(found),
+            "dependsOn": sorted(_purl(packages[need][0]) for need in needs if need in packages),
+        }
         for _key, (found, needs) in sorted(packages.items())
     ]
     named = json.dumps([components, dependencies], sort_keys=True)
@@ -86,9 +96,13 @@ def _component(found: Distribution) -> dict[str, Any]:
         "purl": purl,
     }
     said = found.metadata.get_all("License-Expression") or found.metadata.get_all("License") or []
-    licence = next((line.strip() for line in said if line and len(line) < 100 and "\n" not in line.strip()), "")
+    licence = next(
+        (line.strip() for line in said if line and len(line) < 100 and "\n" not in line.strip()), ""
+    )
     classified = [
-        c.rsplit(" :: ", 1)[-1] for c in found.metadata.get_all("Classifier") or [] if c.startswith("License")
+        c.rsplit(" :: ", 1)[-1]
+        for c in found.metadata.get_all("Classifier") or []
+        if c.startswith("License")
     ]
     if licence or classified:
         component["licenses"] = [{"license": {"name": licence or classified[0]}}]
@@ -101,7 +115,9 @@ def _purl(found: Distribution) -> str:
 
 def main() -> int:
     """Write it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--extra", action="append", default=[])
     options = parser.parse_args()

@@ -55,7 +55,9 @@ class Photographer:
     def __init__(self, browser: Browser, into: Path) -> None:
         self._into = into
         self._contexts = {
-            name: browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)  # type: ignore[arg-type]
+            name: browser.new_context(
+                viewport={"width": width, "height": height}, color_scheme=scheme
+            )  # type: ignore[arg-type]
             for name, (width, height, scheme) in SCREENS.items()
         }
         self.pages: dict[str, Page] = {}
@@ -73,7 +75,9 @@ class Photographer:
     def take(self, what: str) -> None:
         """Take a picture on every screen, once the page has drawn the latest events."""
         for screen, page in self.pages.items():
-            page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+            page.evaluate(
+                "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+            )
             page.screenshot(path=self._into / f"{screen}_{what}.png")
             print(self._into / f"{screen}_{what}.png")
 
@@ -85,7 +89,9 @@ def recorded(page: Page) -> None:
 
 def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
     """A pick at real pace: running, paused at a breakpoint, stopped safely."""
-    photographer.open(dashboard.link, lambda page: expect(page.locator("#connection")).to_have_text("connected"))
+    photographer.open(
+        dashboard.link, lambda page: expect(page.locator("#connection")).to_have_text("connected")
+    )
     order = RunOrder(
         find_tree("pick_apple"),
         find_cell("sim"),
@@ -155,18 +161,24 @@ def animate(page: Page, address: str, out: Path) -> None:
         along = LANES_BEGIN + (lanes["width"] - LANES_BEGIN - LANES_END) * number / (FRAMES - 1)
         page.mouse.click(lanes["x"] + along, lanes["y"] + 4)
         page.wait_for_load_state("networkidle")
-        page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        page.evaluate(
+            "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
         recorded(page)  # on a busy machine the page may report a lost server for a while
         pictures.append(Image.open(io.BytesIO(page.screenshot())))
     times = [int(1e3 * PACE)] * (FRAMES - 1) + [2000]
-    pictures[0].save(out, save_all=True, append_images=pictures[1:], duration=times, loop=0, quality=60, method=4)
+    pictures[0].save(
+        out, save_all=True, append_images=pictures[1:], duration=times, loop=0, quality=60, method=4
+    )
     print(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
 def main(into: Path, animation: Path | None = None) -> None:
     """Run, and photograph; with `animation` that file, and nothing else."""
     into.mkdir(parents=True, exist_ok=True)
-    browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+    browser_path = next(
+        (path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None
+    )
     if browser_path is None:
         sys.exit("no Chromium is installed")
     with socket.socket() as free:
@@ -178,15 +190,25 @@ def main(into: Path, animation: Path | None = None) -> None:
         hard.write_text(HARD, encoding="utf-8")
         settings = {"fruit": "apple_4", "place": "2"}
         orders = {
-            "pick": RunOrder(find_tree("pick_apple"), find_cell("sim"), 5, settings, record=records),
+            "pick": RunOrder(
+                find_tree("pick_apple"), find_cell("sim"), 5, settings, record=records
+            ),
             "failed": RunOrder(
-                find_tree("pick_apple"), find_cell("sim"), seed=1, settings={"height": "900 mm"}, record=records
+                find_tree("pick_apple"),
+                find_cell("sim"),
+                seed=1,
+                settings={"height": "900 mm"},
+                record=records,
             ),
             "names": RunOrder(hard, find_cell("sim"), dry=True, record=records),
         }
         if animation is not None:
             orders = {"pick": orders["pick"]}
-        names = {what: record.name for what, order in orders.items() if (record := execute(order).record) is not None}
+        names = {
+            what: record.name
+            for what, order in orders.items()
+            if (record := execute(order).record) is not None
+        }
         dashboard = Dashboard(Access("127.0.0.1", port), records)
         choices = Choices.installed()
         launcher = Launcher(dashboard, records, choices)
@@ -204,7 +226,9 @@ def main(into: Path, animation: Path | None = None) -> None:
         photographer = Photographer(browser, into)
         for what, name in names.items():
             photographer.open(f"{dashboard.link}&run={name}", recorded)
-            for page in photographer.pages.values() if what == "pick" else ():  # a failed leaf is selected by the page
+            for page in (
+                photographer.pages.values() if what == "pick" else ()
+            ):  # a failed leaf is selected by the page
                 page.locator(".row", has_text="Refine").last.click()
             photographer.take(what)
         photographer.open(f"{dashboard.link}&run={names['pick']}&t=1.5", recorded)
@@ -218,6 +242,14 @@ def main(into: Path, animation: Path | None = None) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("into", nargs="?", type=Path, default=Path("runs/screenshots"), help="folder of the pictures")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "into",
+        nargs="?",
+        type=Path,
+        default=Path("runs/screenshots"),
+        help="folder of the pictures",
+    )
     main(parser.parse_args().into)

@@ -30,7 +30,9 @@ SHORT, MANY_PARAMETERS = 40, 8
 SMALL, MANY_PORTS = 60, 8
 LEAVES = ("tools", "devices", "applications")
 EVIDENCE = ("evidence", "reports")  # as exclude_docs of mkdocs.yml
-LEAF_IMPORT = re.compile(r"^\s*(?:from|import) pomona\.(?:tools|devices|applications)\b", re.MULTILINE)
+LEAF_IMPORT = re.compile(
+    r"^\s*(?:from|import) pomona\.(?:tools|devices|applications)\b", re.MULTILINE
+)
 WORDS = {
     "what": re.compile(r"\bwhat(?:ever)?\b", re.IGNORECASE),
     "told/said/says": re.compile(r"\b(?:told|tells?|says?|said)\b", re.IGNORECASE),
@@ -45,9 +47,13 @@ def main(arguments: Sequence[str]) -> int:
     above = [name for name, number in found.items() if number > bounds.get(name, float("inf"))]
     for name, number in found.items():
         mark = "  above its bound" if name in above else ""
-        sys.stdout.write(f"{name:32} {number:>9,.6g}   bound {bounds.get(name, number):>9,.6g}{mark}\n")
+        sys.stdout.write(
+            f"{name:32} {number:>9,.6g}   bound {bounds.get(name, number):>9,.6g}{mark}\n"
+        )
     if "--lower" in arguments:
-        lower = {name: min(found.get(name, bound), bound) for name, bound in (bounds or found).items()}
+        lower = {
+            name: min(found.get(name, bound), bound) for name, bound in (bounds or found).items()
+        }
         BOUNDS.write_text(json.dumps(lower, indent=1) + "\n", encoding="utf-8")
     return 1 if above and "--check" in arguments else 0
 
@@ -71,7 +77,9 @@ def figures() -> dict[str, float]:
     for kind, corpus in (("docstrings", " ".join(texts)), ("docs", " ".join(documents))):
         words = len(re.findall(r"[A-Za-z]+", corpus))
         for name, pattern in WORDS.items():
-            found[f"{name} per 1000 words of {kind}"] = round(1000 * len(pattern.findall(corpus)) / words, 2)
+            found[f"{name} per 1000 words of {kind}"] = round(
+                1000 * len(pattern.findall(corpus)) / words, 2
+            )
     return found
 
 
@@ -91,7 +99,9 @@ def of_part(path: Path, text: str) -> Counter[str]:
     counted["core: imports of leaves"] = len(LEAF_IMPORT.findall(text))
     if kind == "skills" and len(path.parts) == 4:
         counted[f"skills with more than {MANY_PORTS} inputs"] = sum(
-            1 for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef) and inputs(node) > MANY_PORTS
+            1
+            for node in ast.walk(ast.parse(text))
+            if isinstance(node, ast.FunctionDef) and inputs(node) > MANY_PORTS
         )
     return counted
 
@@ -105,17 +115,30 @@ def inputs(function: ast.FunctionDef) -> int:
 def of_module(text: str, docstrings: list[str]) -> Counter[str]:
     """Count in one module; its docstrings, texts below constants and comments are appended to `docstrings`."""
     lines = text.count("\n")
-    counted = Counter({"lines": lines, "short modules": lines < SHORT, "fmt: skip": text.count("fmt: skip")})
+    counted = Counter(
+        {"lines": lines, "short modules": lines < SHORT, "fmt: skip": text.count("fmt: skip")}
+    )
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-    docstrings.extend(comments := [token.string for token in tokens if token.type == tokenize.COMMENT])
+    docstrings.extend(
+        comments := [token.string for token in tokens if token.type == tokenize.COMMENT]
+    )
     counted["comments"] = len(comments)
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and isinstance(node.value.value, str)
+        ):
             counted["docstring lines"] += (node.end_lineno or node.lineno) - node.lineno + 1
             docstrings.append(node.value.value)
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            names = [argument.arg for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
-            counted["long parameter lists"] += len([name for name in names if name != "self"]) >= MANY_PARAMETERS
+            names = [
+                argument.arg
+                for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+            ]
+            counted["long parameter lists"] += (
+                len([name for name in names if name != "self"]) >= MANY_PARAMETERS
+            )
         if isinstance(node, ast.Module):
             counted["module constants"] += sum(map(is_constant, node.body))
     return counted
@@ -123,8 +146,16 @@ def of_module(text: str, docstrings: list[str]) -> Counter[str]:
 
 def is_constant(node: ast.stmt) -> bool:
     """Return True for `NAME = …` or `NAME: type = …` with a name in capitals."""
-    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-    return any(isinstance(target, ast.Name) and target.id.upper() == target.id for target in targets)
+    targets = (
+        node.targets
+        if isinstance(node, ast.Assign)
+        else [node.target]
+        if isinstance(node, ast.AnnAssign)
+        else []
+    )
+    return any(
+        isinstance(target, ast.Name) and target.id.upper() == target.id for target in targets
+    )
 
 
 def is_document(path: Path) -> bool:
@@ -136,7 +167,9 @@ def is_document(path: Path) -> bool:
 
 def tracked(pattern: str) -> Iterator[Path]:
     """Yield the files under version control that match a pattern, relative to the repository."""
-    done = subprocess.run(["git", "ls-files", pattern], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["git", "ls-files", pattern], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     yield from map(Path, done.stdout.splitlines())
 
 

@@ -78,7 +78,9 @@ def walks() -> list[Walk]:
         Walk("tick", "pomona.executive.running.runner", "Runner._tick", calls=400),
         Walk("frame through Detect", "pomona.skills.shared.looking", "find_in_frame", calls=5),
         Walk("frame through Refine", "pomona.skills.refine", "_measure", calls=5),
-        Walk("wrench sample", "pomona.skills.grip.hold", "Hold._on_sample", calls=3000, skipped=150),
+        Walk(
+            "wrench sample", "pomona.skills.grip.hold", "Hold._on_sample", calls=3000, skipped=150
+        ),
     ]
 
 
@@ -92,7 +94,9 @@ def main(arguments: Sequence[str]) -> int:
         walk.follow()
     executed = execute(RunOrder(tree=find_tree("pick_apple"), cell=find_cell("sim"), seed=7))
     if executed.result.outcome != "success":
-        sys.stderr.write(f"the pick ended with {executed.result.outcome}; a walk is measured on a pick that succeeds\n")
+        sys.stderr.write(
+            f"the pick ended with {executed.result.outcome}; a walk is measured on a pick that succeeds\n"
+        )
         return 2
     bounds: dict[str, float] = json.loads(BOUNDS.read_text("utf-8"))
     above = False
@@ -108,7 +112,9 @@ def main(arguments: Sequence[str]) -> int:
         line = f"{walk.name:24} files {files:4g} (bound {bound:g})   functions {functions:4g}   calls {len(walk.files)}"
         sys.stdout.write(f"{line}{mark}\n")
         if "--files" in arguments:
-            sys.stdout.writelines(f"    {file}\n" for file in sorted(frozenset().union(*walk.files)))
+            sys.stdout.writelines(
+                f"    {file}\n" for file in sorted(frozenset().union(*walk.files))
+            )
     return 1 if above and "--check" in arguments else 0
 
 

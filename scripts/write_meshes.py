@@ -11,7 +11,11 @@ from pomona.skills.perception.fruit.catalogue import CATALOGUE
 from pomona.tools.training.apple_mesh import apple_mesh, fit_to_cuboid, revolution_faces, stem_mesh
 
 AROUND, RINGS = 64, 40  # corners of a ring, and rings between the poles
-LEMON_DIMENSIONS = (0.0580, 0.0820, 0.0580)  # cuboid (d_x, d_y, d_z) of the CAD lemon [m]; d_y runs from neck to nipple
+LEMON_DIMENSIONS = (
+    0.0580,
+    0.0820,
+    0.0580,
+)  # cuboid (d_x, d_y, d_z) of the CAD lemon [m]; d_y runs from neck to nipple
 
 # Outline of a fruit from the stem's pole to the other one: distance from the axis over the largest, and height over the
 # half height. Drawn by eye; the size of a real fruit is measured, its proportions are fitted.
@@ -44,7 +48,11 @@ DIMENSIONS = {
 
 def write_meshes() -> None:
     """Write the meshes (binary PLY) that fruit.yaml files name into the catalogue."""
-    meshes = {"apple/apple.ply": apple_mesh(), "apple/stem.ply": stem_mesh(), "lemon/lemon.ply": lemon_mesh()}
+    meshes = {
+        "apple/apple.ply": apple_mesh(),
+        "apple/stem.ply": stem_mesh(),
+        "lemon/lemon.ply": lemon_mesh(),
+    }
     meshes |= {f"{name}/{name}.ply": turned_mesh(name) for name in OUTLINES}
     for name, (vertices, faces) in meshes.items():
         trimesh.Trimesh(vertices, faces, process=False).export(CATALOGUE / name)

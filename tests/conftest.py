@@ -20,7 +20,10 @@ settings.register_profile(
 settings.load_profile("pomona")
 
 # A shell's background job and nohup ignore these signals, and commands keep it so; tests raise the signals.
-for _number, _action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+for _number, _action in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+):
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _action)
 
@@ -31,7 +34,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if "slow" not in asked or "not slow" in asked or collection_path.suffix != ".py":
         return None
     text = collection_path.read_text("utf-8")
-    return None if "end_to_end" in collection_path.parts or "slow" in text or "browser" in text else True
+    return (
+        None
+        if "end_to_end" in collection_path.parts or "slow" in text or "browser" in text
+        else True
+    )
 
 
 def pytest_collection_finish() -> None:
@@ -50,4 +57,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("browser") is not None or "end_to_end" in item.path.parts:
             item.add_marker(pytest.mark.slow)
-    items.sort(key=lambda item: (item.path.stem != "test_tutorials", "end_to_end" not in item.path.parts))
+    items.sort(
+        key=lambda item: (item.path.stem != "test_tutorials", "end_to_end" not in item.path.parts)
+    )

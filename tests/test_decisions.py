@@ -20,10 +20,14 @@ def test_every_decision_is_numbered_dated_and_has_a_status() -> None:
     heads: dict[str, str] = {}
     for page in (*EVIDENCE, *KEPT):
         found = LINE.match(page.read_text("utf-8"))
-        assert found, f"{page.name}: below its title stands no '*Decision N · YYYY-MM-DD · in force*'"
+        assert found, (
+            f"{page.name}: below its title stands no '*Decision N · YYYY-MM-DD · in force*'"
+        )
         date.fromisoformat(found[3])
         assert STATUS.fullmatch(found[4]), f"{page.name}: {found[4]!r} is no status"
-        assert heads.setdefault(page.name, found[1]) == found[1], f"{page.name}: another head than its evidence"
+        assert heads.setdefault(page.name, found[1]) == found[1], (
+            f"{page.name}: another head than its evidence"
+        )
     numbers = [int(head.split()[1]) for head in heads.values()]
     assert sorted(numbers) == list(range(1, len(numbers) + 1))
 

@@ -35,7 +35,11 @@ def read_all() -> tuple[dict[str, list[Class]], list[str]]:
             for node in ast.parse(path.read_text("utf-8")).body:
                 if isinstance(node, ast.ClassDef):
                     classes[node.name].append(read_class(node, str(where), package))
-                elif isinstance(node, ast.FunctionDef) and is_public(node.name) and not ast.get_docstring(node):
+                elif (
+                    isinstance(node, ast.FunctionDef)
+                    and is_public(node.name)
+                    and not ast.get_docstring(node)
+                ):
                     silent.append(f"{where}:{node.lineno} {node.name}")
     return classes, silent
 
@@ -45,7 +49,10 @@ def read_class(node: ast.ClassDef, where: str, package: str) -> Class:
     found = Class(f"{where}:{node.lineno}", package, bases, ast.get_docstring(node) is not None)
     for member in node.body:
         if isinstance(member, ast.FunctionDef):
-            said = ast.get_docstring(member) is not None or found.methods.get(member.name, (False, ""))[0]
+            said = (
+                ast.get_docstring(member) is not None
+                or found.methods.get(member.name, (False, ""))[0]
+            )
             found.methods[member.name] = said, f"{where}:{member.lineno}"
     return found
 
@@ -81,8 +88,15 @@ def silent_members(classes: dict[str, list[Class]]) -> Iterator[str]:
                 is_skill = method == "run" and (
                     found.package == "skills" or any("Skill" in base for base in found.bases)
                 )
-                elsewhere = method in protocols or method in SAID_BY_PY_TREES or is_skill  # a skill's class says it
-                if is_public(method) and not said and not elsewhere and not inherited(classes, found, method):
+                elsewhere = (
+                    method in protocols or method in SAID_BY_PY_TREES or is_skill
+                )  # a skill's class says it
+                if (
+                    is_public(method)
+                    and not said
+                    and not elsewhere
+                    and not inherited(classes, found, method)
+                ):
                     yield f"{place} {name}.{method}"
 
 
@@ -103,9 +117,15 @@ def test_docstrings_state_the_shape_of_returned_arrays() -> None:
         body = ast.parse(path.read_text("utf-8")).body
         classes = [node for node in body if isinstance(node, ast.ClassDef) and is_public(node.name)]
         for node in (*body, *(member for found in classes for member in found.body)):
-            if isinstance(node, ast.FunctionDef) and is_public(node.name) and node.returns is not None:
+            if (
+                isinstance(node, ast.FunctionDef)
+                and is_public(node.name)
+                and node.returns is not None
+            ):
                 text = ast.get_docstring(node)
-                if text is not None and ARRAYS.search(ast.unparse(node.returns)):  # else what it overrides says it
+                if text is not None and ARRAYS.search(
+                    ast.unparse(node.returns)
+                ):  # else what it overrides says it
                     said += 1
                     if not SHAPE.search(text):
                         unsaid.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}")
@@ -122,9 +142,15 @@ def raised(function: ast.FunctionDef) -> set[str]:
                 yield child
                 yield from below(child)
 
-    calls = [node.exc for node in below(function) if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
+    calls = [
+        node.exc
+        for node in below(function)
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)
+    ]
     names = {ast.unparse(call.func).split(".")[-1] for call in calls}
-    return {name for name in names if name[:1].isupper()}  # else a method makes the error, and says which
+    return {
+        name for name in names if name[:1].isupper()
+    }  # else a method makes the error, and says which
 
 
 def test_docstrings_name_raised_errors() -> None:
@@ -139,10 +165,14 @@ def test_docstrings_name_raised_errors() -> None:
         for node in (*body, *(member for found in classes for member in found.body)):
             if isinstance(node, ast.FunctionDef) and is_public(node.name):
                 text = ast.get_docstring(node)
-                if text is not None and (errors := raised(node)):  # without one, what it overrides says it
+                if text is not None and (
+                    errors := raised(node)
+                ):  # without one, what it overrides says it
                     said += 1
                     if "Raises:" not in text and not all(error in text for error in errors):
-                        unsaid.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}: {', '.join(errors)}")
+                        unsaid.append(
+                            f"{path.relative_to(ROOT)}:{node.lineno} {node.name}: {', '.join(errors)}"
+                        )
     assert said > 150, "the functions were not found"
     assert unsaid == []
 

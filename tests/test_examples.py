@@ -33,7 +33,9 @@ def test_each_example_names_the_distribution_that_its_imports_need() -> None:
     for path in EXAMPLES.glob("*.py"):
         text = path.read_text("utf-8")
         whole = re.search(r"pomona\.(skills|drivers)\b|pick_apple", text) is not None
-        assert f"Needs the distribution pomona{'' if whole else ' or pomona-executive'}.\n" in text, path
+        assert (
+            f"Needs the distribution pomona{'' if whole else ' or pomona-executive'}.\n" in text
+        ), path
 
 
 @pytest.mark.slow
@@ -48,6 +50,8 @@ def test_an_example_runs(name: str, tmp_path: Path) -> None:
 
 def run(name: str, folder: Path, *arguments: str) -> str:
     command = [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout

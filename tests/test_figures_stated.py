@@ -15,7 +15,9 @@ from pomona.executive.commands.command_line import command_names
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
-REPORTS = sorted([*(ROOT / "docs" / "reports").glob("*/*.md"), *(ROOT / "docs" / "model_cards").glob("*.md")])
+REPORTS = sorted(
+    [*(ROOT / "docs" / "reports").glob("*/*.md"), *(ROOT / "docs" / "model_cards").glob("*.md")]
+)
 COMMAND = re.compile(r"`((?:make|pomona|python -m) [^`]+)`")
 COMMIT = re.compile(r"(?<![\w#])`([0-9a-f]{7,12})\+?`")
 NUMBER = re.compile(r"(?<![\w.])\d{1,3}(?: \d{3})+(?![\d.])|(?<![\w.])\d+(?:\.\d+)?")
@@ -40,7 +42,9 @@ def is_there(command: str) -> bool:
 
 
 def git(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        ["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=False
+    )
 
 
 def numbers(text: str) -> Iterator[str]:
@@ -49,8 +53,12 @@ def numbers(text: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("row", rows(), ids=lambda row: row.split("|")[1].strip()[:40])
-def test_a_row_of_the_readme_has_its_command_its_commit_and_figures_that_its_report_has(row: str) -> None:
-    _, _what, figures, source, _ = row.split(" | ") if row.count(" | ") > 2 else ("", *row.strip("| ").split(" | "), "")
+def test_a_row_of_the_readme_has_its_command_its_commit_and_figures_that_its_report_has(
+    row: str,
+) -> None:
+    _, _what, figures, source, _ = (
+        row.split(" | ") if row.count(" | ") > 2 else ("", *row.strip("| ").split(" | "), "")
+    )
     (command,) = COMMAND.findall(source)
     assert is_there(command), command
     assert COMMIT.search(source), "at which commit?"
@@ -61,7 +69,9 @@ def test_a_row_of_the_readme_has_its_command_its_commit_and_figures_that_its_rep
     had += [100.0 * value for value in had]  # a share as a percentage
     for number in numbers(figures):
         digits = len(number.partition(".")[2])
-        assert any(round(value, digits) == float(number) for value in had), f"{link} says no {number}"
+        assert any(round(value, digits) == float(number) for value in had), (
+            f"{link} says no {number}"
+        )
 
 
 @pytest.mark.parametrize("report", REPORTS, ids=lambda page: page.stem)
@@ -76,6 +86,14 @@ def test_a_report_names_its_command_and_its_commit(report: Path) -> None:
 def test_every_commit_that_is_named_is_one_of_this_repository() -> None:
     if git("rev-parse", "--is-shallow-repository").stdout.strip() != "false":
         pytest.skip("no history here")
-    named = {commit for page in (ROOT / "README.md", *REPORTS) for commit in COMMIT.findall(page.read_text("utf-8"))}
+    named = {
+        commit
+        for page in (ROOT / "README.md", *REPORTS)
+        for commit in COMMIT.findall(page.read_text("utf-8"))
+    }
     assert len(named) > 3
-    assert [commit for commit in sorted(named) if git("merge-base", "--is-ancestor", commit, "HEAD").returncode] == []
+    assert [
+        commit
+        for commit in sorted(named)
+        if git("merge-base", "--is-ancestor", commit, "HEAD").returncode
+    ] == []

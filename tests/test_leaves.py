@@ -10,7 +10,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = ("executive/pomona/tools", "drivers/pomona/tools", "drivers/pomona/devices", "skills/pomona/tools")
+KINDS = (
+    "executive/pomona/tools",
+    "drivers/pomona/tools",
+    "drivers/pomona/devices",
+    "skills/pomona/tools",
+)
 LEAVES = sorted(
     folder
     for kind in (*KINDS, "skills/pomona/applications")
@@ -21,7 +26,14 @@ EMULATORS = {"emulators", "laboratory_emulators"}  # devices that stand in for r
 PAGE = 90  # lines of a README of one page: the longest lists 46 files
 MOST = 3000  # lines of a leaf
 # older leaves, whose bounds in scripts/size.json only fall, and the editor: its edits, `pomona lsp` and `pomona fmt`
-LARGER = {"training": 6100, "harvest": 3740, "simulation": 3270, "editor": 3400, "dashboard": 3100, "conveyor": 3060}
+LARGER = {
+    "training": 6100,
+    "harvest": 3740,
+    "simulation": 3270,
+    "editor": 3400,
+    "dashboard": 3100,
+    "conveyor": 3060,
+}
 
 
 @pytest.fixture(params=LEAVES, ids=lambda folder: f"{folder.parent.name}/{folder.name}")
@@ -33,7 +45,9 @@ def leaf(request: pytest.FixtureRequest) -> Path:
 def test_there_are_leaves_of_each_kind() -> None:
     assert {folder.parent.name for folder in LEAVES} == {"tools", "devices", "applications"}
     assert len(LEAVES) >= 20
-    assert not list(ROOT.glob("*/pomona/tools/__init__.py")), "a namespace, to which other distributions add"
+    assert not list(ROOT.glob("*/pomona/tools/__init__.py")), (
+        "a namespace, to which other distributions add"
+    )
 
 
 def test_a_leaf_has_a_docstring_and_a_readme_that_names_its_files(leaf: Path) -> None:
@@ -55,8 +69,14 @@ def test_a_leaf_has_tests_in_its_place_and_is_small(leaf: Path) -> None:
 
 
 def test_no_device_of_a_real_cell_may_import_a_simulated_one() -> None:
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
-    real = next(each["source_modules"] for each in contracts if each["name"].startswith("Nothing that runs on a real"))
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    real = next(
+        each["source_modules"]
+        for each in contracts
+        if each["name"].startswith("Nothing that runs on a real")
+    )
     devices = {folder.name for folder in LEAVES if folder.parent.name == "devices"}
     assert {name for name in real if name.startswith("pomona.devices.")} == {
         f"pomona.devices.{name}" for name in devices - EMULATORS
@@ -66,4 +86,8 @@ def test_no_device_of_a_real_cell_may_import_a_simulated_one() -> None:
 def test_a_leaf_is_found_by_entry_point(leaf: Path) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     module = f"pomona.{leaf.parent.name}.{leaf.name}."
-    assert any(target.startswith(module) for group in project["entry-points"].values() for target in group.values())
+    assert any(
+        target.startswith(module)
+        for group in project["entry-points"].values()
+        for target in group.values()
+    )

@@ -30,7 +30,9 @@ def test_a_public_class_has_a_name_of_its_own() -> None:
     shared = {name: where for name, where in places.items() if len(where) > 1}
     assert shared.keys() == SEEN_FROM_BOTH_SIDES | WITH_THEIR_MODULE | SKILL_AND_VALUE, shared
     for name in SEEN_FROM_BOTH_SIDES:
-        assert [where.split("/")[0] for where in shared[name]] == ["executive", "drivers"], shared[name]
+        assert [where.split("/")[0] for where in shared[name]] == ["executive", "drivers"], shared[
+            name
+        ]
     for name in WITH_THEIR_MODULE:
         assert "executive/pomona/executive/nodes/takes.py" in shared[name]
 
@@ -39,6 +41,11 @@ def test_kinds_of_values_in_a_tree_file_are_named_with_their_module() -> None:
     for package in ("executive", "skills", "drivers", "benchmarks", "tests"):
         for path in sorted((ROOT / package).rglob("*.py")):
             text = path.read_text("utf-8")
-            for node in ast.walk(ast.parse(text)) if "pomona.executive.nodes.takes import" in text else ():
-                if isinstance(node, ast.ImportFrom) and node.module == "pomona.executive.nodes.takes":
+            for node in (
+                ast.walk(ast.parse(text)) if "pomona.executive.nodes.takes import" in text else ()
+            ):
+                if (
+                    isinstance(node, ast.ImportFrom)
+                    and node.module == "pomona.executive.nodes.takes"
+                ):
                     assert not WITH_THEIR_MODULE & {name.name for name in node.names}, path

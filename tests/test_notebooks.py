@@ -30,14 +30,20 @@ def test_a_notebook_is_its_tutorial_carried_out(file: Path, notebooks: ModuleTyp
     assert f"([as a notebook]({file.stem}.ipynb))" in text
     made = json.loads(file.read_text("utf-8"))
     wanted = notebooks.notebook(text, file.stem)
-    shown = [[(cell["cell_type"], cell["source"]) for cell in one["cells"]] for one in (made, wanted)]
+    shown = [
+        [(cell["cell_type"], cell["source"]) for cell in one["cells"]] for one in (made, wanted)
+    ]
     assert shown[0] == shown[1], "make notebooks"
     assert re.fullmatch(r"[0-9a-f]{7,}\+?", made["metadata"]["pomona"]["commit"])
     for cell in made["cells"]:
         if cell["cell_type"] == "code" and notebooks.LONG not in cell["source"]:
             assert cell["execution_count"], cell["source"]
-            assert not any(output["output_type"] == "error" for output in cell["outputs"]), cell["source"]
-    assert not re.search(r"/[\w.-]+(?:/[\w.-]+)*/trees/", json.dumps(made)), "a path of the machine that made it"
+            assert not any(output["output_type"] == "error" for output in cell["outputs"]), cell[
+                "source"
+            ]
+    assert not re.search(r"/[\w.-]+(?:/[\w.-]+)*/trees/", json.dumps(made)), (
+        "a path of the machine that made it"
+    )
 
 
 def test_a_tutorial_becomes_cells(notebooks: ModuleType) -> None:

@@ -23,7 +23,17 @@ WITHOUT_OMPL = ("windows amd64",)
 def resolve(system: str, requirements: list[str], target: Path) -> str:
     """Return pip's complaints; empty when each requirement has a wheel."""
     platforms = [word for name in SYSTEMS[system] for word in ("--platform", name)]
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--no-deps", "--only-binary", ":all:"]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--dry-run",
+        "--no-deps",
+        "--only-binary",
+        ":all:",
+    ]
     done = subprocess.run(
         [*command, "--python-version", "3.11", "--target", str(target), *platforms, *requirements],
         capture_output=True,

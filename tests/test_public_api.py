@@ -25,7 +25,10 @@ from pomona.executive.values.public_names import full_name
 
 ROOT = Path(__file__).resolve().parents[1]
 PUBLIC_NAMES = "pomona.executive.values.public_names"
-COMPILING = {"pomona.skills.compiled_code", "pomona.executive.values.sentences"}  # set up by `pomona.skills` itself
+COMPILING = {
+    "pomona.skills.compiled_code",
+    "pomona.executive.values.sentences",
+}  # set up by `pomona.skills` itself
 LISTED = Path(__file__).with_name("public_api.txt")
 STABLE = ("pomona.executive", "pomona.drivers")  # listed with their signatures
 PROVISIONAL = (
@@ -52,19 +55,35 @@ def test_no_public_name_is_hidden_by_a_module_of_the_same_name(package: str) -> 
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_type_checkers_see_the_names_that_are_loaded_from_where_they_are_loaded(package: str) -> None:
+def test_type_checkers_see_the_names_that_are_loaded_from_where_they_are_loaded(
+    package: str,
+) -> None:
     module = import_module(package)
     tree = ast.parse(Path(module.__file__ or "").read_text("utf-8"))
-    (block,) = (node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    (block,) = (
+        node
+        for node in tree.body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    )
     seen = {
-        node.module: {each.asname for each in node.names} for node in block.body if isinstance(node, ast.ImportFrom)
+        node.module: {each.asname for each in node.names}
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
     }
-    assert seen == {full_name(package, home): set(names.split()) for home, names in module.PUBLIC.items()}
+    assert seen == {
+        full_name(package, home): set(names.split()) for home, names in module.PUBLIC.items()
+    }
 
 
 def test_importing_the_packages_loads_no_module_of_their_api() -> None:
     loaded = loaded_by("import " + ", ".join(PACKAGES))
-    assert loaded == {*PACKAGES, "pomona.executive.values", "pomona.tools", PUBLIC_NAMES, *COMPILING}
+    assert loaded == {
+        *PACKAGES,
+        "pomona.executive.values",
+        "pomona.tools",
+        PUBLIC_NAMES,
+        *COMPILING,
+    }
 
 
 def test_a_name_loads_its_own_module_and_no_other() -> None:
@@ -82,7 +101,9 @@ def test_a_name_that_is_not_public_is_refused_with_the_package() -> None:
 def loaded_by(statement: str) -> set[str]:
     """Modules of Pomona that a process has after one statement."""
     script = f"import json, sys; {statement}; print(json.dumps(sorted(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
     return {name for name in json.loads(done.stdout) if name.startswith("pomona.")}
 
 

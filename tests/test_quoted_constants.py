@@ -25,7 +25,10 @@ def value_of(place: str, name: str) -> float:
         where = import_module(place)
     except ModuleNotFoundError:
         module, _, owner = place.rpartition(".")
-        defaults = {each.name: each.default for each in dataclasses.fields(getattr(import_module(module), owner))}
+        defaults = {
+            each.name: each.default
+            for each in dataclasses.fields(getattr(import_module(module), owner))
+        }
         return float(defaults[name])  # type: ignore[arg-type]
     return float(getattr(where, name))
 

@@ -14,7 +14,9 @@ from packaging.requirements import Requirement
 
 
 def script(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).parents[1] / "scripts" / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(
+        name, Path(__file__).parents[1] / "scripts" / f"{name}.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -28,8 +30,12 @@ def test_the_bill_of_materials_names_every_package_that_pomona_needs_with_its_ve
     for needed in ("numpy", "numba", "mcap", "orjson", "starlette", "zstandard", "pyyaml"):
         assert listed[needed] == version(needed)
     assert "pytest" not in listed  # needed for tests only
-    assert "pytest" in {component["name"] for component in script("sbom").bill("pomona", ["dev"])["components"]}
-    references = {component["bom-ref"] for component in bill["components"]} | {bill["metadata"]["component"]["bom-ref"]}
+    assert "pytest" in {
+        component["name"] for component in script("sbom").bill("pomona", ["dev"])["components"]
+    }
+    references = {component["bom-ref"] for component in bill["components"]} | {
+        bill["metadata"]["component"]["bom-ref"]
+    }
     assert {entry["ref"] for entry in bill["dependencies"]} == references
     assert all(set(entry["dependsOn"]) <= references for entry in bill["dependencies"])
     assert bill == script("sbom").bill("pomona")
@@ -61,7 +67,9 @@ def pinned(path: Path) -> dict[str, str]:
     return {re.sub(r"[-_.]+", "-", name.lower()): number for name, number in found}
 
 
-def test_the_lock_file_and_the_constraints_name_the_same_versions_within_the_bounds_of_pyproject() -> None:
+def test_the_lock_file_and_the_constraints_name_the_same_versions_within_the_bounds_of_pyproject() -> (
+    None
+):
     root = Path(__file__).parents[1]
     constraints, lock = pinned(root / "constraints.txt"), pinned(root / "requirements.lock")
     assert lock.items() <= constraints.items()
@@ -75,4 +83,6 @@ def test_the_lock_file_and_the_constraints_name_the_same_versions_within_the_bou
         name = re.sub(r"[-_.]+", "-", wanted.name.lower())
         if wanted.marker is None or wanted.marker.evaluate():
             assert wanted.specifier.contains(constraints[name]), line
-            assert any(part.operator in ("<", "==") for part in wanted.specifier), f"{line} has no upper bound"
+            assert any(part.operator in ("<", "==") for part in wanted.specifier), (
+                f"{line} has no upper bound"
+            )

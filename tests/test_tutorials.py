@@ -28,7 +28,10 @@ FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOT
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "tutorial",
-    [pytest.param(page, id=page.stem, marks=[pytest.mark.landmark] * (page.stem == "new_cell")) for page in QUICK],
+    [
+        pytest.param(page, id=page.stem, marks=[pytest.mark.landmark] * (page.stem == "new_cell"))
+        for page in QUICK
+    ],
 )
 def test_a_tutorial_runs_as_it_is_written(tutorial: Path, tmp_path: Path) -> None:
     assert follow(tutorial, tmp_path, long=False) >= 3
@@ -50,7 +53,11 @@ def follow(page: Path, folder: Path, long: bool) -> int:
     }  # fmt: skip
     skipped = False
     for fence in FENCE.finditer(text):
-        language, options, body = fence[1], dict(re.findall(r'(\w+)="?([^" ]+)"?', fence[2] or "")), fence[3]
+        language, options, body = (
+            fence[1],
+            dict(re.findall(r'(\w+)="?([^" ]+)"?', fence[2] or "")),
+            fence[3],
+        )
         line = f"{page.name}:{text.count(chr(10), 0, fence.start()) + 1}"
         if "title" in options:
             (folder / options["title"]).write_text(body, encoding="utf-8")
@@ -58,11 +65,18 @@ def follow(page: Path, folder: Path, long: bool) -> int:
             printed, skipped = "", options.get("long") == "yes" and not long
             for command in () if skipped else body.splitlines():
                 done = subprocess.run(
-                    shlex.split(command), cwd=folder, env=environment, capture_output=True, text=True, timeout=3600
+                    shlex.split(command),
+                    cwd=folder,
+                    env=environment,
+                    capture_output=True,
+                    text=True,
+                    timeout=3600,
                 )
                 printed, typed = printed + done.stdout + done.stderr, typed + 1
                 wanted = options.get("exit", "0")
-                assert wanted == "any" or done.returncode == int(wanted), f"{line}: {command}\n{printed}"
+                assert wanted == "any" or done.returncode == int(wanted), (
+                    f"{line}: {command}\n{printed}"
+                )
         elif language == "text" and not skipped:
             rest = printed
             for wanted in body.splitlines():

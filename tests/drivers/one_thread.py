@@ -23,7 +23,9 @@ class OneThread:
         self.used_by.add(threading.get_ident())
 
 
-def hammer(calls: dict[str, Callable[[np.random.Generator], object]], rounds: int = 250, threads: int = 4) -> list[str]:
+def hammer(
+    calls: dict[str, Callable[[np.random.Generator], object]], rounds: int = 250, threads: int = 4
+) -> list[str]:
     """Make random calls from several threads at once; return the errors, except refusals, which are answers.
 
     Every thread has its own seed; how their calls fall together is the machine's affair.

@@ -47,7 +47,9 @@ def test_a_registration_that_is_off_lets_depth_differ_where_a_surface_is_turned_
     beside = replace(SIMULATED, registration=5.0)
     assert SIMULATED.agreeing(Z, 600.0) == pytest.approx(SIMULATED.deviation(Z, 600.0))
     moved = np.tan(np.radians(30.0)) * 5.0 * Z / 600.0
-    assert beside.agreeing(Z, 600.0) == pytest.approx(np.hypot(SIMULATED.deviation(Z, 600.0), moved))
+    assert beside.agreeing(Z, 600.0) == pytest.approx(
+        np.hypot(SIMULATED.deviation(Z, 600.0), moved)
+    )
 
 
 def test_corrected_depth_is_the_true_one_and_holes_stay_holes() -> None:
@@ -77,7 +79,9 @@ def test_a_file_names_a_sensor_and_its_better_known_values(tmp_path: Path) -> No
         ("- 1", "mapping"),
     ],
 )
-def test_a_file_that_cannot_be_used_is_refused_with_its_place(tmp_path: Path, text: str, says: str) -> None:
+def test_a_file_that_cannot_be_used_is_refused_with_its_place(
+    tmp_path: Path, text: str, says: str
+) -> None:
     file = tmp_path / "depth_model.yaml"
     file.write_text(text + "\n")
     with pytest.raises(CellFileError, match=says) as refused:

@@ -29,7 +29,11 @@ class Fingers:
         for _ in range(round(seconds / PERIOD)):
             self.now += PERIOD
             self.width += speed * PERIOD
-            self.said.append(self.supervisor.look(self.now, GripperState(self.now, self.width, speed, speed != 0.0)))
+            self.said.append(
+                self.supervisor.look(
+                    self.now, GripperState(self.now, self.width, speed, speed != 0.0)
+                )
+            )
         return [words for words in self.said[began:] if words]
 
 
@@ -41,7 +45,9 @@ def fingers() -> Fingers:
 
 
 def test_how_far_a_gripper_is_believed_is_a_setting(fingers: Fingers) -> None:
-    fingers.supervisor = GripperSupervisor(LIMITS, 2.0, GripperSupervision(stray=20e-3, margin=1.0, share=0.0))
+    fingers.supervisor = GripperSupervisor(
+        LIMITS, 2.0, GripperSupervision(stray=20e-3, margin=1.0, share=0.0)
+    )
     fingers.supervisor.rest(fingers.now)
     fingers.run(COASTING + 0.1)
     assert fingers.run(0.15, 0.1) == []  # 15 mm
@@ -63,7 +69,9 @@ def test_fingers_that_follow_their_commands_are_left_alone(fingers: Fingers) -> 
 
 @pytest.mark.parametrize("speed", [0.06, -0.06])
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.29])
-def test_a_speed_that_follows_a_move_at_once_is_a_command(fingers: Fingers, speed: float, after: float) -> None:
+def test_a_speed_that_follows_a_move_at_once_is_a_command(
+    fingers: Fingers, speed: float, after: float
+) -> None:
     """Detach closes, and fingers give way to a push, while those of a move may still come to rest."""
     fingers.supervisor.rest(fingers.now)
     assert fingers.run(after) == []
@@ -72,7 +80,9 @@ def test_a_speed_that_follows_a_move_at_once_is_a_command(fingers: Fingers, spee
         assert fingers.run(0.02, speed) == []
 
 
-def test_fingers_that_go_on_against_a_speed_that_follows_a_move_at_once_stray(fingers: Fingers) -> None:
+def test_fingers_that_go_on_against_a_speed_that_follows_a_move_at_once_stray(
+    fingers: Fingers,
+) -> None:
     fingers.supervisor.rest(fingers.now)
     fingers.supervisor.stream(fingers.now, -0.02, 0.1)
     assert "opens without a command" in fingers.run(0.2, 0.03)[0]
@@ -95,7 +105,9 @@ def test_a_width_that_does_not_follow_ten_millimetres_of_streamed_motion_is_foun
     for _ in range(40):
         fingers.width = 0.030 + 2e-5 * rng.normal()
         found += fingers.run(PERIOD)
-    assert found[0].startswith(f"was commanded to {word} by 15 mm more than its width shows, which stays at 30.0 mm")
+    assert found[0].startswith(
+        f"was commanded to {word} by 15 mm more than its width shows, which stays at 30.0 mm"
+    )
 
 
 def test_a_width_that_lags_within_the_tolerance_or_creeps_as_commanded_is_left_alone(
@@ -118,7 +130,9 @@ def test_fingers_that_move_when_they_should_rest_are_found_after_three_millimetr
 ) -> None:
     assert fingers.run(0.14, speed) == []
     words = fingers.run(0.1, speed)
-    assert words[0].startswith(("opens" if speed > 0.0 else "closes") + " without a command: 30.0 → ")
+    assert words[0].startswith(
+        ("opens" if speed > 0.0 else "closes") + " without a command: 30.0 → "
+    )
     assert fingers.supervisor.rest_by == math.inf
 
 
@@ -131,19 +145,25 @@ def test_fingers_that_leave_the_way_of_a_move_are_found_before_it_ends(
     assert words[0].startswith(f"{word} without a command: {30.0 if speed > 0.0 else 25.0:.1f} → ")
 
 
-def test_fingers_that_open_on_a_closing_command_are_found_after_three_millimetres(fingers: Fingers) -> None:
+def test_fingers_that_open_on_a_closing_command_are_found_after_three_millimetres(
+    fingers: Fingers,
+) -> None:
     fingers.supervisor.stream(fingers.now, -0.08, 0.1)
     assert fingers.run(0.05, -0.08) == []
     assert fingers.run(0.09, 0.03) == []
     assert fingers.run(0.05, 0.03)[0].startswith("opens without a command: 26.0 → ")
 
 
-def test_fingers_that_come_to_rest_from_a_move_go_on_by_the_braking_distance_and_no_further(fingers: Fingers) -> None:
+def test_fingers_that_come_to_rest_from_a_move_go_on_by_the_braking_distance_and_no_further(
+    fingers: Fingers,
+) -> None:
     fingers.supervisor.move(fingers.now, 0.030, 0.060, 0.1)
     assert fingers.run(0.1, 0.1) == []
     fingers.supervisor.rest(fingers.now)
     assert fingers.run(0.05, 0.1) == []
-    assert fingers.run(0.2, 0.1)[0].startswith("opens without a command: 52.5 → ")  # 40 + 10 + 2.5 mm
+    assert fingers.run(0.2, 0.1)[0].startswith(
+        "opens without a command: 52.5 → "
+    )  # 40 + 10 + 2.5 mm
 
 
 def test_fingers_at_rest_are_those_whose_width_stays(fingers: Fingers) -> None:
@@ -173,7 +193,9 @@ def test_a_move_is_overdue_after_its_time_and_a_margin(fingers: Fingers) -> None
         (0.030, 2.1, "which it cannot reach"),
     ],
 )
-def test_an_impossible_state_is_reported(fingers: Fingers, width: float, speed: float, words: str) -> None:
+def test_an_impossible_state_is_reported(
+    fingers: Fingers, width: float, speed: float, words: str
+) -> None:
     assert words in fingers.supervisor.look(
         fingers.now + PERIOD, GripperState(fingers.now + PERIOD, width, speed, False)
     )
@@ -183,7 +205,10 @@ def test_an_impossible_state_is_reported(fingers: Fingers, width: float, speed: 
 def test_a_jumping_width_is_reported() -> None:
     supervisor = GripperSupervisor(GripperLimits(0.0, 0.5, 0.1, 50.0), 2.0)
     supervisor.look(0.0, GripperState(0.0, 0.1, 0.0, False))
-    assert supervisor.look(0.01, GripperState(0.01, 0.4, 0.0, False)) == "reports a jump from 100.0 to 400.0 mm at once"
+    assert (
+        supervisor.look(0.01, GripperState(0.01, 0.4, 0.0, False))
+        == "reports a jump from 100.0 to 400.0 mm at once"
+    )
 
 
 @pytest.mark.parametrize("force", [-130.0, 130.0, math.nan])

@@ -57,20 +57,35 @@ def test_fingers_that_never_pressed_hold_nothing_however_wide_they_are_open(felt
     assert [felt(0.0, HELD_AT), felt(0.4, HELD_AT), felt(0.0, 0.1)] == [NOTHING] * 3
 
 
-def test_a_fruit_whose_friction_is_measured_with_little_force_still_counts_as_present(felt: Feel) -> None:
-    said = [felt(3.0, HELD_AT), felt(0.3, HELD_AT + 2e-3), felt(0.1, HELD_AT + 3e-3), felt(0.3, HELD_AT)]
+def test_a_fruit_whose_friction_is_measured_with_little_force_still_counts_as_present(
+    felt: Feel,
+) -> None:
+    said = [
+        felt(3.0, HELD_AT),
+        felt(0.3, HELD_AT + 2e-3),
+        felt(0.1, HELD_AT + 3e-3),
+        felt(0.3, HELD_AT),
+    ]
     assert said == [SURE, SURE, HARDLY, HARDLY]
     assert felt(2.0, HELD_AT) == SURE
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_fingers_that_opened_or_closed_from_where_they_held_it_hold_it_no_more(felt: Feel, way: float) -> None:
+def test_fingers_that_opened_or_closed_from_where_they_held_it_hold_it_no_more(
+    felt: Feel, way: float
+) -> None:
     assert [felt(3.0, HELD_AT), felt(0.0, HELD_AT + 1.1 * way * GIVE)] == [SURE, NOTHING]
     assert felt(0.0, HELD_AT) == NOTHING
 
 
 def test_fingers_that_close_and_press_again_hold_something_where_they_are_now(felt: Feel) -> None:
-    said = [felt(3.0, HELD_AT), felt(0.0, 0.103), felt(2.0, 0.06), felt(0.0, 0.06), felt(0.0, HELD_AT)]
+    said = [
+        felt(3.0, HELD_AT),
+        felt(0.0, 0.103),
+        felt(2.0, 0.06),
+        felt(0.0, 0.06),
+        felt(0.0, HELD_AT),
+    ]
     assert said == [SURE, NOTHING, SURE, HARDLY, NOTHING]
 
 
@@ -86,12 +101,17 @@ def test_a_hand_that_has_sent_nothing_yet_is_unknown_and_not_called_empty(
 ) -> None:
     fingers = MockForceSensor(clock)
     watch = HoldWatch(None, fingers, gripper)
-    assert watch.in_hand() == "the force sensor has sent nothing yet, so the state of the hand is unknown"
+    assert (
+        watch.in_hand()
+        == "the force sensor has sent nothing yet, so the state of the hand is unknown"
+    )
     clock.advance(0.01)
     assert watch.in_hand() == NOTHING
     monkeypatch.setattr(gripper, "state", lose)
     silent = HoldWatch(None, None, gripper, HandMemory(None, HandRecord()))
-    assert silent.in_hand() == "the gripper has sent nothing yet, so the state of the hand is unknown"
+    assert (
+        silent.in_hand() == "the gripper has sent nothing yet, so the state of the hand is unknown"
+    )
 
 
 def test_a_cell_without_a_hand_has_no_state_of_it() -> None:
@@ -111,13 +131,17 @@ def doubt(width: float, last: HandRecord | None, force: float | None = 0.0, **st
 
 
 @pytest.mark.parametrize("force", [0.0, None, 0.9 * HELD_FORCE])
-def test_fingers_that_stand_where_they_were_known_to_be_empty_hold_nothing(force: float | None) -> None:
+def test_fingers_that_stand_where_they_were_known_to_be_empty_hold_nothing(
+    force: float | None,
+) -> None:
     assert doubt(0.08 + 0.9 * STOOD, EMPTY, force) == ""
     assert doubt(0.05, HandRecord("", None), force) == ""  # the hand of a new simulated world
 
 
 @pytest.mark.parametrize("width", [0.035, 0.035 + NO_ROOM, 0.103 - NO_ROOM, 0.103])
-def test_fingers_at_an_end_of_their_travel_hold_nothing_whatever_was_known_and_is_felt(width: float) -> None:
+def test_fingers_at_an_end_of_their_travel_hold_nothing_whatever_was_known_and_is_felt(
+    width: float,
+) -> None:
     assert [doubt(width, last, 9.0) for last in (None, EMPTY, HELD)] == ["", "", ""]
 
 
@@ -151,7 +175,9 @@ def connect(
     return HoldWatch(None, fingers, gripper, memory), gripper, fingers
 
 
-def test_a_fruit_that_was_tared_away_still_counts_as_possibly_held_until_the_fingers_open(clock: MockClock) -> None:
+def test_a_fruit_that_was_tared_away_still_counts_as_possibly_held_until_the_fingers_open(
+    clock: MockClock,
+) -> None:
     memory = HandMemory(None, HELD)
     watch, gripper, _ = connect(clock, memory, 0.079, 0.0)
     words = "something may be between the fingers: the fingers stand at 79.0 mm, where they may hold something"
@@ -164,7 +190,9 @@ def test_a_fruit_that_was_tared_away_still_counts_as_possibly_held_until_the_fin
     assert last.in_hand() == NOTHING
 
 
-def test_the_state_of_the_hand_is_kept_when_it_changes_and_when_the_fingers_stand_elsewhere(clock: MockClock) -> None:
+def test_the_state_of_the_hand_is_kept_when_it_changes_and_when_the_fingers_stand_elsewhere(
+    clock: MockClock,
+) -> None:
     memory = HandMemory(None, HandRecord("", 0.1))
     watch, gripper, fingers = connect(clock, memory, 0.1, 0.0)
     assert watch.in_hand() == NOTHING
@@ -172,7 +200,9 @@ def test_the_state_of_the_hand_is_kept_when_it_changes_and_when_the_fingers_stan
     clock.advance(0.05)
     watch.in_hand()
     assert not motion.settled
-    assert memory.record == HandRecord("", 0.1)  # a process that is killed now leaves the hand unknown
+    assert memory.record == HandRecord(
+        "", 0.1
+    )  # a process that is killed now leaves the hand unknown
     clock.advance(1.0)
     watch.in_hand()
     assert memory.record == HandRecord("", pytest.approx(0.08))
@@ -198,8 +228,14 @@ STOPPED = "the fingers stopped at 80.0 mm on their way to 50.0 mm"
 class Plain:
     """A hand without force sensor; `close` meets an object of 80 mm."""
 
-    def __init__(self, clock: MockClock, width: float = 0.1, last: HandRecord | None = EMPTY_ANYWHERE) -> None:
-        self.clock, self.gripper, self.memory = clock, MockGripper(clock, width), HandMemory(None, last)
+    def __init__(
+        self, clock: MockClock, width: float = 0.1, last: HandRecord | None = EMPTY_ANYWHERE
+    ) -> None:
+        self.clock, self.gripper, self.memory = (
+            clock,
+            MockGripper(clock, width),
+            HandMemory(None, last),
+        )
         self.watch = self.connected()
 
     def connected(self) -> HoldWatch:
@@ -226,7 +262,9 @@ def test_plain_fingers_that_reach_the_width_of_their_move_hold_nothing(plain: Pl
     assert [plain.move(0.08), plain.move(0.06), plain.move(0.1), plain.move(0.035)] == [NOTHING] * 4
 
 
-def test_plain_fingers_that_were_stopped_before_the_width_of_their_move_hold_something(plain: Plain) -> None:
+def test_plain_fingers_that_were_stopped_before_the_width_of_their_move_hold_something(
+    plain: Plain,
+) -> None:
     assert [plain.watch.in_hand(), plain.move(0.05, blocked_at=0.08)] == [NOTHING, STOPPED]
     assert plain.memory.record == HandRecord(STOPPED, pytest.approx(0.08))
     assert plain.connected().in_hand() == (
@@ -234,7 +272,9 @@ def test_plain_fingers_that_were_stopped_before_the_width_of_their_move_hold_som
     )
 
 
-def test_a_move_that_is_stopped_on_its_way_leaves_the_hand_unknown_until_the_fingers_open(plain: Plain) -> None:
+def test_a_move_that_is_stopped_on_its_way_leaves_the_hand_unknown_until_the_fingers_open(
+    plain: Plain,
+) -> None:
     motion = plain.gripper.move(0.05, 0.1)
     plain.clock.advance(0.2)
     assert plain.watch.in_hand() == NOTHING
@@ -260,10 +300,14 @@ def test_the_motors_force_shows_a_fruit_and_its_end_leaves_a_doubt(plain: Plain)
     assert plain.at(0.08) == SURE
     plain.gripper.motor_force = 0.9 * MOTOR_FORCE
     assert plain.at(0.08) == "the gripper's motor presses no more: the fruit may have been lost"
-    assert plain.move(0.06) == NOTHING  # the fingers have closed where it was, and the motor presses on nothing
+    assert (
+        plain.move(0.06) == NOTHING
+    )  # the fingers have closed where it was, and the motor presses on nothing
 
 
-def test_a_fruit_that_the_motor_squeezes_by_more_than_a_release_opens_is_still_held(plain: Plain) -> None:
+def test_a_fruit_that_the_motor_squeezes_by_more_than_a_release_opens_is_still_held(
+    plain: Plain,
+) -> None:
     plain.gripper.motor_force = 5.0
     assert plain.move(0.05, blocked_at=0.08) == SURE
     assert plain.move(0.05, blocked_at=0.065) == SURE
@@ -278,9 +322,12 @@ def test_closed_fingers_press_on_each_other_and_hold_nothing(plain: Plain) -> No
 
 
 @pytest.mark.parametrize(
-    ("speed", "said"), [(-0.05, "the fingers closed to 75.0 mm, and no move ended there"), (0.02, NOTHING)]
+    ("speed", "said"),
+    [(-0.05, "the fingers closed to 75.0 mm, and no move ended there"), (0.02, NOTHING)],
 )
-def test_fingers_that_closed_by_streamed_speeds_may_hold_something(clock: MockClock, speed: float, said: str) -> None:
+def test_fingers_that_closed_by_streamed_speeds_may_hold_something(
+    clock: MockClock, speed: float, said: str
+) -> None:
     plain = Plain(clock, 0.08)
     assert plain.watch.in_hand() == NOTHING
     plain.gripper.set_speed(speed)
@@ -303,9 +350,24 @@ def test_a_width_that_is_no_number_empties_no_hand(plain: Plain) -> None:
 @pytest.mark.parametrize(
     ("motor", "width", "now", "why"),
     [
-        (None, 0.08 - 1.1 * STOOD, None, "the fingers moved from 80.0 to 78.9 mm while the run was paused"),
-        (None, 0.08 + 1.1 * STOOD, None, "the fingers moved from 80.0 to 81.1 mm while the run was paused"),
-        (5.0, 0.08, 0.5, "the gripper's motor pressed with 5.0 N and presses no more while the run was paused"),
+        (
+            None,
+            0.08 - 1.1 * STOOD,
+            None,
+            "the fingers moved from 80.0 to 78.9 mm while the run was paused",
+        ),
+        (
+            None,
+            0.08 + 1.1 * STOOD,
+            None,
+            "the fingers moved from 80.0 to 81.1 mm while the run was paused",
+        ),
+        (
+            5.0,
+            0.08,
+            0.5,
+            "the gripper's motor pressed with 5.0 N and presses no more while the run was paused",
+        ),
         (5.0, float("nan"), 5.0, "the fingers moved from 80.0 to nan mm while the run was paused"),
     ],
 )

@@ -11,7 +11,9 @@ from pomona.drivers.interfaces import Frame, Intrinsics
 LENS = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
 
 
-def a_frame(colour: tuple[int, ...] = (480, 640, 3), depth: tuple[int, ...] | None = (480, 640)) -> Frame:
+def a_frame(
+    colour: tuple[int, ...] = (480, 640, 3), depth: tuple[int, ...] | None = (480, 640)
+) -> Frame:
     image = None if depth is None else np.zeros(depth, np.float32)
     return Frame(0.0, 0, np.zeros(colour, np.uint8), image, LENS, None, np.eye(4), "wrist")
 
@@ -31,7 +33,9 @@ def test_images_of_one_size_are_a_frame_with_or_without_depth() -> None:
         ({"depth": (480, 640, 1)}, "depth 1 x 640 x 480 px"),
     ],
 )
-def test_images_of_other_sizes_are_a_fault_of_the_camera_with_all_sizes(sizes: dict[str, object], words: str) -> None:
+def test_images_of_other_sizes_are_a_fault_of_the_camera_with_all_sizes(
+    sizes: dict[str, object], words: str
+) -> None:
     with pytest.raises(DeviceFault) as caught:
         a_frame(**sizes)  # type: ignore[arg-type]
     assert caught.value.device == "wrist"

@@ -9,7 +9,13 @@ from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
 
 DOF = 3
-LIMITS = ArmLimits(-np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 10.0), np.full(DOF, 200.0))
+LIMITS = ArmLimits(
+    -np.full(DOF, 3.0),
+    np.full(DOF, 3.0),
+    np.full(DOF, 3.0),
+    np.full(DOF, 10.0),
+    np.full(DOF, 200.0),
+)
 CHANGE = np.array([0.8, -0.4, 0.2])
 STEP = 0.004
 AT_REST = np.zeros(DOF)
@@ -104,7 +110,9 @@ def test_an_arm_at_full_speed_whose_pushes_come_in_bunches_is_believed():
     supervisor = MotionSupervisor("arm", LIMITS, Supervision())
     for push in range(40):
         arrived = (push // 3) * 0.075 + 0.0001 * push  # three at once
-        supervisor.on_feedback(arrived, np.full(DOF, 0.025 * 3.0 * push - 2.9)[:DOF].clip(-3, 3), np.full(DOF, 3.0))
+        supervisor.on_feedback(
+            arrived, np.full(DOF, 0.025 * 3.0 * push - 2.9)[:DOF].clip(-3, 3), np.full(DOF, 3.0)
+        )
 
 
 def test_feedback_that_repeats_itself_while_the_arm_is_moved_is_a_lost_device():
@@ -134,9 +142,14 @@ def test_an_arm_that_does_not_follow_is_a_fault():
         rig.run(2.0, lambda: (stuck + rng.normal(size=DOF) * 1e-5, AT_REST))
 
 
-@pytest.mark.parametrize(("off", "noticed"), [(0.005, False), (0.03, True)])  # held by a branch, and stuck
+@pytest.mark.parametrize(
+    ("off", "noticed"), [(0.005, False), (0.03, True)]
+)  # held by a branch, and stuck
 def test_an_arm_that_stands_beside_a_set_point_that_stands_is_a_fault(off, noticed):
-    supervisor, motion = MotionSupervisor("arm", LIMITS, Supervision()), PathMotion(swing(9.0), LIMITS, STEP)
+    supervisor, motion = (
+        MotionSupervisor("arm", LIMITS, Supervision()),
+        PathMotion(swing(9.0), LIMITS, STEP),
+    )
     said = []
     try:
         for step in range(500):

@@ -87,7 +87,9 @@ def place(tmp_path: Path) -> Iterator[Place]:
     with contextlib.ExitStack() as stack:
         for order in orders:
             command = [sys.executable, "-m", "pomona.devices.emulators.command_emulate", *order]
-            process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+            process = stack.enter_context(
+                subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+            )
             stack.callback(process.terminate)
             assert process.stdout is not None
             process.stdout.readline()
@@ -101,16 +103,29 @@ def place(tmp_path: Path) -> Iterator[Place]:
 def gripper_place(place: Place) -> Place:
     """The same without the arm, whose points run out on a busy computer. Its runs have a launcher."""
     lines = place.cell.read_text().splitlines()
-    place.cell.write_text("\n".join(line for line in lines if "arm" not in line and "supervision" not in line))
+    place.cell.write_text(
+        "\n".join(line for line in lines if "arm" not in line and "supervision" not in line)
+    )
     return place
 
 
 @contextlib.contextmanager
 def moving(place: Place, way: str) -> Iterator[subprocess.Popen[str]]:
     """A run whose arm and fingers move."""
-    order = ["run", str(place.tree), "--cell", str(place.cell), "--record", str(place.records), "--cleared"]
+    order = [
+        "run",
+        str(place.tree),
+        "--cell",
+        str(place.cell),
+        "--record",
+        str(place.records),
+        "--cleared",
+    ]
     with subprocess.Popen(
-        [sys.executable, "-c", RUN, way, *order], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", RUN, way, *order],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -140,7 +155,9 @@ def is_at_rest(place: Place) -> tuple[float, float]:
         before = arm.state().q[-1], gripper.state().width
         time.sleep(0.3)
         assert (arm.state().q[-1], gripper.state().width) == pytest.approx(before, abs=1e-6)
-        assert gripper.limits.width_min + 0.004 < before[1], "the fingers did not go on to their goal"
+        assert gripper.limits.width_min + 0.004 < before[1], (
+            "the fingers did not go on to their goal"
+        )
         return before
 
 
@@ -157,13 +174,23 @@ def wait_for_end(pid: int) -> None:
         time.sleep(0.05)
 
 
-def test_a_second_run_on_the_same_wires_is_refused_and_the_first_goes_on(gripper_place: Place, tmp_path: Path) -> None:
+def test_a_second_run_on_the_same_wires_is_refused_and_the_first_goes_on(
+    gripper_place: Place, tmp_path: Path
+) -> None:
     copy = tmp_path / "copy.yaml"
     copy.write_text(gripper_place.cell.read_text())
     with moving(gripper_place, "launched") as process:
-        places = [str(gripper_place.tree), "--cell", str(copy), "--record", str(gripper_place.records)]
+        places = [
+            str(gripper_place.tree),
+            "--cell",
+            str(copy),
+            "--record",
+            str(gripper_place.records),
+        ]
         order = ["run", *places, "--cleared"]
-        second = subprocess.run([sys.executable, "-c", RUN, "launched", *order], capture_output=True, text=True)
+        second = subprocess.run(
+            [sys.executable, "-c", RUN, "launched", *order], capture_output=True, text=True
+        )
         assert second.returncode == 2
         assert "another run is going on on 127.0.0.1:" in second.stderr
         assert process.poll() is None
@@ -173,7 +200,9 @@ def test_a_second_run_on_the_same_wires_is_refused_and_the_first_goes_on(gripper
     assert len(list(gripper_place.records.iterdir())) == 1
 
 
-def test_a_stopped_launcher_ends_its_run_in_the_safe_state_and_a_moment_of_it_does_not(gripper_place: Place) -> None:
+def test_a_stopped_launcher_ends_its_run_in_the_safe_state_and_a_moment_of_it_does_not(
+    gripper_place: Place,
+) -> None:
     with moving(gripper_place, "launched") as process:
         (run,) = children_of(process.pid)
         process.send_signal(signal.SIGSTOP)
@@ -193,7 +222,9 @@ def test_a_stopped_launcher_ends_its_run_in_the_safe_state_and_a_moment_of_it_do
     fingers_stand(gripper_place)
 
 
-def test_a_stopped_child_of_the_launcher_is_continued_and_ends_in_the_safe_state(gripper_place: Place) -> None:
+def test_a_stopped_child_of_the_launcher_is_continued_and_ends_in_the_safe_state(
+    gripper_place: Place,
+) -> None:
     with moving(gripper_place, "launched") as process:
         (run,) = children_of(process.pid)
         os.kill(run, signal.SIGSTOP)
@@ -216,25 +247,41 @@ def test_the_devices_of_a_killed_child_of_the_launcher_are_stopped(gripper_place
 
 
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_run_without_its_supervisor_ends_in_the_safe_state(gripper_place: Place, number: int) -> None:
+def test_a_run_without_its_supervisor_ends_in_the_safe_state(
+    gripper_place: Place, number: int
+) -> None:
     with moving(gripper_place, "launched") as process:
         (run,) = children_of(process.pid)
-        (supervisor,) = [pid for pid in children_of(run) if b"supervise" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        (supervisor,) = [
+            pid
+            for pid in children_of(run)
+            if b"supervise" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        ]
         os.kill(supervisor, number)
         try:
             _, said = process.communicate(timeout=60)
         finally:
-            with contextlib.suppress(ProcessLookupError):  # the run ends a supervisor that does not answer
+            with contextlib.suppress(
+                ProcessLookupError
+            ):  # the run ends a supervisor that does not answer
                 os.kill(supervisor, signal.SIGKILL)
     assert process.returncode == 3, said
     fingers_stand(gripper_place)
 
 
-@pytest.mark.parametrize("whole", [False, True], ids=["it alone", "with its supervisor and devices"])
-def test_a_stopped_run_ends_in_the_safe_state_with_a_whole_record(place: Place, whole: bool) -> None:
+@pytest.mark.parametrize(
+    "whole", [False, True], ids=["it alone", "with its supervisor and devices"]
+)
+def test_a_stopped_run_ends_in_the_safe_state_with_a_whole_record(
+    place: Place, whole: bool
+) -> None:
     with moving(place, "go on") as process:
         stopped = [process.pid, *children_of(process.pid)]
-        stopped += [pid for pid in children_of(os.getpid()) if b"emulate" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        stopped += [
+            pid
+            for pid in children_of(os.getpid())
+            if b"emulate" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        ]
         for pid in stopped if whole else stopped[:1]:
             os.kill(pid, signal.SIGSTOP)
         if whole:
@@ -282,5 +329,8 @@ def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
         assert process.wait(30) == -signal.SIGKILL, said
     assert "arm stopped; gripper stopped" in said
     (record,) = place.records.iterdir()
-    assert json.loads((record / "supervisor.json").read_text())["devices"] == {"arm": "stopped", "gripper": "stopped"}
+    assert json.loads((record / "supervisor.json").read_text())["devices"] == {
+        "arm": "stopped",
+        "gripper": "stopped",
+    }
     assert 0.0 < is_at_rest(place)[0] < 0.9, said

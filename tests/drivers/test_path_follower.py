@@ -22,7 +22,8 @@ def sweep(angles, samples=60):
     angles = np.asarray(angles)
     x = np.linspace(0.0, 1.0, samples)[:, None]
     duration = max(
-        (1.875 * np.abs(angles) / LIMITS.velocity).max(), np.sqrt(5.7736 * np.abs(angles) / LIMITS.acceleration).max()
+        (1.875 * np.abs(angles) / LIMITS.velocity).max(),
+        np.sqrt(5.7736 * np.abs(angles) / LIMITS.acceleration).max(),
     )
     return Trajectory(
         x[:, 0] * duration,
@@ -103,7 +104,9 @@ def test_stop_and_go_many_times_ends_at_the_end():
     st.lists(st.tuples(st.integers(0, 700), st.floats(0.1, 1.0)), min_size=1, max_size=5),
     st.floats(0.1, 1.0),
 )
-def test_another_speed_at_any_time_stays_within_the_limits_and_reaches_the_end(angles, changes, first):
+def test_another_speed_at_any_time_stays_within_the_limits_and_reaches_the_end(
+    angles, changes, first
+):
     path = sweep(angles)
     follower = PathFollower(path, LIMITS, PERIOD, first)
     commands = {step: lambda speed=speed: follower.set_speed(speed) for step, speed in changes}
@@ -131,7 +134,10 @@ def test_the_speed_changes_without_jerks():
     follower = PathFollower(path, LIMITS, PERIOD)
     middle = int(0.4 * path.duration / PERIOD)
     steps = {0: 0.3, 40: 0.9, 75: 0.2, 400: 1.0, 430: 0.5}
-    points = run(follower, {middle + at: lambda speed=speed: follower.set_speed(speed) for at, speed in steps.items()})
+    points = run(
+        follower,
+        {middle + at: lambda speed=speed: follower.set_speed(speed) for at, speed in steps.items()},
+    )
     jerk = np.abs(np.diff(points, n=3, axis=0))[middle - 50 : middle + 800] / PERIOD**3
     assert np.all(jerk.max(axis=0) < 1.1 * LIMITS.jerk), jerk.max(axis=0) / LIMITS.jerk
 
@@ -173,7 +179,10 @@ def test_a_path_begins_at_the_last_set_point_and_comes_to_its_end_without_a_jump
 
 def test_a_distance_to_the_last_set_point_is_taken_up_in_the_first_third_of_a_second():
     path = sweep([1.0, -0.5, 0.3])
-    plain, offset = PathFollower(path, LIMITS, PERIOD), PathFollower(path, LIMITS, PERIOD, q_from=path.q[0] + 1e-3)
+    plain, offset = (
+        PathFollower(path, LIMITS, PERIOD),
+        PathFollower(path, LIMITS, PERIOD, q_from=path.q[0] + 1e-3),
+    )
     apart = np.abs(run(plain, {}) - run(offset, {})).max(axis=1)
     assert apart[0] == pytest.approx(1e-3, rel=1e-3)
     assert (np.diff(apart) < 1e-9).all()

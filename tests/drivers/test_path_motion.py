@@ -18,7 +18,9 @@ def motion() -> PathMotion:
     q = 0.1 * (1.0 - np.cos(np.pi * times / 0.5))[:, None]
     qd = 0.1 * np.pi / 0.5 * np.sin(np.pi * times / 0.5)[:, None]
     qdd = 0.1 * (np.pi / 0.5) ** 2 * np.cos(np.pi * times / 0.5)[:, None]
-    limits = ArmLimits(np.array([-3.0]), np.array([3.0]), *(np.array([v]) for v in (2.0, 20.0, 500.0)))
+    limits = ArmLimits(
+        np.array([-3.0]), np.array([3.0]), *(np.array([v]) for v in (2.0, 20.0, 500.0))
+    )
     return PathMotion(Trajectory(times, q, qd, qdd), limits, PERIOD)
 
 
@@ -68,7 +70,9 @@ def test_an_arm_that_is_held_up_before_its_end_reports_a_failure(motion: PathMot
     for k in range(3):
         motion.look(resting=True, beside=0.05, now=0.45 * HELD_UP * k)
     assert motion.state is MotionState.RUNNING
-    motion.look(resting=False, beside=0.04, now=1.3 * HELD_UP)  # it gave way a little: the time starts afresh
+    motion.look(
+        resting=False, beside=0.04, now=1.3 * HELD_UP
+    )  # it gave way a little: the time starts afresh
     motion.look(resting=True, beside=0.04, now=1.4 * HELD_UP)
     assert motion.state is MotionState.RUNNING
     motion.look(resting=True, beside=0.04, now=2.5 * HELD_UP)

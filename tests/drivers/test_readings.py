@@ -33,7 +33,11 @@ def test_every_wrench_and_every_ticks_joints_are_read_once(cell: Cell) -> None:
     readings = cell.readings()
     assert readings["fingers"]["stamp_s"].shape == (30,)  # 500 Hz
     assert np.all(np.diff(readings["fingers"]["stamp_s"]) > 0.0)
-    assert list(readings["fingers"])[1:4] == ["finger_1_force_x_N", "finger_1_force_y_N", "finger_1_force_z_N"]
+    assert list(readings["fingers"])[1:4] == [
+        "finger_1_force_x_N",
+        "finger_1_force_y_N",
+        "finger_1_force_z_N",
+    ]
     assert len(readings["fingers"]) == 13
     joints, rates = [f"q_{k}_rad" for k in range(1, 8)], [f"qd_{k}_rad_per_s" for k in range(1, 8)]
     assert list(readings["arm"]) == ["stamp_s", *joints, *rates]
@@ -43,8 +47,12 @@ def test_every_wrench_and_every_ticks_joints_are_read_once(cell: Cell) -> None:
     cell.close()
 
 
-@pytest.mark.parametrize(("more", "required"), [("record: required", True), ("record: optional", False), ("", False)])
-def test_a_cell_file_states_whether_a_run_needs_its_record(tmp_path: Path, more: str, required: bool) -> None:
+@pytest.mark.parametrize(
+    ("more", "required"), [("record: required", True), ("record: optional", False), ("", False)]
+)
+def test_a_cell_file_states_whether_a_run_needs_its_record(
+    tmp_path: Path, more: str, required: bool
+) -> None:
     path = tmp_path / "cell.yaml"
     path.write_text(MOCK.format(more=more))
     assert load_cell(path).record_required is required
@@ -58,4 +66,9 @@ def test_another_word_about_the_record_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_cell_can_be_made_from_a_text_instead_of_its_file(tmp_path: Path) -> None:
-    assert load_cell(tmp_path / "gone.yaml", texts={str(tmp_path / "gone.yaml"): MOCK.format(more="")}).name == "bench"
+    assert (
+        load_cell(
+            tmp_path / "gone.yaml", texts={str(tmp_path / "gone.yaml"): MOCK.format(more="")}
+        ).name
+        == "bench"
+    )

@@ -35,7 +35,9 @@ def written(folder: Path, mesh: trimesh.Trimesh, name: str = "shelf.stl") -> Pat
 def bracket(scale: float = 1.0) -> trimesh.Trimesh:
     """Two boxes that meet in an L, as one mesh of two bodies."""
     flat = trimesh.creation.box((0.4, 0.2, 0.02))
-    upright = trimesh.creation.box((0.02, 0.2, 0.4), trimesh.transformations.translation_matrix((-0.3, 0.0, 0.2)))
+    upright = trimesh.creation.box(
+        (0.02, 0.2, 0.4), trimesh.transformations.translation_matrix((-0.3, 0.0, 0.2))
+    )
     both = trimesh.util.concatenate([flat, upright])
     both.apply_scale(scale)
     return both
@@ -62,7 +64,9 @@ def test_cut_finely_the_parts_leave_a_hollow_free_and_contain_the_surface(tmp_pa
     assert len(parts) > 12
 
     def inside(points: np.ndarray, part: Hull) -> np.ndarray:
-        return np.all(points @ part.normals.T <= (part.points @ part.normals.T).max(axis=0) + 1e-9, axis=1)
+        return np.all(
+            points @ part.normals.T <= (part.points @ part.normals.T).max(axis=0) + 1e-9, axis=1
+        )
 
     surface = ring.sample(2000, seed=3)
     assert np.any([inside(surface, part) for part in parts], axis=0).all()
@@ -78,7 +82,9 @@ def test_cut_finely_the_parts_leave_a_hollow_free_and_contain_the_surface(tmp_pa
         (1.0, 1e-6, "if it is in metres, write `unit: m`"),
     ],
 )
-def test_a_mesh_in_another_unit_is_refused_with_its_size(tmp_path: Path, scale: float, unit: float, says: str) -> None:
+def test_a_mesh_in_another_unit_is_refused_with_its_size(
+    tmp_path: Path, scale: float, unit: float, says: str
+) -> None:
     mesh = trimesh.creation.box((0.4 * scale, 0.2 * scale, 0.41 * scale))
     with pytest.raises(UnusableMesh) as refused:
         read_parts(written(tmp_path, mesh), unit)
@@ -101,7 +107,9 @@ def test_a_mesh_in_another_unit_is_refused_with_its_size(tmp_path: Path, scale: 
         ("scene.glb", b"glTF"),
     ],
 )  # fmt: skip
-def test_a_file_without_a_mesh_is_refused_and_breaks_nothing(tmp_path: Path, name: str, content: bytes) -> None:
+def test_a_file_without_a_mesh_is_refused_and_breaks_nothing(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     for detail in (None, 0.05):
@@ -109,7 +117,9 @@ def test_a_file_without_a_mesh_is_refused_and_breaks_nothing(tmp_path: Path, nam
             read_parts(path, detail=detail)
 
 
-def test_too_many_parts_and_triangles_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_parts_and_triangles_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = written(tmp_path, trimesh.creation.box((2.0, 2.0, 2.0)))
     with pytest.raises(UnusableMesh, match="coarser `detail`"):
         read_parts(path, detail=0.05)

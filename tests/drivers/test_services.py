@@ -18,7 +18,9 @@ FRUITS = [fruit(0.0, -0.5, -0.08, 0.09, 0.08, 0.09), fruit(0.1, -0.3, -0.09, 0.0
 
 
 def test_an_estimate_is_judged_by_the_nearest_fruit() -> None:
-    errors = estimate_errors({"position_m": np.array([0.1, -0.3, -0.093]), "dimensions_m": [0.062, 0.05, 0.06]}, FRUITS)
+    errors = estimate_errors(
+        {"position_m": np.array([0.1, -0.3, -0.093]), "dimensions_m": [0.062, 0.05, 0.06]}, FRUITS
+    )
     assert errors["position_error_mm"] == pytest.approx(3.0)
     assert errors["centroid_error_mm"] == pytest.approx(3.0)
     assert errors["size_error_mm"] == pytest.approx(2.0)

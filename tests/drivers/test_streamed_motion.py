@@ -61,7 +61,10 @@ def test_a_stream_that_is_not_stepped_has_not_arrived_at_a_target_elsewhere() ->
 
 def test_whatever_comes_the_limits_are_kept() -> None:
     motion, rng = streamed(), np.random.default_rng(4)
-    told = [steps(motion, int(rng.integers(1, 60)), rng.uniform(LIMITS.lower, LIMITS.upper))[0] for _ in range(60)]
+    told = [
+        steps(motion, int(rng.integers(1, 60)), rng.uniform(LIMITS.lower, LIMITS.upper))[0]
+        for _ in range(60)
+    ]
     within_limits(np.concatenate(told))
 
 
@@ -86,7 +89,9 @@ def test_without_set_points_it_comes_to_rest_within_its_limits_and_has_failed() 
         ([0.0, 1.2, 0.0], r"joint 2 would be at 68\.8°, its limits are -57\.3° and 57\.3°"),
     ],
 )
-def test_a_set_point_that_no_arm_may_go_to_is_not_taken_and_renews_nothing(aim: list[float], words: str) -> None:
+def test_a_set_point_that_no_arm_may_go_to_is_not_taken_and_renews_nothing(
+    aim: list[float], words: str
+) -> None:
     motion, goal = streamed(watchdog=0.1), np.array([0.5, 0.0, 0.0])
     motion.aim(goal)
     for _ in range(60):
@@ -138,7 +143,9 @@ class Stream:
 
     def __init__(self) -> None:
         self.steps = 0
-        self.motion = StreamedMotion(np.array([0.0, 0.5, -1.0]), LIMITS, PERIOD, 0.3, now=lambda: self.steps * PERIOD)
+        self.motion = StreamedMotion(
+            np.array([0.0, 0.5, -1.0]), LIMITS, PERIOD, 0.3, now=lambda: self.steps * PERIOD
+        )
 
     def follow(self, target, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """`target(t)` gives joints and velocities; return times, the arm's joints and the target's at those times."""
@@ -173,7 +180,9 @@ def test_a_target_that_curves_is_followed_to_a_fraction_of_a_millimetre() -> Non
     assert np.abs(q - wanted)[t > 1.0].max() < 6e-3
 
 
-def test_a_target_that_accelerates_too_much_is_followed_from_behind_and_never_by_an_overshoot() -> None:
+def test_a_target_that_accelerates_too_much_is_followed_from_behind_and_never_by_an_overshoot() -> (
+    None
+):
     """A swing of 1.3 times the acceleration: set-points that aim ahead by a braking distance overshoot it by far."""
     w = np.sqrt(1.3 * LIMITS.acceleration[0] / 0.1)
 
@@ -203,7 +212,10 @@ def test_a_target_that_leaves_the_joints_limits_is_left_in_time_to_brake() -> No
 def test_any_moving_targets_keep_the_limits() -> None:
     stream, rng, told = Stream(), np.random.default_rng(8), []
     for _ in range(80):
-        q, qd = rng.uniform(LIMITS.lower, LIMITS.upper), rng.uniform(-LIMITS.velocity, LIMITS.velocity)
+        q, qd = (
+            rng.uniform(LIMITS.lower, LIMITS.upper),
+            rng.uniform(-LIMITS.velocity, LIMITS.velocity),
+        )
         stream.motion.aim(q, qd, stream.steps * PERIOD + rng.uniform(-0.2, 0.3))
         for _ in range(int(rng.integers(1, 60))):
             told.append(stream.motion.step()[0].copy())

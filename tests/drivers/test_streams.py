@@ -36,7 +36,9 @@ class Sensor:
         wrenches = self.rng.normal(0.0, 0.05, (2, 6))
         return WrenchSample(self.clock.now() - late, self.sequence, wrenches)
 
-    def run(self, seconds: float, change: Callable[[WrenchSample], WrenchSample] = lambda sample: sample) -> None:
+    def run(
+        self, seconds: float, change: Callable[[WrenchSample], WrenchSample] = lambda sample: sample
+    ) -> None:
         for _ in range(round(seconds / PERIOD)):
             self.clock.advance(PERIOD)
             self.stream.deliver(change(self.sample()))
@@ -69,7 +71,9 @@ def shifted(seconds: float) -> Callable[[WrenchSample], WrenchSample]:
 
 @pytest.mark.parametrize("finger", [0, 1])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -201.0])
-def test_an_impossible_force_is_a_fault_at_once_and_reaches_no_skill(sensor: Sensor, finger: int, value: float) -> None:
+def test_an_impossible_force_is_a_fault_at_once_and_reaches_no_skill(
+    sensor: Sensor, finger: int, value: float
+) -> None:
     sensor.run(PERIOD, with_value(finger, value))
     assert sensor.told().startswith(f"the {('left', 'right')[finger]} finger reports {value:g} ")
     assert len(sensor.received) == 50
@@ -110,7 +114,9 @@ def test_a_stall_of_the_computer_causes_no_fault(sensor: Sensor) -> None:
 
 @pytest.mark.parametrize("fingers", [[0], [1], [0, 1]])
 @pytest.mark.parametrize("zero", [True, False])
-def test_a_finger_that_repeats_its_sample_is_stuck(sensor: Sensor, fingers: list[int], zero: bool) -> None:
+def test_a_finger_that_repeats_its_sample_is_stuck(
+    sensor: Sensor, fingers: list[int], zero: bool
+) -> None:
     stuck = np.zeros((2, 6)) if zero else sensor.received[-1].wrenches.copy()
 
     def hold(sample: WrenchSample) -> WrenchSample:
@@ -121,8 +127,15 @@ def test_a_finger_that_repeats_its_sample_is_stuck(sensor: Sensor, fingers: list
     sensor.run(Belief().stuck - 2 * PERIOD, hold)
     assert sensor.told() == ""
     sensor.run(3 * PERIOD, hold)
-    who = "both fingers have" if len(fingers) == 2 else f"the {('left', 'right')[fingers[0]]} finger has"
-    assert sensor.told() == f"{who} reported {'zero' if zero else 'the same to the last bit'} for 30 ms"
+    who = (
+        "both fingers have"
+        if len(fingers) == 2
+        else f"the {('left', 'right')[fingers[0]]} finger has"
+    )
+    assert (
+        sensor.told()
+        == f"{who} reported {'zero' if zero else 'the same to the last bit'} for 30 ms"
+    )
 
 
 def test_how_far_samples_are_believed_is_a_setting() -> None:
@@ -159,13 +172,17 @@ def test_a_fault_stays_until_it_is_acknowledged_and_is_over(sensor: Sensor) -> N
         sensor.stream.acknowledge("fingers")
     sensor.run(0.1)
     assert "nan" in sensor.told()
-    assert len(sensor.received) == 100  # good samples are handed on: whoever holds a fruit needs them
+    assert (
+        len(sensor.received) == 100
+    )  # good samples are handed on: whoever holds a fruit needs them
     sensor.stream.acknowledge("fingers")
     assert sensor.told() == ""
     assert sensor.lost == 1
 
 
-def test_a_listener_that_fails_is_a_fault_with_its_cause_and_the_others_are_served(sensor: Sensor) -> None:
+def test_a_listener_that_fails_is_a_fault_with_its_cause_and_the_others_are_served(
+    sensor: Sensor,
+) -> None:
     error = ArithmeticError("control law")
 
     def fail(_: WrenchSample) -> None:

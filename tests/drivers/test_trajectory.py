@@ -14,7 +14,9 @@ from pomona.skills.motion.robot import RobotModel
 from pomona.tools.mock import MockArm, MockClock
 from pomona.tools.mock.arm import ROBOT, SIA5F_LIMITS
 
-LIMITS = ArmLimits(np.full(2, -2.0), np.full(2, 2.0), np.full(2, 3.0), np.full(2, 10.0), np.full(2, 200.0))
+LIMITS = ArmLimits(
+    np.full(2, -2.0), np.full(2, 2.0), np.full(2, 3.0), np.full(2, 10.0), np.full(2, 200.0)
+)
 GOOD = time_polyline(np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]), LIMITS)
 
 
@@ -76,7 +78,9 @@ def test_driver_and_collision_check_agree_about_an_end_speed(end_speed, good):
     qd = path.qd.copy()
     qd[-1, 0] = end_speed
     path = replace(path, qd=qd)
-    world = CollisionWorld.build(RobotModel.load(ROBOT), Workspace(None, np.full(3, -1.0), np.full(3, 1.0)))
+    world = CollisionWorld.build(
+        RobotModel.load(ROBOT), Workspace(None, np.full(3, -1.0), np.full(3, 1.0))
+    )
     judgements = (
         (lambda: check_trajectory(path, SIA5F_LIMITS), BadTrajectory),
         (lambda: world.check_trajectory(path, 0.05), BadTrajectory),

@@ -25,7 +25,9 @@ def judge(tmp_path):
 
 
 def test_a_zone_is_a_box_of_its_own_name_and_no_obstacle(judge):
-    workspace, found = judge("  zones:\n    - {name: window, lower: 0.5 -1 0 m, upper: 0.7 1 0.8 m}")
+    workspace, found = judge(
+        "  zones:\n    - {name: window, lower: 0.5 -1 0 m, upper: 0.7 1 0.8 m}"
+    )
     assert found == []
     (zone,) = workspace.zones
     assert zone.name == "zone window"
@@ -70,7 +72,11 @@ def test_a_mesh_stands_where_it_is_put(judge, tmp_path):
     ("mesh", "says", "column"),
     [
         ("{name: a, file: none.stl}", "none.stl does not exist", 28),
-        ("{name: a, file: board.stl}", "400 x 200 x 20 m large: if it is in millimetres, write `unit: mm`", 28),
+        (
+            "{name: a, file: board.stl}",
+            "400 x 200 x 20 m large: if it is in millimetres, write `unit: mm`",
+            28,
+        ),
         ("{name: a, file: empty.stl, unit: mm}", "empty.stl", 28),
         ("{name: a, file: board.stl, unit: inch}", "unit", 45),
         ("{name: a, file: board.stl, unit: mm, detail: 1 mm}", "detail", 57),
@@ -91,17 +97,47 @@ CRATE = "{name: source, centre: 0 0 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"
 @pytest.mark.parametrize(
     ("crates", "says", "line"),
     [
-        (["{name: a, centre: 0 -3 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' leaves the volume", 7),
-        (["{name: a, centre: 0 0.9 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' leaves the volume", 7),
-        (["{name: a, centre: 0 0 0.95 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' leaves the volume", 7),
-        (["{name: a, centre: 0 0 -0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"], "'a' is 200 mm under the table", 7),
-        ([CRATE, "{name: source, centre: 0.5 0 0.1 m, size: 0.1 0.1 0.1 m}"], "has the name of another obstacle", 7),
-        (["{name: box, centre: 0.25 0 0.1 m, size: 0.2 0.2 0.2 m}", CRATE], "overlaps the obstacle 'box'", 8),
-        (["{name: a, centre: 0 0 0.1 m, size: 400 300 120 m, wall: 8 mm}"], "if it is in millimetres, write mm", 7),
+        (
+            ["{name: a, centre: 0 -3 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"],
+            "'a' leaves the volume",
+            7,
+        ),
+        (
+            ["{name: a, centre: 0 0.9 0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"],
+            "'a' leaves the volume",
+            7,
+        ),
+        (
+            ["{name: a, centre: 0 0 0.95 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"],
+            "'a' leaves the volume",
+            7,
+        ),
+        (
+            ["{name: a, centre: 0 0 -0.1 m, size: 0.4 0.3 0.2 m, wall: 8 mm}"],
+            "'a' is 200 mm under the table",
+            7,
+        ),
+        (
+            [CRATE, "{name: source, centre: 0.5 0 0.1 m, size: 0.1 0.1 0.1 m}"],
+            "has the name of another obstacle",
+            7,
+        ),
+        (
+            ["{name: box, centre: 0.25 0 0.1 m, size: 0.2 0.2 0.2 m}", CRATE],
+            "overlaps the obstacle 'box'",
+            8,
+        ),
+        (
+            ["{name: a, centre: 0 0 0.1 m, size: 400 300 120 m, wall: 8 mm}"],
+            "if it is in millimetres, write mm",
+            7,
+        ),
     ],
 )
 def test_a_crate_from_which_no_fruit_can_be_taken_is_found_at_its_place(judge, crates, says, line):
-    _workspace, found = judge("  table_z: 0 m\n  obstacles:\n" + "\n".join(f"    - {crate}" for crate in crates))
+    _workspace, found = judge(
+        "  table_z: 0 m\n  obstacles:\n" + "\n".join(f"    - {crate}" for crate in crates)
+    )
     assert [(f.line, f.severity) for f in found if says in f.message] == [(line, "error")], found
 
 
@@ -119,7 +155,9 @@ def test_an_obstacle_beside_or_inside_a_crate_is_none_of_its_walls(judge, beside
 
 
 def test_a_crate_narrower_than_a_hand_is_warned_of(judge):
-    _workspace, found = judge("  obstacles:\n    - {name: a, centre: 0 0 0.1 m, size: 50 50 120 mm, wall: 8 mm}")
+    _workspace, found = judge(
+        "  obstacles:\n    - {name: a, centre: 0 0 0.1 m, size: 50 50 120 mm, wall: 8 mm}"
+    )
     assert [(f.severity, f.line) for f in found] == [("warning", 6)]
     assert "its inside is 34 mm wide: no hand goes in beside a fruit" in found[0].message
 

@@ -12,19 +12,25 @@ pytestmark = pytest.mark.slow
 
 
 def pick(seed: int, received: list[Event], cell: str = "emulated") -> Executed:
-    order = RunOrder(find_tree("pick_apple"), find_cell(cell), seed, {"fruit": "apple_4", "place": "2"})
+    order = RunOrder(
+        find_tree("pick_apple"), find_cell(cell), seed, {"fruit": "apple_4", "place": "2"}
+    )
     return execute(order, [received.append], on_ready=lambda _runner: None)
 
 
 def story(received: list[Event]) -> list[str]:
     """Return the parts that do not depend on the wall clock."""
     return [
-        repr(e) for e in received if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged", "LinkChanged")
+        repr(e)
+        for e in received
+        if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged", "LinkChanged")
     ]
 
 
 @pytest.mark.landmark
-def test_an_apple_is_picked_through_emulated_devices_and_the_same_seed_gives_the_same_events() -> None:
+def test_an_apple_is_picked_through_emulated_devices_and_the_same_seed_gives_the_same_events() -> (
+    None
+):
     stories, forces = [], []
     for _ in range(2):
         received: list[Event] = []
@@ -42,7 +48,8 @@ def test_an_apple_is_picked_through_emulated_devices_and_the_same_seed_gives_the
 
 
 @pytest.mark.parametrize(
-    ("cell", "switch", "kind"), [("sim", "arm", "nan"), ("emulated", "arm", "wild"), ("emulated", "arm", "busy")]
+    ("cell", "switch", "kind"),
+    [("sim", "arm", "nan"), ("emulated", "arm", "wild"), ("emulated", "arm", "busy")],
 )
 def test_an_arm_that_lies_in_the_lift_gives_no_success_but_the_safe_state_with_the_fruit_held(
     cell: str, switch: str, kind: str
@@ -53,7 +60,9 @@ def test_an_arm_that_lies_in_the_lift_gives_no_success_but_the_safe_state_with_t
         if type(event).__name__ == "NodeChanged" and event.path.endswith("Lift"):  # type: ignore[attr-defined]
             runners[0]._cell.switches[switch].inject_fault(kind)  # type: ignore[attr-defined]
 
-    order = RunOrder(find_tree("pick_apple"), find_cell(cell), 1, {"fruit": "apple_4", "place": "2"})
+    order = RunOrder(
+        find_tree("pick_apple"), find_cell(cell), 1, {"fruit": "apple_4", "place": "2"}
+    )
     executed = execute(order, [spoil], on_ready=runners.append)
     assert executed.result.outcome == "error"
     assert executed.result.reason is not None

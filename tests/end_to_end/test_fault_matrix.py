@@ -57,7 +57,11 @@ def test_the_table_has_every_fault_of_every_simulated_device() -> None:
     cases = [case for cell in ("sim", "orchard", "sim_crate") for case in read_table(cell)]
     assert {(case.switch, case.kind) for case in cases if case.ends != "recovered"} == known
     assert len(cases) >= 1000
-    assert not [case.name for case in cases if case.ends not in ("success", "harmless") and case.within == float("inf")]
+    assert not [
+        case.name
+        for case in cases
+        if case.ends not in ("success", "harmless") and case.within == float("inf")
+    ]
 
 
 @pytest.mark.slow
@@ -70,7 +74,18 @@ def test_the_table_has_every_fault_of_every_simulated_device() -> None:
     ],
 )
 def test_faults_end_as_their_rows_say(cell: str, tried: list[str], how: list[str]) -> None:
-    command = [sys.executable, "-m", "benchmarks.fault_matrix", "--cell", cell, "--cases", *tried, "--jobs", "2", *how]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.fault_matrix",
+        "--cell",
+        cell,
+        "--cases",
+        *tried,
+        "--jobs",
+        "2",
+        *how,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 wrong, 0 false successes" in done.stdout, done.stdout

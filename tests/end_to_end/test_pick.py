@@ -31,7 +31,11 @@ pytestmark = pytest.mark.slow
 
 
 def pick(
-    seed: int = 0, record: Path | None = None, listeners: Any = (), on_ready: Any = None, **settings: str
+    seed: int = 0,
+    record: Path | None = None,
+    listeners: Any = (),
+    on_ready: Any = None,
+    **settings: str,
 ) -> Executed:
     order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, settings, record=record)
     return execute(order, listeners, on_ready=on_ready or (lambda _runner: None))
@@ -58,7 +62,12 @@ def test_an_apple_is_picked_and_the_record_repeats_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("seed", "fruit", "place"), [(1, "apple_1", "3"), (5, "apple_5", "5")])
 def test_an_apple_is_picked_without_a_force_sensor(seed: int, fruit: str, place: str) -> None:
     received: list[Event] = []
-    order = RunOrder(find_tree("pick_apple_plain"), find_cell("sim_plain"), seed, {"fruit": fruit, "place": place})
+    order = RunOrder(
+        find_tree("pick_apple_plain"),
+        find_cell("sim_plain"),
+        seed,
+        {"fruit": fruit, "place": place},
+    )
     executed = execute(order, [received.append])
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth
@@ -72,7 +81,9 @@ def test_an_apple_is_picked_without_a_force_sensor(seed: int, fruit: str, place:
 def run_on(cell: Cell, tree: str, seed: int, **settings: str) -> RunResult:
     registry, document = Registry.installed(), read_document(find_tree(tree))
     runner = Runner(
-        lambda context, board: build(document, registry, overrides=settings, context=context, board=board),
+        lambda context, board: build(
+            document, registry, overrides=settings, context=context, board=board
+        ),
         cell,
         EventStream(),
         seed=seed,
@@ -121,12 +132,37 @@ def test_another_fruit_is_picked_by_the_same_tree_with_its_own_weights() -> None
     assert truth["position_error_mm"] < 4.0
 
 
-def test_the_json_line_is_complete_for_a_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status = main(["run", "pick_apple", "--seed", "2", "--record", str(tmp_path), "--json", "--set", "fruit=apple_1"])
+def test_the_json_line_is_complete_for_a_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status = main(
+        [
+            "run",
+            "pick_apple",
+            "--seed",
+            "2",
+            "--record",
+            str(tmp_path),
+            "--json",
+            "--set",
+            "fruit=apple_1",
+        ]
+    )
     line = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert status == 0
     assert line["outcome"] == "success"
-    wanted = {"outcome", "reason", "run", "record", "seed", "ticks", "time_s", "wall_s", "attempts", "truth"}
+    wanted = {
+        "outcome",
+        "reason",
+        "run",
+        "record",
+        "seed",
+        "ticks",
+        "time_s",
+        "wall_s",
+        "attempts",
+        "truth",
+    }
     assert wanted <= line.keys()
     assert {"lifted", "slip_mm", "peak_force_n", "least_force_n"} <= line["truth"].keys()
     assert Path(line["record"]).is_dir()
@@ -134,7 +170,11 @@ def test_the_json_line_is_complete_for_a_program(tmp_path: Path, capsys: pytest.
 
 def story(executed_events: list[Event]) -> str:
     """Return the parts that must be equal in every run: all that do not depend on the wall clock."""
-    kept = [e for e in executed_events if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged")]
+    kept = [
+        e
+        for e in executed_events
+        if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged")
+    ]
     return "\n".join(repr(event) for event in kept)
 
 
@@ -176,8 +216,20 @@ def test_ctrl_c_closes_a_readable_record_and_exits_with_130(tmp_path: Path) -> N
     # What is started in the background, as tests may be, begins with Ctrl-C ignored.
     listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
     script = f"{listening}; from pomona.executive.cli import main; sys.exit(main())"
-    command = [sys.executable, "-c", script, "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        "run",
+        "pick_apple",
+        "--pace",
+        "real",
+        "--record",
+        str(tmp_path),
+    ]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
         assert process.stdout is not None
         for line in process.stdout:
             if "Plan" in line:

@@ -17,10 +17,13 @@ def run(**settings: str) -> tuple[object, list[tuple[float, str]]]:
     """The run, and the successes of its nodes: time and name."""
     received: list[Event] = []
     executed = execute(
-        RunOrder(find_tree("pick_for_plc"), find_cell("sim_plc"), 3, {**USUAL, **settings}), [received.append]
+        RunOrder(find_tree("pick_for_plc"), find_cell("sim_plc"), 3, {**USUAL, **settings}),
+        [received.append],
     )
     ended = [event for event in received if isinstance(event, NodeChanged)]
-    return executed, [(event.t, event.path.rpartition("/")[2]) for event in ended if event.status == "SUCCESS"]
+    return executed, [
+        (event.t, event.path.rpartition("/")[2]) for event in ended if event.status == "SUCCESS"
+    ]
 
 
 def test_each_order_puts_one_fruit_into_the_crate_and_a_full_crate_is_changed():
@@ -28,14 +31,20 @@ def test_each_order_puts_one_fruit_into_the_crate_and_a_full_crate_is_changed():
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth
     assert (truth["put_away"], truth["drops"]) == (2, 0)
-    assert [name for _, name in nodes if name in ("Done", "Handshake")] == ["Done", "Handshake", "Done"]
+    assert [name for _, name in nodes if name in ("Done", "Handshake")] == [
+        "Done",
+        "Handshake",
+        "Done",
+    ]
 
 
 def test_a_fault_while_a_fruit_is_carried_stops_the_arm_and_after_the_reset_it_is_put_into_the_crate():
     executed, nodes = run(fault="7 s..8 s", reset="10 s..11 s", orders="1")
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth
-    assert (truth["put_away"], truth["drops"]) == (2, 0), "the carried one, and that of the next order"
+    assert (truth["put_away"], truth["drops"]) == (2, 0), (
+        "the carried one, and that of the next order"
+    )
     names = [name for _, name in nodes]
     assert names.index("Wait for the reset") < names.index("Home") < names.index("Done")
     between = [name for at, name in nodes if 7.1 < at < 10.0]

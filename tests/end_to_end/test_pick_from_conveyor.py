@@ -21,7 +21,9 @@ def test_an_apple_is_picked_from_the_running_belt_and_put_into_a_crate() -> None
         if isinstance(event, PortWritten) and isinstance(event.value, Tally):
             tallies.append(event.value)
 
-    executed = execute(RunOrder(find_tree("pick_from_conveyor"), find_cell("conveyor"), 4, settings), [note])
+    executed = execute(
+        RunOrder(find_tree("pick_from_conveyor"), find_cell("conveyor"), 4, settings), [note]
+    )
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth
     assert truth is not None

@@ -23,7 +23,13 @@ TREE = Path(__file__).parents[2] / "trees" / "experimental" / "pick_tree.yaml"
     ],
 )
 def test_apples_are_picked_from_the_wall(cell: str, most: int) -> None:
-    settings = {"leaves": "0", "behind": "0", "friction": "0.8", "most": str(most), "looks": "9" if most > 1 else "3"}
+    settings = {
+        "leaves": "0",
+        "behind": "0",
+        "friction": "0.8",
+        "most": str(most),
+        "looks": "9" if most > 1 else "3",
+    }
     executed = execute(RunOrder(TREE, find_cell(cell), 4, settings))
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth

@@ -27,7 +27,10 @@ def moved(stops: list[np.ndarray]) -> np.ndarray:
     s = np.linspace(0.0, 1.0, round(MOVES * RATE))[:, None]
     parts = [np.tile(stops[0], (round(RESTS * RATE), 1))]
     for a, b in pairwise(stops):
-        parts += [a + (10 * s**3 - 15 * s**4 + 6 * s**5) * (b - a), np.tile(b, (round(RESTS * RATE), 1))]
+        parts += [
+            a + (10 * s**3 - 15 * s**4 + 6 * s**5) * (b - a),
+            np.tile(b, (round(RESTS * RATE), 1)),
+        ]
     return np.concatenate(parts)
 
 
@@ -50,7 +53,9 @@ def expert() -> reach.Expert:
     return reach.Expert.of(RobotModel.load(reach.ROBOT), START)
 
 
-def test_the_expert_puts_the_tools_point_on_every_goal_and_near_goals_near_each_other(expert: reach.Expert) -> None:
+def test_the_expert_puts_the_tools_point_on_every_goal_and_near_goals_near_each_other(
+    expert: reach.Expert,
+) -> None:
     goals = reach.drawn(50, seed=5)
     for goal in goals:
         q = expert.joints(goal)
@@ -71,7 +76,9 @@ def test_of_a_pair_of_motions_the_second_is_learned_and_a_lone_one_is_refused() 
         reach.reaches(state[:80], action[:80])
 
 
-def test_a_clone_of_recorded_reaches_comes_to_goals_that_were_never_shown(expert: reach.Expert, tmp_path: Path) -> None:
+def test_a_clone_of_recorded_reaches_comes_to_goals_that_were_never_shown(
+    expert: reach.Expert, tmp_path: Path
+) -> None:
     begins, goals = reach.beginnings(expert, 48, seed=3), reach.drawn(48, seed=1)
     records = []
     for run in range(2):
@@ -83,4 +90,6 @@ def test_a_clone_of_recorded_reaches_comes_to_goals_that_were_never_shown(expert
     away = reach.tried(clone, expert.robot, START, reach.drawn(20, seed=2))
     assert (away <= reach.NEAR).sum() >= 18
     untrained = reach.train(tmp_path / "dataset", tmp_path / "untrained.npz", rounds=5)
-    assert (reach.tried(untrained, expert.robot, START, reach.drawn(20, seed=2)) <= reach.NEAR).sum() == 0
+    assert (
+        reach.tried(untrained, expert.robot, START, reach.drawn(20, seed=2)) <= reach.NEAR
+    ).sum() == 0

@@ -29,7 +29,13 @@ PICKS_RECORD = 20e6
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     runs = tmp_path_factory.mktemp("runs")
-    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), 5, {"fruit": "apple_4", "place": "2"}, record=runs)
+    order = RunOrder(
+        find_tree("pick_apple"),
+        find_cell("sim"),
+        5,
+        {"fruit": "apple_4", "place": "2"},
+        record=runs,
+    )
     executed = execute(order)
     assert executed.result.outcome == "success", executed.result.reason
     assert executed.record is not None
@@ -42,21 +48,30 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return " ".join(capsys.readouterr().out.split())
 
 
-def test_a_pick_is_repeated_from_its_record_event_for_event(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pick_is_repeated_from_its_record_event_for_event(
+    record: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert "✓ the same" in said(capsys, "rerun", str(record))
 
 
 def test_a_picks_record_is_small_and_its_index_entry_is_right(record: Path) -> None:
     entry = digest(record)
     assert entry.bytes < PICKS_RECORD
-    assert (entry.outcome, entry.seed, entry.settings) == ("success", 5, {"fruit": "apple_4", "place": "2"})
+    assert (entry.outcome, entry.seed, entry.settings) == (
+        "success",
+        5,
+        {"fruit": "apple_4", "place": "2"},
+    )
     assert entry.truth is not None
     assert entry.truth["lifted"] is True
 
 
 def test_a_pick_is_explained_in_sentences(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = said(capsys, "explain", "--all", str(record))
-    assert "pick_apple ran on the simulated cell sim with seed 5 and fruit = apple_4, place = 2" in text
+    assert (
+        "pick_apple ran on the simulated cell sim with seed 5 and fruit = apple_4, place = 2"
+        in text
+    )
     assert "It succeeded" in text
     assert "lifted: yes" in text
 
@@ -66,11 +81,20 @@ def test_the_frames_of_a_pick_are_measured_again_by_another_cell(
 ) -> None:
     said(capsys, "runs", "export", str(record), str(tmp_path / "out"), "--to", "frames")
     assert (tmp_path / "out" / "fingers.csv").stat().st_size > 100_000
-    frames = ["--cell", "frames", "--set", f"folder={tmp_path / 'out' / 'frames'}", "--no-record", "--quiet"]
+    frames = [
+        "--cell",
+        "frames",
+        "--set",
+        f"folder={tmp_path / 'out' / 'frames'}",
+        "--no-record",
+        "--quiet",
+    ]
     assert main(["run", "measure_fruit", *frames]) == 0
 
 
-def test_a_pick_travels_in_one_file(record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pick_travels_in_one_file(
+    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     said(capsys, "runs", "export", str(record), str(tmp_path / "pick.zip"))
     with zipfile.ZipFile(tmp_path / "pick.zip") as archive:
         archive.extractall(tmp_path / "there")
@@ -79,7 +103,9 @@ def test_a_pick_travels_in_one_file(record: Path, tmp_path: Path, capsys: pytest
 
 
 @pytest.mark.long
-def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pick_whose_process_is_killed_is_recovered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     command = [
         sys.executable,
         "-m",
@@ -91,7 +117,9 @@ def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pyt
         "--record",
         str(tmp_path),
     ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
         assert process.stdout is not None
         for line in process.stdout:
             if "Follow" in line:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-TEXT = (Path(__file__).parents[2] / "executive" / "pomona" / "tools" / "ros2" / "interop.md").read_text()
+TEXT = (
+    Path(__file__).parents[2] / "executive" / "pomona" / "tools" / "ros2" / "interop.md"
+).read_text()
 MESSAGE = re.compile(r"\w+/(?:msg|srv|action)/\w+")
 
 
@@ -28,7 +30,10 @@ def row_of(topic: str) -> str:
         row
         for row in rows()
         if re.fullmatch(
-            row.replace("NAME", r"[\w/]+").replace("DEVICE", r"\w+").replace("finger_1", r"finger_\d+"), topic
+            row.replace("NAME", r"[\w/]+")
+            .replace("DEVICE", r"\w+")
+            .replace("finger_1", r"finger_\d+"),
+            topic,
         )
     ]
     assert len(fitting) == 1, (topic, fitting)

@@ -73,8 +73,18 @@ def make(
     def built(text: str, context: Any, board: Any, around: Any = ()) -> BuiltTree:
         return build(read(text, "tree.yaml"), registry, context=context, board=board, around=around)
 
-    again = None if reread is None else lambda context, board, around: built(reread(), context, board, around)
-    runner = Runner(lambda context, board: built(text, context, board), cell, events, attended=attended, rebuild=again)
+    again = (
+        None
+        if reread is None
+        else lambda context, board, around: built(reread(), context, board, around)
+    )
+    runner = Runner(
+        lambda context, board: built(text, context, board),
+        cell,
+        events,
+        attended=attended,
+        rebuild=again,
+    )
     looks = iter(range(1, 10_000))
     check = cell.check
 

@@ -81,8 +81,15 @@ def everything() -> list[Event]:
     depth = np.full((48, 64), 0.7504, np.float32)
     depth[0, 0] = np.nan
     view = ImageView(image, depth=depth, pinhole=Pinhole(60.0, 61.0, 31.5, 23.5, pose(0.3)))
-    value = Measured(pose(0.5, 0.2), pose(0.4, -0.1), pose(1.0), (Candidate(pose(0.1)), Candidate(pose(0.2))))
-    scene = SceneView((Line3(np.eye(3), "planned path"),), (Points3(np.eye(3), "left to try"),), (TRIANGLE,), "path")
+    value = Measured(
+        pose(0.5, 0.2), pose(0.4, -0.1), pose(1.0), (Candidate(pose(0.1)), Candidate(pose(0.2)))
+    )
+    scene = SceneView(
+        (Line3(np.eye(3), "planned path"),),
+        (Points3(np.eye(3), "left to try"),),
+        (TRIANGLE,),
+        "path",
+    )
     slip = SeriesView(np.array([0.5, 0.6]), {"slip speed [m/s]": np.array([0.1, np.nan])})
     return [
         started(),
@@ -106,7 +113,9 @@ def record(folder: Path, events: list[Event]) -> Path:
     recorder = Recorder(folder)
     for event in events:
         recorder.on_event(event)
-    recorder.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
+    recorder.read(
+        0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}}
+    )
     recorder.close()
     assert recorder.problem == ""
     return folder / EVENTS_FILE
@@ -165,13 +174,19 @@ def nested(depth: int) -> bytes:
     )
 
 
-_STARTED = encoded(message_of(started(nodes=({"path": "a", "parent": None, "name": "a", "type": "sequence"},))))
+_STARTED = encoded(
+    message_of(started(nodes=({"path": "a", "parent": None, "name": "a", "type": "sequence"},)))
+)
 HOSTILE: dict[str, bytes] = {
     "deep": nested(4000),
     "rather_deep": nested(95),
     "not_a_number": b'{"event":"NodeChanged","t":NaN,"tick":0,"path":"a","status":"","feedback":"","starts":Infinity}',
-    "huge_number": b'{"event":"Computed","t":1e999,"tick":0,"node":"a","function":"f","wall":' + b"9" * 5000 + b"}",
-    "other_types": _STARTED.replace(b'"seed":3', b'"seed":{"a":[1]}').replace(b'"tree":"pick"', b'"tree":["pick"]'),
+    "huge_number": b'{"event":"Computed","t":1e999,"tick":0,"node":"a","function":"f","wall":'
+    + b"9" * 5000
+    + b"}",
+    "other_types": _STARTED.replace(b'"seed":3', b'"seed":{"a":[1]}').replace(
+        b'"tree":"pick"', b'"tree":["pick"]'
+    ),
     "huge_seed": _STARTED.replace(b'"seed":3', b'"seed":' + b"9" * 30),
     "half_character": _STARTED.replace(b'"tree":"pick"', b'"tree":"\\ud800"'),
     "no_parent": _STARTED.replace(b'"parent":null', b'"parent":7'),

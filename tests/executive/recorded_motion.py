@@ -45,7 +45,12 @@ def look(number: int, size: tuple[int, int] = (48, 64)) -> ImageView:
 
 
 def record_motion(
-    folder: Path, *, outcome: str = "success", looks: tuple[float, ...] = LOOKS, arms: bool = True, end: float = END
+    folder: Path,
+    *,
+    outcome: str = "success",
+    looks: tuple[float, ...] = LOOKS,
+    arms: bool = True,
+    end: float = END,
 ) -> Path:
     """Write one; returns its folder."""
     folder.mkdir(parents=True)
@@ -60,7 +65,10 @@ def record_motion(
                 t,
                 5 * k,
                 {
-                    "arm": {"stamp_s": 7.0 + slow, **{f"q_{i + 1}_rad": q[:, i] for i in range(JOINTS)}},
+                    "arm": {
+                        "stamp_s": 7.0 + slow,
+                        **{f"q_{i + 1}_rad": q[:, i] for i in range(JOINTS)},
+                    },
                     "gripper": {"stamp_s": 7.0 + slow, "width_m": np.round(0.05 + 0.01 * slow, 6)},
                     "fingers": {"stamp_s": 7.0 + fast, **dict(zip(PARTS, f.T, strict=True))},
                 },
@@ -68,9 +76,13 @@ def record_motion(
         for number, at in enumerate(looks):
             if abs(at - t) < 1e-9:
                 recorder.on_event(Published(t, 5 * k, "a/Detect", "detection", look(number)))
-                recorder.on_event(Published(t, 5 * k, "a/Refine", "refine", ImageView(look(9).image)))
+                recorder.on_event(
+                    Published(t, 5 * k, "a/Refine", "refine", ImageView(look(9).image))
+                )
     recorder.on_event(NodeChanged(end, round(end * 50), "a", "SUCCESS", "", 1))
-    recorder.on_event(RunEnded(end, round(end * 50), outcome, None, round(end * 50), end, 1.0, None))
+    recorder.on_event(
+        RunEnded(end, round(end * 50), outcome, None, round(end * 50), end, 1.0, None)
+    )
     recorder.close()
     assert recorder.problem == ""
     return folder

@@ -20,7 +20,17 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.running.tick import EventStream
 from pomona.executive.skill import Interrupted, Skill, Work
 from pomona.executive.values.yaml_nodes import written
-from pomona.executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
+from pomona.executive.views import (
+    BodiesView,
+    ImageView,
+    Line2,
+    Line3,
+    Mesh3,
+    Points3,
+    PosesView,
+    SceneView,
+    SeriesView,
+)
 from pomona.tools.dashboard.security import Access
 from pomona.tools.dashboard.server import Dashboard
 
@@ -73,17 +83,30 @@ class Look(Skill):
     def run(self) -> Work[Seen]:
         image = np.zeros((48, 64, 3), np.uint8)
         outline = np.array([[8.0, 8.0], [40.0, 8.0], [40.0, 30.0]])
-        self.publish("camera", ImageView(image, (Line2(outline, "apple", "refined", True),), outline, "one apple"))
+        self.publish(
+            "camera",
+            ImageView(image, (Line2(outline, "apple", "refined", True),), outline, "one apple"),
+        )
         path = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3]])
-        self.publish("path", SceneView((Line3(path, "planned path"),), (Points3(path, "tried", "tried"),)))
+        self.publish(
+            "path", SceneView((Line3(path, "planned path"),), (Points3(path, "tried", "tried"),))
+        )
         triangle = Mesh3(
-            np.array([[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.0, 0.2, 0.1]]), np.array([[0, 1, 2]]), "arm", "robot"
+            np.array([[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.0, 0.2, 0.1]]),
+            np.array([[0, 1, 2]]),
+            "arm",
+            "robot",
         )
         self.publish("robot", BodiesView((triangle,)))
         for x in (0.0, 0.1):
-            self.publish("robot", PosesView(np.array([[x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]), np.array([x, 0.0, 0.1])))
+            self.publish(
+                "robot",
+                PosesView(np.array([[x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]), np.array([x, 0.0, 0.1])),
+            )
         t = np.arange(5) * 0.002
-        self.publish("grip", SeriesView(t, {"grasp force [N]": t, "width [m]": t}, {"limit [N]": 0.005}))
+        self.publish(
+            "grip", SeriesView(t, {"grasp force [N]": t, "width [m]": t}, {"limit [N]": 0.005})
+        )
         yield None
         return Seen("an apple")
 
@@ -184,7 +207,9 @@ class Show:
         runner.run()
         finish()
 
-    def _make(self, tree: str, name: str, seed: int, listeners: list[Any]) -> tuple[Runner, Callable[[], None]]:
+    def _make(
+        self, tree: str, name: str, seed: int, listeners: list[Any]
+    ) -> tuple[Runner, Callable[[], None]]:
         self.cell, events = FakeCell(), EventStream()
         document = read(tree, "tree.yaml")
         folder = self.records / name
@@ -201,7 +226,11 @@ class Show:
         )
         nodes = tuple(node.facts() for node in runner.tree.nodes)
         declared = document.main.parameters.items()
-        texts = {name: written(parameter.default) for name, parameter in declared if parameter.default is not None}
+        texts = {
+            name: written(parameter.default)
+            for name, parameter in declared
+            if parameter.default is not None
+        }
         events.emit(
             RunStarted(
                 0.0, 0, name, runner.tree.name, "tree.yaml", tree, f"hash{seed}", "fake", "mock", "fake.yaml", "",

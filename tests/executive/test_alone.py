@@ -199,10 +199,16 @@ class Alone:
             archive.extractall(site)
             self.size = sum(member.file_size for member in archive.infolist())
             self.names = {member.filename.partition("/")[0] for member in archive.infolist()}
-        declared = dict.fromkeys(Requirement(line).name for line in project(ROOT / "executive")["dependencies"])
+        declared = dict.fromkeys(
+            Requirement(line).name for line in project(ROOT / "executive")["dependencies"]
+        )
         for needed in required(declared):
             assert needed.files is not None
-            files = [file for file in needed.files if ".." not in file.parts and "__pycache__" not in file.parts]
+            files = [
+                file
+                for file in needed.files
+                if ".." not in file.parts and "__pycache__" not in file.parts
+            ]
             self.size += sum(Path(str(file.locate())).stat().st_size for file in files)
             for top in {file.parts[0] for file in files}:
                 if not (site / top).exists():
@@ -221,7 +227,9 @@ class Alone:
 
     def pomona(self, *words: str) -> subprocess.CompletedProcess[str]:
         """Run the command there."""
-        return self.python("-c", "import sys; from pomona.executive.cli import main; sys.exit(main())", *words)
+        return self.python(
+            "-c", "import sys; from pomona.executive.cli import main; sys.exit(main())", *words
+        )
 
 
 @pytest.fixture(scope="module")
@@ -295,7 +303,10 @@ def free_port() -> int:
             "pomona-executive",
         ),
         (("new", "driver", "scale"), "pomona new driver: the distribution pomona has this kind"),
-        (("skills", "Plan"), "No skill is installed here: `pomona new skill NAME` begins a package with one."),
+        (
+            ("skills", "Plan"),
+            "No skill is installed here: `pomona new skill NAME` begins a package with one.",
+        ),
         (("check", "pick_apple"), "no tree file 'pick_apple'; installed: count_down"),
         (
             ("run", "count_down", "--cell", str(ROOT / "trees" / "cells" / "sim.yaml")),
@@ -307,19 +318,25 @@ def free_port() -> int:
 def test_missing_parts_are_named(alone: Alone, words: tuple[str, ...], says: str) -> None:
     done = alone.pomona(*words)
     assert done.returncode == 2
-    assert says.format(pip=f"{alone.folder / 'env' / 'bin' / 'python'} -m pip") in " ".join(done.stderr.split())
+    assert says.format(pip=f"{alone.folder / 'env' / 'bin' / 'python'} -m pip") in " ".join(
+        done.stderr.split()
+    )
     assert "Traceback" not in done.stderr
 
 
 @pytest.mark.slow
-def test_an_image_that_cannot_be_coded_is_a_problem_of_the_record_that_names_the_extra(alone: Alone) -> None:
+def test_an_image_that_cannot_be_coded_is_a_problem_of_the_record_that_names_the_extra(
+    alone: Alone,
+) -> None:
     said = alone.python("-c", PICTURE).stdout
     assert said.startswith("the record lacks an event at 0.50 s of the run")
     assert "-m pip install 'pomona-executive[pictures]'" in said
 
 
 @pytest.mark.slow
-def test_a_package_begun_here_requires_neither_distribution_and_its_kinds_are_those_of_the_help(alone: Alone) -> None:
+def test_a_package_begun_here_requires_neither_distribution_and_its_kinds_are_those_of_the_help(
+    alone: Alone,
+) -> None:
     assert alone.pomona("new", "skill", "Weigh").returncode == 0
     begun = tomllib.loads((alone.folder / "weigh" / "pyproject.toml").read_text("utf-8"))["project"]
     assert begun["dependencies"] == []
@@ -377,7 +394,10 @@ def test_both_distributions_in_one_environment_are_refused(monkeypatch: pytest.M
 
 
 def test_a_missing_package_is_reported_with_the_command_that_installs_it() -> None:
-    with pytest.raises(UsageError, match=re.escape(f"sums needs the extra 'sums': {install_extra('sums')} (No module")):
+    with pytest.raises(
+        UsageError,
+        match=re.escape(f"sums needs the extra 'sums': {install_extra('sums')} (No module"),
+    ):
         need("no_such_module", "sums", "sums")
     assert remedy("pygls.lsp") == install_extra("lsp")
     assert remedy("no_such_module") == "pomona doctor"
@@ -399,7 +419,9 @@ def with_oven(tmp_path_factory: pytest.TempPathFactory) -> Alone:
 
 
 @pytest.mark.slow
-def test_a_device_of_somebody_else_is_checked_connected_commanded_and_released(with_oven: Alone) -> None:
+def test_a_device_of_somebody_else_is_checked_connected_commanded_and_released(
+    with_oven: Alone,
+) -> None:
     assert with_oven.pomona("check", "bake.yaml", "kitchen.yaml").returncode == 0
     done = with_oven.pomona("run", "bake.yaml", "--cell", "kitchen.yaml", "--record", "kept")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -410,7 +432,9 @@ def test_a_device_of_somebody_else_is_checked_connected_commanded_and_released(w
 
 @pytest.mark.slow
 def test_a_fault_of_that_device_ends_the_run_in_its_safe_state(with_oven: Alone) -> None:
-    done = with_oven.pomona("run", "bake.yaml", "--cell", "kitchen.yaml", "--set", "start=199", "--record", "hot")
+    done = with_oven.pomona(
+        "run", "bake.yaml", "--cell", "kitchen.yaml", "--set", "start=199", "--record", "hot"
+    )
     assert done.returncode == 3, done.stdout + done.stderr
     assert done.stdout.count("the heating is off: oven: is hotter than 200 degrees") == 1
     assert done.stdout.index("the heating is off") < done.stdout.index("the oven is released")
@@ -419,7 +443,9 @@ def test_a_fault_of_that_device_ends_the_run_in_its_safe_state(with_oven: Alone)
 @pytest.mark.slow
 def test_a_wrong_option_or_a_workspace_is_an_error_at_its_place(with_oven: Alone) -> None:
     path = with_oven.folder / "wrong.yaml"
-    path.write_text(OVEN_CELL.replace('"{start}"', "900") + "workspace: {lower: [0, 0, 0], upper: [1, 1, 1]}\n")
+    path.write_text(
+        OVEN_CELL.replace('"{start}"', "900") + "workspace: {lower: [0, 0, 0], upper: [1, 1, 1]}\n"
+    )
     done = with_oven.pomona("run", "bake.yaml", "--cell", "wrong.yaml")
     said = " ".join(done.stderr.split())
     assert done.returncode == 2

@@ -44,17 +44,25 @@ def sequence(*children: py_trees.behaviour.Behaviour) -> py_trees.composites.Seq
 
 
 def test_a_tree_runs_to_its_end_and_its_record_holds_each_change(tmp_path: Path) -> None:
-    executed = run_behaviour(sequence(Count("go", 2), Count("go", 1)), record=tmp_path, period=0.001)
+    executed = run_behaviour(
+        sequence(Count("go", 2), Count("go", 1)), record=tmp_path, period=0.001
+    )
     assert executed.result.outcome == "success"
     assert executed.record is not None
-    changes = [(event.path, event.status) for event in read_events(executed.record) if isinstance(event, NodeChanged)]
+    changes = [
+        (event.path, event.status)
+        for event in read_events(executed.record)
+        if isinstance(event, NodeChanged)
+    ]
     assert changes == [
         ("fetch", "RUNNING"), ("fetch/go", "RUNNING"), ("fetch", "SUCCESS"), ("fetch/go", "SUCCESS"),
         ("fetch/go#2", "SUCCESS"),
     ]  # fmt: skip
 
 
-def test_a_failure_is_explained_by_the_leaf_that_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failure_is_explained_by_the_leaf_that_failed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     tree = sequence(Count("look", 1), Count("grasp", 2, Status.FAILURE))
     executed = run_behaviour(tree, record=tmp_path, period=0.001)
     assert executed.result.outcome == "failure"
@@ -80,7 +88,9 @@ def test_a_decorator_and_a_slash_in_a_name_get_paths_of_their_own() -> None:
 
 @pytest.mark.parametrize("name", ["", " "])
 def test_a_behaviour_without_a_name_is_shown_under_its_class(tmp_path: Path, name: str) -> None:
-    root = py_trees.composites.Sequence(name, memory=True, children=[Count(name, 1), Count(name, 1, Status.FAILURE)])
+    root = py_trees.composites.Sequence(
+        name, memory=True, children=[Count(name, 1), Count(name, 1, Status.FAILURE)]
+    )
     executed = run_behaviour(root, record=tmp_path, period=0.001)
     assert executed.result.outcome == "failure"
     assert executed.record is not None
@@ -96,18 +106,26 @@ def test_a_child_that_starts_and_is_interrupted_in_one_tick_is_recorded() -> Non
     parallel = py_trees.composites.Parallel("p", policy, children=children)
     executed = run_behaviour(parallel, record=None, period=0.001, listeners=[seen.append])
     assert executed.result.outcome == "success"
-    changes = [(e.path, e.status, e.starts) for e in seen if isinstance(e, NodeChanged) and e.path.endswith("runs")]
+    changes = [
+        (e.path, e.status, e.starts)
+        for e in seen
+        if isinstance(e, NodeChanged) and e.path.endswith("runs")
+    ]
     assert changes == [("p/runs", "INVALID", 1)]
 
 
-def test_the_page_shows_the_tree_and_stops_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_page_shows_the_tree_and_stops_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     answers: list[dict[str, Any]] = []
 
     def stop() -> None:
-        address, token = re.findall(r"dashboard: (http://\S+/)#token=(\S+?)&", capsys.readouterr().out)[0]
+        address, token = re.findall(
+            r"dashboard: (http://\S+/)#token=(\S+?)&", capsys.readouterr().out
+        )[0]
         headers = {"content-type": "application/json", "x-pomona-token": token}
         body = json.dumps({"action": "safe_stop", "viewer": "me", "who": "ada"}).encode()
         with urlopen(Request(f"{address}api/act", body, headers), timeout=60) as answer:

@@ -52,7 +52,17 @@ def test_a_run_ends_well_with_closed_streams_or_an_encoding_without_our_signs(
     cell.write_text("name: bench\nkind: mock\nclock: manual\ndevices: {}\n")
     program = "import sys; from pomona.executive.cli import main; sys.exit(main())"
     done = subprocess.run(
-        [sys.executable, "-c", program, "run", str(tree), "--cell", str(cell), "--record", str(tmp_path / "runs")],
+        [
+            sys.executable,
+            "-c",
+            program,
+            "run",
+            str(tree),
+            "--cell",
+            str(cell),
+            "--record",
+            str(tmp_path / "runs"),
+        ],
         stdout=None if closed else subprocess.PIPE,
         env={**os.environ, "PYTHONIOENCODING": encoding},
         preexec_fn=(lambda: os.closerange(0, 3)) if closed else None,
@@ -73,7 +83,10 @@ def test_a_run_ends_well_with_closed_streams_or_an_encoding_without_our_signs(
     ids=["package", "fruit", "picture"],
 )
 def test_a_place_that_cannot_be_written_is_named_in_one_line(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").touch()
@@ -96,7 +109,10 @@ def test_a_place_that_cannot_be_written_is_named_in_one_line(
         ),
         ("pomona: 1\ntree: t\nroot:\n  sequence:\n    - Lift: {height: 5}\n", "lacks a unit"),
         ("\x00\x01", ":1:1: error[yaml]: not YAML: unacceptable character #x0000"),
-        ("pomona: 1\ntree: bäum\x00\n", ":2:11: error[yaml]: not YAML: unacceptable character #x0000"),
+        (
+            "pomona: 1\ntree: bäum\x00\n",
+            ":2:11: error[yaml]: not YAML: unacceptable character #x0000",
+        ),
     ],
 )
 def test_a_broken_tree_names_place_and_mistake(
@@ -109,16 +125,21 @@ def test_a_broken_tree_names_place_and_mistake(
     assert "Nothing was run." in error
 
 
-def test_a_file_that_is_no_text_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_file_that_is_no_text_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     path = tmp_path / "picture.yaml"
     path.write_bytes(b"\x89PNG\r\n\x1a\n\xff\xfe")
     assert "not a text file" in refused(capsys, "run", str(path))
 
 
 @pytest.mark.parametrize(
-    "setting", ["attempts", "=3", "attempts=many", "attempts=0", "radius=120", "radius=12 kg", "atempts=3"]
+    "setting",
+    ["attempts", "=3", "attempts=many", "attempts=0", "radius=120", "radius=12 kg", "atempts=3"],
 )
-def test_a_bad_setting_is_refused_before_anything_moves(capsys: pytest.CaptureFixture[str], setting: str) -> None:
+def test_a_bad_setting_is_refused_before_anything_moves(
+    capsys: pytest.CaptureFixture[str], setting: str
+) -> None:
     error = refused(capsys, "run", "pick_apple", "--set", setting)
     assert setting.split("=")[0] in error
 
@@ -131,28 +152,40 @@ def test_a_broken_cell_names_the_place(capsys: pytest.CaptureFixture[str], tmp_p
     assert "no-such-driver" in error
 
 
-def test_a_cell_without_the_devices_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_cell_without_the_devices_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     path = tmp_path / "cell.yaml"
     path.write_text("name: x\nkind: mock\nclock: manual\ndevices: {}\n")
     error = refused(capsys, "run", "pick_apple", "--cell", str(path))
     assert "Camera" in error
 
 
-def test_a_breakpoint_without_anyone_to_pass_it_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "add --dashboard" in refused(capsys, "run", "pick_apple", "--dry", "--break-after", "Refine")
+def test_a_breakpoint_without_anyone_to_pass_it_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert "add --dashboard" in refused(
+        capsys, "run", "pick_apple", "--dry", "--break-after", "Refine"
+    )
 
 
-def test_a_file_that_cannot_be_written_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_is_named(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     out = tmp_path / "no folder" / "tree.svg"
     assert main(["show", "pick_apple", "--svg", str(out)]) == 2
     assert capsys.readouterr().err.replace("\n", "") == f"{out}: No such file or directory"
 
 
 @pytest.mark.parametrize(
-    "words", [("export", "t.yaml", "--out"), ("show", "t.yaml", "--svg"), ("import", "t.xml", "--out")]
+    "words",
+    [("export", "t.yaml", "--out"), ("show", "t.yaml", "--svg"), ("import", "t.xml", "--out")],
 )
 def test_a_tree_file_is_never_overwritten(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     text = "pomona: 1\ntree: t\nroot: {wait: 1 s}\n"
@@ -164,12 +197,17 @@ def test_a_tree_file_is_never_overwritten(
 
 
 def test_a_file_that_the_command_wrote_is_written_again(tmp_path: Path) -> None:
-    for words in (("export", "pick_apple", "--out", "t.xml"), ("show", "pick_apple", "--svg", "t.svg")):
+    for words in (
+        ("export", "pick_apple", "--out", "t.xml"),
+        ("show", "pick_apple", "--svg", "t.svg"),
+    ):
         for _ in range(2):
             assert main([*words[:-1], str(tmp_path / words[-1])]) == 0
 
 
-def test_export_and_import_give_a_tree_file_again(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_export_and_import_give_a_tree_file_again(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     xml, again = tmp_path / "tree.xml", tmp_path / "tree.yaml"
     assert main(["export", "pick_apple", "--out", str(xml)]) == 0
     assert main(["import", str(xml), "--out", str(again)]) == 0
@@ -222,7 +260,9 @@ def test_small_commands_load_only_needed_modules() -> None:
 def test_declarations_of_skills_are_read_without_loading_their_networks() -> None:
     script = "import sys; from pomona.executive.registry import Registry; assert len(Registry.installed()) > 10"
     heavy = "; print([name for name in ('torch', 'trimesh', 'matplotlib', 'scipy.stats') if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60
+    )
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
 
 
@@ -265,10 +305,24 @@ def test_a_quiet_run_that_ends_in_the_safe_state_gives_the_reason(
 @pytest.mark.slow
 def test_a_reader_that_is_gone_ends_a_run_in_the_safe_state(tmp_path: Path) -> None:
     tree = tmp_path / "t.yaml"
-    tree.write_text("pomona: 1\ntree: t\nroot: {repeat: 500, sequence: [{wait: 20 ms}, {succeed: {}}]}\n")
-    command = [sys.executable, "-m", "pomona.executive.cli", "run", str(tree), "--dry", "--pace", "real"]
+    tree.write_text(
+        "pomona: 1\ntree: t\nroot: {repeat: 500, sequence: [{wait: 20 ms}, {succeed: {}}]}\n"
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "pomona.executive.cli",
+        "run",
+        str(tree),
+        "--dry",
+        "--pace",
+        "real",
+    ]
     with subprocess.Popen(
-        [*command, "--record", str(tmp_path / "runs")], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*command, "--record", str(tmp_path / "runs")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -304,7 +358,11 @@ devices:
 @pytest.mark.parametrize("number", list(WORDS))
 @pytest.mark.parametrize("stage", ["connecting the cell", "preparing Turn"])
 def test_a_signal_before_the_run_is_one_line_with_the_stage_and_closes_the_devices(
-    stage: str, number: int, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stage: str,
+    number: int,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     tree, cell, records = tmp_path / "t.yaml", tmp_path / "cell.yaml", tmp_path / "runs"
     tree.write_text("pomona: 1\ntree: t\nroot: {wait: 100 ms}\n")
@@ -329,7 +387,9 @@ def test_a_signal_before_the_run_is_one_line_with_the_stage_and_closes_the_devic
     reason = WORDS[signal.Signals(number)]
     said = f"{reason}. The run had not begun ({stage}): no skill of it moved anything.\n"
     assert (status, capsys.readouterr().err) == (128 + number, said)
-    assert closed == (["arm", "world"] if stage == "connecting the cell" else ["gripper", "arm", "world"])
+    assert closed == (
+        ["arm", "world"] if stage == "connecting the cell" else ["gripper", "arm", "world"]
+    )
     assert not list(records.glob("*"))
 
 
@@ -346,10 +406,14 @@ import pomona.executive.cli
 """
 
 
-@pytest.mark.parametrize("how", ["KeyboardInterrupt", "ImportError('failed') from KeyboardInterrupt()"])
+@pytest.mark.parametrize(
+    "how", ["KeyboardInterrupt", "ImportError('failed') from KeyboardInterrupt()"]
+)
 def test_ctrl_c_while_the_program_is_loaded_is_one_line_and_status_130(how: str) -> None:
     program = INTERRUPTED_IMPORT.replace("{how}", how)
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
+    )
     assert (ended.returncode, ended.stderr) == (130, "interrupted from the keyboard\n")
 
 
@@ -364,13 +428,17 @@ def interrupted():
 cli.unwaiting_output, sys.argv = interrupted, ["pomona", "run", "x"]
 sys.exit(cli.main())
 """
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
+    )
     assert (ended.returncode, ended.stderr) == (130, "interrupted from the keyboard\n")
 
 
 def test_a_module_that_cannot_be_loaded_is_not_reported_as_an_interruption() -> None:
     program = INTERRUPTED_IMPORT.replace("{how}", "ImportError('broken')")
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
+    )
     assert ended.returncode == 1
     assert "ImportError: broken" in ended.stderr
 
@@ -399,7 +467,8 @@ sys.exit(cli.main())
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("what", "name"), [("thread", "a skill's"), ("process", "a skill's"), ("computation", "pomona-compute_0")]
+    ("what", "name"),
+    [("thread", "a skill's"), ("process", "a skill's"), ("computation", "pomona-compute_0")],
 )
 def test_a_leftover_of_a_skill_is_named_and_does_not_keep_the_process(what: str, name: str) -> None:
     command = [sys.executable, "-c", LEAVES_BEHIND, what, "3"]
@@ -414,7 +483,9 @@ def test_after_ctrl_c_a_computation_that_was_abandoned_needs_no_word(what: str, 
     command = [sys.executable, "-c", LEAVES_BEHIND, what, "130"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 130
-    assert done.stderr == ("still running after the end, and ended with the process: a skill's\n" if said else "")
+    assert done.stderr == (
+        "still running after the end, and ended with the process: a skill's\n" if said else ""
+    )
 
 
 def test_a_pool_that_waits_for_work_ends_by_itself_and_is_not_named() -> None:
@@ -425,9 +496,13 @@ def test_a_pool_that_waits_for_work_ends_by_itself_and_is_not_named() -> None:
 
 @pytest.mark.slow
 def test_figures_are_drawn_where_a_notebook_names_a_backend_that_is_not_here() -> None:
-    script = "from pomona.executive.cli import main\nmain(['completion', 'bash'])\nimport matplotlib\n"
+    script = (
+        "from pomona.executive.cli import main\nmain(['completion', 'bash'])\nimport matplotlib\n"
+    )
     environment = os.environ | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
-    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=60
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -448,7 +523,9 @@ def test_an_unknown_option_shows_the_commands_own_usage(capsys: pytest.CaptureFi
     assert "unrecognized arguments: --diff" in told
 
 
-def test_a_misspelt_skill_is_answered_with_the_one_that_is_meant(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_misspelt_skill_is_answered_with_the_one_that_is_meant(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["skills", "Refin"]) == 2
     assert "no skill 'Refin'; did you mean 'Refine'?" in capsys.readouterr().err
     assert main(["skills", "Lift"]) == 0
@@ -462,7 +539,10 @@ def test_an_import_ends_with_the_skills_that_are_not_installed(
     tree = "<Sequence><ComputePath/><FollowPath/><ComputePath/></Sequence>"
     xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{tree}</BehaviorTree></root>')
     assert main(["import", str(xml)]) == 0
-    assert "4 nodes; 2 skills are not installed here: ComputePath, FollowPath." in capsys.readouterr().err
+    assert (
+        "4 nodes; 2 skills are not installed here: ComputePath, FollowPath."
+        in capsys.readouterr().err
+    )
 
 
 def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
@@ -497,7 +577,9 @@ def test_a_foreign_node_with_children_is_passed_through_in_a_dry_run_and_never_r
     assert main(["export", str(tree)]) == 0
     assert '<SpeedController min_rate="0.1">' in capsys.readouterr().out
     assert main(["run", str(tree), "--no-record"]) == 2
-    assert "Route, SpeedController, Walk: declared in the tree" in " ".join(capsys.readouterr().err.split())
+    assert "Route, SpeedController, Walk: declared in the tree" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 @pytest.mark.parametrize(
@@ -505,8 +587,14 @@ def test_a_foreign_node_with_children_is_passed_through_in_a_dry_run_and_never_r
     [
         ('<Action ID="moverobot" location="1"/>', '<moverobot location="1"'),
         ('<SubTree ID="Elsewhere" goal="{goal}"/>', '<SubTree ID="Elsewhere" goal="{goal}"'),
-        ('<ParallelAll max_failures="1"><Route/><Walk/></ParallelAll>', '<ParallelAll max_failures="1">'),
-        ('<LoopInt queue="{queue}" value="{n}"><Walk/></LoopInt>', '<LoopInt queue="{queue}" value="{n}">'),
+        (
+            '<ParallelAll max_failures="1"><Route/><Walk/></ParallelAll>',
+            '<ParallelAll max_failures="1">',
+        ),
+        (
+            '<LoopInt queue="{queue}" value="{n}"><Walk/></LoopInt>',
+            '<LoopInt queue="{queue}" value="{n}">',
+        ),
     ],
 )
 def test_an_element_without_translation_is_kept_in_a_dry_run_and_in_the_export(
@@ -523,7 +611,9 @@ def test_an_element_without_translation_is_kept_in_a_dry_run_and_in_the_export(
     assert main(["run", str(tree), "--no-record"]) == 2
 
 
-def test_a_declared_skill_has_the_ports_of_its_declaration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_declared_skill_has_the_ports_of_its_declaration(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     tree = tmp_path / "t.yaml"
     head = "pomona: 1\ntree: t\nskills:\n  Walk: {in: [goal]}\n"
     tree.write_text(f"{head}root:\n  Walk: {{gaol: here}}\n")

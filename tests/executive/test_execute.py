@@ -42,7 +42,9 @@ def test_an_order_for_a_simulated_cell_refuses_another_kind_also_one_that_a_sett
     )
     connected: list[object] = []
     monkeypatch.setattr(module, "connect_cell", lambda file, *_: connected.append(file))
-    with pytest.raises(UsageError, match=rf"cell.yaml: not a simulated cell but of kind {kind}. Nothing was run."):
+    with pytest.raises(
+        UsageError, match=rf"cell.yaml: not a simulated cell but of kind {kind}. Nothing was run."
+    ):
         execute(RunOrder(tmp_path / "pause.yaml", cell, settings=setting, simulated=True))
     assert not connected
 
@@ -63,13 +65,19 @@ def test_breakpoints_of_an_order_hold_the_run_from_its_start() -> None:
         if isinstance(event, StateChanged) and event.state == "paused":
             runners[0].resume(event.pause, "ada")
 
-    executed = execute(order(("Refine", "before"), ("Refine", "after")), [resume_when_paused], on_ready=runners.append)
+    executed = execute(
+        order(("Refine", "before"), ("Refine", "after")),
+        [resume_when_paused],
+        on_ready=runners.append,
+    )
     assert executed.result.outcome == "success"
     assert [because.split()[1] for because in held] == ["before", "after"]
     assert all(because.endswith("Refine") for because in held)
 
 
-def test_a_paused_run_reloads_its_file_from_the_disk_unless_its_text_was_given(tmp_path: Path) -> None:
+def test_a_paused_run_reloads_its_file_from_the_disk_unless_its_text_was_given(
+    tmp_path: Path,
+) -> None:
     tree = tmp_path / "look.yaml"
     nodes = "    - MoveTo: {pose: home}\n    - MoveTo: {pose: observe}\n      name: Look\n"
     text = f"pomona: 1\ntree: look\nroot:\n  sequence:\n{nodes}"
@@ -78,7 +86,9 @@ def test_a_paused_run_reloads_its_file_from_the_disk_unless_its_text_was_given(t
         runners: list[Runner] = []
         said: list[str] = []
 
-        def reload_when_paused(event: Event, runners: list[Runner] = runners, said: list[str] = said) -> None:
+        def reload_when_paused(
+            event: Event, runners: list[Runner] = runners, said: list[str] = said
+        ) -> None:
             if isinstance(event, OperatorActed) and event.action == "reload":
                 said.append(event.action)
             if isinstance(event, StateChanged) and event.state == "paused":
@@ -93,7 +103,9 @@ def test_a_paused_run_reloads_its_file_from_the_disk_unless_its_text_was_given(t
 
         breaks: tuple[tuple[str, Side], ...] = (("look/MoveTo", "after"),)
         run = RunOrder(tree, find_cell("sim"), dry=True, texts=texts, breaks=breaks)
-        assert execute(run, [reload_when_paused], on_ready=runners.append).result.outcome == "success"
+        assert (
+            execute(run, [reload_when_paused], on_ready=runners.append).result.outcome == "success"
+        )
         assert said == outcome
 
 
@@ -103,7 +115,9 @@ def test_a_folder_that_takes_no_record_is_refused_before_the_cell_is_connected(
     (tmp_path / "runs").write_text("a file")
     connected: list[object] = []
     monkeypatch.setattr(module, "connect_cell", lambda file, *_: connected.append(file))
-    with pytest.raises(RecordError, match=r"runs: no record can be written there: .*`--record DIR` names another"):
+    with pytest.raises(
+        RecordError, match=r"runs: no record can be written there: .*`--record DIR` names another"
+    ):
         execute(RunOrder(find_tree("pick_apple"), find_cell("sim"), record=tmp_path / "runs"))
     assert not connected
 
@@ -123,7 +137,9 @@ def test_the_test_of_a_folder_of_records_makes_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_warning_of_the_preparation_stands_in_its_line_on_terminal_and_page(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_warning_of_the_preparation_stands_in_its_line_on_terminal_and_page(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def prepare(_runner: Runner, tell: Callable[[str, int, int], None]) -> None:
         tell("MoveTo", 0, 2)
         logging.getLogger("pomona").warning("compiling the motion kernels, once, about %d s", 30)
@@ -131,10 +147,17 @@ def test_a_warning_of_the_preparation_stands_in_its_line_on_terminal_and_page(mo
 
     stages: list[str] = []
     monkeypatch.setattr(Runner, "prepare", prepare)
-    starting = Starting(lambda: stages.append(starting.stage.what if starting.stage is not None else ""))
+    starting = Starting(
+        lambda: stages.append(starting.stage.what if starting.stage is not None else "")
+    )
     execute(RunOrder(find_tree("pick_apple"), find_cell("sim"), dry=True), starting=starting)
     note = ": compiling the motion kernels, once, about 30 s"
-    assert stages[-4:] == ["preparing MoveTo", f"preparing MoveTo{note}", f"preparing Plan{note}", ""]
+    assert stages[-4:] == [
+        "preparing MoveTo",
+        f"preparing MoveTo{note}",
+        f"preparing Plan{note}",
+        "",
+    ]
     handlers = logging.getLogger("pomona").handlers
     assert not [handler for handler in handlers if isinstance(handler, module._Notes)]
 
@@ -146,7 +169,8 @@ def test_a_stop_during_the_preparation_is_a_recorded_run_without_a_tick(tmp_path
 
     starting = Starting(stop_when_preparing)
     executed = execute(
-        RunOrder(find_tree("pick_apple"), find_cell("sim"), dry=True, record=tmp_path), starting=starting
+        RunOrder(find_tree("pick_apple"), find_cell("sim"), dry=True, record=tmp_path),
+        starting=starting,
     )
     assert (executed.result.outcome, executed.result.ticks) == ("stopped", 0)
     assert executed.record is not None

@@ -25,11 +25,20 @@ def test_a_name_that_is_nearly_one_is_asked_back_and_a_path_is_not() -> None:
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("lab/cel.yaml", r"^no cell file 'lab/cel\.yaml': lab/cel\.yaml does not exist; did you mean 'cell\.yaml'\?$"),
-        ("lap/cell.yaml", r"^no cell file 'lap/cell\.yaml': lap does not exist; did you mean 'lab'\?$"),
+        (
+            "lab/cel.yaml",
+            r"^no cell file 'lab/cel\.yaml': lab/cel\.yaml does not exist; did you mean 'cell\.yaml'\?$",
+        ),
+        (
+            "lap/cell.yaml",
+            r"^no cell file 'lap/cell\.yaml': lap does not exist; did you mean 'lab'\?$",
+        ),
         ("lab/x/y/cell.yaml", r"^no cell file 'lab/x/y/cell\.yaml': lab/x does not exist$"),
         ("lab/cell.yaml/cell.yaml", r"cell\.yaml/cell\.yaml does not exist$"),
-        ("orchrd_7.yaml", r"^no cell file 'orchrd_7\.yaml'; did you mean 'orchard_7\.yaml'\? installed: "),
+        (
+            "orchrd_7.yaml",
+            r"^no cell file 'orchrd_7\.yaml'; did you mean 'orchard_7\.yaml'\? installed: ",
+        ),
     ],
 )
 def test_a_path_that_does_not_exist_is_named_with_the_nearest_one(
@@ -43,7 +52,9 @@ def test_a_path_that_does_not_exist_is_named_with_the_nearest_one(
         find_cell(name)
 
 
-def test_a_folder_of_an_installed_name_hides_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_an_installed_name_hides_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "frames").mkdir()
     monkeypatch.chdir(tmp_path)
     assert find_cell("frames") == installed_trees() / "cells" / "frames.yaml"

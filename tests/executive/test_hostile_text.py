@@ -28,9 +28,14 @@ from pomona.executive.terminal.screen import Screen
 from pomona.tools.library.index import INDEX_FILE, RunIndex
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x1b[31m\u202eevil\u200b\x9b5n\r[red]x[/] \ud800"
-ACTING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+ACTING = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 REASON = Reason("a/Plan", EVIL, EVIL, {EVIL: 1.0})
-NODES = ({"path": "a", "parent": None, "name": EVIL, "type": "retry"}, {"path": "a/Plan", "parent": "a", "name": EVIL})
+NODES = (
+    {"path": "a", "parent": None, "name": EVIL, "type": "retry"},
+    {"path": "a/Plan", "parent": "a", "name": EVIL},
+)
 RUN: tuple[Event, ...] = (
     started(tree=EVIL, cell=EVIL, settings={EVIL: EVIL}, nodes=NODES, versions={EVIL: EVIL}),
     NodeChanged(0.1, 1, "a/Plan", "RUNNING", EVIL, 1),
@@ -66,7 +71,10 @@ def test_json_has_the_same_content_and_acts_no_more() -> None:
     ],
 )  # fmt: skip
 def test_no_command_lets_a_record_act_in_a_terminal(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write(Path("runs/odd"), RUN)
@@ -97,7 +105,9 @@ def test_no_command_lets_a_tree_act_in_a_terminal(
         assert not ACTING.search(said.out + said.err), command
 
 
-def test_a_screen_keeps_its_own_colours_and_no_link_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_screen_keeps_its_own_colours_and_no_link_of_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("FORCE_COLOR", "1")
     shown = io.StringIO()
@@ -142,7 +152,9 @@ def test_whatever_events_say_no_command_ends_in_a_traceback(
         "codes = '" + "[" * 5000 + "'",
     ],
 )  # fmt: skip
-def test_a_row_of_the_index_with_anything_in_it_is_read_from_its_record(tmp_path: Path, change: str) -> None:
+def test_a_row_of_the_index_with_anything_in_it_is_read_from_its_record(
+    tmp_path: Path, change: str
+) -> None:
     write(tmp_path / "a", RUN[:1])
     before = RunIndex(tmp_path).read()
     with contextlib.closing(sqlite3.connect(tmp_path / INDEX_FILE, isolation_level=None)) as file:

@@ -12,7 +12,9 @@ from pomona.executive.errors import UsageError
 from pomona.executive.images import from_file, shrunk, to_jpeg, to_png
 
 RNG = np.random.default_rng(0)
-SMOOTH = cv2.resize(RNG.integers(0, 256, (6, 8, 3), dtype=np.uint8), (64, 48), interpolation=cv2.INTER_CUBIC)
+SMOOTH = cv2.resize(
+    RNG.integers(0, 256, (6, 8, 3), dtype=np.uint8), (64, 48), interpolation=cv2.INTER_CUBIC
+)
 DEPTH = RNG.integers(0, 65536, (48, 64), dtype=np.uint16)
 
 
@@ -24,7 +26,9 @@ def test_jpeg_is_coded_by_opencv_and_comes_back_as_rgb() -> None:
     assert len(to_jpeg(SMOOTH, 30)) < len(content)
 
 
-@pytest.mark.parametrize("pixels", [SMOOTH, SMOOTH[..., 0], DEPTH], ids=["colour", "plane", "depth"])
+@pytest.mark.parametrize(
+    "pixels", [SMOOTH, SMOOTH[..., 0], DEPTH], ids=["colour", "plane", "depth"]
+)
 def test_png_comes_back_to_the_bit_here_and_in_opencv(pixels: np.ndarray) -> None:
     content = to_png(pixels, 1)
     back = from_file(content)
@@ -41,7 +45,9 @@ def test_a_shrunk_picture_holds_the_mean_of_the_area_under_each_pixel() -> None:
     assert np.abs(small - expected).max() <= 1.0
 
 
-@pytest.mark.parametrize("content", [b"", b"\xff\xd8\xff", to_png(DEPTH)[:-40], to_jpeg(SMOOTH, 90)[:200], b"GIF89a"])
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff\xd8\xff", to_png(DEPTH)[:-40], to_jpeg(SMOOTH, 90)[:200], b"GIF89a"]
+)
 def test_a_file_that_is_cut_off_or_another_is_refused(content: bytes) -> None:
     with pytest.raises(ValueError, match="an image cannot be decoded"):
         from_file(content)

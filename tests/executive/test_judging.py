@@ -40,8 +40,15 @@ subtrees:
 
 def test_equal_values_are_judged_once(registry, tmp_path, monkeypatch):
     asked, detect = [], registry["Detect"]
-    monkeypatch.setattr(detect, "judge", lambda known, cell: asked.append(known["fruit"]) or [Problem("fruit", "no")])
-    nodes = "".join(f'    - Detect: {{fruit: {fruit}, detection: "{{d}}"}}\n' for fruit in ("apple", "lemon", "apple"))
+    monkeypatch.setattr(
+        detect,
+        "judge",
+        lambda known, cell: asked.append(known["fruit"]) or [Problem("fruit", "no")],
+    )
+    nodes = "".join(
+        f'    - Detect: {{fruit: {fruit}, detection: "{{d}}"}}\n'
+        for fruit in ("apple", "lemon", "apple")
+    )
     path = tmp_path / "t.yaml"
     path.write_text("pomona: 1\ntree: t\nroot:\n  sequence:\n" + nodes)
     found = judge(read_document(path), registry, {}, find_cell("sim")).findings.sorted()
@@ -71,7 +78,9 @@ def judged(
     return judge(read_document(path), registry, settings, file).findings.sorted()
 
 
-def test_nothing_is_wrong_with_a_sound_tree_on_its_cell(tmp_path: Path, registry: Registry, unconnected: None) -> None:
+def test_nothing_is_wrong_with_a_sound_tree_on_its_cell(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
     assert judged(tmp_path, registry) == []
     assert judged(tmp_path, registry, cell=None) == []
 
@@ -87,21 +96,27 @@ def test_a_pose_that_the_cell_lacks_is_found_where_it_is_written(
     assert judged(tmp_path, registry, cell=None, where="nowhere") == []  # no cell, no poses
 
 
-def test_mistakes_elsewhere_hide_no_pose(tmp_path: Path, registry: Registry, unconnected: None) -> None:
+def test_mistakes_elsewhere_hide_no_pose(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
     wrong = TREE.replace("to: home", "to: hoem").replace("- Refine:", "- Refien:")
     found = judged(tmp_path, registry, wrong + "  other: {root: {wait: 5}}\n")
     assert [f.code for f in found] == ["unknown-skill", "unfit", "value"]
     assert found[1].hint == "did you mean 'home'?"
 
 
-def test_an_unreadable_value_is_not_judged_as_a_default(tmp_path: Path, registry: Registry, unconnected: None) -> None:
+def test_an_unreadable_value_is_not_judged_as_a_default(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
     broken = TREE.replace("{type: text, default: observe}", "{type: txt, default: observe}")
     assert {f.code for f in judged(tmp_path, registry, broken)} == {"unknown-type"}
     endless = TREE + "  again: {root: {again: {}}}\n"
     assert "recursion" in {f.code for f in judged(tmp_path, registry, endless)}
 
 
-def test_an_unknown_or_missing_fruit_is_found(tmp_path: Path, registry: Registry, unconnected: None) -> None:
+def test_an_unknown_or_missing_fruit_is_found(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
     (found,) = judged(tmp_path, registry, cell=None, kind="aple")
     assert (found.line, found.severity) == (10, "error")
     assert "did you mean 'apple'?" in found.message
@@ -109,17 +124,24 @@ def test_an_unknown_or_missing_fruit_is_found(tmp_path: Path, registry: Registry
     assert (found.line, found.severity) == (10, "warning")
     assert "no lemon on the table of the cell 'sim', which holds apple" in found.message
     assert judged(tmp_path, registry, kind="lemon", fruit="lemon") == []
-    own = shutil.copytree(CATALOGUE / "lemon", tmp_path / "apple")  # the table knows the folder of its fruit
+    own = shutil.copytree(
+        CATALOGUE / "lemon", tmp_path / "apple"
+    )  # the table knows the folder of its fruit
     assert judged(tmp_path, registry, kind=str(own)) == []
 
 
-def test_fruit_without_weights_is_reported_with_the_command_that_makes_them(tmp_path: Path, registry: Registry) -> None:
+def test_fruit_without_weights_is_reported_with_the_command_that_makes_them(
+    tmp_path: Path, registry: Registry
+) -> None:
     assert pomona(["new", "fruit", "plum", "--into", str(tmp_path)]) == 0
     path = tmp_path / "plum" / "fruit.yaml"
     (found, *_) = judged(tmp_path, registry, cell=None, kind=str(path))
     assert found.message == "Detect: there are no weights to find plum by"
     command = f"pomona train detect --fruit {path} --out plum.weights"
-    assert found.hint == f"train its detector: {command}, then wire 'weights: plum.weights' beside 'fruit'"
+    assert (
+        found.hint
+        == f"train its detector: {command}, then wire 'weights: plum.weights' beside 'fruit'"
+    )
 
 
 def test_fruit_with_a_broken_file_or_broken_weights_is_found_before_the_run(
@@ -135,7 +157,9 @@ def test_fruit_with_a_broken_file_or_broken_weights_is_found_before_the_run(
     assert "is no mesh that can be read" in found.message
 
 
-def test_a_setting_that_neither_tree_nor_cell_knows_gets_a_hint_from_both(tmp_path: Path, registry: Registry) -> None:
+def test_a_setting_that_neither_tree_nor_cell_knows_gets_a_hint_from_both(
+    tmp_path: Path, registry: Registry
+) -> None:
     (found,) = judged(tmp_path, registry, knid="apple")
     assert (found.path, found.hint) == ("--set knid=apple", "did you mean 'kind'?")
     (found,) = judged(tmp_path, registry, plaec="3")
@@ -146,7 +170,10 @@ def test_every_mistake_of_tree_cell_and_settings_is_found_in_one_pass(
     tmp_path: Path, registry: Registry, unconnected: None
 ) -> None:
     found = judged(tmp_path, registry, mass="3 m", friction="-1", kind="aple")
-    assert [f.path.removeprefix("--set ").partition("=")[0] for f in found[:2]] == ["friction", "mass"]
+    assert [f.path.removeprefix("--set ").partition("=")[0] for f in found[:2]] == [
+        "friction",
+        "mass",
+    ]
     assert len(found) == 3
 
 
@@ -175,19 +202,29 @@ def test_every_installed_cell_is_checked_as_one_and_so_is_a_cell_that_includes_i
     pomona(["check", *map(str, files)])
     said = capsys.readouterr().out
     errors = [line.split("error", 1)[1] for line in said.splitlines() if "error[" in line]
-    assert all(error.startswith(("[file]: devices.", "[missing-key]: devices.")) for error in errors), errors
+    assert all(
+        error.startswith(("[file]: devices.", "[missing-key]: devices.")) for error in errors
+    ), errors
 
 
-@pytest.mark.parametrize(("rate", "fits"), [("99 Hz", False), ("100 Hz", True), ("130 Hz", True), ("1 kHz", True)])
+@pytest.mark.parametrize(
+    ("rate", "fits"), [("99 Hz", False), ("100 Hz", True), ("130 Hz", True), ("1 kHz", True)]
+)
 def test_fingers_that_sample_too_slowly_for_a_grip_are_found_by_the_check(
     rate: str, fits: bool, tmp_path: Path, unconnected: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell, tree = tmp_path / "slow.yaml", tmp_path / "t.yaml"
     include = "include: emulated.yaml#devices"
-    cell.write_text(f"include: emulated.yaml\ndevices: {{{include}, fingers: {{{include}/fingers, rate: {rate}}}}}\n")
+    cell.write_text(
+        f"include: emulated.yaml\ndevices: {{{include}, fingers: {{{include}/fingers, rate: {rate}}}}}\n"
+    )
     tree.write_text('pomona: 1\ntree: t\nroot: {SlipAvoidGrasp: {hold: "{hold}"}}\n')
     assert pomona(["check", str(tree), "--cell", str(cell)]) == (0 if fits else 2)
-    assert fits or "gives 99 samples a second; a grip needs 100 to 2000" in capsys.readouterr().out.replace("\n", "")
+    assert (
+        fits
+        or "gives 99 samples a second; a grip needs 100 to 2000"
+        in capsys.readouterr().out.replace("\n", "")
+    )
 
 
 def test_check_on_a_cell_connects_nothing_and_takes_every_kind_of_file(
@@ -200,8 +237,12 @@ def test_check_on_a_cell_connects_nothing_and_takes_every_kind_of_file(
     campaign = tmp_path / "many.yaml"
     campaign.write_text("campaign: many\ntree: pick_apple\nvary: {place: [1, 9]}\n")
     cell, fruit = tmp_path / "cell.yaml", tmp_path / "fruit.yaml"
-    cell.write_text("kind: mock\nworld: {driver: mock}\ndevices: {arm: {driver: mock-arm, start: hoem}}\n")
-    fruit.write_text("name: plum\nmesh: plum.ply\ndimensions: 50 50 50 mm\nsymmetry_axis: [0, -1, 0]\n")
+    cell.write_text(
+        "kind: mock\nworld: {driver: mock}\ndevices: {arm: {driver: mock-arm, start: hoem}}\n"
+    )
+    fruit.write_text(
+        "name: plum\nmesh: plum.ply\ndimensions: 50 50 50 mm\nsymmetry_axis: [0, -1, 0]\n"
+    )
     scenario = tmp_path / "cases.yaml"
     scenario.write_text("tree: pick_apple.yaml\ncases: [{expect: maybe}]\n")
     assert pomona(["check", str(campaign), str(cell), str(fruit), str(scenario)]) == 2
@@ -209,4 +250,9 @@ def test_check_on_a_cell_connects_nothing_and_takes_every_kind_of_file(
     for place in ("many.yaml:3:19", "cell.yaml:3:", "fruit.yaml:2:7", "cases.yaml:2:18"):
         assert place in said
     assert pomona(["schema", "scenario"]) == 0
-    assert pomona(["schema", "fruit"]) == pomona(["schema", "cell"]) == pomona(["schema", "campaign"]) == 0
+    assert (
+        pomona(["schema", "fruit"])
+        == pomona(["schema", "cell"])
+        == pomona(["schema", "campaign"])
+        == 0
+    )

@@ -8,7 +8,17 @@ from typing import Any, Protocol, runtime_checkable
 import pytest
 
 from pomona.executive.errors import NotOwnerError
-from pomona.executive.lease import Lease, Leases, command, commands_of, give_up, identity, keep, leased, lend
+from pomona.executive.lease import (
+    Lease,
+    Leases,
+    command,
+    commands_of,
+    give_up,
+    identity,
+    keep,
+    leased,
+    lend,
+)
 
 
 @runtime_checkable
@@ -124,7 +134,9 @@ def test_a_command_after_the_end_of_the_lease_is_refused_and_names_skill_device_
     lease.end("the skill has ended")
     with pytest.raises(NotOwnerError) as error:
         lathe.turn(0.5)
-    words = "pick/Lift: refused to command 'turn' of the lathe: the skill has ended; nothing has moved"
+    words = (
+        "pick/Lift: refused to command 'turn' of the lathe: the skill has ended; nothing has moved"
+    )
     assert str(error.value) == words
     assert refused == [error.value]
     assert machine.angle == 0.0
@@ -170,7 +182,9 @@ def test_a_concrete_class_is_an_interface_too(lease: Lease) -> None:
 
 
 @pytest.mark.parametrize("interfaces", [(Eye,), (Eye, Lathe)])
-def test_a_device_that_moves_nothing_is_seen_as_its_interface_alone(lease: Lease, interfaces: tuple[type, ...]) -> None:
+def test_a_device_that_moves_nothing_is_seen_as_its_interface_alone(
+    lease: Lease, interfaces: tuple[type, ...]
+) -> None:
     machine = Machine()
     machine.interfaces = interfaces
     eye: Any = leased(machine, Eye, lease)

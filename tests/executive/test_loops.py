@@ -15,4 +15,6 @@ def test_no_test_runs_a_loop_in_the_main_thread() -> None:
         if "asyncio.run(" in path.read_text("utf-8") or "anyio.run(" in path.read_text("utf-8")
     ]
     assert "executive/loops.py" in found, "the tests were not found"
-    assert set(found) <= ALLOWED, "use tests.executive.loops.in_loop: Playwright's loop may run in the main thread"
+    assert set(found) <= ALLOWED, (
+        "use tests.executive.loops.in_loop: Playwright's loop may run in the main thread"
+    )

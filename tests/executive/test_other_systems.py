@@ -60,13 +60,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("other_systems")
     code = "import sys; from pomona.executive.cli import main; sys.exit(main(sys.argv[1:]))"
     tree = str(ROOT / "executive" / "trees" / "count_down.yaml")
-    subprocess.run([sys.executable, "-c", code, "run", tree, "--dry"], cwd=folder, capture_output=True, check=True)
+    subprocess.run(
+        [sys.executable, "-c", code, "run", tree, "--dry"],
+        cwd=folder,
+        capture_output=True,
+        check=True,
+    )
     frames = folder / "frames"
     frames.mkdir()
     cv2.imwrite(str(frames / "a_color.png"), np.full((120, 160, 3), 90, np.uint8))
     cv2.imwrite(str(frames / "a_depth_mm.png"), np.full((120, 160), 900, np.uint16))
-    (frames / "intrinsics.yaml").write_text("{fx: 300 px, fy: 300 px, cx: 80 px, cy: 60 px, width: 160, height: 120}")
-    (frames / "frames.json").write_text(json.dumps([{"label": "a", "T_base_camera": np.eye(4).tolist()}]))
+    (frames / "intrinsics.yaml").write_text(
+        "{fx: 300 px, fy: 300 px, cx: 80 px, cy: 60 px, width: 160, height: 120}"
+    )
+    (frames / "frames.json").write_text(
+        json.dumps([{"label": "a", "T_base_camera": np.eye(4).tolist()}])
+    )
     return folder
 
 
@@ -87,7 +96,11 @@ OPENED = {
     "text": "pomona: 1\ntree: t\nroot: {wait: 1 m}\n",
 }
 EDITOR = (
-    {"id": 1, "method": "initialize", "params": {"processId": None, "rootUri": None, "capabilities": {}}},
+    {
+        "id": 1,
+        "method": "initialize",
+        "params": {"processId": None, "rootUri": None, "capabilities": {}},
+    },
     {"method": "initialized", "params": {}},
     {"method": "textDocument/didOpen", "params": {"textDocument": OPENED}},
     {"id": 2, "method": "shutdown"},
@@ -102,9 +115,16 @@ def typed(messages: tuple[dict[str, object], ...]) -> str:
     return "".join(f"Content-Length: {len(text)}\r\n\r\n{text}" for text in texts)
 
 
-def run(folder: Path, out: str, modules: tuple[str, ...], names: tuple[str, ...] = (), slow: bool = True) -> None:
+def run(
+    folder: Path, out: str, modules: tuple[str, ...], names: tuple[str, ...] = (), slow: bool = True
+) -> None:
     measured = ("measure", "frames", "--out", f"measured_{out}")
-    detected = ("detect", str(ROOT / "docs" / "images" / "rendered.jpg"), "--out", f"detected_{out}")
+    detected = (
+        "detect",
+        str(ROOT / "docs" / "images" / "rendered.jpg"),
+        "--out",
+        f"detected_{out}",
+    )
     commands = (measured, detected, *QUICK) if slow else QUICK
     done = subprocess.run(
         [sys.executable, "-c", HIDING, *map(json.dumps, (modules, names, commands))],
@@ -135,8 +155,14 @@ def test_without_a_name_of_unix(folder: Path, name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "modules", "names"),
-    [("windows", UNIX_MODULES, UNIX_NAMES), ("no graphics", GRAPHICS, ()), ("no planner", PLANNER, ())],
+    [
+        ("windows", UNIX_MODULES, UNIX_NAMES),
+        ("no graphics", GRAPHICS, ()),
+        ("no planner", PLANNER, ()),
+    ],
     ids=["windows", "egl", "ompl"],
 )
-def test_fruit_is_measured_and_found(folder: Path, case: str, modules: tuple[str, ...], names: tuple[str, ...]) -> None:
+def test_fruit_is_measured_and_found(
+    folder: Path, case: str, modules: tuple[str, ...], names: tuple[str, ...]
+) -> None:
     run(folder, case.replace(" ", "_"), modules, names)

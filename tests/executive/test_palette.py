@@ -7,7 +7,9 @@ import pytest
 
 from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED, OVERLAY, SCENE, SERIES, WARN, rgb
 
-STATIC = Path(__file__).resolve().parents[2] / "executive" / "pomona" / "tools" / "dashboard" / "static"
+STATIC = (
+    Path(__file__).resolve().parents[2] / "executive" / "pomona" / "tools" / "dashboard" / "static"
+)
 STYLE = (STATIC / "style.css").read_text("utf-8")
 LIGHT = dict(re.findall(r"--([a-z0-9-]+): (#[0-9a-f]+);", STYLE[: STYLE.index("@media")]))
 
@@ -25,7 +27,10 @@ def test_things_in_space():
 
 def test_outlines_on_photographs():
     outlines = dict(re.findall(r"\.line\.(\w+) \{ stroke: (#[0-9a-f]{6})", STYLE))
-    assert outlines | {"found": re.search(r"\.line \{[^}]*stroke: (#[0-9a-f]{6})", STYLE)[1]} == OVERLAY
+    assert (
+        outlines | {"found": re.search(r"\.line \{[^}]*stroke: (#[0-9a-f]{6})", STYLE)[1]}
+        == OVERLAY
+    )
 
 
 def test_curves():

@@ -32,7 +32,9 @@ class Weigh(Skill):
     failures = ("TOO_HEAVY",)
 
     def run(
-        self, basket: Basket, height: Annotated[Length, Port(max="1 m", help="above the scale")] = LENGTH("3 cm")
+        self,
+        basket: Basket,
+        height: Annotated[Length, Port(max="1 m", help="above the scale")] = LENGTH("3 cm"),
     ) -> Work[Weighed]:
         yield None
         return Weighed(1.0)
@@ -41,7 +43,9 @@ class Weigh(Skill):
 @pytest.fixture
 def installed(monkeypatch):
     def install(*points):
-        monkeypatch.setattr(registry, "entry_points", lambda group: points if group == registry.GROUP else ())
+        monkeypatch.setattr(
+            registry, "entry_points", lambda group: points if group == registry.GROUP else ()
+        )
         return Registry.installed()
 
     return install
@@ -63,7 +67,9 @@ def test_skills_are_found_by_entry_point(installed):
 
 
 def test_a_skill_that_cannot_be_imported_is_reported(installed):
-    found = installed(EntryPoint("Lost", "no_such_module:Lost", registry.GROUP), FakePoint("Weigh", Weigh))
+    found = installed(
+        EntryPoint("Lost", "no_such_module:Lost", registry.GROUP), FakePoint("Weigh", Weigh)
+    )
     assert list(found) == ["Weigh"]
     assert "ModuleNotFoundError" in found.problems["Lost"]
 
@@ -74,7 +80,11 @@ def test_a_class_that_is_no_skill_is_reported(installed):
 
 def test_the_listing_is_complete_for_a_reader(installed):
     (listing,) = installed(FakePoint("Weigh", Weigh)).listing()
-    assert (listing.name, listing.summary, listing.failures) == ("Weigh", "Weigh a basket.", ("TOO_HEAVY",))
+    assert (listing.name, listing.summary, listing.failures) == (
+        "Weigh",
+        "Weigh a basket.",
+        ("TOO_HEAVY",),
+    )
     assert listing.inputs[1] == {
         "name": "height",
         "type": "length",

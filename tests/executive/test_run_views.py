@@ -71,12 +71,21 @@ class Failing(Counting):
 @pytest.fixture
 def offered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Offer the views above, one that is no module, and no others."""
-    names = {"b": f"{__name__}:Second", "a": f"{__name__}:Counting", "c": f"{__name__}:Failing", "d": "no_module:View"}
+    names = {
+        "b": f"{__name__}:Second",
+        "a": f"{__name__}:Counting",
+        "c": f"{__name__}:Failing",
+        "d": "no_module:View",
+    }
     points = [EntryPoint(name, value, GROUP) for name, value in names.items()]
     loaded = {"Second": Second, "Counting": Counting, "Failing": Failing}
 
     def load(point: EntryPoint) -> type[RunView]:
-        return loaded[point.attr] if point.attr in loaded else EntryPoint.load(EntryPoint("x", "no_module:View", GROUP))
+        return (
+            loaded[point.attr]
+            if point.attr in loaded
+            else EntryPoint.load(EntryPoint("x", "no_module:View", GROUP))
+        )
 
     monkeypatch.setattr(run_views, "_load", load)
     monkeypatch.setattr(run_views, "entry_points", lambda group: points if group == GROUP else [])
@@ -86,7 +95,9 @@ def offered(monkeypatch: pytest.MonkeyPatch) -> None:
 def run(tmp_path: Path, *options: str) -> int:
     tree = tmp_path / "rest.yaml"
     tree.write_text(TREE)
-    return pomona(["run", str(tree), "--dry", "--no-record", "--record", str(tmp_path), "--quiet", *options])
+    return pomona(
+        ["run", str(tree), "--dry", "--no-record", "--record", str(tmp_path), "--quiet", *options]
+    )
 
 
 @pytest.mark.usefixtures("offered")
@@ -113,10 +124,14 @@ def test_an_exception_of_a_view_ends_the_run_in_the_safe_state(tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("offered")
-def test_a_view_that_cannot_be_imported_is_reported_and_left_out(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_view_that_cannot_be_imported_is_reported_and_left_out(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     with caplog.at_level(logging.WARNING):
         views = RunViews.installed()
-    assert "the view 'd' of no_module:View cannot be used: No module named 'no_module'" in caplog.text
+    assert (
+        "the view 'd' of no_module:View cannot be used: No module named 'no_module'" in caplog.text
+    )
     views.add(argparse.ArgumentParser())
 
 

@@ -42,7 +42,9 @@ class Weigh(Skill):
     def run(
         self,
         basket: Basket,
-        height: Annotated[Length, Port(min="1 mm", max="1 m", help="above the scale")] = LENGTH("3 cm"),
+        height: Annotated[Length, Port(min="1 mm", max="1 m", help="above the scale")] = LENGTH(
+            "3 cm"
+        ),
         how: Literal["quickly", "exactly"] = "exactly",
         share: Ratio = 0.5,
         before: Basket | None = None,

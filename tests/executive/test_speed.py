@@ -17,7 +17,8 @@ def test_a_share_is_read_and_written() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["0", "5 %", "9.9 %", "150 %", "30", "-50 %", "nan", "NaN %", "inf", "1e400 %", "fast", ""]
+    "text",
+    ["0", "5 %", "9.9 %", "150 %", "30", "-50 %", "nan", "NaN %", "inf", "1e400 %", "fast", ""],
 )
 def test_an_invalid_speed_is_refused_with_the_valid_range(text: str) -> None:
     with pytest.raises(SpeedRefusedError, match="%"):

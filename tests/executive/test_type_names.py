@@ -12,7 +12,9 @@ from pomona.executive.ports import without_alias
 
 T = TypeVar("T", bound=np.generic)
 Heights = TypeAliasType("Heights", np.ndarray[Any, np.dtype[np.float64]])
-Named = TypeAliasType("Named", np.ndarray[Any, np.dtype[T]], type_params=(T,))  # NDArray of numpy 2.5
+Named = TypeAliasType(
+    "Named", np.ndarray[Any, np.dtype[T]], type_params=(T,)
+)  # NDArray of numpy 2.5
 Twice = TypeAliasType("Twice", Heights)
 
 
@@ -27,6 +29,8 @@ def test_an_array_is_one_by_each_of_its_names(annotation: Any) -> None:
     assert is_array(from_annotation(annotation))
 
 
-@pytest.mark.parametrize("annotation", [int, list[int], int | None, Any, None, "Heights", tuple[int, ...]])
+@pytest.mark.parametrize(
+    "annotation", [int, list[int], int | None, Any, None, "Heights", tuple[int, ...]]
+)
 def test_other_annotations_stay(annotation: Any) -> None:
     assert without_alias(annotation) is annotation

@@ -40,7 +40,9 @@ def test_a_figure_shows_values_of_the_code(figures: Any, name: str) -> None:
     drawn, now = json.loads(figures.NUMBERS.read_text("utf-8"))[name], figures.FIGURES[name]()
     assert drawn.keys() == now.keys(), "make figures"
     for series, values in now.items():
-        np.testing.assert_allclose(drawn[series], values, rtol=1e-4, atol=1e-6, err_msg=f"{series}: make figures")
+        np.testing.assert_allclose(
+            drawn[series], values, rtol=1e-4, atol=1e-6, err_msg=f"{series}: make figures"
+        )
     assert (figures.IMAGES / f"method_{name}.svg").stat().st_size > 1000
 
 
@@ -64,12 +66,18 @@ def test_no_picture_is_older_than_its_sources(pictures: Any) -> None:
 
 
 def test_the_picture_of_a_lift_shows_the_controller_s_actions(pictures: Any) -> None:
-    assert pictures.figures_of_grip() == pytest.approx(pictures.ledger()["grip.png"]["shows"], rel=0.02), "make figures"
+    assert pictures.figures_of_grip() == pytest.approx(
+        pictures.ledger()["grip.png"]["shows"], rel=0.02
+    ), "make figures"
 
 
 def test_every_picture_is_one_that_is_made(pictures: Any) -> None:
     there = {path.name for path in pictures.IMAGES.iterdir() if not path.name.startswith("method")}
-    assert there - {"made.json", "grip_modes.svg"} == pictures.PICTURES.keys() >= pictures.ledger().keys()
+    assert (
+        there - {"made.json", "grip_modes.svg"}
+        == pictures.PICTURES.keys()
+        >= pictures.ledger().keys()
+    )
 
 
 def test_pictures_are_distinguished_from_afar(pictures: Any, tmp_path: Path) -> None:
@@ -96,7 +104,11 @@ def test_a_picture_that_looks_as_it_was_is_made_anew_only_where_its_figures_chan
     monkeypatch.setattr(pictures, "ROOT", tmp_path)
     monkeypatch.setattr(pictures, "IMAGES", tmp_path)
     (tmp_path / "source").touch()
-    monkeypatch.setitem(pictures.PICTURES, "a.png", pictures.Picture(draw, ("source",), lambda: {"peak [N]": peak[0]}))
+    monkeypatch.setitem(
+        pictures.PICTURES,
+        "a.png",
+        pictures.Picture(draw, ("source",), lambda: {"peak [N]": peak[0]}),
+    )
     entries: dict[str, Any] = {}
     pictures.make("a.png", entries)
     first = (tmp_path / "a.png").read_bytes()

@@ -24,7 +24,9 @@ def release() -> ModuleType:
 
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
-    (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## [1.2.0] - 2026-01-31\n\n- All of it.\n")
+    (tmp_path / "CHANGELOG.md").write_text(
+        "# Changelog\n\n## [1.2.0] - 2026-01-31\n\n- All of it.\n"
+    )
     (tmp_path / "CITATION.cff").write_text("version: 1.2.0\n")
     for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "All of it"]):
         author = ["-c", "user.name=t", "-c", "user.email=t@example.org"]
@@ -32,7 +34,9 @@ def repository(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_version_that_is_dated_cited_and_committed_can_be_released(release: ModuleType, repository: Path) -> None:
+def test_a_version_that_is_dated_cited_and_committed_can_be_released(
+    release: ModuleType, repository: Path
+) -> None:
     assert list(release.problems(repository, "1.2.0")) == []
 
 
@@ -44,7 +48,9 @@ def test_a_version_that_is_dated_cited_and_committed_can_be_released(release: Mo
         ("CITATION.cff", "version: 1.1.0\n", "is not about version 1.2.0"),
     ],
 )
-def test_a_mismatch_is_reported(release: ModuleType, repository: Path, file: str, text: str, says: str) -> None:
+def test_a_mismatch_is_reported(
+    release: ModuleType, repository: Path, file: str, text: str, says: str
+) -> None:
     (repository / file).write_text(text)
     found = list(release.problems(repository, "1.2.0"))
     assert any(says in problem for problem in found)
@@ -56,7 +62,9 @@ def test_a_version_is_released_once(release: ModuleType, repository: Path) -> No
     assert list(release.problems(repository, "1.2.0")) == ["v1.2.0 is a tag already"]
 
 
-def test_a_version_is_not_tagged_with_a_placeholder_for_the_public_address(release: ModuleType, tmp_path: Path) -> None:
+def test_a_version_is_not_tagged_with_a_placeholder_for_the_public_address(
+    release: ModuleType, tmp_path: Path
+) -> None:
     for name in release.ADDRESSED:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("url: https://x.net/pomona\n")
@@ -67,8 +75,14 @@ def test_a_version_is_not_tagged_with_a_placeholder_for_the_public_address(relea
 
 def test_each_file_with_a_placeholder_is_looked_at(release: ModuleType) -> None:
     names = ("git", "ls-files", "*.md", "*.toml", "*.yml", "*.cff", ".github")
-    listed = subprocess.run(names, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
-    found = {name for name in listed if "docs/" not in name and release.PLACEHOLDER in (ROOT / name).read_text("utf-8")}
+    listed = subprocess.run(
+        names, cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.split()
+    found = {
+        name
+        for name in listed
+        if "docs/" not in name and release.PLACEHOLDER in (ROOT / name).read_text("utf-8")
+    }
     assert found == set(release.ADDRESSED)
 
 

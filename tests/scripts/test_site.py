@@ -29,11 +29,17 @@ def test_the_search_in_pages_from_the_disk_needs_no_network() -> None:
 
 
 def test_every_word_of_the_language_has_an_example_that_reads_and_is_drawn() -> None:
-    words = [node.key for node in NodeTypes.installed().values() if type(node).__module__.startswith("pomona.")]
+    words = [
+        node.key
+        for node in NodeTypes.installed().values()
+        if type(node).__module__.startswith("pomona.")
+    ]
     assert sorted(EXAMPLES) == sorted(words)
     for word in words:
         document = document_of(word)
-        assert [found.message for found in document.findings if found.severity == "error"] == [], word
+        assert [found.message for found in document.findings if found.severity == "error"] == [], (
+            word
+        )
         assert word in show_text(document)
         assert "<svg" in beside(word)
 
@@ -47,7 +53,9 @@ def test_no_column_has_an_empty_header() -> None:
 def test_the_search_dialogue_of_the_page_404_has_a_name() -> None:
     config = load_config(str(ROOT / "mkdocs.yml"))
     source = (Path(config.theme.dirs[0]) / "partials" / "search.html").read_text("utf-8")
-    (dialogue,) = re.findall(r'<div class="md-search"[^>]*>', on_post_template(source, template_name="404.html"))
+    (dialogue,) = re.findall(
+        r'<div class="md-search"[^>]*>', on_post_template(source, template_name="404.html")
+    )
     assert 'aria-label="Search"' in dialogue
 
 
@@ -64,14 +72,18 @@ def test_proofs_become_footnotes_and_whole_trees_are_drawn() -> None:
 
 
 def test_a_link_out_of_the_site_becomes_a_path_in_the_repository() -> None:
-    page = on_page_markdown("[report](reports/paper/paper.md); [a table of all](../evidence/pick-pace.md#what)")
+    page = on_page_markdown(
+        "[report](reports/paper/paper.md); [a table of all](../evidence/pick-pace.md#what)"
+    )
     assert page == "`docs/reports/paper/paper.md`; a table of all (`docs/evidence/pick-pace.md`)"
     leaf = "executive/pomona/tools/dashboard/live_stream.md"
     assert on_page_markdown(f"[stream](../{leaf})") == f"`{leaf}`"
 
 
 def test_formulas_are_drawn_without_a_mathematical_font() -> None:
-    html = on_page_content(r'<div class="arithmatex">\[\hat{\mathbf p}=\begin{bmatrix}a\\ b\end{bmatrix}\]</div>')
+    html = on_page_content(
+        r'<div class="arithmatex">\[\hat{\mathbf p}=\begin{bmatrix}a\\ b\end{bmatrix}\]</div>'
+    )
     assert '<mtable class="bracketed">' in html
     assert "&#x0005B;" not in html
     assert "\U0001d429" in html

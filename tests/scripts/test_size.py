@@ -37,12 +37,19 @@ def test_a_module_is_counted(size: ModuleType) -> None:
 
 
 def test_a_module_counts_for_its_core_or_for_its_leaf(size: ModuleType) -> None:
-    text = "from pomona.tools.groot import names\n\n\ndef run(self, a, b, c, d, e, f, g, h, i): ...\n"
+    text = (
+        "from pomona.tools.groot import names\n\n\ndef run(self, a, b, c, d, e, f, g, h, i): ...\n"
+    )
     core = size.of_part(Path("skills/pomona/skills/lift.py"), text)
     assert core["core: lines"] == core["skills: lines"] == 4
     assert core["core: imports of leaves"] == 1
     assert core["skills with more than 8 inputs"] == 1
-    assert size.of_part(Path("skills/pomona/skills/grip/hold.py"), text)["skills with more than 8 inputs"] == 0
+    assert (
+        size.of_part(Path("skills/pomona/skills/grip/hold.py"), text)[
+            "skills with more than 8 inputs"
+        ]
+        == 0
+    )
     leaf = size.of_part(Path("executive/pomona/tools/groot/names.py"), text)
     assert leaf == {"tools/groot: lines": 4}
 
@@ -60,7 +67,10 @@ def test_vague_words_are_counted(size: ModuleType, text: str, rates: tuple[int, 
 
 
 def test_a_figure_above_its_bound_fails_the_check(
-    size: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    size: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(size, "BOUNDS", tmp_path / "size.json")
     monkeypatch.setattr(size, "figures", lambda: {"lines": 10, "what": 1.5})

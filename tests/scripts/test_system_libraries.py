@@ -32,11 +32,15 @@ exit 0
         ),
     ],
 )
-def test_an_unsupported_python_is_refused_with_the_reason(tmp_path: Path, minor: int, says: str) -> None:
+def test_an_unsupported_python_is_refused_with_the_reason(
+    tmp_path: Path, minor: int, says: str
+) -> None:
     python = tmp_path / "python"
     python.write_text(FAKE.replace("{minor}", str(minor)))
     python.chmod(0o755)
-    done = subprocess.run(["sh", str(SCRIPT), "venv", str(python)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        ["sh", str(SCRIPT), "venv", str(python)], capture_output=True, text=True, check=False
+    )
     assert done.returncode == (1 if says else 0)
     assert says in done.stderr
     assert done.stderr.count("\n") == (1 if says else 0)

@@ -46,7 +46,9 @@ class Scene:
         return 1e3 * float(centroid), 1e3 * float(np.linalg.norm(dimensions - self.dimensions))
 
 
-def detected(fruit: StandingFruit, model: FruitModel, T_base_camera: Float64, camera: Intrinsics, rng) -> Float64:
+def detected(
+    fruit: StandingFruit, model: FruitModel, T_base_camera: Float64, camera: Intrinsics, rng
+) -> Float64:
     """The pose that PnP finds with the CAD cuboid for the true cuboid's corners, seen with 1.5 px of error."""
     T = inverse(T_base_camera) @ fruit.T_base_object
     towards = T[:3, :3].T @ -T[:3, 3]
@@ -78,7 +80,16 @@ def make_scene(
     rng = np.random.default_rng(seed)
     tilt, azimuth = rng.uniform(0.0, np.radians(12.0)), rng.uniform(-np.pi, np.pi)
     lean = tuple(rng.normal(0.0, 0.02, 2))
-    fruit = standing(model, np.array(dimensions_mm) / 1e3, (0.0, 0.0), tilt, azimuth, dents=0.004, lean=lean, rng=rng)
+    fruit = standing(
+        model,
+        np.array(dimensions_mm) / 1e3,
+        (0.0, 0.0),
+        tilt,
+        azimuth,
+        dents=0.004,
+        lean=lean,
+        rng=rng,
+    )
     fruit.T_base_object[2, 3] += lifted
     target = fruit.T_base_object[:3, 3] + np.array([0.0, aside, 0.0])
     T_base_camera = looking_at(target, 0.6, np.radians(elevation_deg))

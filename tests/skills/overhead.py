@@ -46,7 +46,9 @@ def _around(c: np.ndarray, radius: float) -> tuple[slice, slice]:
         low, high = (x - radius, x + radius)
         first = middle + f * low / (nearest if low < 0.0 else farthest)
         last = middle + f * high / (nearest if high > 0.0 else farthest)
-        return slice(int(np.clip(np.floor(first), 0, size)), int(np.clip(np.ceil(last) + 1, 0, size)))
+        return slice(
+            int(np.clip(np.floor(first), 0, size)), int(np.clip(np.ceil(last) + 1, 0, size))
+        )
 
     return ends(c[1], LENS.fy, LENS.cy, LENS.height), ends(c[0], LENS.fx, LENS.cx, LENS.width)
 
@@ -63,7 +65,9 @@ def untrue_frame(stamp: float, code: str) -> Frame:
 
 
 def frame(stamp: float, *balls: Ball) -> Frame:
-    return Frame(stamp, round(30 * stamp), BLACK, depth_of(*balls), LENS, None, T_BASE_CAMERA, "above")
+    return Frame(
+        stamp, round(30 * stamp), BLACK, depth_of(*balls), LENS, None, T_BASE_CAMERA, "above"
+    )
 
 
 class Overhead:

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from pomona.drivers.hold_watch import HandMemory, HandRecord, HoldWatch
-from pomona.drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Hand, Intrinsics, Workspace
+from pomona.drivers.interfaces import (
+    Arm,
+    Box,
+    ForceSensor,
+    Frame,
+    Gripper,
+    Hand,
+    Intrinsics,
+    Workspace,
+)
 from pomona.skills.geometry import rot_z, transform
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.sample import sample_pre_grasps
@@ -34,10 +43,18 @@ WORKSPACE = Workspace(
 )
 APPLES = {1: (89, 81, 89), 2: (91, 85, 91), 3: (93, 73, 93), 4: (73, 64, 73), 5: (62, 47, 62)}
 """The paper's apples: width, height, depth [mm]."""
-PLACES = {1: (-0.12, -0.35), 2: (0.08, -0.34), 3: (-0.03, -0.52), 4: (0.15, -0.48), 5: (-0.20, -0.48)}
+PLACES = {
+    1: (-0.12, -0.35),
+    2: (0.08, -0.34),
+    3: (-0.03, -0.52),
+    4: (0.15, -0.48),
+    5: (-0.20, -0.48),
+}
 """The paper's places on the table [m]."""
 ROBOT_MODEL = RobotModel.load(ROBOT)
-_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # the fruit's y points down
+_UPRIGHT = np.array(
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+)  # the fruit's y points down
 
 
 @cache
@@ -49,7 +66,15 @@ def apple_at(number: int, place: int, yaw: float = 0.0, sigma: float = 1e-3) -> 
     """One of the paper's apples, standing at one of its places, measured with a standard deviation [m]."""
     dimensions = np.array(APPLES[number]) * 1e-3
     centre = [*PLACES[place], TABLE_Z + dimensions[1] / 2.0]
-    frame = Frame(0.0, 0, np.zeros((2, 2, 3), np.uint8), None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), OBSERVE, np.eye(4))
+    frame = Frame(
+        0.0,
+        0,
+        np.zeros((2, 2, 3), np.uint8),
+        None,
+        Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2),
+        OBSERVE,
+        np.eye(4),
+    )
     return MeasuredFruit(
         fruit=_apple(),
         T_base_fruit=transform(rot_z(yaw) @ _UPRIGHT, centre),
@@ -73,14 +98,18 @@ def a_grasp(number: int = 1, place: int = 3, theta: float = 0.0) -> Grasp:
 
     space = ArmSpace(CollisionWorld.build(ROBOT_MODEL, WORKSPACE), 0.1)
     sphere = Sphere(theta=(theta, theta), tilts=1, turns=8)
-    grasps, _ = sample_pre_grasps(apple_at(number, place), ROBOT_MODEL, space, OBSERVE, TABLE_Z, sphere)
+    grasps, _ = sample_pre_grasps(
+        apple_at(number, place), ROBOT_MODEL, space, OBSERVE, TABLE_Z, sphere
+    )
     return grasps[0]
 
 
 @cache
 def q_at_grasp() -> np.ndarray:
     """Where the arm stands when it grasps, (dof,) [rad]."""
-    q: np.ndarray = straight_line(ROBOT_MODEL, a_grasp().q_pre_grasp[0], a_grasp().T_base_grasp).q[-1]
+    q: np.ndarray = straight_line(ROBOT_MODEL, a_grasp().q_pre_grasp[0], a_grasp().T_base_grasp).q[
+        -1
+    ]
     return q
 
 
@@ -100,7 +129,12 @@ class PickingScene:
 
     @property
     def devices(self) -> dict[type, object]:
-        return {Arm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers, Workspace: self.workspace}
+        return {
+            Arm: self.arm,
+            Gripper: self.gripper,
+            ForceSensor: self.fingers,
+            Workspace: self.workspace,
+        }
 
     @property
     def tcp(self) -> np.ndarray:
@@ -110,7 +144,10 @@ class PickingScene:
     def without_sensor(self) -> dict[type, object]:
         """The devices of a cell without force sensor, in which the state of the hand is followed."""
         hand = HoldWatch(None, None, self.gripper, HandMemory(None, HandRecord()))
-        return {**{kind: device for kind, device in self.devices.items() if kind is not ForceSensor}, Hand: hand}
+        return {
+            **{kind: device for kind, device in self.devices.items() if kind is not ForceSensor},
+            Hand: hand,
+        }
 
     def grip_plainly(self, motor_force: float | None = 5.0) -> None:
         """Let the fingers be stopped by something that is as wide as the present opening, without force sensor."""
@@ -191,5 +228,7 @@ def scene_with_pose(code: str, **scene: Any) -> tuple[PickingScene, dict[str, ob
     elif code == "UNKNOWN_POSE":
         del poses["there"]
     workspace = replace(WORKSPACE, poses=poses, obstacles=obstacles)
-    made = PickingScene(workspace=workspace, clock=RealTimeClock() if code == "TIMEOUT" else MockClock(), **scene)
+    made = PickingScene(
+        workspace=workspace, clock=RealTimeClock() if code == "TIMEOUT" else MockClock(), **scene
+    )
     return made, {"inputs": inputs, "settings": settings}

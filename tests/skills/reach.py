@@ -18,7 +18,21 @@ import numpy as np
 from pomona.executive.values.read_only import LARGE
 
 READINGS = ("state", "latest", "latest_depth", "in_hand")  # calls that measure and change nothing
-OPAQUE = (str, bytes, int, float, complex, type, Enum, Path, ModuleType, type(None), np.generic, np.dtype, slice)
+OPAQUE = (
+    str,
+    bytes,
+    int,
+    float,
+    complex,
+    type,
+    Enum,
+    Path,
+    ModuleType,
+    type(None),
+    np.generic,
+    np.dtype,
+    slice,
+)
 CALLS = (BuiltinFunctionType, FunctionType, MethodType)
 DEEP = 8
 
@@ -68,7 +82,9 @@ def within(place: Place, value: Any) -> Iterator[Place]:
     for name in public(value):
         yield Place(f"{place.path}.{name}", lambda name=name: getattr(place.look_up(), name))
         if name in READINGS:
-            yield Place(f"{place.path}.{name}()", lambda name=name: getattr(place.look_up(), name)())
+            yield Place(
+                f"{place.path}.{name}()", lambda name=name: getattr(place.look_up(), name)()
+            )
 
 
 def public(value: Any) -> list[str]:
@@ -101,7 +117,9 @@ def _writes(place: Place, array: np.ndarray[Any, Any]) -> bool:
         except ValueError:
             return False
     before = array.copy()
-    array.reshape(-1)[0] = 1 - array.reshape(-1)[0] if array.dtype == np.bool_ else array.reshape(-1)[0] + 1
+    array.reshape(-1)[0] = (
+        1 - array.reshape(-1)[0] if array.dtype == np.bool_ else array.reshape(-1)[0] + 1
+    )
     again = place.look_up()
     changed = again is array or not np.array_equal(again, before, equal_nan=True)
     array[...] = before
@@ -116,7 +134,9 @@ def _takes(place: Place, value: Any) -> bool:
     except (TypeError, AttributeError):
         return False
     there = len(place.look_up()) == len(value)
-    value.pop("planted") if isinstance(value, dict) else value.remove(7) if isinstance(value, bytearray) else None
+    value.pop("planted") if isinstance(value, dict) else value.remove(7) if isinstance(
+        value, bytearray
+    ) else None
     if isinstance(value, (list, set)):
         value.remove("planted")
     return there

@@ -55,7 +55,9 @@ def test_a_touch_stops_the_arm_and_names_the_place():
     assert 0.02 < outcome.reason.data["before_grasp_m"] < 0.11
     assert scene.arm.settled()
     left = np.linalg.norm(scene.tcp[:3, 3] - GRASP.T_base_grasp[:3, 3])
-    assert outcome.reason.data["before_grasp_m"] - 0.06 < left < outcome.reason.data["before_grasp_m"]
+    assert (
+        outcome.reason.data["before_grasp_m"] - 0.06 < left < outcome.reason.data["before_grasp_m"]
+    )
 
 
 def test_a_finger_that_lands_on_the_fruit_records_how_far_it_lies_from_its_measured_skin():
@@ -138,7 +140,9 @@ def test_it_is_slow_where_a_fingertip_may_land_on_level_skin_and_quick_elsewhere
     before = np.linalg.norm(tcp - GRASP.T_base_grasp[:3, 3], axis=1)
     speed = np.linalg.norm(np.gradient(tcp, trajectory.t, axis=0), axis=1)
     most = landing_speeds(gripper_shape(ROBOT_MODEL), GRASP, (), GRASP.width, before[0], 0.03)
-    allowed = np.interp(before, np.linspace(0.0, before[0], len(most)), np.minimum(most, 0.25)[::-1])
+    allowed = np.interp(
+        before, np.linspace(0.0, before[0], len(most)), np.minimum(most, 0.25)[::-1]
+    )
     assert allowed.min() < 2.0 * FLAT
     flat = allowed < 1.2 * allowed.min()
     assert flat.sum() > 10
@@ -163,14 +167,19 @@ def test_an_arm_that_brakes_late_lands_more_slowly():
 def test_it_lands_slowly_on_the_wall_of_a_crate_that_may_have_been_moved():
     places = (GRASP.T_base_grasp[:3, 3] + [x, 0.0, 0.07] for x in (0.0, 0.4))
     walls = (Box("source", transform(None, place), (0.004, 0.2, 0.01)) for place in places)
-    below, far = (landing_speeds(gripper_shape(ROBOT_MODEL), GRASP, (box,), GRASP.width, 0.12, 0.03) for box in walls)
+    below, far = (
+        landing_speeds(gripper_shape(ROBOT_MODEL), GRASP, (box,), GRASP.width, 0.12, 0.03)
+        for box in walls
+    )
     above = np.linspace(0.12, 0.0, len(below)) > 0.07  # higher than the fruit
     assert below[above].min() == pytest.approx(FLAT)
     assert np.isinf(far[above]).all()
 
 
 def test_an_obstacle_as_large_as_a_hall_takes_no_more_memory_than_a_small_one():
-    floor = Box("floor", transform(None, GRASP.T_base_grasp[:3, 3] + [30.0, 0.0, 0.06]), (40.0, 40.0, 0.01))
+    floor = Box(
+        "floor", transform(None, GRASP.T_base_grasp[:3, 3] + [30.0, 0.0, 0.06]), (40.0, 40.0, 0.01)
+    )
     most = landing_speeds(gripper_shape(ROBOT_MODEL), GRASP, (floor,), GRASP.width, 0.12, 0.001)
     assert most.min() == pytest.approx(FLAT)
 
@@ -211,7 +220,9 @@ def test_it_does_not_start_from_anywhere_else():
 
 def test_interrupted_it_stops_on_the_line():
     scene = at_pre_grasp()
-    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, interrupt_after=35)
+    outcome = drive(
+        Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, interrupt_after=35
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     offset = scene.tcp[:3, 3] - GRASP.T_base_pre_grasp[:3, 3]
@@ -224,7 +235,9 @@ def test_interrupted_it_stops_on_the_line():
 def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
     scene = at_pre_grasp()
     trouble = scene.arm_trouble(code)
-    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=trouble)
+    outcome = drive(
+        Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=trouble
+    )
     assert outcome.reason.code == code
     assert scene.arm.settled()
 
@@ -232,7 +245,9 @@ def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
 def test_a_grasp_out_of_reach_is_known_before_anything_moves():
     scene = at_pre_grasp()
     deep = GRASP.T_base_grasp @ transform(None, [0.0, 0.0, 0.6])
-    outcome = drive(Approach(), {"grasp": replace(GRASP, T_base_grasp=deep)}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        Approach(), {"grasp": replace(GRASP, T_base_grasp=deep)}, scene.devices, clock=scene.clock
+    )
     assert outcome.reason.code == "NO_STRAIGHT_LINE"
     assert 0.0 < outcome.reason.data["reached_m"] < 0.72
     assert scene.arm.followed == []
@@ -243,7 +258,10 @@ def test_something_on_the_way_is_known_before_anything_moves():
     scene = at_pre_grasp()
     finger = GRASP.T_base_pre_grasp @ transform(None, [0.0, GRASP.width / 2.0, 0.06])
     outcome = drive(
-        Approach(), {"grasp": GRASP, "map": seen_map(blocked=(finger[:3, 3],))}, scene.devices, clock=scene.clock
+        Approach(),
+        {"grasp": GRASP, "map": seen_map(blocked=(finger[:3, 3],))},
+        scene.devices,
+        clock=scene.clock,
     )
     assert outcome.reason.code == "IN_COLLISION"
     assert outcome.reason.data["obstacle"] == "map"
@@ -253,7 +271,9 @@ def test_something_on_the_way_is_known_before_anything_moves():
 
 def test_a_stale_map_is_not_free():
     scene = at_pre_grasp()
-    outcome = drive(Approach(), {"grasp": GRASP, "map": seen_map(-1000.0)}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        Approach(), {"grasp": GRASP, "map": seen_map(-1000.0)}, scene.devices, clock=scene.clock
+    )
     assert outcome.reason.code == "MAP_STALE"
     assert scene.arm.followed == []
 
@@ -305,6 +325,8 @@ def test_without_a_force_sensor_a_push_on_the_fingers_is_a_contact():
 
 def test_without_a_force_sensor_an_interruption_stops_the_arm():
     scene = at_pre_grasp()
-    outcome = drive(Approach(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, interrupt_after=40)
+    outcome = drive(
+        Approach(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, interrupt_after=40
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()

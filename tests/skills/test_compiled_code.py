@@ -15,7 +15,9 @@ from pomona.skills.compiled_code import FIRST_ONE, HELPER, LAST, PLACE, examine
 from pomona.skills.motion.lines import track_poses
 
 INNER = "import numba\n@numba.njit(cache=True)\ndef inner(): return {}\n"
-OUTER = "import numba\nfrom inner import inner\n@numba.njit(cache=True)\ndef outer(): return inner()\n"
+OUTER = (
+    "import numba\nfrom inner import inner\n@numba.njit(cache=True)\ndef outer(): return inner()\n"
+)
 SCRIPT = """
 from pathlib import Path
 
@@ -68,9 +70,7 @@ def test_a_place_that_a_person_has_chosen_keeps_versions_apart_as_well(tmp_path:
 
 def start(place: Path, lines: str) -> list[str]:
     """The warnings of a process that begins a first start with a helper that ends at once."""
-    script = (
-        "import logging, sys; from pathlib import Path; import pomona.skills.compiled_code as c; c.HELPER = 'this'\n"
-    )
+    script = "import logging, sys; from pathlib import Path; import pomona.skills.compiled_code as c; c.HELPER = 'this'\n"
     done = subprocess.run(
         [sys.executable, "-c", script + lines], env={**os.environ, PLACE: str(place)}, capture_output=True, text=True,
         timeout=100, check=True,
@@ -85,7 +85,9 @@ def test_the_first_start_is_announced_with_its_duration_and_no_later_one(tmp_pat
     assert "returncode: 0" in helper or (len(os.sched_getaffinity(0)) < 2 and helper == "None")
     place = tmp_path / Path(os.environ[PLACE]).name  # of this version
     (place / "fingers").mkdir(parents=True)
-    (place / "fingers" / "fingers.pad_wrench-26.py311.nbi").touch()  # a driver compiles it when the cell connects
+    (
+        place / "fingers" / "fingers.pad_wrench-26.py311.nbi"
+    ).touch()  # a driver compiles it when the cell connects
     assert start(tmp_path, begin)[0] == said
     (place / "motion").mkdir()
     (place / "motion" / LAST.replace("*", "20.py311")).touch()
@@ -93,7 +95,9 @@ def test_the_first_start_is_announced_with_its_duration_and_no_later_one(tmp_pat
 
 
 def test_on_one_core_no_process_helps(tmp_path: Path) -> None:
-    begin = "c._cores = lambda: 1; c.begin_first(Path('robot.xml')); print(c._beside, file=sys.stderr)"
+    begin = (
+        "c._cores = lambda: 1; c.begin_first(Path('robot.xml')); print(c._beside, file=sys.stderr)"
+    )
     said, helper = start(tmp_path, begin)
     assert f"about {FIRST_ONE} s" in said
     assert helper == "None"
@@ -117,8 +121,16 @@ def test_the_helper_compiles_its_half_for_the_process_that_waits(tmp_path: Path)
     ("place", "says", "is_ok"),
     [
         ("kept", "none yet in ", True),
-        ("cache/pomona/compiled-1", "since the installation is read-only; NUMBA_CACHE_DIR names another folder", True),
-        ("file/compiled-1", "does not last; set NUMBA_CACHE_DIR to a folder that is writable and stays", False),
+        (
+            "cache/pomona/compiled-1",
+            "since the installation is read-only; NUMBA_CACHE_DIR names another folder",
+            True,
+        ),
+        (
+            "file/compiled-1",
+            "does not last; set NUMBA_CACHE_DIR to a folder that is writable and stays",
+            False,
+        ),
         ("temporary/compiled-1", "does not last; set NUMBA_CACHE_DIR", False),
     ],
 )

@@ -38,12 +38,24 @@ def frame(stamp: float = 0.0, q: np.ndarray | None = None) -> Frame:
     return Frame(stamp, 0, np.zeros((480, 640, 3), np.uint8), None, INTRINSICS, q, T_BASE_CAMERA)
 
 
-def instance(x: float, z: float, score: float = 0.9, visibility: float = 1.0, posed: bool = True) -> Instance:
+def instance(
+    x: float, z: float, score: float = 0.9, visibility: float = 1.0, posed: bool = True
+) -> Instance:
     T = transform(None, (x, 0.0, z))
     corners = cuboid_keypoints((0.09756, 0.08539, 0.09590)) + T[:3, 3]
-    points = corners[:, :2] / corners[:, 2:] * (INTRINSICS.fx, INTRINSICS.fy) + (INTRINSICS.cx, INTRINSICS.cy)
+    points = corners[:, :2] / corners[:, 2:] * (INTRINSICS.fx, INTRINSICS.fy) + (
+        INTRINSICS.cx,
+        INTRINSICS.cy,
+    )
     if not posed:
-        return Instance(points, score, visibility, None, None, "no pose follows from the keypoints: they lie on a line")
+        return Instance(
+            points,
+            score,
+            visibility,
+            None,
+            None,
+            "no pose follows from the keypoints: they lie on a line",
+        )
     return Instance(points, score, visibility, T, np.eye(6) * 1e-4)
 
 
@@ -53,7 +65,9 @@ def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance
     instances: list[Instance] = []
     monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
     apple = replace(load_fruit("apple"), weights=Path("apple.weights"))
-    monkeypatch.setattr(looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
+    monkeypatch.setattr(
+        looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name)
+    )
     return instances
 
 
@@ -63,7 +77,11 @@ def look(skill: Detect | None = None, shown: Frame | None = None, **inputs: Any)
 
 
 def test_the_detection_holds_all_about_its_fruit(scripted: list[Instance]) -> None:
-    scripted += [instance(0.1, 0.5, score=0.95), instance(-0.1, 0.4, score=0.8), instance(0.0, 0.6, score=0.2)]
+    scripted += [
+        instance(0.1, 0.5, score=0.95),
+        instance(-0.1, 0.4, score=0.8),
+        instance(0.0, 0.6, score=0.2),
+    ]
     outcome = look()
     assert outcome.status is Status.SUCCESS
     detection = outcome.outputs["detection"]
@@ -79,12 +97,17 @@ def test_the_detection_holds_all_about_its_fruit(scripted: list[Instance]) -> No
 
 
 @pytest.mark.parametrize(
-    ("policy", "expected"), [("nearest", 1), ("largest", 2), ("most_visible", 0), ("surest", 0), ("index", 2)]
+    ("policy", "expected"),
+    [("nearest", 1), ("largest", 2), ("most_visible", 0), ("surest", 0), ("index", 2)],
 )
 def test_policies_choose(scripted: list[Instance], policy: str, expected: int) -> None:
     wide = instance(0.2, 0.55)
     wide = replace(wide, keypoints=(wide.keypoints - wide.keypoints[8]) * 2 + wide.keypoints[8])
-    scripted += [instance(0.1, 0.6, 0.95, 1.0), instance(-0.1, 0.4, 0.9, 0.5), replace(wide, visibility=0.7)]
+    scripted += [
+        instance(0.1, 0.6, 0.95, 1.0),
+        instance(-0.1, 0.4, 0.9, 0.5),
+        replace(wide, visibility=0.7),
+    ]
     assert look(target=policy, index=2).outputs["detection"].index == expected
 
 
@@ -105,8 +128,14 @@ def test_fruit_chosen_before_may_be_chosen_freely_or_never(scripted: list[Instan
     assert outcome.reason.code == "NOTHING_FOUND"
 
 
-def test_a_doubtful_find_is_chosen_from_the_second_look_on_when_nothing_surer_is_left(scripted: list[Instance]) -> None:
-    scripted += [instance(0.1, 0.5, score=0.9), instance(-0.1, 0.6, score=0.45), instance(0.0, 0.7, score=0.2)]
+def test_a_doubtful_find_is_chosen_from_the_second_look_on_when_nothing_surer_is_left(
+    scripted: list[Instance],
+) -> None:
+    scripted += [
+        instance(0.1, 0.5, score=0.9),
+        instance(-0.1, 0.6, score=0.45),
+        instance(0.0, 0.7, score=0.2),
+    ]
     skill = Detect()
     chosen = [look(skill, fallback_score=0.4).outputs["detection"].index for _ in range(3)]
     assert chosen == [0, 1, 0]
@@ -147,10 +176,14 @@ def test_a_fruit_close_behind_one_that_was_chosen_is_another_fruit(
     skill = Detect()
     assert look(skill, seen(0.03, 0.5), reselect="never").status is Status.SUCCESS
     outcome = look(skill, seen(0.03, 0.5, 0.5 + behind), reselect="never")
-    assert (outcome.outputs["detection"].index if outcome.status is Status.SUCCESS else None) == index
+    assert (
+        outcome.outputs["detection"].index if outcome.status is Status.SUCCESS else None
+    ) == index
 
 
-def test_progress_counts_the_fruit_of_this_look_and_those_that_are_gone(scripted: list[Instance]) -> None:
+def test_progress_counts_the_fruit_of_this_look_and_those_that_are_gone(
+    scripted: list[Instance],
+) -> None:
     skill = Detect()
     scripted[:] = [instance(0.1, 0.5), instance(-0.1, 0.6), instance(0.0, 0.7)]
     told = [dict(look(skill).published)["progress"]]
@@ -167,7 +200,14 @@ def test_failures_have_their_codes(scripted: list[Instance]) -> None:
 
     assert code(drive(Detect(), {"fruit": "apple"}, devices={Camera: OneFrame(None)})) == "NO_FRAME"
     assert (
-        code(drive(Detect(), {"fruit": "apple"}, devices={Camera: OneFrame(frame())}, clock=ManualClock(2.0)))
+        code(
+            drive(
+                Detect(),
+                {"fruit": "apple"},
+                devices={Camera: OneFrame(frame())},
+                clock=ManualClock(2.0),
+            )
+        )
         == "STALE_FRAME"
     )
     assert code(look()) == "NOTHING_FOUND"
@@ -181,7 +221,9 @@ def test_failures_have_their_codes(scripted: list[Instance]) -> None:
     assert code(look(target="index", index=3)) == "NOTHING_FOUND"
 
 
-def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch, scripted: list[Instance]) -> None:
+def test_a_frame_that_cannot_be_used_is_no_frame(
+    monkeypatch: pytest.MonkeyPatch, scripted: list[Instance]
+) -> None:
     def refuse(*_: object) -> list[Instance]:
         raise BadFrame("(h, w, 3) uint8 RGB", "(480, 640) float64")
 
@@ -202,7 +244,9 @@ def test_ranking_is_total_for_equal_instances() -> None:
 def test_a_fruit_is_chosen_so_many_times_and_the_others_first(scripted: list[Instance]) -> None:
     scripted += [instance(0.1, 0.5), instance(-0.1, 0.6)]
     skill = Detect()
-    chosen = [look(skill, reselect="never", max_selections=2).outputs["detection"].index for _ in range(4)]
+    chosen = [
+        look(skill, reselect="never", max_selections=2).outputs["detection"].index for _ in range(4)
+    ]
     assert chosen == [0, 1, 0, 1]
     outcome = look(skill, reselect="never", max_selections=2)
     assert outcome.reason is not None
@@ -237,7 +281,10 @@ def test_a_users_own_weights_and_config_are_used(monkeypatch: pytest.MonkeyPatch
         ({"working_width": "448"}, 448),  # of a text parameter
         ({"working_width": "all"}, None),
         ({"working_width": "auto"}, None),  # no distance is known
-        ({"working_width": "auto", "expected_distance": 0.5}, 247),  # 46 px × 640 × 0.5 m / (610.6 px × 97.6 mm)
+        (
+            {"working_width": "auto", "expected_distance": 0.5},
+            247,
+        ),  # 46 px × 640 × 0.5 m / (610.6 px × 97.6 mm)
     ],
 )
 def test_the_working_width_is_a_number_or_follows_from_the_distance(
@@ -259,7 +306,9 @@ def test_the_working_width_is_a_number_or_follows_from_the_distance(
 
 
 @pytest.mark.parametrize("width", [20, 5000, "wide", 320.5, True, "²"])
-def test_another_working_width_is_refused_before_a_run_and_in_it(scripted: list[Instance], width: object) -> None:
+def test_another_working_width_is_refused_before_a_run_and_in_it(
+    scripted: list[Instance], width: object
+) -> None:
     scripted.append(instance(0.0, 0.5))
     (problem,) = Detect.judge({"working_width": width}, None)
     assert (problem.key, str(width) in problem.message) == ("working_width", True)
@@ -268,7 +317,9 @@ def test_another_working_width_is_refused_before_a_run_and_in_it(scripted: list[
     assert outcome.reason.code == "BAD_VALUE"
 
 
-@pytest.mark.parametrize("inputs", [{"weights": "none.pt"}, {"weights": "none.pth", "config": "none.yaml"}])
+@pytest.mark.parametrize(
+    "inputs", [{"weights": "none.pt"}, {"weights": "none.pth", "config": "none.yaml"}]
+)
 def test_files_of_a_user_that_are_not_there_are_a_failure_in_words(inputs: dict[str, str]) -> None:
     outcome = look(**inputs)
     assert outcome.status is Status.FAILURE
@@ -277,7 +328,9 @@ def test_files_of_a_user_that_are_not_there_are_a_failure_in_words(inputs: dict[
     assert "none." in outcome.reason.message
 
 
-def test_nothing_of_the_apple_is_loaded_when_a_lemon_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_of_the_apple_is_loaded_when_a_lemon_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     loaded: list[str] = []
 
     def load(name: str) -> FruitModel:
@@ -292,7 +345,9 @@ def test_nothing_of_the_apple_is_loaded_when_a_lemon_is_looked_for(monkeypatch: 
     assert loaded == ["lemon", "lemon.weights"]
 
 
-def test_refine_is_prepared_without_any_fruit_of_the_catalogue(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refine_is_prepared_without_any_fruit_of_the_catalogue(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def refuse(*_: object) -> FruitModel:
         raise AssertionError("a fruit was loaded")
 

@@ -46,12 +46,16 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> list[Instance]:
     instances: list[Instance] = []
     monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
     apple = replace(load_fruit("apple"), weights=Path("apple.weights"))
-    monkeypatch.setattr(looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
+    monkeypatch.setattr(
+        looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name)
+    )
     return instances
 
 
 def look(frame: Frame | None = FRAME, now: float = 0.0, **inputs: Any) -> SkillEnd:
-    return drive(DetectAll(), {"fruit": "apple", **inputs}, {Camera: OneFrame(frame)}, clock=ManualClock(now))
+    return drive(
+        DetectAll(), {"fruit": "apple", **inputs}, {Camera: OneFrame(frame)}, clock=ManualClock(now)
+    )
 
 
 def test_all_that_are_sure_and_posed_come_by_falling_score(scripted: list[Instance]) -> None:
@@ -62,7 +66,9 @@ def test_all_that_are_sure_and_posed_come_by_falling_score(scripted: list[Instan
     assert [(d.score, d.index, d.found) for d in found.detections] == [(0.95, 0, 2), (0.8, 1, 2)]
     assert found.sentence == "2 fruit found in look"
     assert outcome.published[0][0] == "detection"
-    assert outcome.published[0][1].caption == "3 found"  # without a target, and without a comma for it
+    assert (
+        outcome.published[0][1].caption == "3 found"
+    )  # without a target, and without a comma for it
 
 
 @pytest.mark.parametrize(
@@ -83,7 +89,9 @@ def test_failures_have_their_codes(scripted, frame, now, inputs, code) -> None:
     assert outcome.outputs == {}
 
 
-def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch, scripted: list[Instance]) -> None:
+def test_a_frame_that_cannot_be_used_is_no_frame(
+    monkeypatch: pytest.MonkeyPatch, scripted: list[Instance]
+) -> None:
     def refuse(*_: object) -> list[Instance]:
         raise BadFrame("(h, w, 3) uint8 RGB", "(480, 640) float64")
 
@@ -95,7 +103,9 @@ def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch
 
 def test_interrupted_it_gives_up(scripted: list[Instance]) -> None:
     scripted += [instance(0.95)]
-    outcome = drive(DetectAll(), {"fruit": "apple"}, {Camera: OneFrame(FRAME)}, computing=10, interrupt_after=5)
+    outcome = drive(
+        DetectAll(), {"fruit": "apple"}, {Camera: OneFrame(FRAME)}, computing=10, interrupt_after=5
+    )
     assert outcome.status is Status.INVALID
     assert outcome.cancelled == 1
     assert outcome.outputs == {}

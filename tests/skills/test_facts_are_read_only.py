@@ -62,7 +62,9 @@ def mock_cell(folder: Path) -> Cell:
 
 
 def simulated_cell(folder: Path) -> Cell:
-    return load_cell(Path(__file__).parents[2] / "trees" / "cells" / "sim.yaml", overrides={"distractors": "0"})
+    return load_cell(
+        Path(__file__).parents[2] / "trees" / "cells" / "sim.yaml", overrides={"distractors": "0"}
+    )
 
 
 @pytest.fixture(params=[mock_cell, simulated_cell], ids=["mock", "simulated"])
@@ -97,7 +99,8 @@ def give_context(context: SkillContext, board: Board) -> BuiltTree:
 def within_reach(skill: Skill) -> dict[str, Callable[[], Any]]:
     """Devices and services of a skill; models of the robot, which all skills of a process share."""
     reach: dict[str, Callable[[], Any]] = {
-        interface.__name__: lambda interface=interface: skill.device(interface) for interface in skill.devices
+        interface.__name__: lambda interface=interface: skill.device(interface)
+        for interface in skill.devices
     }
     description = skill.device(Arm).description
     reach |= {"robot": lambda: RobotModel.load(description), "context": lambda: skill.context}
@@ -110,11 +113,26 @@ def test_nothing_that_a_skill_reaches_without_a_lease_can_be_changed(cell: Cell)
 
 def test_the_walk_reaches_limits_poses_boxes_readings_and_the_robot(cell: Cell) -> None:
     reached = {place.path for place in places(within_reach(onlooker(cell)))}
-    expected = ("Arm.limits.velocity", "Workspace.poses['home']", "Workspace.zones[0].T_base_box", "Arm.state().q")
-    reached = reached if cell.kind == "mock" else reached | {"Workspace.zones[0].T_base_box"}  # it has none
-    assert reached >= {*expected, "ForceSensor.latest().wrenches", "shape.model.geoms[0].size", "shape.arrays.spheres"}
+    expected = (
+        "Arm.limits.velocity",
+        "Workspace.poses['home']",
+        "Workspace.zones[0].T_base_box",
+        "Arm.state().q",
+    )
+    reached = (
+        reached if cell.kind == "mock" else reached | {"Workspace.zones[0].T_base_box"}
+    )  # it has none
+    assert reached >= {
+        *expected,
+        "ForceSensor.latest().wrenches",
+        "shape.model.geoms[0].size",
+        "shape.arrays.spheres",
+    }
     if cell.kind == "simulated":
-        assert {"Cameras.all[0].latest().depth", "Cameras.all[0].latest().T_mount_camera"} <= reached
+        assert {
+            "Cameras.all[0].latest().depth",
+            "Cameras.all[0].latest().T_mount_camera",
+        } <= reached
 
 
 def board_values() -> dict[str, Callable[[], Any]]:
@@ -178,7 +196,9 @@ class Greedy(Skill):
         yield None
 
 
-def test_a_skill_that_raises_the_arms_limits_ends_at_its_own_line_and_the_limits_stay(cell: Cell) -> None:
+def test_a_skill_that_raises_the_arms_limits_ends_at_its_own_line_and_the_limits_stay(
+    cell: Cell,
+) -> None:
     before = cell.device(Arm).limits.velocity.copy()
     skill = onlooker(cell)
     greedy = Greedy()
@@ -190,11 +210,15 @@ def test_a_skill_that_raises_the_arms_limits_ends_at_its_own_line_and_the_limits
 
 
 ATTACKS: dict[str, Callable[[Skill], Any]] = {
-    "a force sensor's samples are replaced": lambda skill: setattr(skill.device(ForceSensor), "latest", lambda: None),
+    "a force sensor's samples are replaced": lambda skill: setattr(
+        skill.device(ForceSensor), "latest", lambda: None
+    ),
     "a camera is closed": lambda skill: skill.device(Camera).close(),  # type: ignore[attr-defined]
     "a fault is injected": lambda skill: skill.device(ForceSensor).inject_fault("lost"),  # type: ignore[attr-defined]
     "a latch is released": lambda skill: skill.device(Camera).acknowledge(),  # type: ignore[attr-defined]
-    "the arm's command is replaced": lambda skill: setattr(skill.device(Arm), "follow", lambda _path: None),
+    "the arm's command is replaced": lambda skill: setattr(
+        skill.device(Arm), "follow", lambda _path: None
+    ),
     "the operator's speed is raised": lambda skill: skill.context.set_speed(1.0),  # type: ignore[attr-defined]
     "time passes": lambda skill: skill.clock.advance(60.0),
     "the clock is set": lambda skill: setattr(skill.clock, "now", lambda: 0.0),

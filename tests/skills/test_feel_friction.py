@@ -40,7 +40,9 @@ class Standing(PickingScene):
             wrenches = press(now)
             moved = self.tcp[2, 3] + linkage * self.gripper.state().width - self.before
             self.before += moved
-            if self.risen > 0.0 and moved < 0.0:  # a fruit that hangs goes down with the fingers until it stands
+            if (
+                self.risen > 0.0 and moved < 0.0
+            ):  # a fruit that hangs goes down with the fingers until it stands
                 down = min(-moved, self.risen)
                 self.risen, moved = self.risen - down, moved + down
             most = mu * -wrenches[:, 2]
@@ -63,7 +65,12 @@ class Standing(PickingScene):
 
     def feel_friction(self, hold: Hold, each_tick=None, **inputs):
         return drive(
-            FeelFriction(), {"hold": hold, **inputs}, self.devices, clock=self.clock, each_tick=each_tick, limit=10.0
+            FeelFriction(),
+            {"hold": hold, **inputs},
+            self.devices,
+            clock=self.clock,
+            each_tick=each_tick,
+            limit=10.0,
         )
 
 
@@ -78,7 +85,9 @@ def test_it_feels_the_friction_and_holds_for_it(mu):
     assert hold.settings.contact.mu == outcome.outputs["mu"]
     assert hold.phase is GripPhase.HOLDING
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
-    np.testing.assert_allclose(scene.tcp[:3, 3], a_grasp().T_base_grasp[:3, 3] + [0.0, 0.0, 0.001], atol=1e-4)
+    np.testing.assert_allclose(
+        scene.tcp[:3, 3], a_grasp().T_base_grasp[:3, 3] + [0.0, 0.0, 0.001], atol=1e-4
+    )
     assert outcome.duration < 1.3
 
 
@@ -135,9 +144,14 @@ def test_without_room_below_the_pads_do_not_slide_and_the_configured_value_is_ke
     scene = Standing()
     hold = scene.grasp()
     low = replace(WORKSPACE, table_z=float(scene.tcp[2, 3]) - 0.001)
-    outcome = drive(FeelFriction(), {"hold": hold}, {**scene.devices, Workspace: low}, clock=scene.clock)
+    outcome = drive(
+        FeelFriction(), {"hold": hold}, {**scene.devices, Workspace: low}, clock=scene.clock
+    )
     assert outcome.status is Status.SUCCESS
-    assert (outcome.outputs["mu"], outcome.outputs["mu_uncertainty"]) == (TOLD["mu"], TOLD["mu_uncertainty"])
+    assert (outcome.outputs["mu"], outcome.outputs["mu_uncertainty"]) == (
+        TOLD["mu"],
+        TOLD["mu_uncertainty"],
+    )
     assert "the slide down is blocked" in outcome.feedback
     assert scene.arm.followed == []
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
@@ -162,7 +176,9 @@ def test_while_the_pads_slide_the_force_stays_small_and_slipping_is_no_problem()
 def test_interrupted_the_arm_stops_and_the_grip_holds():
     scene = Standing()
     hold = scene.grasp()
-    outcome = drive(FeelFriction(), {"hold": hold}, scene.devices, clock=scene.clock, interrupt_after=30)
+    outcome = drive(
+        FeelFriction(), {"hold": hold}, scene.devices, clock=scene.clock, interrupt_after=30
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     assert hold.phase is GripPhase.HOLDING

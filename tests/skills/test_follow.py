@@ -58,14 +58,18 @@ def test_a_stop_by_another_client_is_reported():
         if tick == 10:
             scene.arm.safe_stop("somebody pressed stop")
 
-    outcome = drive(Follow(), {"path": path(scene)}, scene.devices, clock=scene.clock, each_tick=stop_at)
+    outcome = drive(
+        Follow(), {"path": path(scene)}, scene.devices, clock=scene.clock, each_tick=stop_at
+    )
     assert outcome.reason.code == "STOPPED"
 
 
 def test_interrupted_it_stops_on_the_path_and_stays_there():
     scene = PickingScene()
     planned = path(scene)
-    outcome = drive(Follow(), {"path": planned}, scene.devices, clock=scene.clock, interrupt_after=9)
+    outcome = drive(
+        Follow(), {"path": planned}, scene.devices, clock=scene.clock, interrupt_after=9
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     stopped = scene.arm.q.copy()
@@ -79,7 +83,9 @@ def test_an_approaching_object_in_view_stops_the_arm_on_its_path_and_is_reported
     scene = PickingScene()
     devices, camera = watched(scene)
     planned = path(scene)
-    outcome = drive(Follow(), {"path": planned}, devices, clock=scene.clock, each_tick=comes_near(scene, camera))
+    outcome = drive(
+        Follow(), {"path": planned}, devices, clock=scene.clock, each_tick=comes_near(scene, camera)
+    )
     assert outcome.reason.code == "PATH_BLOCKED"
     assert outcome.reason.data["moved"]
     assert np.linalg.norm(np.array(outcome.reason.data["point_m"]) - camera.balls[0][:3]) < 0.1
@@ -117,7 +123,9 @@ def test_frames_that_are_old_or_repeated_are_not_looked_at():
     devices, camera = watched(scene)
     old = frame(-1.0, (*scene.tcp[:3, 3], 0.2))
     camera.latest_depth = lambda: old
-    assert drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock).status is Status.SUCCESS
+    assert (
+        drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock).status is Status.SUCCESS
+    )
 
 
 @pytest.mark.slow

@@ -28,7 +28,9 @@ def some_pose(rng: np.random.Generator) -> np.ndarray:
     return transform(Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3))
 
 
-def test_a_pose_is_its_rotation_and_its_translation_and_the_identity_where_nothing_is_said() -> None:
+def test_a_pose_is_its_rotation_and_its_translation_and_the_identity_where_nothing_is_said() -> (
+    None
+):
     np.testing.assert_array_equal(transform(), np.eye(4))
     turned = transform(rot_z(0.3), (1.0, 2.0, 3.0))
     np.testing.assert_array_equal(turned[:3, :3], rot_z(0.3))
@@ -57,13 +59,19 @@ def test_turns_are_scipys_rotation_vectors(rng: np.random.Generator) -> None:
             rotation_about(axis, angle), Rotation.from_rotvec(angle * axis).as_matrix(), atol=1e-12
         )
         for name, turn in (("x", rot_x), ("y", rot_y), ("z", rot_z)):
-            np.testing.assert_allclose(turn(angle), Rotation.from_euler(name, angle).as_matrix(), atol=1e-12)
+            np.testing.assert_allclose(
+                turn(angle), Rotation.from_euler(name, angle).as_matrix(), atol=1e-12
+            )
 
 
-def test_the_angle_between_two_rotations_is_that_of_the_turn_from_one_to_the_other(rng: np.random.Generator) -> None:
+def test_the_angle_between_two_rotations_is_that_of_the_turn_from_one_to_the_other(
+    rng: np.random.Generator,
+) -> None:
     R = some_pose(rng)[:3, :3]
     for angle in (0.0, 0.2, 1.5, 3.0):
-        assert angle_between(R, R @ rotation_about((0.6, 0.0, 0.8), angle)) == pytest.approx(angle, abs=1e-9)
+        assert angle_between(R, R @ rotation_about((0.6, 0.0, 0.8), angle)) == pytest.approx(
+            angle, abs=1e-9
+        )
 
 
 def test_a_pose_is_distinguished_from_other_arrays(rng: np.random.Generator) -> None:

@@ -16,7 +16,9 @@ STIFFNESS = 2000.0  # of an object between the fingers [N/m]
 class Rig:
     """A gripper that closes on an object."""
 
-    def __init__(self, width: float | None, *, open_to: float = 0.1, motor: bool = True, hard: bool = False) -> None:
+    def __init__(
+        self, width: float | None, *, open_to: float = 0.1, motor: bool = True, hard: bool = False
+    ) -> None:
         """
         Args:
             width: of the object [m].
@@ -34,13 +36,22 @@ class Rig:
         gripper = self.scene.gripper
         if self.motor:
             touched = self.width is not None and gripper.width < self.width + 1e-6
-            gripper.motor_force = (3.0 + STIFFNESS * (self.width - gripper.width)) if touched and self.width else 0.0
+            gripper.motor_force = (
+                (3.0 + STIFFNESS * (self.width - gripper.width)) if touched and self.width else 0.0
+            )
 
-    def grasp(self, each_tick: Any = None, interrupt_after: int | None = None, **inputs: Any) -> SkillEnd:
+    def grasp(
+        self, each_tick: Any = None, interrupt_after: int | None = None, **inputs: Any
+    ) -> SkillEnd:
         given = {"fruit": apple_at(1, 3), **inputs}
         devices = self.scene.without_sensor
         return drive(
-            Grasp(), given, devices, clock=self.scene.clock, each_tick=each_tick, interrupt_after=interrupt_after
+            Grasp(),
+            given,
+            devices,
+            clock=self.scene.clock,
+            each_tick=each_tick,
+            interrupt_after=interrupt_after,
         )
 
 
@@ -99,7 +110,9 @@ def test_a_fruit_that_slips_out_while_the_grip_settles_is_lost():
     assert rig.grasp(slip).reason.code == "LOST"
 
 
-@pytest.mark.parametrize(("code", "state"), [("STOPPED", MotionState.STOPPED), ("MOTION_FAILED", MotionState.FAILED)])
+@pytest.mark.parametrize(
+    ("code", "state"), [("STOPPED", MotionState.STOPPED), ("MOTION_FAILED", MotionState.FAILED)]
+)
 def test_a_move_that_ends_without_an_object_is_no_grip(code: str, state: MotionState):
     rig = Rig(None)
 
@@ -173,7 +186,9 @@ def test_fingers_that_grip_nothing_record_no_touch():
 
 
 @pytest.mark.parametrize(("step", "held"), [(0.22e-3, True), (0.0, False)])
-def test_fingers_that_move_in_steps_hold_a_small_fruit_that_keeps_them_off_their_aim_by_less_than_2_mm(step, held):
+def test_fingers_that_move_in_steps_hold_a_small_fruit_that_keeps_them_off_their_aim_by_less_than_2_mm(
+    step, held
+):
     rig = Rig(0.0578, motor=False, hard=True)
     gripper = rig.scene.gripper
     gripper.limits = GripperLimits(0.053, 0.103, 0.15, 20.0, 20.0, step)

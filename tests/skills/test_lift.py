@@ -17,7 +17,15 @@ from pomona.skills.motion.lines import straight_line
 from pomona.skills.shared.touch import something_between
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.hand import spring_fruit
-from tests.skills.picking_scene import APPLES, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, q_at_grasp, seen_map
+from tests.skills.picking_scene import (
+    APPLES,
+    ROBOT_MODEL,
+    WORKSPACE,
+    PickingScene,
+    a_grasp,
+    q_at_grasp,
+    seen_map,
+)
 
 
 def holding() -> PickingScene:
@@ -35,7 +43,9 @@ def test_it_lifts_straight_up_and_still_holds():
     np.testing.assert_allclose(scene.tcp[:3, :3], before[:3, :3], atol=1e-6)
     assert outcome.duration < 1.3
     shown = [view for topic, view in outcome.published if topic == "candidates"]
-    assert [view.meshes for view in shown] == [()]  # the fruit is drawn no more where it was measured
+    assert [view.meshes for view in shown] == [
+        ()
+    ]  # the fruit is drawn no more where it was measured
 
 
 def test_the_tool_is_accelerated_gently():
@@ -72,7 +82,9 @@ def test_the_grips_own_numbers_stand_before_those_of_now():
 
 def test_a_fruit_that_falls_while_it_is_held_up_is_lost_too():
     scene = holding()
-    assert drive(Lift(), {"hold_time": 1.0}, scene.devices, clock=scene.clock).duration == pytest.approx(1.96, abs=0.1)
+    assert drive(
+        Lift(), {"hold_time": 1.0}, scene.devices, clock=scene.clock
+    ).duration == pytest.approx(1.96, abs=0.1)
     scene = holding()
 
     def drop(tick: int) -> None:
@@ -138,10 +150,16 @@ def test_something_above_is_known_before_anything_moves():
 def beside(rise: float, over: float) -> Box:
     """A box beside the held fruit and `over` it, its lower edge so far above the fruit's middle [m]."""
     T = holding().tcp
-    return Box("box", transform(T[:3, :3], (T @ [0.0485 - over, 0.0, -rise - 0.02, 1.0])[:3]), (0.004, 0.02, 0.02))
+    return Box(
+        "box",
+        transform(T[:3, :3], (T @ [0.0485 - over, 0.0, -rise - 0.02, 1.0])[:3]),
+        (0.004, 0.02, 0.02),
+    )
 
 
-@pytest.mark.parametrize(("rise", "over", "code"), [(-0.04, 0.001, None), (0.025, 0.02, "LIFT_BLOCKED")])
+@pytest.mark.parametrize(
+    ("rise", "over", "code"), [(-0.04, 0.001, None), (0.025, 0.02, "LIFT_BLOCKED")]
+)
 def test_a_fruit_leaves_the_wall_that_it_touches_and_not_the_lip_above_it(rise, over, code):
     workspace = replace(WORKSPACE, obstacles=(*WORKSPACE.obstacles, beside(rise, over)))
     scene = PickingScene(q=q_at_grasp().copy(), width=0.085, workspace=workspace)
@@ -153,10 +171,19 @@ def test_a_fruit_leaves_the_wall_that_it_touches_and_not_the_lip_above_it(rise, 
 
 def test_a_fruit_leaves_the_floor_of_the_crate_that_it_stands_on():
     p = holding().tcp[:3, 3]
-    floor = Box("crate", transform(None, [p[0], p[1], p[2] - APPLES[1][1] / 2e3 - 0.004]), (0.15, 0.15, 0.004))
-    scene = PickingScene(q=q_at_grasp().copy(), width=0.085, workspace=replace(WORKSPACE, obstacles=(floor,)))
+    floor = Box(
+        "crate",
+        transform(None, [p[0], p[1], p[2] - APPLES[1][1] / 2e3 - 0.004]),
+        (0.15, 0.15, 0.004),
+    )
+    scene = PickingScene(
+        q=q_at_grasp().copy(), width=0.085, workspace=replace(WORKSPACE, obstacles=(floor,))
+    )
     scene.hold_fruit()
-    assert drive(Lift(), {"grasp": a_grasp()}, scene.devices, clock=scene.clock).status is Status.SUCCESS
+    assert (
+        drive(Lift(), {"grasp": a_grasp()}, scene.devices, clock=scene.clock).status
+        is Status.SUCCESS
+    )
 
 
 def test_the_held_fruit_is_part_of_the_robot():
@@ -188,7 +215,9 @@ class Standing:
         def feel(now: float) -> np.ndarray:
             wrenches = press(now)
             risen = self.scene.tcp[2, 3] - a_grasp().T_base_grasp[2, 3]
-            hangs = min(max(risen / 2e-3, 0.0), 1.0)  # the load passes from the table within two millimetres
+            hangs = min(
+                max(risen / 2e-3, 0.0), 1.0
+            )  # the load passes from the table within two millimetres
             borne = min(hangs * weight, 2.0 * mu * -wrenches[0, 2])
             wrenches[:, 0] += 0.5 * borne
             wrenches[:, 5] += 0.5 * borne * lever * np.array([1.0, -1.0])
@@ -242,7 +271,9 @@ def test_a_fruit_that_creeps_is_watched_for_as_long_as_is_allowed():
 
 
 @pytest.mark.parametrize(("lever", "code"), [(0.0, "TOO_HEAVY"), (0.03, "FORCE_LIMIT")])
-def test_a_fruit_that_needs_more_than_the_allowed_force_is_put_back_before_it_hangs(lever: float, code: str):
+def test_a_fruit_that_needs_more_than_the_allowed_force_is_put_back_before_it_hangs(
+    lever: float, code: str
+):
     fruit = Standing(weight=20.0 if lever == 0.0 else 2.5, lever=lever)
     highest = 0.0
 
@@ -257,7 +288,9 @@ def test_a_fruit_that_needs_more_than_the_allowed_force_is_put_back_before_it_ha
     assert highest < 0.03
     assert fruit.risen == pytest.approx(0.0, abs=1e-3)
     assert fruit.scene.arm.settled()
-    assert something_between(fruit.scene.gripper, fruit.scene.fingers)  # it is let go by whoever comes next
+    assert something_between(
+        fruit.scene.gripper, fruit.scene.fingers
+    )  # it is let go by whoever comes next
 
 
 def test_a_fruit_that_slips_out_of_fingers_that_press_no_more_is_put_back():
@@ -300,7 +333,9 @@ def test_a_wall_that_lets_go_of_the_fruit_again_ends_no_lift():
         """Its friction pulls until the arm has gone 20 mm up."""
         begun.extend([True] if fruit.risen > 0.005 else [])
         pulls = bool(begun) and fruit.risen < 0.02
-        fruit.scene.fingers.feel = (lambda now: feel(now) + np.array([2.5, 0, 0, 0, 0, 0])) if pulls else feel
+        fruit.scene.fingers.feel = (
+            (lambda now: feel(now) + np.array([2.5, 0, 0, 0, 0, 0])) if pulls else feel
+        )
 
     outcome = fruit.lift(each_tick=wall)
     assert begun
@@ -402,7 +437,11 @@ def test_without_a_path_back_it_reports_that_the_fruit_is_still_up(monkeypatch: 
 
     def only_up(robot, q, T_base_goal):
         line = straight_line(robot, q, T_base_goal)
-        return line if T_base_goal[2, 3] > robot.tcp(q)[2, 3] else replace(line, reason="a limit is reached")
+        return (
+            line
+            if T_base_goal[2, 3] > robot.tcp(q)[2, 3]
+            else replace(line, reason="a limit is reached")
+        )
 
     monkeypatch.setattr("pomona.skills.shared.carrying.straight_line", only_up)
     outcome = fruit.lift()
@@ -429,7 +468,9 @@ def test_plain_fingers_lift_what_stopped_them(motor_force: float | None):
     scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
     scene.grip_plainly(motor_force)
     before = scene.tcp
-    outcome = drive(Lift(), {"height": 0.15, "hold_time": 0.5}, scene.without_sensor, clock=scene.clock)
+    outcome = drive(
+        Lift(), {"height": 0.15, "hold_time": 0.5}, scene.without_sensor, clock=scene.clock
+    )
     assert outcome.status is Status.SUCCESS
     np.testing.assert_allclose(scene.tcp[:3, 3], before[:3, 3] + [0.0, 0.0, 0.15], atol=1e-6)
 
@@ -447,7 +488,11 @@ def test_a_fruit_that_falls_from_plain_fingers_is_lost_as_soon_as_the_motor_pres
     scene.grip_plainly()
     devices = scene.without_sensor
     outcome = drive(
-        Lift(), {}, devices, clock=scene.clock, each_tick=lambda tick: scene.drop_plainly() if tick == 20 else None
+        Lift(),
+        {},
+        devices,
+        clock=scene.clock,
+        each_tick=lambda tick: scene.drop_plainly() if tick == 20 else None,
     )
     assert outcome.reason.code == "LOST"
     assert "the gripper's motor pressed with 5.0 N and presses no more" in outcome.reason.message
@@ -457,7 +502,9 @@ def test_a_fruit_that_falls_from_plain_fingers_is_lost_as_soon_as_the_motor_pres
 
 
 @pytest.mark.parametrize("width", [0.085 - 0.011, 0.085 + 0.011, 0.036, float("nan")])
-def test_a_fruit_that_leaves_plain_fingers_without_a_motor_force_is_lost_by_their_width(width: float):
+def test_a_fruit_that_leaves_plain_fingers_without_a_motor_force_is_lost_by_their_width(
+    width: float,
+):
     scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
     scene.grip_plainly(None)
     devices = scene.without_sensor

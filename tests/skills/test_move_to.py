@@ -39,7 +39,9 @@ def test_an_arm_that_a_branch_holds_beside_its_set_point_moves_on():
     world = cell.devices["world"]
     devices = {kind: cell.device(kind) for kind in (Arm, Gripper)} | {Workspace: cell.workspace}
     stood = cell.device(Arm).state().q[5]
-    world.state.qfrc_applied[world.model.jnt_dofadr[world.arm_joints][5]] = 9.0  # N·m, from a branch at the hand
+    world.state.qfrc_applied[world.model.jnt_dofadr[world.arm_joints][5]] = (
+        9.0  # N·m, from a branch at the hand
+    )
     cell.clock.advance(0.5)
     assert 0.1 < np.degrees(abs(cell.device(Arm).state().q[5] - stood)) < 0.3
     moved = []
@@ -56,7 +58,10 @@ def test_an_arm_that_a_branch_holds_beside_its_set_point_moves_on():
 
 def test_at_the_pose_nothing_moves():
     scene = PickingScene()
-    assert drive(MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock).status is Status.SUCCESS
+    assert (
+        drive(MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock).status
+        is Status.SUCCESS
+    )
     assert scene.arm.followed == []
 
 
@@ -111,7 +116,9 @@ def test_an_arm_nearer_to_an_obstacle_than_the_clearance_leaves_with_less():
 
 def test_interrupted_it_stops():
     scene = PickingScene(q=HOME.copy())
-    outcome = drive(MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock, interrupt_after=9)
+    outcome = drive(
+        MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock, interrupt_after=9
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     assert np.abs(scene.arm.q - OBSERVE).max() > 0.05
@@ -120,7 +127,9 @@ def test_interrupted_it_stops():
 def test_a_held_fruit_is_avoided_for_and_moved_gently():
     grasp = a_grasp(1, 3)
     scene = PickingScene(q=grasp.q_pre_grasp[0].copy(), width=0.085)
-    outcome = drive(MoveTo(), {"pose": "observe", "carrying": grasp}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        MoveTo(), {"pose": "observe", "carrying": grasp}, scene.devices, clock=scene.clock
+    )
     assert outcome.status is Status.SUCCESS
     path = scene.arm.followed[0]
     p = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in path.q])
@@ -132,7 +141,13 @@ def test_a_held_fruit_stays_upright_on_the_way():
     grasp = a_grasp(1, 3)
     workspace = replace(WORKSPACE, poses={"there": UPRIGHT})
     scene = PickingScene(q=grasp.q_pre_grasp[0].copy(), width=0.085, workspace=workspace)
-    inputs = {"pose": "there", "carrying": grasp, "upright": np.radians(5.0), "clearance": 0.005, "budget": 2.0}
+    inputs = {
+        "pose": "there",
+        "carrying": grasp,
+        "upright": np.radians(5.0),
+        "clearance": 0.005,
+        "budget": 2.0,
+    }
     outcome = drive(MoveTo(), inputs, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
     path = scene.arm.followed[0].q
@@ -146,7 +161,9 @@ def test_a_pose_that_would_tilt_the_fruit_is_reported_and_nothing_moves(where):
     tilted = grasp.q_pre_grasp[0].copy()
     tilted[5] += 0.3
     start, goal = (tilted, UPRIGHT) if where == "start" else (grasp.q_pre_grasp[0], tilted)
-    scene = PickingScene(q=start.copy(), width=0.085, workspace=replace(WORKSPACE, poses={"there": goal}))
+    scene = PickingScene(
+        q=start.copy(), width=0.085, workspace=replace(WORKSPACE, poses={"there": goal})
+    )
     inputs = {"pose": "there", "carrying": grasp, "upright": np.radians(10.0)}
     reason = drive(MoveTo(), inputs, scene.devices, clock=scene.clock).reason
     assert reason.code == "WOULD_TILT"
@@ -159,8 +176,12 @@ def test_without_a_grasp_upright_means_as_the_arm_holds_it_now():
     grasp = a_grasp(1, 3)
     tilted = grasp.q_pre_grasp[0].copy()
     tilted[5] += 0.3
-    scene = PickingScene(q=tilted.copy(), width=0.085, workspace=replace(WORKSPACE, poses={"there": UPRIGHT}))
-    reason = drive(MoveTo(), {"pose": "there", "upright": np.radians(10.0)}, scene.devices, clock=scene.clock).reason
+    scene = PickingScene(
+        q=tilted.copy(), width=0.085, workspace=replace(WORKSPACE, poses={"there": UPRIGHT})
+    )
+    reason = drive(
+        MoveTo(), {"pose": "there", "upright": np.radians(10.0)}, scene.devices, clock=scene.clock
+    ).reason
     assert reason.code == "WOULD_TILT"
     assert "at the pose" in reason.message
 
@@ -168,12 +189,20 @@ def test_without_a_grasp_upright_means_as_the_arm_holds_it_now():
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
 def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
     scene = PickingScene()
-    outcome = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock, each_tick=scene.arm_trouble(code))
+    outcome = drive(
+        MoveTo(),
+        {"pose": "home"},
+        scene.devices,
+        clock=scene.clock,
+        each_tick=scene.arm_trouble(code),
+    )
     assert outcome.reason.code == code
     assert scene.arm.settled()
 
 
-@pytest.mark.parametrize("code", ["GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT", "MAP_STALE"])
+@pytest.mark.parametrize(
+    "code", ["GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT", "MAP_STALE"]
+)
 def test_a_pose_that_cannot_be_reached_is_a_reason_and_nothing_moves(code):
     scene, given = scene_with_pose(code)
     inputs = {"pose": "there", "budget": 0.05, **given["inputs"]}
@@ -187,7 +216,9 @@ def test_a_fruit_that_the_map_leaves_out_is_avoided():
     scene = PickingScene(q=HOME.copy())
     apple = apple_at(1, 3)
     apple.T_base_fruit[:3, 3] = ROBOT_MODEL.tcp((HOME + OBSERVE) / 2.0)[:3, 3]
-    outcome = drive(MoveTo(), {"pose": "observe", "avoiding": apple}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        MoveTo(), {"pose": "observe", "avoiding": apple}, scene.devices, clock=scene.clock
+    )
     assert outcome.status is Status.SUCCESS
     world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE, obstacles=(Convex.of_fruit(apple),))
     path = scene.arm.followed[0]

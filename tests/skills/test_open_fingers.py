@@ -28,7 +28,9 @@ def scene(width: float = 0.04) -> PickingScene:
 
 def test_it_opens_to_the_grasps_width():
     cell = scene()
-    outcome = drive(OpenFingers(), {"grasp": a_grasp(), "path": a_path()}, cell.devices, clock=cell.clock)
+    outcome = drive(
+        OpenFingers(), {"grasp": a_grasp(), "path": a_path()}, cell.devices, clock=cell.clock
+    )
     assert outcome.status is Status.SUCCESS, outcome.reason
     assert cell.gripper.state().width == pytest.approx(a_grasp().width, abs=1e-3)
     assert cell.arm.followed == []
@@ -36,15 +38,24 @@ def test_it_opens_to_the_grasps_width():
 
 def test_fingers_that_are_open_already_are_left():
     cell = scene(a_grasp().width)
-    assert drive(OpenFingers(), {"grasp": a_grasp(), "path": a_path()}, cell.devices, clock=cell.clock).duration == 0.0
+    assert (
+        drive(
+            OpenFingers(), {"grasp": a_grasp(), "path": a_path()}, cell.devices, clock=cell.clock
+        ).duration
+        == 0.0
+    )
     assert cell.gripper.moves == []
 
 
 def test_where_only_closed_fingers_fit_they_stay_closed():
     beside = a_grasp().T_base_pre_grasp @ transform(None, [0.0, 0.5 * a_grasp().width + 0.02, 0.0])
     post = Box("post", transform(None, beside[:3, 3]), (0.005, 0.005, 0.005))
-    cell = PickingScene(q=OBSERVE.copy(), width=0.04, workspace=replace(WORKSPACE, obstacles=(post,)))
-    outcome = drive(OpenFingers(), {"grasp": a_grasp(), "path": a_path()}, cell.devices, clock=cell.clock)
+    cell = PickingScene(
+        q=OBSERVE.copy(), width=0.04, workspace=replace(WORKSPACE, obstacles=(post,))
+    )
+    outcome = drive(
+        OpenFingers(), {"grasp": a_grasp(), "path": a_path()}, cell.devices, clock=cell.clock
+    )
     assert outcome.status is Status.SUCCESS
     assert "not on the way: with open fingers" in outcome.feedback
     assert cell.gripper.moves == []
@@ -78,7 +89,11 @@ def test_fingers_that_do_not_move_as_asked_are_a_reason(code):
 def test_interrupted_the_fingers_stop():
     cell = scene()
     outcome = drive(
-        OpenFingers(), {"grasp": a_grasp(), "path": a_path()}, cell.devices, clock=cell.clock, interrupt_after=3
+        OpenFingers(),
+        {"grasp": a_grasp(), "path": a_path()},
+        cell.devices,
+        clock=cell.clock,
+        interrupt_after=3,
     )
     assert outcome.status is Status.INVALID
     assert 0.04 < cell.gripper.state().width < a_grasp().width - 0.01

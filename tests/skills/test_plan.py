@@ -13,7 +13,15 @@ from pomona.skills.motion.grasp import GraspCandidates
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.occupancy_map import OCCUPIED
 from pomona.skills.plan import Plan
-from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, RealTimeClock, a_grasp, seen_map
+from tests.skills.picking_scene import (
+    OBSERVE,
+    ROBOT_MODEL,
+    WORKSPACE,
+    PickingScene,
+    RealTimeClock,
+    a_grasp,
+    seen_map,
+)
 
 GRASPS = (a_grasp(1, 3), a_grasp(1, 3, theta=np.pi / 6.0))
 
@@ -48,7 +56,9 @@ def test_a_seed_gives_the_same_path_in_every_run():
 
 
 def test_the_papers_way_is_a_choice():
-    outcome = plan(to=candidates(GRASPS[0]), planner="RRTstar", improve="none", direct=False, budget=0.1)
+    outcome = plan(
+        to=candidates(GRASPS[0]), planner="RRTstar", improve="none", direct=False, budget=0.1
+    )
     assert outcome.status is Status.SUCCESS
 
 
@@ -91,7 +101,11 @@ def test_a_budget_that_is_used_up_is_no_path_and_the_next_planner_may_find_one()
 def test_a_map_that_is_empty_or_old_is_not_planned_in(seen):
     scene = PickingScene()
     scene.clock.advance(300.0)
-    old = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02) if seen is None else seen_map(seen)
+    old = (
+        OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
+        if seen is None
+        else seen_map(seen)
+    )
     outcome = plan(scene, map=old)
     assert outcome.reason.code == "MAP_STALE"
 
@@ -114,4 +128,6 @@ def test_interrupted_planning_is_cancelled_and_leaves_nothing_behind():
     assert outcome.cancelled == 1
     assert outcome.outputs == {}
     assert outcome.published == ()
-    assert drive(skill, given, scene.devices, clock=scene.clock, computing=10).status is Status.SUCCESS
+    assert (
+        drive(skill, given, scene.devices, clock=scene.clock, computing=10).status is Status.SUCCESS
+    )

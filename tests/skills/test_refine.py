@@ -35,11 +35,23 @@ def detection(apple, camera) -> Detection:
     T_camera_object = transform(rot_x(-0.9) @ rot_y(0.4), (0.02, 0.01, 0.68))
     whole = ImageBox(0, 0, camera.width, camera.height)
     sigma = (1.0 - SCALE) * float(np.linalg.norm(T_camera_object[:3, 3]))
-    depth, _ = render_depth(apple, moved_and_scaled(T_camera_object, sigma), camera, whole, using="zbuffer")
+    depth, _ = render_depth(
+        apple, moved_and_scaled(T_camera_object, sigma), camera, whole, using="zbuffer"
+    )
     depth = np.where(depth > 0.0, depth, np.float32(0.75))
     colour = np.zeros((camera.height, camera.width, 3), np.uint8)
     frame = Frame(1.0, 0, colour, depth, camera, None, T_BASE_CAMERA, "test")
-    return Detection(apple, frame, T_BASE_CAMERA, T_camera_object, np.full((9, 2), np.nan), 0.9, 1e-4 * np.eye(6), 0, 1)
+    return Detection(
+        apple,
+        frame,
+        T_BASE_CAMERA,
+        T_camera_object,
+        np.full((9, 2), np.nan),
+        0.9,
+        1e-4 * np.eye(6),
+        0,
+        1,
+    )
 
 
 def with_depth(detection: Detection, depth: np.ndarray | None) -> Detection:
@@ -54,10 +66,16 @@ def test_measures_size_and_place_in_the_base_frame(detection, method, renderer):
     measured = outcome.outputs["measured"]
     np.testing.assert_allclose(measured.dimensions, SCALE * detection.fruit.dimensions, atol=2e-6)
     T_camera_fruit = inverse(T_BASE_CAMERA) @ measured.T_base_fruit
-    np.testing.assert_allclose(T_camera_fruit[:3, 3], SCALE * detection.T_camera_object[:3, 3], atol=2e-5)
-    np.testing.assert_allclose(T_camera_fruit[:3, :3], detection.T_camera_object[:3, :3], atol=1e-12)
+    np.testing.assert_allclose(
+        T_camera_fruit[:3, 3], SCALE * detection.T_camera_object[:3, 3], atol=2e-5
+    )
+    np.testing.assert_allclose(
+        T_camera_fruit[:3, :3], detection.T_camera_object[:3, :3], atol=1e-12
+    )
     assert measured.mu == pytest.approx(SCALE, abs=2e-5)
-    assert measured.sigma == pytest.approx(0.15 * np.linalg.norm(detection.T_camera_object[:3, 3]), abs=2e-5)
+    assert measured.sigma == pytest.approx(
+        0.15 * np.linalg.norm(detection.T_camera_object[:3, 3]), abs=2e-5
+    )
     assert measured.inlier_ratio > 0.99
     assert measured.method == method
     assert np.linalg.eigvalsh(measured.covariance).min() > -1e-15
@@ -112,7 +130,10 @@ def on_table(detection: Detection, T_base_camera: np.ndarray) -> Detection:
 
 
 def test_pose_mismatch(detection):
-    assert measure({"detection": on_table(detection, T_BASE_CAMERA)}, table_z=-0.12).status is Status.SUCCESS
+    assert (
+        measure({"detection": on_table(detection, T_BASE_CAMERA)}, table_z=-0.12).status
+        is Status.SUCCESS
+    )
     turned = T_BASE_CAMERA @ transform(rot_y(np.radians(2.0)), (0.0, 0.0, 0.004))
     outcome = measure({"detection": on_table(detection, turned)}, table_z=-0.12)
     assert outcome.reason.code == "POSE_MISMATCH"
@@ -184,11 +205,15 @@ def test_without_opengl_the_z_buffer_measures_and_is_reported_once(detection, no
     workspace = Workspace(None, np.full(3, -1.0), np.full(3, 1.0))
     skill = Refine()
     skill.prepare()
-    first, second = (drive(skill, {"detection": detection}, devices={Workspace: workspace}) for _ in range(2))
+    first, second = (
+        drive(skill, {"detection": detection}, devices={Workspace: workspace}) for _ in range(2)
+    )
     plain = measure({"detection": detection, "renderer": "zbuffer"})
     for end in (first, second, plain):
         assert end.status is Status.SUCCESS
-        np.testing.assert_array_equal(end.outputs["measured"].dimensions, plain.outputs["measured"].dimensions)
+        np.testing.assert_array_equal(
+            end.outputs["measured"].dimensions, plain.outputs["measured"].dimensions
+        )
     said = "virtual depth comes from the z-buffer: pyrender cannot use EGL"
     assert (first.feedback, second.feedback, plain.feedback) == (said, "", "")
 
@@ -196,7 +221,9 @@ def test_without_opengl_the_z_buffer_measures_and_is_reported_once(detection, no
 def test_without_opengl_the_library_measures_all_the_same(detection, no_opengl):
     """Skills of applications call it without a renderer of their own."""
     plain = measure({"detection": detection, "renderer": "zbuffer"}).outputs["measured"]
-    np.testing.assert_array_equal(measure_fruit(detection, table_z=None).dimensions, plain.dimensions)
+    np.testing.assert_array_equal(
+        measure_fruit(detection, table_z=None).dimensions, plain.dimensions
+    )
 
 
 def test_render_failed_for_a_flat_mesh(detection):
@@ -227,7 +254,9 @@ def test_a_tray_under_the_fruit_is_reported_where_the_table_is_seen_beside_it(de
     middle, reach = apple.mean(axis=0), np.ptp(apple, axis=0).max()
     table = np.where(np.hypot(v - middle[0], u - middle[1]) < reach, tray, table)
     depth = np.where(detection.frame.depth < 0.74, detection.frame.depth, table).astype(np.float32)
-    depth = np.where(np.isfinite(depth) & (depth > 0.0) & (depth < 3.0), depth, 0.0).astype(np.float32)
+    depth = np.where(np.isfinite(depth) & (depth > 0.0) & (depth < 3.0), depth, 0.0).astype(
+        np.float32
+    )
     end = measure({"detection": with_depth(detection, depth), "method": "uniform"}, table_z=told_z)
     assert end.status is Status.SUCCESS
     assert "a surface is seen 25 mm above the table" in end.feedback
@@ -235,13 +264,33 @@ def test_a_tray_under_the_fruit_is_reported_where_the_table_is_seen_beside_it(de
 
 def test_the_table_of_the_workspace_is_the_support(scene, apple):
     s = scene((62, 47, 62), 70, 3)
-    frame = Frame(0.0, 0, np.zeros((*s.depth.shape, 3), np.uint8), s.depth, s.intrinsics, None, s.T_base_camera)
-    seen = Detection(apple, frame, s.T_base_camera, s.T_camera_detected, np.full((9, 2), np.nan), 0.9, np.eye(6), 0, 1)
+    frame = Frame(
+        0.0,
+        0,
+        np.zeros((*s.depth.shape, 3), np.uint8),
+        s.depth,
+        s.intrinsics,
+        None,
+        s.T_base_camera,
+    )
+    seen = Detection(
+        apple,
+        frame,
+        s.T_base_camera,
+        s.T_camera_detected,
+        np.full((9, 2), np.nan),
+        0.9,
+        np.eye(6),
+        0,
+        1,
+    )
     inputs = {"detection": seen, "renderer": "zbuffer"}
     on_table, in_the_air = (measure(inputs, table_z).outputs["measured"] for table_z in (0.0, None))
     assert on_table.method == "shape+plane"
     assert in_the_air.method == "shape"
-    lowest = apple.vertices * (on_table.dimensions / apple.dimensions) @ on_table.T_base_fruit[2, :3]
+    lowest = (
+        apple.vertices * (on_table.dimensions / apple.dimensions) @ on_table.T_base_fruit[2, :3]
+    )
     assert lowest.min() + on_table.T_base_fruit[2, 3] == pytest.approx(0.0, abs=3e-3)
     assert on_table.covariance[2, 2] <= in_the_air.covariance[2, 2]
 
@@ -250,9 +299,25 @@ def test_an_earlier_measurement_is_fused_in(scene, apple):
     measured = None
     for elevation in (35, 60, 84):
         s = scene((73, 64, 73), elevation, 4)
-        frame = Frame(0.0, 0, np.zeros((*s.depth.shape, 3), np.uint8), s.depth, s.intrinsics, None, s.T_base_camera)
+        frame = Frame(
+            0.0,
+            0,
+            np.zeros((*s.depth.shape, 3), np.uint8),
+            s.depth,
+            s.intrinsics,
+            None,
+            s.T_base_camera,
+        )
         seen = Detection(
-            apple, frame, s.T_base_camera, s.T_camera_detected, np.full((9, 2), np.nan), 0.9, np.eye(6), 0, 1
+            apple,
+            frame,
+            s.T_base_camera,
+            s.T_camera_detected,
+            np.full((9, 2), np.nan),
+            0.9,
+            np.eye(6),
+            0,
+            1,
         )
         before = measured
         inputs = {"detection": seen, "renderer": "zbuffer", "earlier": before}

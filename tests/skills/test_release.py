@@ -14,7 +14,15 @@ from pomona.skills.release import BESIDE, Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.hand import spring_fruit
 from tests.skills.overhead import BeltBeside, comes_near, watched
-from tests.skills.picking_scene import HOME, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
+from tests.skills.picking_scene import (
+    HOME,
+    ROBOT_MODEL,
+    WORKSPACE,
+    PickingScene,
+    a_grasp,
+    scene_with_pose,
+    seen_map,
+)
 
 
 def over_ground(ground: float | None, **changes: Any) -> PickingScene:
@@ -51,7 +59,9 @@ def test_it_lowers_until_the_fruit_is_carried_then_opens_and_rises():
 
 
 @pytest.mark.parametrize(("opened", "rises"), [(0.002, False), (0.006, True)])
-def test_fingers_that_a_neighbour_blocks_rise_once_they_have_released_the_fruit(opened: float, rises: bool):
+def test_fingers_that_a_neighbour_blocks_rise_once_they_have_released_the_fruit(
+    opened: float, rises: bool
+):
     before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.06)
 
@@ -76,7 +86,9 @@ def test_over_nothing_the_fruit_stays_held():
 def test_a_fruit_that_nothing_carries_is_raised_again_where_that_is_asked():
     scene = over_ground(None)
     before = scene.tcp
-    outcome = drive(Release(), {"depth": 0.05, "raise_again": True}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        Release(), {"depth": 0.05, "raise_again": True}, scene.devices, clock=scene.clock
+    )
     assert outcome.reason.code == "NO_CONTACT"
     np.testing.assert_allclose(scene.tcp, before, atol=1e-4)
     assert scene.gripper.moves == []
@@ -91,7 +103,9 @@ def test_fingers_that_are_pushed_beside_the_fruit_end_the_way_down_and_it_is_rai
             scene.gripper.width -= 0.4e-3
         scene.gripper.check()
 
-    outcome = drive(Release(), {"raise_again": True}, scene.devices, clock=scene.clock, each_tick=push)
+    outcome = drive(
+        Release(), {"raise_again": True}, scene.devices, clock=scene.clock, each_tick=push
+    )
     assert outcome.reason.code == "LOWERING_BLOCKED"
     assert "pushes the fingers" in outcome.reason.message
     np.testing.assert_allclose(scene.tcp, before, atol=1e-4)
@@ -163,7 +177,10 @@ def test_it_opens_only_after_the_fruit_hangs_again():
         if not scene.gripper.moves:
             heights.append(scene.tcp[2, 3] - before + 0.06)
 
-    assert drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=watch).status is Status.SUCCESS
+    assert (
+        drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=watch).status
+        is Status.SUCCESS
+    )
     lowest = heights.index(min(heights))
     assert -0.001 < heights[lowest] < 0.0
     assert max(heights[lowest:]) == pytest.approx(heights[lowest] + 0.002, abs=2e-4)
@@ -242,7 +259,9 @@ class Held:
             return wrenches
 
         self.scene.fingers.feel = feel
-        hold = drive(SlipAvoidGrasp(), {}, self.scene.devices, clock=self.scene.clock).outputs["hold"]
+        hold = drive(SlipAvoidGrasp(), {}, self.scene.devices, clock=self.scene.clock).outputs[
+            "hold"
+        ]
         assert isinstance(hold, Hold)
         self.hold = hold
         self.load = 1.5
@@ -255,7 +274,13 @@ class Held:
         return self.hold._controller.rests
 
     def release(self, each_tick: Callable[[int], None] = lambda _tick: None) -> SkillEnd:
-        return drive(Release(), {"hold": self.hold}, self.scene.devices, clock=self.scene.clock, each_tick=each_tick)
+        return drive(
+            Release(),
+            {"hold": self.hold},
+            self.scene.devices,
+            clock=self.scene.clock,
+            each_tick=each_tick,
+        )
 
 
 def test_a_false_floor_leaves_the_fruit_under_force_control():
@@ -305,7 +330,10 @@ def test_the_fingers_rest_from_the_contact_on_until_the_load_grows():
     force = held.hold.reading.f_n
     current_hold(held.scene.gripper).rest_on_contact(0.35)
     held.scene.clock.advance(0.1)
-    for push in (-3.0, 0.0):  # a floor that carries the fruit and presses as much on it again; then it hangs as before
+    for push in (
+        -3.0,
+        0.0,
+    ):  # a floor that carries the fruit and presses as much on it again; then it hangs as before
         held.pushed = push
         held.scene.clock.advance(0.5)
         assert held.rests
@@ -342,7 +370,11 @@ def test_interrupted_while_the_contact_is_doubted_the_grip_is_controlled_again()
     held.release(watch)
     again = Held(0.04)
     outcome = drive(
-        Release(), {"hold": again.hold}, again.scene.devices, clock=again.scene.clock, interrupt_after=grounded[0] + 5
+        Release(),
+        {"hold": again.hold},
+        again.scene.devices,
+        clock=again.scene.clock,
+        interrupt_after=grounded[0] + 5,
     )
     assert outcome.status is Status.INVALID
     assert again.hold.holds
@@ -359,7 +391,9 @@ LIES = {
     "0.05 N/s": lambda t, felt: felt + 0.05 * t * np.eye(2, 6),
     "5 N/s": lambda t, felt: felt + 5.0 * t * np.eye(2, 6),
     "all signals grow by 20 % a second": lambda t, felt: felt * (1.0 + 0.2 * t),
-    "those along the pads fade": lambda t, felt: felt * np.where(np.arange(6) < 2, np.exp(-0.3 * t), 1.0),
+    "those along the pads fade": lambda t, felt: (
+        felt * np.where(np.arange(6) < 2, np.exp(-0.3 * t), 1.0)
+    ),
     "a bias that comes": lambda t, felt: felt + (1.0 if t > 1.5 else 0.0) * np.eye(2, 6),
 }
 
@@ -401,14 +435,24 @@ def test_interrupted_while_lowering_the_fruit_stays_held():
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
 def test_an_arm_that_does_not_move_as_asked_is_a_reason_and_the_fruit_stays_held(code):
     scene = over_ground(None)
-    outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=scene.arm_trouble(code))
+    outcome = drive(
+        Release(), {}, scene.devices, clock=scene.clock, each_tick=scene.arm_trouble(code)
+    )
     assert outcome.reason.code == code
     assert scene.gripper.moves == []
 
 
 @pytest.mark.parametrize(
     "code",
-    ["START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT", "UNKNOWN_POSE", "MAP_STALE"],
+    [
+        "START_IN_COLLISION",
+        "GOAL_UNREACHABLE",
+        "GOAL_IN_COLLISION",
+        "NO_PATH",
+        "TIMEOUT",
+        "UNKNOWN_POSE",
+        "MAP_STALE",
+    ],
 )
 def test_a_pose_that_cannot_be_reached_is_a_reason_and_the_fruit_stays_held(code):
     scene, given = scene_with_pose(code, width=0.08)
@@ -431,7 +475,9 @@ def test_a_place_that_the_cell_does_not_have_is_no_other_one_and_nothing_moves()
     scene = over_ground(None)
     scene.hold_fruit()
     last = next(k for k in range(2, 99) if f"observe_{k}" not in WORKSPACE.poses)
-    outcome = drive(Release(), {"into": "observe", "variation": last}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        Release(), {"into": "observe", "variation": last}, scene.devices, clock=scene.clock
+    )
     assert outcome.reason.code == "UNKNOWN_POSE"
     assert f"the cell file has no pose 'observe_{last}'" in outcome.reason.message
     assert scene.arm.followed == []
@@ -462,7 +508,9 @@ def test_a_tree_that_counts_on_more_places_than_the_cell_has_is_an_error():
 def test_where_the_gripper_cannot_go_down_nothing_moves():
     scene = over_ground(None)
     below_finger = (scene.tcp @ [0.0, 0.045, 0.055, 1.0])[:3]
-    outcome = drive(Release(), {"map": seen_map(blocked=(below_finger,))}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        Release(), {"map": seen_map(blocked=(below_finger,))}, scene.devices, clock=scene.clock
+    )
     assert outcome.reason.code == "LOWERING_BLOCKED"
     assert "map" in outcome.reason.message
     assert scene.arm.followed == []
@@ -498,7 +546,9 @@ def test_the_inertia_of_a_heavy_fruit_that_is_lowered_quickly_is_no_contact():
             began.append(now)
             accelerations.append(np.array([followed.t, rising]))
         wrenches = calm(now)
-        wrenches[:, 0] *= 4.0 + 4.0 * np.interp(now - began[-1], *accelerations[-1], right=0.0) / 9.81
+        wrenches[:, 0] *= (
+            4.0 + 4.0 * np.interp(now - began[-1], *accelerations[-1], right=0.0) / 9.81
+        )
         return wrenches
 
     scene.fingers.feel = feel
@@ -571,7 +621,9 @@ def put_down(scene: PickingScene, heights: list[float], **inputs: Any) -> SkillE
 
 
 @pytest.mark.parametrize("motor_force", [5.0, None])
-def test_without_a_force_sensor_it_opens_within_millimetres_of_the_known_table(motor_force: float | None):
+def test_without_a_force_sensor_it_opens_within_millimetres_of_the_known_table(
+    motor_force: float | None,
+):
     scene, heights = plainly_held(motor_force=motor_force), list[float]()
     before = scene.tcp[2, 3]
     outcome = put_down(scene, heights, depth=0.3, grasp=a_grasp())
@@ -592,9 +644,16 @@ def test_without_a_force_sensor_and_a_grasp_the_fruit_stays_held():
 
 
 @pytest.mark.parametrize("inputs", [{}, {"raise_again": True}])
-def test_without_a_force_sensor_and_a_known_object_below_the_fruit_stays_held(inputs: dict[str, Any]):
+def test_without_a_force_sensor_and_a_known_object_below_the_fruit_stays_held(
+    inputs: dict[str, Any],
+):
     scene = plainly_held()
-    outcome = drive(Release(), {"depth": 0.03, "grasp": a_grasp(), **inputs}, scene.without_sensor, clock=scene.clock)
+    outcome = drive(
+        Release(),
+        {"depth": 0.03, "grasp": a_grasp(), **inputs},
+        scene.without_sensor,
+        clock=scene.clock,
+    )
     assert outcome.reason.code == "NO_CONTACT"
     assert "no force sensor" in outcome.reason.message
     assert scene.arm.followed == []
@@ -628,7 +687,11 @@ def test_without_a_force_sensor_pushed_fingers_end_the_way_down_and_hold():
             scene.gripper.width -= 1e-3
 
     outcome = drive(
-        Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock, each_tick=push
+        Release(),
+        {"depth": 0.3, "grasp": a_grasp()},
+        scene.without_sensor,
+        clock=scene.clock,
+        each_tick=push,
     )
     assert outcome.reason.code == "LOWERING_BLOCKED"
     assert len(scene.gripper.moves) == 1
@@ -636,7 +699,9 @@ def test_without_a_force_sensor_pushed_fingers_end_the_way_down_and_hold():
 
 def test_without_a_force_sensor_a_motor_that_still_presses_after_opening_is_not_called_released():
     scene = plainly_held()
-    outcome = drive(Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock)
+    outcome = drive(
+        Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock
+    )
     assert outcome.reason.code == "HAND_UNCLEAR"
     assert scene.tcp[2, 3] < -0.06  # it stays there
 
@@ -644,7 +709,11 @@ def test_without_a_force_sensor_a_motor_that_still_presses_after_opening_is_not_
 def test_without_a_force_sensor_an_interrupted_release_stays_held():
     scene = plainly_held()
     outcome = drive(
-        Release(), {"depth": 0.3, "grasp": a_grasp()}, scene.without_sensor, clock=scene.clock, interrupt_after=30
+        Release(),
+        {"depth": 0.3, "grasp": a_grasp()},
+        scene.without_sensor,
+        clock=scene.clock,
+        interrupt_after=30,
     )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()

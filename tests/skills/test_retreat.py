@@ -35,7 +35,10 @@ def test_from_the_grasp_it_opens_and_goes_straight_back():
     assert scene.gripper.width == pytest.approx(GRASP.width, abs=1e-3)
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
     assert len(scene.arm.followed) == 1
-    offsets = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in scene.arm.followed[0].q]) - GRASP.T_base_grasp[:3, 3]
+    offsets = (
+        np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in scene.arm.followed[0].q])
+        - GRASP.T_base_grasp[:3, 3]
+    )
     along = offsets @ GRASP.T_base_grasp[:3, 2]
     np.testing.assert_allclose(offsets, along[:, None] * GRASP.T_base_grasp[:3, 2], atol=1e-4)
 
@@ -157,7 +160,9 @@ def test_before_any_grasp_there_is_nothing_to_retreat_from():
 def test_interrupted_while_lowering_the_fingers_stay_closed():
     scene = PickingScene(q=lifted(0.10), width=0.084)
     scene.hold_fruit()
-    outcome = drive(Retreat(), {"grasp": GRASP}, scene.devices, clock=scene.clock, interrupt_after=20)
+    outcome = drive(
+        Retreat(), {"grasp": GRASP}, scene.devices, clock=scene.clock, interrupt_after=20
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     assert scene.gripper.moves == []
@@ -186,7 +191,9 @@ def test_a_pre_grasp_out_of_reach_is_no_way_back():
 def test_something_fixed_on_the_way_back_stops_it_before_it_moves():
     behind = GRASP.T_base_pre_grasp @ transform(None, [0.0, 0.0, -0.1])
     box = Box("lamp", behind, (0.02, 0.15, 0.02))
-    scene = PickingScene(q=LINE[-1].copy(), width=GRASP.width, workspace=replace(WORKSPACE, obstacles=(box,)))
+    scene = PickingScene(
+        q=LINE[-1].copy(), width=GRASP.width, workspace=replace(WORKSPACE, obstacles=(box,))
+    )
     outcome = retreat(scene)
     assert outcome.reason.code == "RETREAT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "lamp"
@@ -213,7 +220,9 @@ def test_without_a_force_sensor_a_lifted_fruit_is_put_back_to_its_height_before_
             opened_at.append(scene.tcp[2, 3])
             scene.drop_plainly()
 
-    outcome = drive(Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, each_tick=watch)
+    outcome = drive(
+        Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, each_tick=watch
+    )
     assert outcome.status is Status.SUCCESS
     assert opened_at[0] == pytest.approx(GRASP.T_base_grasp[2, 3], abs=1e-3)
     np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
@@ -221,14 +230,19 @@ def test_without_a_force_sensor_a_lifted_fruit_is_put_back_to_its_height_before_
 
 def test_without_a_force_sensor_above_the_grasp_with_empty_fingers_nothing_moves():
     scene = PickingScene(q=lifted(0.15), width=0.05)
-    assert drive(Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock).status is Status.SUCCESS
+    assert (
+        drive(Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock).status
+        is Status.SUCCESS
+    )
     assert scene.arm.followed == []
     assert scene.gripper.moves == []
 
 
 def test_without_a_force_sensor_an_interrupted_retreat_opens_nothing():
     scene = plain(0.10)
-    outcome = drive(Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, interrupt_after=20)
+    outcome = drive(
+        Retreat(), {"grasp": GRASP}, scene.without_sensor, clock=scene.clock, interrupt_after=20
+    )
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     assert len(scene.gripper.moves) == 1

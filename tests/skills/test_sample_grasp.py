@@ -67,7 +67,8 @@ def test_when_nothing_is_left_the_reasons_are_counted():
 
 def test_the_fingers_open_by_the_air_that_is_given():
     widths = [
-        sample(SampleGrasp(), PickingScene(), air=air).outputs["candidates"].grasps[0].width for air in (3e-3, 6e-3)
+        sample(SampleGrasp(), PickingScene(), air=air).outputs["candidates"].grasps[0].width
+        for air in (3e-3, 6e-3)
     ]
     assert widths[1] - widths[0] == pytest.approx(6e-3, abs=1e-4)
 

@@ -35,7 +35,9 @@ WIDTH = 0.08
 class Rig:
     """Mock devices with a soft fruit between the fingers."""
 
-    def __init__(self, opening: float = 0.092, width: float = WIDTH, stiffness: float = 2000.0) -> None:
+    def __init__(
+        self, opening: float = 0.092, width: float = WIDTH, stiffness: float = 2000.0
+    ) -> None:
         self.clock = MockClock()
         self.gripper = MockGripper(self.clock, width=opening)
         self.fingers = MockForceSensor(self.clock)
@@ -130,7 +132,9 @@ def test_fingers_that_rest_leave_the_next_command_free_for_when_it_is_needed() -
 
 def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -> None:
     measured = SimpleNamespace(
-        dimensions=np.array([WIDTH, 0.06, WIDTH]), fruit=SimpleNamespace(mass=None), covariance=np.eye(6)
+        dimensions=np.array([WIDTH, 0.06, WIDTH]),
+        fruit=SimpleNamespace(mass=None),
+        covariance=np.eye(6),
     )
     known, unknown = Rig(opening=0.103), Rig(opening=0.103)
     fast = drive(_Ungated(), {"fruit": measured}, known.devices, clock=known.clock)
@@ -142,7 +146,9 @@ def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -
 def test_a_small_fruit_is_not_pressed_until_it_bruises() -> None:
     """An apple of 62 mm bruises from 5 N of a finger on; a moment that needs more is a problem of the grip instead."""
     measured = SimpleNamespace(
-        dimensions=np.array([0.062, 0.054, 0.062]), fruit=SimpleNamespace(mass=None), covariance=np.eye(6)
+        dimensions=np.array([0.062, 0.054, 0.062]),
+        fruit=SimpleNamespace(mass=None),
+        covariance=np.eye(6),
     )
     rig = Rig(opening=0.074, width=0.062)
     hold = drive(_Ungated(), {"fruit": measured}, rig.devices, clock=rig.clock).outputs["hold"]
@@ -231,7 +237,9 @@ def test_a_finger_that_is_pressed_before_the_start_is_a_force_limit() -> None:
 def test_a_motor_force_that_no_finger_measures_is_a_sensor_fault_that_ends_the_run() -> None:
     rig = Rig()
     state = rig.gripper.state
-    rig.gripper.state = lambda: replace(state(), motor_force=2000.0 * max(WIDTH - rig.gripper.width, 0.0))  # type: ignore[method-assign]
+    rig.gripper.state = lambda: replace(
+        state(), motor_force=2000.0 * max(WIDTH - rig.gripper.width, 0.0)
+    )  # type: ignore[method-assign]
     rig.fingers.feel = lambda _now: np.zeros((2, 6))
     assert code(rig.drive()) == "SENSOR_FAULT"
     assert "motor presses" in rig.fingers.distrusted
@@ -416,7 +424,9 @@ def test_a_lost_gripper_is_reported_and_asked_again() -> None:
 # -------------------------------------------------------------------------------------------------------- pivot
 
 
-def pivoting_fruit(rig: Rig, hold: Hold, weight: float, lever: float, capacity: Callable[[float], float]) -> None:
+def pivoting_fruit(
+    rig: Rig, hold: Hold, weight: float, lever: float, capacity: Callable[[float], float]
+) -> None:
     """A fruit whose lever shrinks as soon as the grasp force of a pivoting grip no longer holds its moment."""
     press = rig.fingers.feel
     state = {"lever": lever}
@@ -545,7 +555,9 @@ def touching_rig(shift: float, slides: bool = True) -> tuple[Rig, Any]:
 
 
 @pytest.mark.parametrize("shift", [2e-3, -2e-3])
-def test_the_first_touches_are_recorded_with_the_fruit_as_the_camera_measured_it(shift: float) -> None:
+def test_the_first_touches_are_recorded_with_the_fruit_as_the_camera_measured_it(
+    shift: float,
+) -> None:
     rig, measured = touching_rig(shift)
     outcome = rig.drive(inputs={"fruit": measured})
     assert outcome.status is Status.SUCCESS

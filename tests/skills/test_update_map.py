@@ -35,7 +35,9 @@ WORKSPACE = Workspace(-0.12, np.array([-0.6, -0.8, -0.14]), np.array([0.6, 0.2, 
 LENS = Intrinsics(152.65, 152.65, 79.5, 59.5, 160, 120)
 robot = RobotModel.load(SIA5F)
 T_TOOL_CAMERA = robot.frame("camera")
-UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # the fruit's y points down
+UPRIGHT = np.array(
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+)  # the fruit's y points down
 
 
 @dataclass
@@ -91,7 +93,9 @@ def table_with_apple(stamp: float = 0.0) -> tuple[Frame, MeasuredFruit]:
     return frame, measured
 
 
-def run(frame: Frame | None, arm: StillArm | None = None, now: float = 0.1, **inputs: Any) -> SkillEnd:
+def run(
+    frame: Frame | None, arm: StillArm | None = None, now: float = 0.1, **inputs: Any
+) -> SkillEnd:
     devices = {
         Camera: OneFrame(frame), Arm: arm or StillArm(OBSERVE), Gripper: OpenGripper(), Workspace: WORKSPACE,
     }  # fmt: skip
@@ -106,9 +110,13 @@ def test_the_measured_fruits_look_is_fused_without_the_fruit() -> None:
     assert fused.stamps == (0.0,)
     blocked = fused.origin + (np.argwhere(fused.blocked) + 0.5) * fused.resolution
     assert len(blocked) > 10
-    to_fruit = np.linalg.norm(blocked[:, None] - fruit_points(measured)[None, ::50], axis=2).min(axis=1)
+    to_fruit = np.linalg.norm(blocked[:, None] - fruit_points(measured)[None, ::50], axis=2).min(
+        axis=1
+    )
     assert to_fruit.min() > 0.03
-    assert np.linalg.norm(blocked - [0.08, -0.34, -0.08], axis=1).min() < 0.05  # the neighbour is there
+    assert (
+        np.linalg.norm(blocked - [0.08, -0.34, -0.08], axis=1).min() < 0.05
+    )  # the neighbour is there
     topic, view = outcome.published[0]
     assert topic == "map"
     assert isinstance(view, SceneView)
@@ -117,7 +125,10 @@ def test_the_measured_fruits_look_is_fused_without_the_fruit() -> None:
 
 def test_a_shorter_shadow_blocks_less_behind_what_is_seen() -> None:
     frame, _ = table_with_apple()
-    hidden = [int((run(frame, **extra).outputs["map"].states == HIDDEN).sum()) for extra in ({}, {"shadow": 0.04})]
+    hidden = [
+        int((run(frame, **extra).outputs["map"].states == HIDDEN).sum())
+        for extra in ({}, {"shadow": 0.04})
+    ]
     assert 0 < hidden[1] < 0.7 * hidden[0]
 
 
@@ -171,7 +182,9 @@ def test_depth_that_is_mirrored_makes_no_map() -> None:
     table = ((above[3] + 0.12) / -(rays @ above[:3])).astype(np.float32)
     sound = run(replace(frame, depth=table, T_mount_camera=turned), resolution=0.02)
     assert sound.status is Status.SUCCESS
-    outcome = run(replace(frame, depth=table[:, ::-1].copy(), T_mount_camera=turned), resolution=0.02)
+    outcome = run(
+        replace(frame, depth=table[:, ::-1].copy(), T_mount_camera=turned), resolution=0.02
+    )
     assert outcome.reason is not None
     assert outcome.reason.code == "DEPTH_MISMATCH"
     assert "map" not in outcome.outputs
@@ -181,9 +194,16 @@ def test_interrupted_it_gives_up_and_the_previous_map_stays_as_it_was() -> None:
     frame, _ = table_with_apple()
     previous = run(frame, resolution=0.02).outputs["map"]
     before = previous.states.copy()
-    devices = {Camera: OneFrame(frame), Arm: StillArm(OBSERVE), Gripper: OpenGripper(), Workspace: WORKSPACE}
+    devices = {
+        Camera: OneFrame(frame),
+        Arm: StillArm(OBSERVE),
+        Gripper: OpenGripper(),
+        Workspace: WORKSPACE,
+    }
     inputs = {"previous": previous}
-    outcome = drive(UpdateMap(), inputs, devices, clock=ManualClock(0.1), computing=10, interrupt_after=5)
+    outcome = drive(
+        UpdateMap(), inputs, devices, clock=ManualClock(0.1), computing=10, interrupt_after=5
+    )
     assert outcome.status is Status.INVALID
     assert outcome.cancelled == 1
     assert outcome.outputs == {}

@@ -28,6 +28,11 @@ def pomona(*words: str, package: Path, folder: Path) -> subprocess.CompletedProc
     """Run a command of pomona in `folder`, where the package is installed in `folder/site`."""
     if not (folder / "site").is_dir():
         install(package, folder / "site")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder / "site"), str(package)))}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join((str(folder / "site"), str(package))),
+    }
     command = [sys.executable, "-m", "pomona.executive.cli", *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )

@@ -43,7 +43,11 @@ if TYPE_CHECKING:
         allowed_speed as allowed_speed,
         require_move as require_move,
     )
-    from pomona.drivers.hold_watch import HandMemory as HandMemory, HandRecord as HandRecord, may_hold as may_hold
+    from pomona.drivers.hold_watch import (
+        HandMemory as HandMemory,
+        HandRecord as HandRecord,
+        may_hold as may_hold,
+    )
     from pomona.drivers.interfaces import (
         Arm as Arm,
         ArmLimits as ArmLimits,
@@ -87,7 +91,11 @@ if TYPE_CHECKING:
         words as words,
     )
     from pomona.drivers.path_motion import PathFollower as PathFollower, PathMotion as PathMotion
-    from pomona.drivers.robot_file import ArmFile as ArmFile, read_limits as read_limits, read_spec as read_spec
+    from pomona.drivers.robot_file import (
+        ArmFile as ArmFile,
+        read_limits as read_limits,
+        read_spec as read_spec,
+    )
     from pomona.drivers.rolling_path import (
         POINT_PERIOD as POINT_PERIOD,
         OutOfSetPointsError as OutOfSetPointsError,
@@ -106,7 +114,11 @@ if TYPE_CHECKING:
     from pomona.executive.cell.cell import Cell as Cell
     from pomona.executive.cell.cell_file import read_cell_file as read_cell_file
     from pomona.executive.cell.connect import load_cell as load_cell
-    from pomona.executive.cell.device import Device as Device, FaultSwitch as FaultSwitch, World as World
+    from pomona.executive.cell.device import (
+        Device as Device,
+        FaultSwitch as FaultSwitch,
+        World as World,
+    )
     from pomona.executive.cell.owner import (
         Address as Address,
         Link as Link,

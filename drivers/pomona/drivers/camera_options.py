@@ -31,14 +31,21 @@ class IntrinsicsSection:
             if at > size:
                 yield Problem(key, f"it is {at:g} px, outside an image of {size} pixels")
         if self.fx < LEAST_FOCAL * self.width:
-            yield Problem("fx", f"it is {self.fx:g} px in an image of {self.width} px: is it in mm?")
+            yield Problem(
+                "fx", f"it is {self.fx:g} px in an image of {self.width} px: is it in mm?"
+            )
         if not 1.0 / MOST_OBLONG <= self.fx / self.fy <= MOST_OBLONG:
-            yield Problem("fx", f"it is {self.fx:g} px and fy is {self.fy:g} px: a camera's are nearly the same")
+            yield Problem(
+                "fx",
+                f"it is {self.fx:g} px and fy is {self.fy:g} px: a camera's are nearly the same",
+            )
 
     def intrinsics(self, size: tuple[int, ...] | None = None) -> Intrinsics:
         """Return the intrinsics of the same view in an image of another size (width, height)."""
         width, height = size or (self.width, self.height)
-        return scaled(Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height), width, height)
+        return scaled(
+            Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height), width, height
+        )
 
 
 def scaled(of: Intrinsics, width: int, height: int) -> Intrinsics:

@@ -24,9 +24,13 @@ from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import LENGTH, PIXELS
 
 _HALFWAY = float(np.tan(np.radians(30.0)))
-_PIXEL = float(1.0 / np.sqrt(12.0))  # standard deviation of an outline's position within its pixel [px]
+_PIXEL = float(
+    1.0 / np.sqrt(12.0)
+)  # standard deviation of an outline's position within its pixel [px]
 
-DEPTH_MODEL_FILE = "depth_model.yaml"  # error model of the depth in a folder of frames, before the cell file's
+DEPTH_MODEL_FILE = (
+    "depth_model.yaml"  # error model of the depth in a folder of frames, before the cell file's
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +106,13 @@ Grunnet-Jepsen of Intel for an arbitrary scene, beside 0.032 px for a well calib
 pixel, not measured."""
 
 AZURE_KINECT = DepthModel(
-    growth=0.8e-3, lateral=0.5, registration=5.0, alike=4.0, edge=2, offset_deviation=6.4e-3, scale_deviation=0.6e-3
+    growth=0.8e-3,
+    lateral=0.5,
+    registration=5.0,
+    alike=4.0,
+    edge=2,
+    offset_deviation=6.4e-3,
+    scale_deviation=0.6e-3,
 )
 """Azure Kinect, narrow field unbinned, registered to 1920 x 1080. Growth and `lateral` were measured in two frames of
 an orchard row: residuals of 26 000 smooth patches of 11 x 11 px at 0.9 to 1.8 m are 0.8 mm · z² where they face the
@@ -111,7 +121,9 @@ fruit and balls between colour and depth (root mean square of either direction).
 colour image. Offset and scale lie within the maker's 11 mm and 0.1 % of the distance, evenly spread (confirmed by
 Tölgyessy et al. 2021)."""
 
-SIMULATED = DepthModel(disparity=0.08, baseline=0.05)  # stereo noise alone: simulated pixels look where they should
+SIMULATED = DepthModel(
+    disparity=0.08, baseline=0.05
+)  # stereo noise alone: simulated pixels look where they should
 
 SENSORS = {"d4xx": D4XX, "azure_kinect": AZURE_KINECT, "simulated": SIMULATED}
 
@@ -121,16 +133,36 @@ class DepthModelSection:
     """Error model of a camera's depth: a known sensor, and better values for this camera."""
 
     sensor: str = value(Text(), "d4xx", "one that is known: " + ", ".join(SENSORS))
-    disparity: float | None = value(Measure(PIXELS, "0 px", "10 px"), None, "standard deviation of the disparity")
-    baseline: float | None = value(Measure(LENGTH, "1 mm", "1 m"), None, "distance of a stereo camera's imagers")
-    growth: float | None = value(Measure(LENGTH, "0 mm", "100 mm"), None, "deviation at 1 m; grows with the square")
-    floor: float | None = value(Measure(LENGTH, "0 mm", "100 mm"), None, "standard deviation at any distance")
-    lateral: float | None = value(Measure(PIXELS, "0 px", "50 px"), None, "deviation of where a pixel looks")
-    registration: float | None = value(Measure(PIXELS, "0 px", "50 px"), None, "misalignment of depth and colour")
-    alike: float | None = value(Number(1.0, 1000.0), None, "number of neighbouring pixels with a common error")
-    edge: float | None = value(Measure(PIXELS, "0 px", "50 px"), None, "width of the mixed pixels at a step in depth")
-    offset: float | None = value(Measure(LENGTH, "-1 m", "1 m"), None, "the depth is too long by this everywhere")
-    offset_deviation: float | None = value(Measure(LENGTH, "0 mm", "1 m"), None, "standard deviation of the offset")
+    disparity: float | None = value(
+        Measure(PIXELS, "0 px", "10 px"), None, "standard deviation of the disparity"
+    )
+    baseline: float | None = value(
+        Measure(LENGTH, "1 mm", "1 m"), None, "distance of a stereo camera's imagers"
+    )
+    growth: float | None = value(
+        Measure(LENGTH, "0 mm", "100 mm"), None, "deviation at 1 m; grows with the square"
+    )
+    floor: float | None = value(
+        Measure(LENGTH, "0 mm", "100 mm"), None, "standard deviation at any distance"
+    )
+    lateral: float | None = value(
+        Measure(PIXELS, "0 px", "50 px"), None, "deviation of where a pixel looks"
+    )
+    registration: float | None = value(
+        Measure(PIXELS, "0 px", "50 px"), None, "misalignment of depth and colour"
+    )
+    alike: float | None = value(
+        Number(1.0, 1000.0), None, "number of neighbouring pixels with a common error"
+    )
+    edge: float | None = value(
+        Measure(PIXELS, "0 px", "50 px"), None, "width of the mixed pixels at a step in depth"
+    )
+    offset: float | None = value(
+        Measure(LENGTH, "-1 m", "1 m"), None, "the depth is too long by this everywhere"
+    )
+    offset_deviation: float | None = value(
+        Measure(LENGTH, "0 mm", "1 m"), None, "standard deviation of the offset"
+    )
     scale: float | None = value(Number(-0.5, 0.5), None, "the depth is too long by this share")
     scale_deviation: float | None = value(Number(0.0, 0.5), None, "standard deviation of the scale")
 
@@ -138,12 +170,20 @@ class DepthModelSection:
         if self.sensor not in SENSORS:
             yield Problem("sensor", f"'{self.sensor}' is not known", choose(self.sensor, SENSORS))
         elif self.model() == replace(self.model(), disparity=0.0, growth=0.0, floor=0.0):
-            yield Problem("disparity", "no camera is without noise", "write 'disparity' [px], 'growth' or 'floor' [mm]")
+            yield Problem(
+                "disparity",
+                "no camera is without noise",
+                "write 'disparity' [px], 'growth' or 'floor' [mm]",
+            )
 
     def model(self) -> DepthModel:
         """For the camera's frames."""
         known = SENSORS[self.sensor]
-        said = {f.name: getattr(self, f.name) for f in fields(known) if getattr(self, f.name) is not None}
+        said = {
+            f.name: getattr(self, f.name)
+            for f in fields(known)
+            if getattr(self, f.name) is not None
+        }
         if "edge" in said:
             said["edge"] = round(said["edge"])
         return replace(known, **said)
@@ -160,7 +200,9 @@ def read_depth_model(path: Path) -> DepthModel:
     Raises CellFileError: it cannot be used; the text has the place and the reason.
     """
     section = Section(DepthModelSection)
-    return read_section_file(path, "a depth model", lambda file: section.read(file.root, file.reader).model())
+    return read_section_file(
+        path, "a depth model", lambda file: section.read(file.root, file.reader).model()
+    )
 
 
 def folder_depth_model(folder: Path) -> DepthModel | None:

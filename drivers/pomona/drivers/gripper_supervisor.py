@@ -40,12 +40,22 @@ class GripperSupervision:
             or two millimetres. A width that lags more is stuck, or the fingers are blocked.
     """
 
-    margin: float = value(Measure(TIME, "50 ms", "30 s"), "500 ms", "a move may take this much longer than planned")
+    margin: float = value(
+        Measure(TIME, "50 ms", "30 s"), "500 ms", "a move may take this much longer than planned"
+    )
     share: float = value(Number(0.0, 10.0), "0.5", "and this share of its planned time")
-    stray: float = value(Measure(LENGTH, "0.2 mm", "50 mm"), "3 mm", "fingers without a command stay within this")
-    lag: float = value(Measure(TIME, "10 ms", "2 s"), "100 ms", "they follow a streamed speed this much later at most")
+    stray: float = value(
+        Measure(LENGTH, "0.2 mm", "50 mm"), "3 mm", "fingers without a command stay within this"
+    )
+    lag: float = value(
+        Measure(TIME, "10 ms", "2 s"),
+        "100 ms",
+        "they follow a streamed speed this much later at most",
+    )
     follow: float = value(
-        Measure(LENGTH, "2 mm", "100 mm"), "10 mm", "the width lags streamed motion by less than this"
+        Measure(LENGTH, "2 mm", "100 mm"),
+        "10 mm",
+        "the width lags streamed motion by less than this",
     )
 
 
@@ -69,7 +79,10 @@ class GripperSupervisor:
     """
 
     def __init__(
-        self, limits: GripperLimits, acceleration: float, supervision: GripperSupervision | None = None
+        self,
+        limits: GripperLimits,
+        acceleration: float,
+        supervision: GripperSupervision | None = None,
     ) -> None:
         """
         Args:
@@ -81,9 +94,13 @@ class GripperSupervisor:
         self._limits, self._acceleration = limits, acceleration
         self._supervision = supervision or GripperSupervision()
         self._due, self._target = math.inf, 0.0
-        self._free_until = -math.inf  # until then they may move within the way of a move, or come to rest from it
+        self._free_until = (
+            -math.inf
+        )  # until then they may move within the way of a move, or come to rest from it
         self._way = -math.inf, math.inf
-        self._speed = self._opening = self._closing = 0.0  # commanded now; and the fastest either way lately
+        self._speed = self._opening = self._closing = (
+            0.0  # commanded now; and the fastest either way lately
+        )
         self._lower_bound, self._upper_bound = math.inf, -math.inf  # of the width, see the class
         self._told_at = -math.inf
         self._behind = 0.0  # streamed motion that the width has not followed, positive opens
@@ -93,7 +110,10 @@ class GripperSupervisor:
     def move(self, now: float, start: float, width: float, speed: float) -> None:
         """A move from one opening to another was commanded."""
         expected = abs(width - start) / speed + speed / self._acceleration
-        self._due, self._target = now + expected * (1.0 + self._supervision.share) + self._supervision.margin, width
+        self._due, self._target = (
+            now + expected * (1.0 + self._supervision.share) + self._supervision.margin,
+            width,
+        )
         self._free_until, self.rest_by = math.inf, self._due
         self._behind = 0.0
         self._way = self._reach(min(start, width), max(start, width))
@@ -115,7 +135,11 @@ class GripperSupervisor:
         self._free_until = now + COASTING
         seen = self._last is not None and now - self._last.stamp <= self._supervision.lag
         # If this thread stalled for longer than `lag`, the width is unknown, and the next report may be old.
-        self._way = self._reach(self._last.width, self._last.width) if self._last and seen else (-math.inf, math.inf)
+        self._way = (
+            self._reach(self._last.width, self._last.width)
+            if self._last and seen
+            else (-math.inf, math.inf)
+        )
         self.rest_by = max(self.rest_by, self._free_until)
 
     def look(self, now: float, state: GripperState) -> str:
@@ -130,11 +154,17 @@ class GripperSupervisor:
         self._last = state
         if self._steady is None or abs(state.width - self._steady[1]) > STEADY:
             self._steady = (state.stamp, state.width)
-        self.at_rest = abs(state.speed) < SLOW and (last is None or state.stamp - self._steady[0] >= STILL)
+        self.at_rest = abs(state.speed) < SLOW and (
+            last is None or state.stamp - self._steady[0] >= STILL
+        )
         if last is not None:
-            left = self._behind * math.exp((last.stamp - state.stamp) / FORGETTING) - (state.width - last.width)
+            left = self._behind * math.exp((last.stamp - state.stamp) / FORGETTING) - (
+                state.width - last.width
+            )
             self._behind = left if left * self._behind > 0.0 else 0.0
-        stray = self._stray(state.stamp, state.width, 0.0 if last is None else state.stamp - last.stamp)
+        stray = self._stray(
+            state.stamp, state.width, 0.0 if last is None else state.stamp - last.stamp
+        )
         self.follows = not stray and -self._closing - SLOW <= state.speed <= self._opening + SLOW
         if stray:
             self.rest_by = math.inf
@@ -151,7 +181,9 @@ class GripperSupervisor:
         if abs(speed) > FASTER * limits.speed_max:
             return f"reports a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
         most = STRONGER * 2.0 * limits.force_max
-        if state.motor_force is not None and not abs(state.motor_force) <= most:  # this form is True also for NaN
+        if (
+            state.motor_force is not None and not abs(state.motor_force) <= most
+        ):  # this form is True also for NaN
             return f"reports {state.motor_force:g} N of its motor, which presses with {most:.0f} N at most"
         if self._last is not None:
             way, elapsed = abs(width - self._last.width), state.stamp - self._last.stamp
@@ -174,12 +206,23 @@ class GripperSupervisor:
             self._lower_bound, self._upper_bound = width, width
             nearest = min(max(width, self._way[0]), self._way[1])
             late = self._supervision.lag * (self._opening if width > nearest else self._closing)
-            return self._astray(nearest, width) if abs(width - nearest) > self._supervision.stray + late else ""
-        self._lower_bound, self._upper_bound = min(self._lower_bound, width), max(self._upper_bound, width)
+            return (
+                self._astray(nearest, width)
+                if abs(width - nearest) > self._supervision.stray + late
+                else ""
+            )
+        self._lower_bound, self._upper_bound = (
+            min(self._lower_bound, width),
+            max(self._upper_bound, width),
+        )
         stray, lag = self._supervision.stray, self._supervision.lag
         if width - self._lower_bound > stray + lag * self._opening:
             return self._astray(self._lower_bound, width)
-        return self._astray(self._upper_bound, width) if self._upper_bound - width > stray + lag * self._closing else ""
+        return (
+            self._astray(self._upper_bound, width)
+            if self._upper_bound - width > stray + lag * self._closing
+            else ""
+        )
 
     def _lagging(self, width: float) -> str:
         """Return the problem of a width that does not follow the streamed speeds; else empty."""
@@ -212,14 +255,19 @@ class GripperSupervisor:
         self._told_at = max(self._told_at, now)
         self._behind += self._speed * elapsed
         opened, closed = max(self._speed, 0.0) * elapsed, min(self._speed, 0.0) * elapsed
-        self._lower_bound, self._upper_bound = self._lower_bound + opened, self._upper_bound + closed
+        self._lower_bound, self._upper_bound = (
+            self._lower_bound + opened,
+            self._upper_bound + closed,
+        )
         self._way = self._way[0] + closed, self._way[1] + opened
 
 
 class GripperMotion:
     """A move of the gripper that was started. Its driver reports the progress and the end."""
 
-    def __init__(self, width: float, speed: float, start: float, stop: Callable[[GripperMotion], None]) -> None:
+    def __init__(
+        self, width: float, speed: float, start: float, stop: Callable[[GripperMotion], None]
+    ) -> None:
         self.width, self.speed = width, speed
         self.state = MotionState.RUNNING
         self.settled = False
@@ -251,7 +299,9 @@ class GripperMotion:
 class DirectMotion(GripperMotion):
     """A move whose end is its rest, as of fingers without a wire and an owner thread."""
 
-    def __init__(self, width: float, speed: float, start: float, stopped: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, width: float, speed: float, start: float, stopped: Callable[[], None] = lambda: None
+    ) -> None:
         """
         Args:
             stopped: called when the move is stopped, by its skill or its driver; tells the supervisor.
@@ -278,7 +328,9 @@ def require_move(name: str, limits: GripperLimits, width: float, speed: float) -
         span = f"{1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
         raise MotionRefused(name, f"an opening of {1e3 * width:.1f} mm lies outside {span}")
     if not 0.0 < speed <= limits.speed_max * (1.0 + 1e-6):
-        raise MotionRefused(name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s")
+        raise MotionRefused(
+            name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s"
+        )
 
 
 def allowed_speed(speed: float, limits: GripperLimits, is_latched: bool) -> float:

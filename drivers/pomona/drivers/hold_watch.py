@@ -25,7 +25,17 @@ import numpy as np
 
 from pomona.drivers.errors import DeviceError, DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState
-from pomona.drivers.plain_hand import GIVE, MOTOR_FORCE, NO_ROOM, SHORT, between, gone, has_room, presses, short
+from pomona.drivers.plain_hand import (
+    GIVE,
+    MOTOR_FORCE,
+    NO_ROOM,
+    SHORT,
+    between,
+    gone,
+    has_room,
+    presses,
+    short,
+)
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.processes import warn
@@ -100,8 +110,13 @@ def _read(path: Path) -> HandRecord | None:
         if content["format"] != FORMAT:
             return None
         width = float(content["width"])
-        bias = {str(key): tuple(float(volts) for volts in taxels) for key, taxels in content["bias"].items()}
-        finite = math.isfinite(width) and all(math.isfinite(volts) for taxels in bias.values() for volts in taxels)
+        bias = {
+            str(key): tuple(float(volts) for volts in taxels)
+            for key, taxels in content["bias"].items()
+        }
+        finite = math.isfinite(width) and all(
+            math.isfinite(volts) for taxels in bias.values() for volts in taxels
+        )
         return HandRecord(str(content["held"]), width, bias) if finite else None
     except (OSError, ValueError, RecursionError, TypeError, KeyError, AttributeError):
         return None
@@ -121,7 +136,10 @@ def _write(path: Path, record: HandRecord) -> None:
 
 
 MOVED = 0.01  # change of a joint while paused from which the arm counts as moved from outside [rad]
-HELD_FORCE, LOST_FORCE = 0.5, 0.2  # grasp force of a finger at the pause that holds, and below which it is lost [N]
+HELD_FORCE, LOST_FORCE = (
+    0.5,
+    0.2,
+)  # grasp force of a finger at the pause that holds, and below which it is lost [N]
 STOOD = 1e-3  # change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm
 SLOW = 2e-3  # fingers slower than this rest [m/s], as for a gripper's supervisor
 SURE = "something is between the fingers"
@@ -129,7 +147,9 @@ HARDLY = f"the grip force fell below {LOST_FORCE:g} N: the fruit may have been l
 LOOSE = "the gripper's motor presses no more: the fruit may have been lost"
 
 
-def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None, force: float | None) -> str:
+def may_hold(
+    state: GripperState, limits: GripperLimits, last: HandRecord | None, force: float | None
+) -> str:
     """Return why something may be between fingers at rest; empty when nothing can be.
 
     `last` is the last known state of the hand, `force` the smaller pressing force from the last known bias [N]; None if
@@ -146,7 +166,9 @@ def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None
     here = f"the fingers stand at {1e3 * state.width:.1f} mm"
     if last is None:
         return f"{here}, and the last state of the hand is unknown"
-    if last.width is not None and not abs(state.width - last.width) <= (GIVE if last.held else STOOD):
+    if last.width is not None and not abs(state.width - last.width) <= (
+        GIVE if last.held else STOOD
+    ):
         return f"{here}, and stood at {1e3 * last.width:.1f} mm when the hand was last known"
     return f"{here}, where they may hold something" if last.held else ""
 
@@ -155,7 +177,11 @@ class HoldWatch:
     """Follows the state of the hand, notes arm and grip at rest, and compares before motion goes on."""
 
     def __init__(
-        self, arm: Arm | None, fingers: ForceSensor | None, gripper: Gripper | None, memory: HandMemory | None = None
+        self,
+        arm: Arm | None,
+        fingers: ForceSensor | None,
+        gripper: Gripper | None,
+        memory: HandMemory | None = None,
     ) -> None:
         """
         Args:
@@ -167,8 +193,12 @@ class HoldWatch:
         self._hand, self._unfelt = "", HARDLY
         self._held_at: float | None = None
         self._begun = False
-        self._stood = math.inf  # widest opening since the empty fingers last reached the width of a move [m]
-        self._noted: GripperState | None = None  # of a hand without force sensor that holds something
+        self._stood = (
+            math.inf
+        )  # widest opening since the empty fingers last reached the width of a move [m]
+        self._noted: GripperState | None = (
+            None  # of a hand without force sensor that holds something
+        )
 
     def forget(self) -> None:
         """Nothing is remembered any more."""
@@ -188,15 +218,25 @@ class HoldWatch:
         if self._q is not None and self._arm is not None:
             moved = float(np.abs(self._arm.state().q - self._q).max())
             if not moved <= MOVED:  # so that joints that are no number are not as they were
-                raise DeviceFault("arm", f"was moved by {np.degrees(moved):.1f}° while the run was paused")
+                raise DeviceFault(
+                    "arm", f"was moved by {np.degrees(moved):.1f}° while the run was paused"
+                )
         force = self._least_force()
-        if self._force is not None and self._force > HELD_FORCE and (force is None or not force >= LOST_FORCE):
+        if (
+            self._force is not None
+            and self._force > HELD_FORCE
+            and (force is None or not force >= LOST_FORCE)
+        ):
             now = "nothing is felt" if force is None else f"now {force:.1f} N"
-            raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
+            raise DeviceFault(
+                "fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})"
+            )
         if self._noted is not None and self._gripper is not None:
             why = gone(self._noted, self._gripper.state(), self._gripper.limits, STOOD)
             if why:
-                raise DeviceFault("gripper", f"{why} while the run was paused: the fruit may be gone")
+                raise DeviceFault(
+                    "gripper", f"{why} while the run was paused: the fruit may be gone"
+                )
 
     def in_hand(self) -> str | None:
         """Describe an object that may be between the fingers: an empty text for none, None in a cell without a hand.
@@ -208,7 +248,11 @@ class HoldWatch:
         force, gripper = self._least_force(), self._state()
         if force is None and self._gripper is None:
             return None
-        if force is None and not self._begun and (gripper is None or (self._fingers is not None and not self._memory)):
+        if (
+            force is None
+            and not self._begun
+            and (gripper is None or (self._fingers is not None and not self._memory))
+        ):
             silent = "gripper" if gripper is None else "force sensor"
             return f"the {silent} has sent nothing yet, so the state of the hand is unknown"
         if gripper is not None and not self._begun:
@@ -242,7 +286,12 @@ class HoldWatch:
         if state.moving or abs(state.speed) > SLOW or not state.referenced:
             return
         evidence = between(state, limits)
-        if not evidence and state.aim is None and state.width < self._stood - SHORT and has_room(state.width, limits):
+        if (
+            not evidence
+            and state.aim is None
+            and state.width < self._stood - SHORT
+            and has_room(state.width, limits)
+        ):
             evidence = f"the fingers closed to {1e3 * state.width:.1f} mm, and no move ended there"
         if evidence and (presses(state) or not self._hand):
             self._hand, self._held_at = SURE if presses(state) else evidence, state.width
@@ -262,7 +311,9 @@ class HoldWatch:
             return False
         aim = None if state.motor_force is None else state.aim
         reached = aim is not None and abs(state.width - aim) <= short(limits)
-        return state.width - self._held_at > GIVE or (reached and self._held_at - state.width > GIVE)
+        return state.width - self._held_at > GIVE or (
+            reached and self._held_at - state.width > GIVE
+        )
 
     def _begin(self, gripper: GripperState, force: float | None) -> None:
         """Continue from the state of the hand before this connection."""
@@ -273,7 +324,11 @@ class HoldWatch:
         why = may_hold(gripper, self._gripper.limits, last, force)
         if why:
             self._hand = self._unfelt = f"something may be between the fingers: {why}"
-            there = last is not None and last.width is not None and abs(gripper.width - last.width) <= GIVE
+            there = (
+                last is not None
+                and last.width is not None
+                and abs(gripper.width - last.width) <= GIVE
+            )
             known = last is not None and last.held and (force is not None or there)
             self._held_at = last.width if last is not None and known else gripper.width
 
@@ -283,7 +338,12 @@ class HoldWatch:
             return
         last = self._memory.record
         same = last is not None and last.held == self._hand
-        stood = same and last is not None and last.width is not None and abs(gripper.width - last.width) <= STOOD
+        stood = (
+            same
+            and last is not None
+            and last.width is not None
+            and abs(gripper.width - last.width) <= STOOD
+        )
         if not same or (not stood and not gripper.moving):
             self._memory.keep_hand(self._hand, gripper.width)
 

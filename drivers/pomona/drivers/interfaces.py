@@ -84,7 +84,9 @@ class Frame(ReadOnly):
         if len(set(sizes.values())) > 1:
             words = ", ".join(f"{of} {' x '.join(map(str, size))} px" for of, size in sizes.items())
             remedy = "register depth to colour, and give the intrinsics of that size"
-            raise DeviceFault(self.label or "camera", f"its images are not of one size: {words}; {remedy}")
+            raise DeviceFault(
+                self.label or "camera", f"its images are not of one size: {words}; {remedy}"
+            )
 
 
 @runtime_checkable

@@ -45,9 +45,15 @@ class Supervision:
         Measure(ANGLE, "0.005 rad", "0.5 rad"), "0.08 rad", "largest following error of a joint"
     )
     lag: float = value(Measure(TIME, "0 s", "1 s"), "200 ms", "delay of network and servos")
-    margin: float = value(Measure(TIME, "100 ms", "30 s"), "2 s", "a motion may take this much longer than planned")
-    stall: float = value(Measure(TIME, "50 ms", "5 s"), "500 ms", "the next point must be taken within this time")
-    status: float = value(Measure(TIME, "30 ms", "2 s"), "250 ms", "without a status for this long the arm is lost")
+    margin: float = value(
+        Measure(TIME, "100 ms", "30 s"), "2 s", "a motion may take this much longer than planned"
+    )
+    stall: float = value(
+        Measure(TIME, "50 ms", "5 s"), "500 ms", "the next point must be taken within this time"
+    )
+    status: float = value(
+        Measure(TIME, "30 ms", "2 s"), "250 ms", "without a status for this long the arm is lost"
+    )
 
 
 @dataclass(slots=True, eq=False)
@@ -115,7 +121,9 @@ class MotionSupervisor:
             self._status_at = now
         silent = now - self._status_at
         if silent > self._supervision.status:
-            raise DeviceLost(self._device, f"the controller has not sent its status for {1e3 * silent:.0f} ms")
+            raise DeviceLost(
+                self._device, f"the controller has not sent its status for {1e3 * silent:.0f} ms"
+            )
 
     def forget(self) -> None:
         """Begin anew: after a reconnection or an acknowledgement nothing of before is compared with."""
@@ -157,7 +165,9 @@ class MotionSupervisor:
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             return "its joints are not finite numbers"
         outside = np.maximum(limits.lower - q, q - limits.upper)
-        if outside.max() > 0.1:  # mechanical stops keep every joint within this distance of its range [rad]
+        if (
+            outside.max() > 0.1
+        ):  # mechanical stops keep every joint within this distance of its range [rad]
             return f"joint {outside.argmax() + 1} at {q[outside.argmax()]:.4g} rad, far outside its range"
         speed = np.abs(qd) / limits.velocity
         if speed.max() > OVERSPEED:
@@ -177,21 +187,33 @@ class MotionSupervisor:
     def _watch_time(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         supervision = self._supervision
         if motion.phase is not self._phase or motion.speed != self._speed:
-            if self._phase is Phase.RESTING:  # a stop or a new speed does not show that the controller goes on
+            if (
+                self._phase is Phase.RESTING
+            ):  # a stop or a new speed does not show that the controller goes on
                 self._advanced = (advance, now)
             self._phase, self._speed = motion.phase, motion.speed
             left = motion.time_left if motion.phase is Phase.RUNNING else 0.0
-            self._deadline = np.inf if motion.phase is Phase.RESTING else now + left + supervision.margin
-        running = motion.phase is Phase.RUNNING  # then it rests at its end only: not where it was paused
-        if advance != self._advanced[0] or (motion.set_point_arrived if running else motion.set_point_rests):
+            self._deadline = (
+                np.inf if motion.phase is Phase.RESTING else now + left + supervision.margin
+            )
+        running = (
+            motion.phase is Phase.RUNNING
+        )  # then it rests at its end only: not where it was paused
+        if advance != self._advanced[0] or (
+            motion.set_point_arrived if running else motion.set_point_rests
+        ):
             self._advanced = (advance, now)
         stalled = now - self._advanced[1]
         if stalled > supervision.stall and motion.phase is not Phase.RESTING:
             self._advanced = (advance, now)  # the stop that follows has as much time
-            raise DeviceFault(self._device, f"the controller has not continued the motion for {stalled:.1f} s")
+            raise DeviceFault(
+                self._device, f"the controller has not continued the motion for {stalled:.1f} s"
+            )
         if now > self._deadline:
             words = "did not end" if motion.phase is Phase.RUNNING else "did not come to rest"
-            raise DeviceFault(self._device, f"the motion {words} {supervision.margin:g} s after its expected time")
+            raise DeviceFault(
+                self._device, f"the motion {words} {supervision.margin:g} s after its expected time"
+            )
 
     def _drop_old(self, stamp: float) -> None:
         """Keep the set-points of the lag, and one before."""
@@ -208,10 +230,14 @@ class MotionSupervisor:
         # A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder
         if old_enough and np.abs(commanded - feedback.commanded).max() > 0.01:
             same = f"{1e3 * (feedback.stamp - feedback.since):.0f} ms"
-            raise DeviceLost(self._device, f"its feedback has not changed for {same} although the arm is to move")
+            raise DeviceLost(
+                self._device, f"its feedback has not changed for {same} although the arm is to move"
+            )
 
     def _watch_following(self, feedback: _Feedback) -> None:
-        passed = [q for due, q in self._set_points if due <= feedback.stamp] or [self._set_points[0][1]]
+        passed = [q for due, q in self._set_points if due <= feedback.stamp] or [
+            self._set_points[0][1]
+        ]
         error = np.abs(np.array(passed) - feedback.q)
         nearest = error[error.max(axis=1).argmin()]
         if nearest.max() > self._supervision.following_error:

@@ -18,7 +18,16 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 import numpy as np
 
 from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, SetPoints, StreamedArm, Trajectory
+from pomona.drivers.interfaces import (
+    Arm,
+    ArmLimits,
+    ArmState,
+    Motion,
+    MotionState,
+    SetPoints,
+    StreamedArm,
+    Trajectory,
+)
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
 from pomona.drivers.streamed_motion import StreamedMotion
@@ -63,13 +72,21 @@ class PathArm(Device, ABC):
     while its joint feedback is implausible; any other brakes on its path then."""
 
     def __init__(
-        self, name: str, clock: Clock, description: Path, limits: ArmLimits, supervision: Supervision, period: float
+        self,
+        name: str,
+        clock: Clock,
+        description: Path,
+        limits: ArmLimits,
+        supervision: Supervision,
+        period: float,
     ) -> None:
         """`period`: at which paths are stepped [s]."""
         super().__init__(name)
         self.description, self.limits = description, limits
         self._clock, self._period = clock, period
-        self._lock = threading.Lock()  # guards latched, problem and motion; never held while waiting
+        self._lock = (
+            threading.Lock()
+        )  # guards latched, problem and motion; never held while waiting
         self._owner = Owner(name, self.step, self._failed, clock)
         self._supervisor = MotionSupervisor(name, limits, supervision)
         self._state: ArmState | None = None
@@ -168,9 +185,15 @@ class PathArm(Device, ABC):
             self._supervisor.end()
             return
         # Implausible feedback is no evidence of rest either: rest is assumed after the last point sent.
-        resting = bool(np.abs(state.qd).max() < AT_REST) if not self._doubted else stream is None or stream.played
+        resting = (
+            bool(np.abs(state.qd).max() < AT_REST)
+            if not self._doubted
+            else stream is None or stream.played
+        )
         if stream is None:
-            motion.settled = resting and motion.state is MotionState.FAILED  # else it has not begun yet
+            motion.settled = (
+                resting and motion.state is MotionState.FAILED
+            )  # else it has not begun yet
             return
         now = self._clock.now()
         if motion.set_point_rests and stream.played:
@@ -213,7 +236,9 @@ class PathArm(Device, ABC):
             if problem is not None or self._state is None:
                 raise MotionRefused(self.name, f"not ready: {problem or 'no joints have come'}")
             if self._motion is not None and not self._motion.settled:
-                raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
+                raise MotionRefused(
+                    self.name, "still moves; stop the motion and wait until it has settled"
+                )
             q = self._state.q
             motion = self._motion = make(q)
         self._owner.post(lambda: self._begin(motion, q))
@@ -286,7 +311,9 @@ class PathArm(Device, ABC):
     def close(self) -> None:
         """Come to rest on the path, then leave."""
         self.safe_stop("closed")
-        end = self._clock.now() + 2.0  # an arm comes to rest on its path within this time when its driver is closed [s]
+        end = (
+            self._clock.now() + 2.0
+        )  # an arm comes to rest on its path within this time when its driver is closed [s]
         while not self.settled() and self._clock.now() < end:
             self._clock.advance(0.02)
         self._owner.close()
@@ -326,7 +353,9 @@ class StreamingArm(PathArm, Generic[S, P]):
     _open_port: Callable[[str], Link]
     _session: S | None = None
     _points: P | None = None
-    _starting = False  # made ready after an acknowledgement: takes a moment, in which motions are refused
+    _starting = (
+        False  # made ready after an acknowledgement: takes a moment, in which motions are refused
+    )
     _retry_at = 0.0
 
     @abstractmethod
@@ -388,7 +417,9 @@ class StreamingArm(PathArm, Generic[S, P]):
         """Fail the motion and open the session again: it is gone, or the peer is no controller."""
         self._believed = False
         if self._session is not None:
-            what = "the connection failed: " if isinstance(error, OSError) else "the driver failed: "
+            what = (
+                "the connection failed: " if isinstance(error, OSError) else "the driver failed: "
+            )
             self._blame(_lost(self.name, what, error))
             self._abandon(words(self._problem))
             if self._motion is not None:

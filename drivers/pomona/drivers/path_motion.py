@@ -129,7 +129,11 @@ class PathFollower:
             self.rate = min(max(self.rate + self._rate_change * self._period, 1e-6), 1.0)
             return
         left = abs(self._wanted - self.rate)
-        change = min(float(room.min()), math.sqrt(2.0 * ease * left), abs(self._rate_change) + ease * self._period)
+        change = min(
+            float(room.min()),
+            math.sqrt(2.0 * ease * left),
+            abs(self._rate_change) + ease * self._period,
+        )
         change = max(change, 1e-3)
         if change * self._period >= left:
             self.rate, self._rate_change = self._wanted, 0.0
@@ -155,7 +159,9 @@ class PathFollower:
 
 def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
     """Return the same path, slower by a factor >= 1: rates fall with it, accelerations with its square."""
-    return Trajectory(trajectory.t * factor, trajectory.q, trajectory.qd / factor, trajectory.qdd / factor**2)
+    return Trajectory(
+        trajectory.t * factor, trajectory.q, trajectory.qd / factor, trajectory.qdd / factor**2
+    )
 
 
 def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, Float64]:
@@ -165,7 +171,12 @@ def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, 
     i = np.clip(np.searchsorted(trajectory.t, t, side="right") - 1, 0, len(trajectory.t) - 2)
     h = (trajectory.t[i + 1] - trajectory.t[i])[:, None]
     s = ((t - trajectory.t[i])[:, None]) / h
-    q0, q1, v0, v1 = trajectory.q[i], trajectory.q[i + 1], trajectory.qd[i] * h, trajectory.qd[i + 1] * h
+    q0, q1, v0, v1 = (
+        trajectory.q[i],
+        trajectory.q[i + 1],
+        trajectory.qd[i] * h,
+        trajectory.qd[i + 1] * h,
+    )
     a, b = 2.0 * (q0 - q1) + v0 + v1, 3.0 * (q1 - q0) - 2.0 * v0 - v1
     q = q0 + s * (v0 + s * (b + s * a))
     qd = (v0 + s * (2.0 * b + s * 3.0 * a)) / h
@@ -241,7 +252,11 @@ class PathMotion:
         """RESTING once nothing moves any more, as `at_rest`."""
         if self.at_rest:
             return Phase.RESTING
-        return Phase.BRAKING if self._stopping or self.state is not MotionState.RUNNING else Phase.RUNNING
+        return (
+            Phase.BRAKING
+            if self._stopping or self.state is not MotionState.RUNNING
+            else Phase.RUNNING
+        )
 
     @property
     def set_point_rests(self) -> bool:
@@ -314,7 +329,9 @@ class PathMotion:
             if resting and beside < 2e-3:  # joints so near to the path's end are there [rad]
                 self.state, self.settled = MotionState.DONE, True
             elif now - self._resting_since > HELD_UP:
-                self.fail(f"the arm rests {math.degrees(beside):.1f}° off the end of its path: something holds it")
+                self.fail(
+                    f"the arm rests {math.degrees(beside):.1f}° off the end of its path: something holds it"
+                )
         elif self._stopping and self._follower.at_rest:
             self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
             self.settled = resting

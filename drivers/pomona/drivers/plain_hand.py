@@ -6,7 +6,9 @@ from pomona.drivers.interfaces import GripperLimits, GripperState
 
 GIVE = 0.01  # change of the opening that releases a fruit [m]: skin and pads yield at 14 N with 1.5 N/mm
 NO_ROOM = 2e-3  # fingers this near to an end of their travel hold nothing [m]: no fruit is so thin
-MOTOR_FORCE = 1.0  # grasp force by the motor's current that presses on something [N]: twice a WSG's friction
+MOTOR_FORCE = (
+    1.0  # grasp force by the motor's current that presses on something [N]: twice a WSG's friction
+)
 SHORT = 2e-3  # distance to the commanded width from which closing fingers were stopped [m]: a WSG ends a move within it
 STEPS = 2.0  # the same of a gripper that moves in steps [steps], and ends a move within 1.5 of them
 
@@ -31,7 +33,11 @@ def between(state: GripperState, limits: GripperLimits) -> str:
         return ""
     if presses(state):
         return f"the gripper's motor presses with {state.motor_force:.1f} N at {1e3 * state.width:.1f} mm"
-    if state.aim is not None and state.width > state.aim + short(limits) and has_room(state.width, limits):
+    if (
+        state.aim is not None
+        and state.width > state.aim + short(limits)
+        and has_room(state.width, limits)
+    ):
         return f"the fingers stopped at {1e3 * state.width:.1f} mm on their way to {1e3 * state.aim:.1f} mm"
     return ""
 

@@ -88,7 +88,9 @@ def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
     model = read_spec(path).compile()
     arm = [i for i in range(model.nu) if model.actuator(i).name != "gripper"]
     count = len(arm) if dof is None else dof
-    joints = np.sort(model.actuator_trnid[arm, 0])[:count]  # from base to tool, whatever the order of the actuators
+    joints = np.sort(model.actuator_trnid[arm, 0])[
+        :count
+    ]  # from base to tool, whatever the order of the actuators
     if len(joints) < count:
         raise UnusableRobotFile(path, f"has {len(joints)} actuated joints, the arm has {count}")
     rates = []
@@ -98,7 +100,9 @@ def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
         except KeyError as error:
             raise UnusableRobotFile(path, f"<custom> lacks the numeric '{name}'") from error
         if rate.shape != (count,) or not np.all((rate > 0.0) & (rate <= most)):
-            words = f"'{name}' needs {count} positive numbers up to {most:g}, in radians and seconds"
+            words = (
+                f"'{name}' needs {count} positive numbers up to {most:g}, in radians and seconds"
+            )
             raise UnusableRobotFile(path, words)
         rates.append(rate)
     ranges = np.array(model.jnt_range[joints], dtype=np.float64)
@@ -113,7 +117,9 @@ def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
 class ArmFile:
     """Options that each arm has which is sent set-points."""
 
-    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
+    robot: Path = value(
+        PathTo("file"), help="the robot's description (MJCF or URDF), with its limits"
+    )
     supervision: Supervision = value(
         Section(Supervision), Supervision(), "how closely the arm must follow its commands"
     )

@@ -90,7 +90,9 @@ class RollingPath:
                 late = f"for {1e3 * (now - self._last.due):.0f} ms"
                 why = "the computer was delayed, and the arm comes to rest"
                 raise OutOfSetPointsError(self._device, f"ran out of set-points {late}: {why}")
-            self._promise(SetPoint(now, self._last.q, self._last.qd))  # it rested: at the start, or after a pause
+            self._promise(
+                SetPoint(now, self._last.q, self._last.qd)
+            )  # it rested: at the start, or after a pause
         while self._last.due < now + self._lead:
             rested = self.motion.set_point_rests
             q, qd = self.motion.step()

@@ -53,7 +53,9 @@ class ConnectContext(device.ConnectContext):
         return memory_of(wires) if self.hand is None else self.hand
 
 
-def estimate_errors(reported: Mapping[str, Any], fruits: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def estimate_errors(
+    reported: Mapping[str, Any], fruits: Sequence[Mapping[str, Any]]
+) -> dict[str, float]:
     """Return errors of a reported position and size against the fruit that lies nearest to it.
 
     Args:
@@ -91,21 +93,29 @@ class Readings:
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self._arms = {name: device for name, device in devices.items() if Arm in device.interfaces}
-        self._grippers = {name: device for name, device in devices.items() if Gripper in device.interfaces}
+        self._grippers = {
+            name: device for name, device in devices.items() if Gripper in device.interfaces
+        }
         feeling = {ForceSensor, LoadSensor, PressSensor}
-        self._fingers = {name: device for name, device in devices.items() if feeling & {*device.interfaces}}
+        self._fingers = {
+            name: device for name, device in devices.items() if feeling & {*device.interfaces}
+        }
         self._noted: dict[str, deque[Any]] = {
             name: deque(maxlen=MOST) for name in (*self._arms, *self._grippers, *self._fingers)
         }
         sensors: Any = self._fingers
-        self._subscriptions = [sensor.subscribe(self._noted[name].append) for name, sensor in sensors.items()]
+        self._subscriptions = [
+            sensor.subscribe(self._noted[name].append) for name, sensor in sensors.items()
+        ]
 
     def note(self) -> None:
         """Read arm and gripper once; this uses their last states and does not wait."""
         moving: Any
         for name, moving in (*self._arms.items(), *self._grippers.items()):
             noted = self._noted[name]
-            with contextlib.suppress(DriverError):  # the record does not decide whether a silent device ends the run
+            with contextlib.suppress(
+                DriverError
+            ):  # the record does not decide whether a silent device ends the run
                 state = moving.state()
                 if not noted or noted[-1].stamp != state.stamp:
                     noted.append(state)
@@ -117,7 +127,10 @@ class Readings:
         force and torque of each in its pad's frame, load sensors those
         on the flange; shape (n,) each, the name carries the unit.
         """
-        taken = {name: [noted.popleft() for _ in range(len(noted))] for name, noted in self._noted.items()}
+        taken = {
+            name: [noted.popleft() for _ in range(len(noted))]
+            for name, noted in self._noted.items()
+        }
         return {name: self._columns(name, samples) for name, samples in taken.items() if samples}
 
     def close(self) -> None:
@@ -128,7 +141,10 @@ class Readings:
     def _columns(self, name: str, samples: list[Any]) -> dict[str, Any]:
         columns = {"stamp_s": np.array([sample.stamp for sample in samples])}
         if name in self._arms:
-            q, qd = (np.array(rows).T for rows in zip(*((sample.q, sample.qd) for sample in samples), strict=True))
+            q, qd = (
+                np.array(rows).T
+                for rows in zip(*((sample.q, sample.qd) for sample in samples), strict=True)
+            )
             columns |= {f"q_{k + 1}_rad": joint for k, joint in enumerate(q)}
             return columns | {f"qd_{k + 1}_rad_per_s": joint for k, joint in enumerate(qd)}
         if name in self._grippers:
@@ -159,9 +175,13 @@ class RobotServices(Services):
 
     context, section = ConnectContext, WorkspaceSection
 
-    def __init__(self, devices: Mapping[str, device.Device], workspace: object | None = None) -> None:
+    def __init__(
+        self, devices: Mapping[str, device.Device], workspace: object | None = None
+    ) -> None:
         super().__init__(devices, workspace)
-        arm, fingers, gripper = (self._first(interface) for interface in (Arm, ForceSensor, Gripper))
+        arm, fingers, gripper = (
+            self._first(interface) for interface in (Arm, ForceSensor, Gripper)
+        )
         memory = getattr(gripper if fingers is None else fingers, "hand_memory", None)
         if memory is None and gripper is not None and not gripper.outlives:
             memory = HandMemory(None, HandRecord())  # of a new world, which ends with this process
@@ -178,15 +198,28 @@ class RobotServices(Services):
         if workspace is None or not isinstance(poses, YamlMapping):
             return
         for name, other in itertools.combinations(workspace.poses, 2):
-            q, same = workspace.poses[name], name.rstrip("0123456789_") == other.rstrip("0123456789_")
-            if same and len(q) == len(workspace.poses[other]) and np.allclose(q, workspace.poses[other], 0.0, 1e-3):
-                words = f"the pose '{other}' is the same as '{name}': two places, or two looks, are one"
+            q, same = (
+                workspace.poses[name],
+                name.rstrip("0123456789_") == other.rstrip("0123456789_"),
+            )
+            if (
+                same
+                and len(q) == len(workspace.poses[other])
+                and np.allclose(q, workspace.poses[other], 0.0, 1e-3)
+            ):
+                words = (
+                    f"the pose '{other}' is the same as '{name}': two places, or two looks, are one"
+                )
                 findings.warning(poses.entries[other][1], "pose", words)
         if limits is None:
             return
         for name, joints in workspace.poses.items():
             q = np.array(joints)
-            words = "" if q.shape == limits.lower.shape else f"has {q.size} joints, the arm has {limits.lower.size}"
+            words = (
+                ""
+                if q.shape == limits.lower.shape
+                else f"has {q.size} joints, the arm has {limits.lower.size}"
+            )
             for k in () if words else np.flatnonzero((q < limits.lower) | (q > limits.upper))[:1]:
                 low, high = np.degrees((limits.lower[k], limits.upper[k]))
                 words = f"has joint {k + 1} at {np.degrees(q[k]):.1f}°, its limits are {low:.1f}° and {high:.1f}°"
@@ -194,13 +227,19 @@ class RobotServices(Services):
                 findings.error(poses.entries[name][1], "pose", f"the pose '{name}' {words}")
 
     @classmethod
-    def connected(cls, settings: Mapping[str, Settings[Any]], context: device.ConnectContext) -> RobotServices:
+    def connected(
+        cls, settings: Mapping[str, Settings[Any]], context: device.ConnectContext
+    ) -> RobotServices:
         """Give a gripper without force sensor the memory of its hand, which is empty in a cell that was cleared."""
         assert isinstance(context, ConnectContext)
         gripper: Any = context.find(Gripper)
         if gripper is not None and context.find(ForceSensor) is None and gripper.outlives:
             said = settings[gripper.name].values
-            wires = said.wires if isinstance(said, Wired) else (str(context.cell.resolve()), gripper.name)
+            wires = (
+                said.wires
+                if isinstance(said, Wired)
+                else (str(context.cell.resolve()), gripper.name)
+            )
             gripper.hand_memory = context.hand_memory(wires)
             if context.cleared:
                 gripper.hand_memory.keep_hand("", gripper.state().width)
@@ -210,8 +249,14 @@ class RobotServices(Services):
         if interface is Hand:
             return self._hand
         if interface is Cameras:
-            seeing: Any = [device for device in self.devices.values() if Camera in device.interfaces]
-            return Cameras(tuple(viewed(c, DepthCamera if isinstance(c, DepthCamera) else Camera) for c in seeing))
+            seeing: Any = [
+                device for device in self.devices.values() if Camera in device.interfaces
+            ]
+            return Cameras(
+                tuple(
+                    viewed(c, DepthCamera if isinstance(c, DepthCamera) else Camera) for c in seeing
+                )
+            )
         return super().find(interface)
 
     def at_rest(self) -> None:
@@ -235,16 +280,22 @@ class RobotServices(Services):
             self._readings = Readings(self.devices)
         return self._readings.take()
 
-    def score(self, truth: Mapping[str, object], reported: Mapping[str, Any]) -> Mapping[str, object]:
+    def score(
+        self, truth: Mapping[str, object], reported: Mapping[str, Any]
+    ) -> Mapping[str, object]:
         """Errors of the run's estimate of the fruit's position and size are part of the score."""
         fruits = truth.get("fruits", ())
         scored = {name: what for name, what in truth.items() if name != "fruits"}
         scored |= estimate_errors(reported, fruits if isinstance(fruits, Sequence) else ())
-        return {name: scored[name] for name in dict.fromkeys((*COUNTS_MOST, *scored)) if name in scored}
+        return {
+            name: scored[name] for name in dict.fromkeys((*COUNTS_MOST, *scored)) if name in scored
+        }
 
     def close(self) -> None:
         if self._readings is not None:
             self._readings.close()
 
     def _first(self, interface: type) -> Any:
-        return next((device for device in self.devices.values() if interface in device.interfaces), None)
+        return next(
+            (device for device in self.devices.values() if interface in device.interfaces), None
+        )

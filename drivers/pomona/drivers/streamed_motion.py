@@ -55,7 +55,10 @@ class StreamedMotion:
         self._sum: Float64 = q * window
         self._raw, self._rate = q.copy(), np.zeros_like(q)
         self._target: Float64 = q.copy()
-        self._moves_on, self._at = np.zeros_like(q), 0.0  # velocity of the target, and when it is there
+        self._moves_on, self._at = (
+            np.zeros_like(q),
+            0.0,
+        )  # velocity of the target, and when it is there
         self._now = now
         self.delay = (window - 1) * period / 2.0
         self._smooth: Float64 = q.copy()
@@ -107,7 +110,11 @@ class StreamedMotion:
         """As of a motion along a path."""
         if self.at_rest:
             return Phase.RESTING
-        return Phase.BRAKING if self._stopping or self.state is not MotionState.RUNNING else Phase.RUNNING
+        return (
+            Phase.BRAKING
+            if self._stopping or self.state is not MotionState.RUNNING
+            else Phase.RUNNING
+        )
 
     @property
     def set_point_rests(self) -> bool:
@@ -177,7 +184,9 @@ class StreamedMotion:
         self._lately[self._next] = self._raw
         self._next = (self._next + 1) % len(self._lately)
         self._still = self._still + 1 if np.array_equal(self._raw, before) else 0
-        mean = np.clip(self._sum / len(self._lately), self._limits.lower, self._limits.upper)  # rounding
+        mean = np.clip(
+            self._sum / len(self._lately), self._limits.lower, self._limits.upper
+        )  # rounding
         self._smooth = self._raw.copy() if self._still >= len(self._lately) else mean
         if self.set_point_rests:
             self._sum = self._raw * len(self._lately)  # so that rounding errors do not accumulate
@@ -189,9 +198,13 @@ class StreamedMotion:
         h, on = self._period, self._moves_on
         ahead = self._now() + h + self.delay - self._at
         way = self._target + on * (ahead - h) - self._raw if on.any() else self._target - self._raw
-        wanted = on + np.sign(way) * self._stopping_speed(np.abs(way), CATCHING_UP if on.any() else 1.0)
+        wanted = on + np.sign(way) * self._stopping_speed(
+            np.abs(way), CATCHING_UP if on.any() else 1.0
+        )
         if on.any():
-            lower, upper = np.maximum([self._raw - self._limits.lower, self._limits.upper - self._raw], 0.0)
+            lower, upper = np.maximum(
+                [self._raw - self._limits.lower, self._limits.upper - self._raw], 0.0
+            )
             wanted = np.clip(wanted, -self._stopping_speed(lower), self._stopping_speed(upper))
         most = self.speed * self._limits.velocity
         return np.clip(wanted, -most, most)
@@ -202,7 +215,9 @@ class StreamedMotion:
         `share` of the acceleration is used.
         """
         h, a = self._period, share * self._limits.acceleration
-        speed: Float64 = np.minimum(np.sqrt((0.5 * a * h) ** 2 + 2.0 * a * distance) - 0.5 * a * h, distance / h)
+        speed: Float64 = np.minimum(
+            np.sqrt((0.5 * a * h) ** 2 + 2.0 * a * distance) - 0.5 * a * h, distance / h
+        )
         return speed
 
     def _advanced(self, wanted: Float64, free: bool) -> Float64:
@@ -210,7 +225,11 @@ class StreamedMotion:
         self._rate = self._rate + np.clip(wanted - self._rate, -most, most)
         moved: Float64 = self._raw + self._rate * self._period
         if free:  # the last step ends on a target that stands
-            there = ~self._moves_on.any() & (np.abs(self._target - moved) < 1e-9) & (np.abs(self._rate) <= most)
+            there = (
+                ~self._moves_on.any()
+                & (np.abs(self._target - moved) < 1e-9)
+                & (np.abs(self._rate) <= most)
+            )
             moved = np.where(there, self._target, moved)
             self._rate = np.where(there, 0.0, self._rate)
         return np.clip(moved, self._limits.lower, self._limits.upper)

@@ -24,11 +24,16 @@ from pomona.executive.values.units import FORCE, TIME
 
 SILENCE = 0.040  # time without a valid sample after which the fingers are lost [s]
 FEW = 5  # minimum run of bad samples before a fault: fewer may be a stall of the computer itself
-EARLY = 0.005  # stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]
+EARLY = (
+    0.005  # stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]
+)
 WINDOW, FEW_GAPS, IN_BITS = 6, 4, 0.4
 """Limit of an intermittent stream: within this multiple of the silence allowed, this number of gaps of half of it or
 more that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip."""
-FEW_FRAMES, EARLY_FRAME = 2, 0.020  # the same of cameras, whose clocks are followed to a few milliseconds [s]
+FEW_FRAMES, EARLY_FRAME = (
+    2,
+    0.020,
+)  # the same of cameras, whose clocks are followed to a few milliseconds [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +48,13 @@ class Belief:
     """
 
     stuck: float = value(
-        Measure(TIME, "5 ms", "10 s"), "30 ms", "a finger that repeats its value exactly for this long is stuck"
+        Measure(TIME, "5 ms", "10 s"),
+        "30 ms",
+        "a finger that repeats its value exactly for this long is stuck",
     )
-    strongest: float = value(Measure(FORCE, "1 N", "10000 N"), "200 N", "a larger force is not plausible")
+    strongest: float = value(
+        Measure(FORCE, "1 N", "10000 N"), "200 N", "a larger force is not plausible"
+    )
 
 
 SIDES = ("the left finger", "the right finger")
@@ -88,7 +97,9 @@ class WrenchStream:
         self._lock = threading.Lock()
         self._listeners: tuple[_Listener, ...] = ()
         self._delivered = math.nan  # stamp of the newest sample that a listener got
-        self._gaps: list[tuple[float, float]] = []  # between two of them: how long, and when they ended
+        self._gaps: list[
+            tuple[float, float]
+        ] = []  # between two of them: how long, and when they ended
         self._wrong = ""
         self._cause: Exception | None = None
         self._forget_past()
@@ -126,15 +137,22 @@ class WrenchStream:
         self._left_out, self._believed_at = 0, self._clock.now()
         if sample.stamp - self._delivered > 0.5 * self._silence:
             self._note_gap(sample.stamp - self._delivered, sample.stamp)
-        self._delivered = sample.stamp if self._listeners else math.nan  # who only asks now and then misses nothing
+        self._delivered = (
+            sample.stamp if self._listeners else math.nan
+        )  # who only asks now and then misses nothing
         self.hand_on(sample)
 
     def _note_gap(self, gap: float, until: float) -> None:
         window = WINDOW * self._silence
-        self._gaps = [(gap, until), *((gap, end) for gap, end in self._gaps if end > until - window)]
+        self._gaps = [
+            (gap, until),
+            *((gap, end) for gap, end in self._gaps if end > until - window),
+        ]
         missing = sum(gap for gap, _ in self._gaps)
         if len(self._gaps) >= FEW_GAPS and missing > IN_BITS * window:
-            self._accuse(f"comes and goes: no sample in {1e3 * missing:.0f} of the last {1e3 * window:.0f} ms")
+            self._accuse(
+                f"comes and goes: no sample in {1e3 * missing:.0f} of the last {1e3 * window:.0f} ms"
+            )
 
     def hand_on(self, sample: WrenchSample) -> None:
         """Give a sample to every listener without judging it."""
@@ -215,10 +233,18 @@ class WrenchStream:
         """Return the certain fault of the fingers' values: impossible, or the same for too long."""
         wrenches, strongest = sample.wrenches, self._belief.strongest
         if not np.abs(wrenches).max() <= strongest:  # this form is True also for NaN
-            row, said = next((i // 6, float(one)) for i, one in enumerate(wrenches.flat) if not abs(one) <= strongest)
+            row, said = next(
+                (i // 6, float(one))
+                for i, one in enumerate(wrenches.flat)
+                if not abs(one) <= strongest
+            )
             what = f"{said:g} N" if math.isfinite(said) else f"{said} instead of a force"
             return f"{self._sides[row]} reports {what}"
-        same = (wrenches == self._same).all(axis=1) if self._same is not None else (False,) * len(wrenches)
+        same = (
+            (wrenches == self._same).all(axis=1)
+            if self._same is not None
+            else (False,) * len(wrenches)
+        )
         self._same = wrenches
         stuck = []
         for finger in range(len(wrenches)):
@@ -226,7 +252,10 @@ class WrenchStream:
                 self._same_since[finger], self._same_count[finger] = sample.stamp, 0
                 continue
             self._same_count[finger] += 1
-            if self._same_count[finger] >= FEW and sample.stamp - self._same_since[finger] >= self._belief.stuck:
+            if (
+                self._same_count[finger] >= FEW
+                and sample.stamp - self._same_since[finger] >= self._belief.stuck
+            ):
                 stuck.append(finger)
         if not stuck:
             return ""

@@ -8,7 +8,9 @@ from pomona.drivers.errors import BadTrajectory
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
 
-ROUNDING = 1e-6  # excess of a position over its limit by rounding [rad]: a few last digits of an f32
+ROUNDING = (
+    1e-6  # excess of a position over its limit by rounding [rad]: a few last digits of an f32
+)
 SHARE = 1e-3  # relative tolerance of rate limits, for sampling and rounding of a motion timed to its limits
 REST = 1e-3  # speed below which a joint rests [rad/s]: a fifth of the drivers' own threshold, which includes noise
 START_TOLERANCE = 2e-3
@@ -16,7 +18,9 @@ START_TOLERANCE = 2e-3
 a metre from the joint; `pomona.devices.motoman.stream` takes it up smoothly."""
 
 
-def check_trajectory(trajectory: Trajectory, limits: ArmLimits, q_arm: Float64 | None = None) -> None:
+def check_trajectory(
+    trajectory: Trajectory, limits: ArmLimits, q_arm: Float64 | None = None
+) -> None:
     """Check every sample.
 
     Args:
@@ -40,7 +44,9 @@ def _check_form(trajectory: Trajectory, dof: int) -> None:
     t = np.asarray(trajectory.t)
     parts = {"position": trajectory.q, "velocity": trajectory.qd, "acceleration": trajectory.qdd}
     if t.ndim != 1 or t.size < 2 or any(np.shape(part) != (t.size, dof) for part in parts.values()):
-        raise BadTrajectory(f"the trajectory's arrays do not hold two or more samples of {dof} joints")
+        raise BadTrajectory(
+            f"the trajectory's arrays do not hold two or more samples of {dof} joints"
+        )
     for name, part in ({"time": t} | parts).items():
         if not np.isfinite(part).all():
             sample = int(np.argwhere(~np.isfinite(part))[0][0])
@@ -48,7 +54,9 @@ def _check_form(trajectory: Trajectory, dof: int) -> None:
     late = np.diff(t) <= 0.0
     if t[0] != 0.0 or late.any():
         sample = int(late.argmax()) + 1 if late.any() else 0
-        raise BadTrajectory(f"the trajectory's time does not increase from 0 (sample {sample})", sample)
+        raise BadTrajectory(
+            f"the trajectory's time does not increase from 0 (sample {sample})", sample
+        )
 
 
 def _check_range(trajectory: Trajectory, limits: ArmLimits) -> None:
@@ -58,7 +66,9 @@ def _check_range(trajectory: Trajectory, limits: ArmLimits) -> None:
         sample, joint = divmod(int(outside.argmax()), q.shape[1])
         span = f"{np.degrees(limits.lower[joint]):.1f}° and {np.degrees(limits.upper[joint]):.1f}°"
         where = f"{np.degrees(q[sample, joint]):.1f}° after {t[sample]:.2f} s"
-        raise BadTrajectory(f"joint {joint + 1} would be at {where}, its limits are {span}", sample, joint)
+        raise BadTrajectory(
+            f"joint {joint + 1} would be at {where}, its limits are {span}", sample, joint
+        )
 
 
 def _check_rates(trajectory: Trajectory, limits: ArmLimits) -> None:
@@ -67,7 +77,9 @@ def _check_rates(trajectory: Trajectory, limits: ArmLimits) -> None:
         sample, joint = divmod(int(np.abs(qd[[0, -1]]).argmax()), qd.shape[1])
         speed = abs(qd[[0, -1]][sample, joint])
         words = f"joint {joint + 1} {'ends' if sample else 'starts'} with {speed:.4f} rad/s"
-        raise BadTrajectory(f"the trajectory does not start and end at rest: {words}", sample * (t.size - 1), joint)
+        raise BadTrajectory(
+            f"the trajectory does not start and end at rest: {words}", sample * (t.size - 1), joint
+        )
     for name, part, limit, unit in (
         ("velocity", qd, limits.velocity, "rad/s"),
         ("acceleration", qdd, limits.acceleration, "rad/s²"),
@@ -91,12 +103,16 @@ def _check_consistency(trajectory: Trajectory, limits: ArmLimits) -> None:
     The trapezoidal rule is off by at most a dt² / 4 for a motion whose acceleration stays within a.
     """
     dt = np.diff(trajectory.t)[:, None]
-    off = np.abs(np.diff(trajectory.q, axis=0) - dt * (trajectory.qd[1:] + trajectory.qd[:-1]) / 2.0)
+    off = np.abs(
+        np.diff(trajectory.q, axis=0) - dt * (trajectory.qd[1:] + trajectory.qd[:-1]) / 2.0
+    )
     beyond = off - (1.0 + SHARE) * limits.acceleration * dt**2 / 4.0
     if beyond.max() > 2.0 * ROUNDING:
         sample, joint = divmod(int(beyond.argmax()), trajectory.q.shape[1])
         jump = f"joint {joint + 1} jumps by {np.degrees(off[sample, joint]):.2f}° after {trajectory.t[sample]:.2f} s"
-        raise BadTrajectory(f"the trajectory's velocities do not belong to its positions: {jump}", sample, joint)
+        raise BadTrajectory(
+            f"the trajectory's velocities do not belong to its positions: {jump}", sample, joint
+        )
 
 
 def _check_start(trajectory: Trajectory, q_arm: Float64) -> None:

@@ -20,7 +20,10 @@ from pomona.executive.values.mesh_file import MOST_TRIANGLES, UnreadableMeshErro
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import ANGLE, LENGTH, SPEED, TIME
 
-LARGEST, SMALLEST = 20.0, 0.002  # sizes of anything that an arm may hit [m]; else the unit is another
+LARGEST, SMALLEST = (
+    20.0,
+    0.002,
+)  # sizes of anything that an arm may hit [m]; else the unit is another
 NARROW = 0.1  # inside of a crate below which no hand with open fingers goes in [m]
 TOUCH = 1e-3  # depth to which neighbours may overlap, by rounding [m]
 MOST_PARTS = 400  # each costs every collision check about as much as a box
@@ -41,7 +44,9 @@ def read_parts(path: Path, unit: float = 1.0, detail: float | None = None) -> tu
 
 
 @lru_cache(maxsize=16)
-def _parts(path: Path, _changed: int, _size: int, unit: float, detail: float | None) -> tuple[Hull, ...]:
+def _parts(
+    path: Path, _changed: int, _size: int, unit: float, detail: float | None
+) -> tuple[Hull, ...]:
     vertices, faces = _triangles(path)
     vertices = vertices * unit
     size = vertices.max(axis=0) - vertices.min(axis=0)
@@ -50,10 +55,18 @@ def _parts(path: Path, _changed: int, _size: int, unit: float, detail: float | N
         raise UnusableMesh(f"{told}: if it is in millimetres, write `unit: mm`")
     if size.max() < SMALLEST:
         raise UnusableMesh(f"{told}: if it is in metres, write `unit: m`")
-    groups = _bodies(vertices, faces) if detail is None else _cubes(vertices, faces, detail, path.name)
+    groups = (
+        _bodies(vertices, faces) if detail is None else _cubes(vertices, faces, detail, path.name)
+    )
     if len(groups) > MOST_PARTS:
-        what = "bodies: join them, or cut it with `detail`" if detail is None else "parts: take a coarser `detail`"
-        raise UnusableMesh(f"{path.name} has {len(groups)} {what}; {MOST_PARTS} parts are taken at most")
+        what = (
+            "bodies: join them, or cut it with `detail`"
+            if detail is None
+            else "parts: take a coarser `detail`"
+        )
+        raise UnusableMesh(
+            f"{path.name} has {len(groups)} {what}; {MOST_PARTS} parts are taken at most"
+        )
     return tuple(_hull(path.stem, corners) for corners in groups)
 
 
@@ -74,11 +87,15 @@ def _bodies(vertices: Float64, faces: Int64) -> list[Float64]:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    _same, welded = np.unique(np.round(vertices, 6), axis=0, return_inverse=True)  # STL repeats its corners
+    _same, welded = np.unique(
+        np.round(vertices, 6), axis=0, return_inverse=True
+    )  # STL repeats its corners
     joined = welded.reshape(-1)[faces]
     ends = joined[:, [0, 0]], joined[:, [1, 2]]
     count = int(joined.max()) + 1
-    edges = coo_array((np.ones(2 * len(faces)), (ends[0].ravel(), ends[1].ravel())), shape=(count, count))
+    edges = coo_array(
+        (np.ones(2 * len(faces)), (ends[0].ravel(), ends[1].ravel())), shape=(count, count)
+    )
     label = connected_components(edges, directed=False)[1][joined[:, 0]]
     return [vertices[faces[label == body]] for body in np.unique(label)]
 
@@ -93,7 +110,9 @@ def _cubes(vertices: Float64, faces: Int64, detail: float, name: str) -> list[Fl
             break
         if len(triangles) + long.sum() > MOST_TRIANGLES:
             raise UnusableMesh(f"{name} has too many parts: take a coarser `detail`")
-        triangles = np.concatenate((triangles[~long], _halved(triangles[long], sides[long].argmax(axis=1))))
+        triangles = np.concatenate(
+            (triangles[~long], _halved(triangles[long], sides[long].argmax(axis=1)))
+        )
     cube = np.floor(triangles.mean(axis=1) / detail).astype(np.int64)
     _cubes_there, label = np.unique(cube, axis=0, return_inverse=True)
     order = np.argsort(label.reshape(-1), kind="stable")
@@ -113,7 +132,9 @@ def _hull(name: str, triangles: Float64) -> Hull:
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = np.linalg.norm(across, axis=1)
     known = area > 1e-12
-    looks, of = np.unique(np.round(across[known] / area[known, None], 3), axis=0, return_inverse=True)
+    looks, of = np.unique(
+        np.round(across[known] / area[known, None], 3), axis=0, return_inverse=True
+    )
     weight = np.bincount(of.reshape(-1), area[known], len(looks))
     # Maximum number of face directions that define a part's hull, the largest faces first; others round it off
     largest = looks[np.argsort(-weight, kind="stable")[:64]]
@@ -127,15 +148,21 @@ class ObstacleSection:
     """A solid box; with `wall` a crate: open at the top, floor and walls of that thickness, its size the outer one."""
 
     name: str = value(Text(), help="skills call it so: 'crate'")
-    centre: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="of the whole box, in the base frame")
+    centre: tuple[float, ...] = value(
+        Row(Measure(LENGTH), 3), help="of the whole box, in the base frame"
+    )
     size: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="outer size along x, y and z")
     yaw: float = value(Measure(ANGLE), "0 rad", "turned about z")
-    wall: float | None = value(Measure(LENGTH, "0.1 mm"), None, "thickness of a crate's floor and walls")
+    wall: float | None = value(
+        Measure(LENGTH, "0.1 mm"), None, "thickness of a crate's floor and walls"
+    )
 
     def problems(self) -> Iterator[Problem]:
         if min(self.size) <= 0.0:
             yield Problem("size", "a box has three positive sizes")
-        elif self.wall is not None and (2.0 * self.wall >= min(self.size[:2]) or self.wall >= self.size[2]):
+        elif self.wall is not None and (
+            2.0 * self.wall >= min(self.size[:2]) or self.wall >= self.size[2]
+        ):
             yield Problem("wall", "the walls of a crate leave room between them")
         elif max(self.size) > LARGEST:
             edges = " x ".join(f"{edge:.4g}" for edge in self.size)
@@ -163,10 +190,16 @@ class MeshSection:
     name: str = value(Text(), help="refusals call it so: 'shelf'")
     file: Path = value(PathTo("file"), help="STL, OBJ or PLY")
     unit: str = value(Text("m", "mm"), "m", "unit of the file's numbers")
-    at: tuple[float, ...] = value(Row(Measure(LENGTH), 3), (0.0, 0.0, 0.0), "where its origin is, in the base frame")
-    rpy: tuple[float, ...] = value(Row(Measure(ANGLE), 3), (0.0, 0.0, 0.0), "turned about the base's x, then y, then z")
+    at: tuple[float, ...] = value(
+        Row(Measure(LENGTH), 3), (0.0, 0.0, 0.0), "where its origin is, in the base frame"
+    )
+    rpy: tuple[float, ...] = value(
+        Row(Measure(ANGLE), 3), (0.0, 0.0, 0.0), "turned about the base's x, then y, then z"
+    )
     detail: float | None = value(
-        Measure(LENGTH, "5 mm"), None, "cut the surface into cubes of this edge; without it each body is one hull"
+        Measure(LENGTH, "5 mm"),
+        None,
+        "cut the surface into cubes of this edge; without it each body is one hull",
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -210,38 +243,60 @@ class ZoneSection:
 class WatchSection:
     """Comparison of the rest of a path with the camera images while the arm follows it. No safety function."""
 
-    speed: float = value(Measure(SPEED, "0 m/s", "10 m/s"), "1.6 m/s", "expected approach speed of moving objects")
-    near: float = value(Measure(LENGTH, "20 mm", "500 mm"), "30 mm", "distance to unmapped standing objects")
+    speed: float = value(
+        Measure(SPEED, "0 m/s", "10 m/s"), "1.6 m/s", "expected approach speed of moving objects"
+    )
+    near: float = value(
+        Measure(LENGTH, "20 mm", "500 mm"), "30 mm", "distance to unmapped standing objects"
+    )
     padding: float = value(
-        Measure(LENGTH, "20 mm", "200 mm"), "30 mm", "around the robot; nearer points count as the robot itself"
+        Measure(LENGTH, "20 mm", "200 mm"),
+        "30 mm",
+        "around the robot; nearer points count as the robot itself",
     )
     delay: float = value(
-        Measure(TIME, "0 s", "2 s"), "50 ms", "from a look at a frame until the arm begins to brake; measure yours"
+        Measure(TIME, "0 s", "2 s"),
+        "50 ms",
+        "from a look at a frame until the arm begins to brake; measure yours",
     )
-    passing: tuple[ZoneSection, ...] = value(ListOf(Section(ZoneSection)), (), "volumes of a belt's goods: not watched")
+    passing: tuple[ZoneSection, ...] = value(
+        ListOf(Section(ZoneSection)), (), "volumes of a belt's goods: not watched"
+    )
 
     def settings(self) -> PathWatchSettings:
         """For the skills."""
-        return PathWatchSettings(self.speed, self.near, self.padding, self.delay, tuple(v.box() for v in self.passing))
+        return PathWatchSettings(
+            self.speed, self.near, self.padding, self.delay, tuple(v.box() for v in self.passing)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkspaceSection:
     """Known surroundings of the arm, in its base frame."""
 
-    table_z: float | None = value(Measure(LENGTH), None, "height of the table's surface; no table without it")
-    lower: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="corner of the volume that is mapped and moved in")
+    table_z: float | None = value(
+        Measure(LENGTH), None, "height of the table's surface; no table without it"
+    )
+    lower: tuple[float, ...] = value(
+        Row(Measure(LENGTH), 3), help="corner of the volume that is mapped and moved in"
+    )
     upper: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="the opposite corner")
     obstacles: tuple[ObstacleSection, ...] = value(
         ListOf(Section(ObstacleSection)), (), "fixed geometry that no camera needs to see"
     )
     meshes: tuple[MeshSection, ...] = value(
-        ListOf(Section(MeshSection)), (), "fixed geometry as meshes; a simulated world does not have it"
+        ListOf(Section(MeshSection)),
+        (),
+        "fixed geometry as meshes; a simulated world does not have it",
     )
     zones: tuple[ZoneSection, ...] = value(
-        ListOf(Section(ZoneSection)), (), "where nothing of the robot, and nothing that it holds, may be"
+        ListOf(Section(ZoneSection)),
+        (),
+        "where nothing of the robot, and nothing that it holds, may be",
     )
-    poses: Mapping[str, tuple[float, ...]] = value(MappingOf(Row(Measure(ANGLE))), {}, "joints, by the pose's name")
+    poses: Mapping[str, tuple[float, ...]] = value(
+        MappingOf(Row(Measure(ANGLE))), {}, "joints, by the pose's name"
+    )
     watch: WatchSection | None = value(
         Section(WatchSection), None, "watch of paths while the arm moves; off if omitted"
     )
@@ -261,15 +316,23 @@ class WorkspaceSection:
         boxes = crate.boxes()
         reach = np.abs(boxes[0].T_base_box[:3, :3]) @ crate.size / 2.0
         low, high = crate.centre - reach, crate.centre + reach
-        if (low[:2] < np.subtract(self.lower[:2], TOUCH)).any() or (high > np.add(self.upper, TOUCH)).any():
-            return "leaves the volume from workspace.lower to workspace.upper, in which the arm moves"
+        if (low[:2] < np.subtract(self.lower[:2], TOUCH)).any() or (
+            high > np.add(self.upper, TOUCH)
+        ).any():
+            return (
+                "leaves the volume from workspace.lower to workspace.upper, in which the arm moves"
+            )
         floor = self.lower[2] if self.table_z is None else self.table_z
         if low[2] < floor - TOUCH:
             return f"is {1e3 * (floor - low[2]):.0f} mm under the table"
         others = [other for other in self.obstacles if other is not crate]
         if any(other.name == crate.name for other in others):
             return "has the name of another obstacle"
-        near = (other.name for other in others if any(_overlap(a, b) for a in boxes for b in other.boxes()))
+        near = (
+            other.name
+            for other in others
+            if any(_overlap(a, b) for a in boxes for b in other.boxes())
+        )
         return "".join([f"overlaps the obstacle '{name}'" for name in near][:1])
 
     def workspace(self) -> Workspace:
@@ -292,8 +355,14 @@ def _crate(name: str, T_base_crate: Float64, size: Float64, wall: float) -> tupl
     middle = (x - wall) / 2.0, (y - wall) / 2.0
     return (
         _box(name, T_base_crate, np.array([0.0, 0.0, (wall - z) / 2.0]), np.array([x, y, wall])),
-        *(_box(name, T_base_crate, np.array([side * middle[0], 0.0, 0.0]), np.array([wall, y, z])) for side in (-1, 1)),
-        *(_box(name, T_base_crate, np.array([0.0, side * middle[1], 0.0]), np.array([x, wall, z])) for side in (-1, 1)),
+        *(
+            _box(name, T_base_crate, np.array([side * middle[0], 0.0, 0.0]), np.array([wall, y, z]))
+            for side in (-1, 1)
+        ),
+        *(
+            _box(name, T_base_crate, np.array([0.0, side * middle[1], 0.0]), np.array([x, wall, z]))
+            for side in (-1, 1)
+        ),
     )
 
 

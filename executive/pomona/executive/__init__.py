@@ -49,9 +49,21 @@ if TYPE_CHECKING:
         driver as driver,
         read_section_file as read_section_file,
     )
-    from pomona.executive.clock import Clock as Clock, ManualClock as ManualClock, SystemClock as SystemClock
-    from pomona.executive.errors import PomonaError as PomonaError, SkillError as SkillError, UsageError as UsageError
-    from pomona.executive.execute import Executed as Executed, RunOrder as RunOrder, run_tree as run_tree
+    from pomona.executive.clock import (
+        Clock as Clock,
+        ManualClock as ManualClock,
+        SystemClock as SystemClock,
+    )
+    from pomona.executive.errors import (
+        PomonaError as PomonaError,
+        SkillError as SkillError,
+        UsageError as UsageError,
+    )
+    from pomona.executive.execute import (
+        Executed as Executed,
+        RunOrder as RunOrder,
+        run_tree as run_tree,
+    )
     from pomona.executive.files import find_cell as find_cell, find_tree as find_tree
     from pomona.executive.lease import command as command
     from pomona.executive.palette import OVERLAY as OVERLAY
@@ -108,7 +120,10 @@ if TYPE_CHECKING:
     )
     from pomona.executive.values.arrays import Float64 as Float64, UInt8 as UInt8
     from pomona.executive.values.documents import ValueFile as ValueFile
-    from pomona.executive.values.findings import Finding as Finding, format_finding as format_finding
+    from pomona.executive.values.findings import (
+        Finding as Finding,
+        format_finding as format_finding,
+    )
     from pomona.executive.values.image_bytes import is_cut_off as is_cut_off
     from pomona.executive.values.installation import install_extra as install_extra
     from pomona.executive.values.kinds import (
@@ -144,7 +159,11 @@ if TYPE_CHECKING:
     )
     from pomona.executive.values.read_only import ReadOnly as ReadOnly
     from pomona.executive.values.rotations import is_rigid as is_rigid
-    from pomona.executive.values.sections import Problem as Problem, Section as Section, value as value
+    from pomona.executive.values.sections import (
+        Problem as Problem,
+        Section as Section,
+        value as value,
+    )
     from pomona.executive.values.units import (
         ACCELERATION as ACCELERATION,
         ANGLE as ANGLE,

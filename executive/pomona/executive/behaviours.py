@@ -94,7 +94,12 @@ def _run(
     cell, events, summary = dry_cell(), EventStream(), Summary()
     session = RecordingSession(record, cell)
     runner = Runner(
-        lambda _context, board: as_built(root, board), cell, events, period=period, real_time=True, watchers=[session]
+        lambda _context, board: as_built(root, board),
+        cell,
+        events,
+        period=period,
+        real_time=True,
+        watchers=[session],
     )
     events.subscribe(summary.on_event, feedback=False)
     for listener in listeners:
@@ -121,7 +126,11 @@ def as_built(root: Behaviour, board: Board) -> BuiltTree:
         path = paths.take(above + name.replace("/", "∕"))
         behaviour.path = path  # type: ignore[attr-defined]
         kind = next((kind for base, kind in _KINDS if isinstance(behaviour, base)), "skill")
-        infos.append(NodeInfo(path, above[:-1] or None, kind, name, of, description=type(behaviour).__doc__ or ""))
+        infos.append(
+            NodeInfo(
+                path, above[:-1] or None, kind, name, of, description=type(behaviour).__doc__ or ""
+            )
+        )
         behaviours[path] = behaviour
     return BuiltTree(_shown(root), root, tuple(infos), behaviours, {}, board)
 
@@ -131,7 +140,9 @@ def _shown(behaviour: Behaviour) -> str:
     return behaviour.name.strip() or type(behaviour).__name__
 
 
-def _walk(behaviour: Behaviour, parent: Behaviour | None) -> Iterator[tuple[Behaviour, Behaviour | None]]:
+def _walk(
+    behaviour: Behaviour, parent: Behaviour | None
+) -> Iterator[tuple[Behaviour, Behaviour | None]]:
     yield behaviour, parent
     for child in behaviour.children:
         yield from _walk(child, behaviour)

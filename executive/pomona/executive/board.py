@@ -28,7 +28,9 @@ class WrongThread(PomonaError):
 
     def __init__(self, key: str) -> None:
         self.key = key
-        super().__init__(f"'{key}' was written outside the tick thread; only nodes write to the board, in their tick")
+        super().__init__(
+            f"'{key}' was written outside the tick thread; only nodes write to the board, in their tick"
+        )
 
 
 WriteListener = Callable[[str, Entry], None]

@@ -19,18 +19,30 @@ try:  # they take a while to load; signals are handled afterwards
     from pomona.executive.commands.command_line import children, make_parser
     from pomona.executive.errors import UsageError
     from pomona.executive.running.launcher import in_child
-    from pomona.executive.running.signals import raise_again, raising, report_end, signalled, status_of
+    from pomona.executive.running.signals import (
+        raise_again,
+        raising,
+        report_end,
+        signalled,
+        status_of,
+    )
     from pomona.executive.terminal.output import filtered_output, unwaiting_output
     from pomona.executive.values.installation import remedy
     from pomona.executive.values.processes import WORDS, within
-except (KeyboardInterrupt, ImportError) as error:  # a compiled module turns the first into the second
+except (
+    KeyboardInterrupt,
+    ImportError,
+) as error:  # a compiled module turns the first into the second
     if not isinstance(error.__cause__ or error, KeyboardInterrupt):
         raise
     sys.stderr.write("interrupted from the keyboard\n")
     os._exit(130)
 
 PATIENCE = 2.0  # seconds that threads and processes may go on when the work is done
-REPORTED = ("run", "rerun")  # commands whose status 0 means that a task succeeded: a process of their own reports it
+REPORTED = (
+    "run",
+    "rerun",
+)  # commands whose status 0 means that a task succeeded: a process of their own reports it
 TICKING = (*REPORTED, "dashboard")  # commands that tick a tree in this process
 LEAVING = 5.0  # seconds that the end of such a process takes at most; foreign code may hold a lock that it needs
 INTERRUPTED = 128  # a signal ends the process with a status above this
@@ -104,7 +116,9 @@ def _interrupted(ended: KeyboardInterrupt) -> int:
 
 def _command(words: Sequence[str]) -> str:
     """Return the name of the subcommand; empty when there is none."""
-    return next((words[index] for index in range(0, len(words), 2) if words[index] != "--skill"), "")
+    return next(
+        (words[index] for index in range(0, len(words), 2) if words[index] != "--skill"), ""
+    )
 
 
 @filtered_output()
@@ -113,7 +127,9 @@ def _run(words: Sequence[str]) -> int:
         parser = make_parser([_command(words)])
         options, unknown = parser.parse_known_args(words)
         if unknown:  # the command's own usage lists its options
-            own = next((child for name, _, child in children(parser) if name == _command(words)), parser)
+            own = next(
+                (child for name, _, child in children(parser) if name == _command(words)), parser
+            )
             own.error(f"unrecognized arguments: {' '.join(unknown)}")
         status: int = options.main(options)
     except UsageError as error:
@@ -159,7 +175,9 @@ def _left() -> list[str]:
 
 def _children() -> list[Any]:
     """Processes of `multiprocessing`, which is loaded where there are some."""
-    return sys.modules["multiprocessing"].active_children() if "multiprocessing" in sys.modules else []
+    return (
+        sys.modules["multiprocessing"].active_children() if "multiprocessing" in sys.modules else []
+    )
 
 
 def _end_without(left: list[str], status: int, ticking: bool) -> None:
@@ -173,7 +191,9 @@ def _end_without(left: list[str], status: int, ticking: bool) -> None:
     def end() -> None:
         threading.Event().wait(PATIENCE)
         if still := _left():
-            if status > INTERRUPTED:  # Python cannot stop a thread that computes: who interrupted knows that it went on
+            if (
+                status > INTERRUPTED
+            ):  # Python cannot stop a thread that computes: who interrupted knows that it went on
                 from pomona.executive.running.compute import COMPUTING  # not for every command
 
                 still = [name for name in still if not name.startswith(COMPUTING)]
@@ -181,7 +201,9 @@ def _end_without(left: list[str], status: int, ticking: bool) -> None:
                 if still:
                     words = f"still running after the end, and ended with the process: {', '.join(still)}"
                     within(PATIENCE, lambda: _print_error(words))
-            for child in _children():  # Python then does not wait for them; they have been reported before
+            for (
+                child
+            ) in _children():  # Python then does not wait for them; they have been reported before
                 child.kill()
         elif ticking:
             threading.Event().wait(LEAVING - PATIENCE)

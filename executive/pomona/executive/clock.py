@@ -23,7 +23,11 @@ class Clock(Protocol):
         """Let `duration` seconds pass: sleep on the system's clock, step the world on a simulated one."""
 
 
-_GOES_ON: int | None = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC) if hasattr(time, "clock_gettime") else None
+_GOES_ON: int | None = (
+    getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+    if hasattr(time, "clock_gettime")
+    else None
+)
 """Clock that goes on while the computer sleeps; None on Windows, whose monotonic clock does."""
 
 

@@ -20,20 +20,28 @@ from pomona.executive.reasons import Reason, bounded
 
 LARGE = 256  # arrays with more elements are described by shape and type, unless they are asked for
 
-_ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # address of an object in memory: differs between two equal runs
+_ADDRESS = re.compile(
+    r" at 0x[0-9a-f]+"
+)  # address of an object in memory: differs between two equal runs
 
 
 _ENCODABLE = frozenset(np.dtype(name) for name in ("float64", "int64", "int32", "uint8", "bool"))
 """Types of arrays of which `encoded` writes the same numbers as of lists; float32 would be written shorter."""
 
 
-_AS_THEY_ARE = frozenset((str, int, bool, type(None)))  # the most frequent types, found without base classes
+_AS_THEY_ARE = frozenset(
+    (str, int, bool, type(None))
+)  # the most frequent types, found without base classes
 
 
 @cache
 def _fields(kind: Any) -> tuple[str, ...] | None:
     """Return names of a dataclass's fields; None for any other class."""
-    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
+    return (
+        tuple(field.name for field in dataclasses.fields(kind))
+        if dataclasses.is_dataclass(kind)
+        else None
+    )
 
 
 def field_names(kind: Any) -> tuple[str, ...]:
@@ -73,10 +81,14 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12, keep: bool = Fals
         return plain(value.tolist(), arrays=arrays, depth=depth)
     if (names := _fields(kind)) is not None:
         return {"type": type(value).__name__} | {
-            name: plain(getattr(value, name), arrays=arrays, depth=deeper, keep=keep) for name in names
+            name: plain(getattr(value, name), arrays=arrays, depth=deeper, keep=keep)
+            for name in names
         }
     if isinstance(value, Mapping):
-        return {str(key): plain(item, arrays=arrays, depth=deeper, keep=keep) for key, item in value.items()}
+        return {
+            str(key): plain(item, arrays=arrays, depth=deeper, keep=keep)
+            for key, item in value.items()
+        }
     if isinstance(value, (list, tuple, set, frozenset)):
         return [plain(item, arrays=arrays, depth=deeper, keep=keep) for item in value]
     if isinstance(value, Path):

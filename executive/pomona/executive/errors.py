@@ -31,4 +31,6 @@ class NotOwnerError(SkillError):
 
     def __init__(self, skill: str, device: str, command: str, why: str) -> None:
         self.device, self.command, self.why = device, command, why
-        super().__init__(skill, f"refused to command '{command}' of the {device}: {why}; nothing has moved")
+        super().__init__(
+            skill, f"refused to command '{command}' of the {device}: {why}; nothing has moved"
+        )

@@ -42,13 +42,21 @@ from pomona.executive.running.traces import place_of
 from pomona.executive.skill import SkillContext, leave_if_forked, run_in_progress
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.values.findings import did_you_mean
-from pomona.executive.values.installation import commit_here, distribution, entry_points, installed_trees
+from pomona.executive.values.installation import (
+    commit_here,
+    distribution,
+    entry_points,
+    installed_trees,
+)
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.yaml_nodes import written
 
 logger = logging.getLogger(__name__)
 
-RECOVERY_SETTINGS = ("release", "home")  # parameters of the tree `recover` that `--set` passes to it
+RECOVERY_SETTINGS = (
+    "release",
+    "home",
+)  # parameters of the tree `recover` that `--set` passes to it
 
 NO_RECORD = "NO_RECORD"  # failure code of a run whose cell requires a record, and whose record is incomplete
 MOST_SEED = 2**63 - 1  # largest seed: records hold whole numbers of 64 bits
@@ -159,7 +167,9 @@ def execute(
             return _run_dry(order, followers)
         ready = _read(order, starting)
         if ready.cell.record_required and order.record is None:
-            raise UsageError(f"{ready.cell.name}: its file has `record: required`, but this run would not be recorded")
+            raise UsageError(
+                f"{ready.cell.name}: its file has `record: required`, but this run would not be recorded"
+            )
         # No other run may start between the check of the last run's end and the start of this one.
         with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
             if order.tree.resolve() != _recovery():
@@ -171,7 +181,9 @@ def execute(
                 give_back_memory()
     except KeyboardInterrupt as ended:
         if starting.stage is not None:
-            ended.add_note(f"The run had not begun ({starting.stage.what}): no skill of it moved anything.")
+            ended.add_note(
+                f"The run had not begun ({starting.stage.what}): no skill of it moved anything."
+            )
         raise
 
 
@@ -224,7 +236,9 @@ def _read(order: RunOrder, starting: Starting) -> _Ready:
     missing = sorted(document.main.declared_skills.keys() - registry.keys())
     if missing:
         words = f"{', '.join(missing)}: declared in the tree and not installed"
-        raise UsageError(f"{order.tree}: {words}. Nothing was run. Install their packages, or run it with --dry.")
+        raise UsageError(
+            f"{order.tree}: {words}. Nothing was run. Install their packages, or run it with --dry."
+        )
     settings = {
         key: value
         for key, value in order.settings.items()
@@ -234,7 +248,9 @@ def _read(order: RunOrder, starting: Starting) -> _Ready:
     judged.refuse_errors()
     assert judged.cell is not None
     if order.simulated and judged.cell.kind not in SIMULATED:
-        raise UsageError(f"{order.cell}: not a simulated cell but of kind {judged.cell.kind}. Nothing was run.")
+        raise UsageError(
+            f"{order.cell}: not a simulated cell but of kind {judged.cell.kind}. Nothing was run."
+        )
     starting.cell_kind = judged.cell.kind
     return _Ready(order, registry, document, split_settings(document, settings)[0], judged.cell)
 
@@ -245,11 +261,15 @@ def _run_dry(order: RunOrder, followers: _Followers) -> Executed:
     settings, cell_settings = split_settings(document, order.settings)
     refuse_errors(document, registry, settings, None)
     if cell_settings:
-        raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
+        raise UsageError(
+            f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell"
+        )
     mocks = _read_mocks(order.mocks, order.texts, document, registry)
     with RunSignals() as signals, run_in_progress():
         nothing = dry_cell()
-        work = _Work(order, registry, document, settings, nothing, mocks, signals, RunSupervision(nothing))
+        work = _Work(
+            order, registry, document, settings, nothing, mocks, signals, RunSupervision(nothing)
+        )
         return _run(work, followers)
 
 
@@ -261,13 +281,25 @@ def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
         starting.reach("connecting the cell")
         cell = connect_cell(file, order.seed, order.cleared)
         supervision = RunSupervision(cell)
-        stack.callback(supervision.close)  # last of all: until the cell is closed, something could still move
+        stack.callback(
+            supervision.close
+        )  # last of all: until the cell is closed, something could still move
         stack.callback(cell.close)
         stack.callback(leave_if_forked)
-        stack.callback(signals.wait)  # after any end of the run, closing the cell is not interrupted
+        stack.callback(
+            signals.wait
+        )  # after any end of the run, closing the cell is not interrupted
         _refuse_full_hand(order, cell)
         work = _Work(
-            order, ready.registry, ready.document, ready.settings, cell, None, signals, supervision, file.files
+            order,
+            ready.registry,
+            ready.document,
+            ready.settings,
+            cell,
+            None,
+            signals,
+            supervision,
+            file.files,
         )
         return _run(work, followers)
 
@@ -289,7 +321,11 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
     """
     hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
     if hand:
-        what = "It was still there after the recovery. Nothing else was run." if order.recover else "Nothing was run."
+        what = (
+            "It was still there after the recovery. Nothing else was run."
+            if order.recover
+            else "Nothing was run."
+        )
         raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{what} {WHAT_TO_DO}")
 
 
@@ -308,10 +344,14 @@ def _after_cut(order: RunOrder, followers: _Followers) -> None:
         logger.warning("%s: recovering first", words)
         settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
         recovery = replace(order, tree=_recovery(), settings=settings, breaks=())
-        recovered = _run_on_cell(_read(recovery, starting), replace(followers, on_latched=lambda _runner: None))
+        recovered = _run_on_cell(
+            _read(recovery, starting), replace(followers, on_latched=lambda _runner: None)
+        )
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
-        if recovered.signal is not None:  # it came while the recovery's record and cell were being closed
+        if (
+            recovered.signal is not None
+        ):  # it came while the recovery's record and cell were being closed
             raise Terminated(recovered.signal)
     elif (cut.kind or starting.cell_kind) in ("real", "emulated") and cut.hand != "":
         raise UsageError(f"{words}.\nNothing was run. {WHAT_TO_DO}")
@@ -337,7 +377,15 @@ class _Work:
     def build(self, context: SkillContext, board: Board) -> BuiltTree:
         given, mocks, around = self.settings, self.mocks, self.around
         document, registry = self.document, self.registry
-        return build(document, registry, overrides=given, context=context, board=board, mocks=mocks, around=around)
+        return build(
+            document,
+            registry,
+            overrides=given,
+            context=context,
+            board=board,
+            mocks=mocks,
+            around=around,
+        )
 
     def rebuild(self, context: SkillContext, board: Board, around: Around) -> BuiltTree:
         """As `build`, from the tree's files as they are now. Raises UsageError: they cannot be read, or have errors."""
@@ -348,7 +396,11 @@ class _Work:
 
 def _run(work: _Work, followers: _Followers) -> Executed:
     order, cell, signals, starting = work.order, work.cell, work.signals, followers.starting
-    events, summary, session = EventStream(), Summary(), RecordingSession(order.record, cell, followers.readers)
+    events, summary, session = (
+        EventStream(),
+        Summary(),
+        RecordingSession(order.record, cell, followers.readers),
+    )
     supervision = work.supervision
     runner = Runner(
         work.build,
@@ -397,7 +449,13 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         result = replace(result, outcome="error", reason=Reason("", NO_RECORD, problem))
         events.emit(
             RunEnded(
-                *runner.progress, result.outcome, result.reason, result.ticks, result.time, result.wall, result.truth
+                *runner.progress,
+                result.outcome,
+                result.reason,
+                result.ticks,
+                result.time,
+                result.wall,
+                result.truth,
             )
         )
     return Executed(result, summary, session.folder, problem, signals.number)
@@ -408,12 +466,16 @@ def _set_breakpoints(runner: Runner, breaks: Sequence[tuple[str, Side]]) -> None
         paths = runner.tree.find(name)
         if not paths:
             known = [word for node in runner.tree.nodes for word in (node.name, node.type)]
-            raise UsageError(f"no node '{name}' to break at: {did_you_mean(name, known) or '`pomona show` lists them'}")
+            raise UsageError(
+                f"no node '{name}' to break at: {did_you_mean(name, known) or '`pomona show` lists them'}"
+            )
         for path in paths:
             runner.break_at(path, side, who="command line")
 
 
-def _read_mocks(path: Path | None, texts: Mapping[str, str], document: Document, registry: Registry) -> MockPlan:
+def _read_mocks(
+    path: Path | None, texts: Mapping[str, str], document: Document, registry: Registry
+) -> MockPlan:
     if path is None:
         return MockPlan()
     plan, findings = read_mocks(_text_of(path, texts), path, document, registry)
@@ -436,7 +498,9 @@ def _prepare(runner: Runner, starting: Starting) -> None:
         raise
     except StartCancelledError:  # the run is stopped before its first tick, and recorded
         return
-    except BaseException as error:  # weights that do not load, a robot file that is wrong: nothing has moved
+    except (
+        BaseException
+    ) as error:  # weights that do not load, a robot file that is wrong: nothing has moved
         raise UsageError(f"the skills cannot be prepared: {_with_place(error)}") from error
     finally:
         logging.getLogger("pomona").removeHandler(notes)
@@ -454,7 +518,9 @@ class _Notes(logging.Handler):
         self.text = f": {record.getMessage()}"
         stage = self._starting.stage
         if stage is not None:
-            self._starting.reach(f"{stage.what.partition(': ')[0]}{self.text}", stage.done, stage.of)
+            self._starting.reach(
+                f"{stage.what.partition(': ')[0]}{self.text}", stage.done, stage.of
+            )
 
 
 def connect_cell(file: CellFile, seed: int, cleared: bool = False) -> Cell:
@@ -473,7 +539,11 @@ def connect_cell(file: CellFile, seed: int, cleared: bool = False) -> Cell:
 
 def _with_place(error: BaseException) -> str:
     """Return an exception's message; for built-in exceptions, with the place in the code."""
-    place = place_of(error) if type(error).__module__ == "builtins" and not isinstance(error, OSError) else ""
+    place = (
+        place_of(error)
+        if type(error).__module__ == "builtins" and not isinstance(error, OSError)
+        else ""
+    )
     return f"{sentence_of(error)} ({place})" if place else sentence_of(error)
 
 
@@ -501,15 +571,25 @@ def _started(work: _Work, runner: Runner, folder: Path | None, preparation: floa
         settings=dict(order.settings),
         speed=order.speed,
         preparation=round(preparation, 3),
-        cell_files={name: text for name, text in work.cell_texts.items() if name != order.cell.name},
+        cell_files={
+            name: text for name, text in work.cell_texts.items() if name != order.cell.name
+        },
         parameter_texts=_parameter_texts(document, work.settings),
-        tree_files={file.source.path: file.source.text for file in document.files if file is not document.main},
+        tree_files={
+            file.source.path: file.source.text
+            for file in document.files
+            if file is not document.main
+        },
     )
 
 
 def _parameter_texts(document: Document, settings: Mapping[str, str]) -> dict[str, str]:
     declared = document.main.parameters.items()
-    texts = {name: written(parameter.default) for name, parameter in declared if parameter.default is not None}
+    texts = {
+        name: written(parameter.default)
+        for name, parameter in declared
+        if parameter.default is not None
+    }
     return texts | dict(settings)
 
 

@@ -57,7 +57,9 @@ def write_text(text: str, path: Path | None, replaces: str = "") -> None:
         return
     try:
         if is_file(path) and not (replaces and read_text(path).startswith(replaces)):
-            raise UsageError(f"{path} exists, and nothing is overwritten: name another file, or move it away")
+            raise UsageError(
+                f"{path} exists, and nothing is overwritten: name another file, or move it away"
+            )
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
@@ -73,7 +75,9 @@ def _find(name: str, kind: str, folder: Path) -> Path:
     if is_file(given):
         return given
     installed = folder / f"{name.removesuffix('.yaml')}.yaml"
-    if given.name == name and is_file(installed):  # also beside a folder of this name: the cell `frames` beside frames
+    if given.name == name and is_file(
+        installed
+    ):  # also beside a folder of this name: the cell `frames` beside frames
         return installed
     if exists(given):
         raise UsageError(f"{name}:1:1: a {kind} must be a regular file, this is {_sort_of(given)}")
@@ -83,9 +87,13 @@ def _find(name: str, kind: str, folder: Path) -> Path:
     lost = next(path for path in (*reversed(given.parents), given) if not exists(path))
     beside = did_you_mean(lost.name, (path.name for path in lost.parent.glob("*")))
     if given.name != name:
-        raise UsageError(f"no {kind} file '{name}': {lost} does not exist{f'; {beside}' if beside else ''}")
+        raise UsageError(
+            f"no {kind} file '{name}': {lost} does not exist{f'; {beside}' if beside else ''}"
+        )
     hint = (given.suffix and beside) or did_you_mean(given.stem, known)
-    raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")
+    raise UsageError(
+        f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}"
+    )
 
 
 class FileKind(Protocol):

@@ -58,7 +58,9 @@ def shrunk(rgb: UInt8, factor: float) -> UInt8:
     image_class = _pillow()
     height, width = rgb.shape[:2]
     size = max(1, round(width * factor)), max(1, round(height * factor))
-    return np.asarray(image_class.fromarray(np.ascontiguousarray(rgb)).resize(size, image_class.Resampling.BOX))
+    return np.asarray(
+        image_class.fromarray(np.ascontiguousarray(rgb)).resize(size, image_class.Resampling.BOX)
+    )
 
 
 def _saved(pixels: NDArray[Any], form: str, **how: int) -> bytes:

@@ -17,7 +17,14 @@ from pomona.executive.ports import Ports
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.documents import set_scalar
-from pomona.executive.values.findings import Finding, Findings, Located, TreeFileError, did_you_mean, format_findings
+from pomona.executive.values.findings import (
+    Finding,
+    Findings,
+    Located,
+    TreeFileError,
+    did_you_mean,
+    format_findings,
+)
 from pomona.executive.values.sections import Problem
 from pomona.executive.values.yaml_nodes import YamlScalar
 
@@ -62,7 +69,11 @@ def _uses(analysis: Analysis, definition: Definition, names: Mapping[str, Known]
             continue
         given = {n: _known(value, names) for n, value in found.inputs.items() if n in ports}
         known = {n: v for n, v in given.items() if v is not None and ports[n].accepts(v.value)}
-        defaults = {n: Known(port.default_value, node.key) for n, port in ports.items() if n not in node.ports}
+        defaults = {
+            n: Known(port.default_value, node.key)
+            for n, port in ports.items()
+            if n not in node.ports
+        }
         if found.skill is not None:
             yield Use(node, found.skill, {**defaults, **known})
         elif found.subtree is not None:
@@ -90,7 +101,9 @@ class Judged:
         """Raise when something is wrong. Raises UsageError: with every finding."""
         if self.findings.errors:
             findings = self.findings.sorted()
-            raise UsageError(f"{format_findings(findings)} Nothing was run.") from TreeFileError(findings)
+            raise UsageError(f"{format_findings(findings)} Nothing was run.") from TreeFileError(
+                findings
+            )
 
 
 def judge(
@@ -114,7 +127,9 @@ def judge(
         _name_unknown(document, cell, for_cell, findings)
         file = judge_cell_file(cell, findings, for_cell, texts or {})
         interfaces = None if file is None else file.interfaces()
-    overrides = for_tree if cell is not None else {key: _text(value) for key, value in settings.items()}
+    overrides = (
+        for_tree if cell is not None else {key: _text(value) for key, value in settings.items()}
+    )
     analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces)
     findings.extend(_placed(found, settings) for found in analysis.findings)
     said: dict[tuple[type[Skill], str], list[Problem]] = {}
@@ -124,7 +139,9 @@ def judge(
         if alike not in said:
             said[alike] = list(use.skill.judge(known, file))
         for problem in said[alike]:
-            where: Located = use.known[problem.key].where if problem.key in use.known else use.node.key
+            where: Located = (
+                use.known[problem.key].where if problem.key in use.known else use.node.key
+            )
             where = problem.where or where
             report = findings.warning if problem.warning else findings.error
             report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)
@@ -140,7 +157,9 @@ def split_settings(
     return for_tree, {key: value for key, value in settings.items() if key not in declared}
 
 
-def _name_unknown(document: Document, cell: Path, for_cell: dict[str, str | YamlScalar], findings: Findings) -> None:
+def _name_unknown(
+    document: Document, cell: Path, for_cell: dict[str, str | YamlScalar], findings: Findings
+) -> None:
     """Remove settings that neither the tree nor the cell declares, with a finding for each."""
     outline = outline_cell(cell, Findings())
     options = [option.name for option in outline.options] if outline is not None else list(for_cell)

@@ -55,7 +55,9 @@ class Lease:
         lock: held while a command is carried out, so that none begins behind the end.
     """
 
-    def __init__(self, owner: str, refused: Callable[[NotOwnerError], None], over: str = "") -> None:
+    def __init__(
+        self, owner: str, refused: Callable[[NotOwnerError], None], over: str = ""
+    ) -> None:
         """
         Args:
             owner: as above.
@@ -74,7 +76,9 @@ class Lease:
     def require(self, device: object, name: str) -> None:
         """Refuse a command of a device unless the lease is valid. Raises NotOwnerError: it is not."""
         if self._over:
-            error = NotOwnerError(self.owner, str(getattr(device, "name", type(device).__name__)), name, self._over)
+            error = NotOwnerError(
+                self.owner, str(getattr(device, "name", type(device).__name__)), name, self._over
+            )
             self._refused(error)
             raise error
 
@@ -138,7 +142,9 @@ def leased(device: T, interface: type, lease: Lease) -> T:
 
 def viewed(device: T, interface: type) -> T:
     """Return a handle that gives no right to a command."""
-    return leased(device, interface, Lease("a skill", lambda _refused: None, "it may only be looked at"))
+    return leased(
+        device, interface, Lease("a skill", lambda _refused: None, "it may only be looked at")
+    )
 
 
 def keep(device: T, control: str) -> T:
@@ -179,8 +185,15 @@ def identity(device: object) -> int:
 @cache
 def commands_of(interface: type) -> frozenset[str]:
     """Return names of an interface's commands."""
-    found = {name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()}
-    return frozenset(name for name, member in found.items() if getattr(member, "__is_command__", False)) or _NONE
+    found = {
+        name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()
+    }
+    return (
+        frozenset(
+            name for name, member in found.items() if getattr(member, "__is_command__", False)
+        )
+        or _NONE
+    )
 
 
 @cache
@@ -203,8 +216,12 @@ def _handle_class(interface: type, offered: tuple[type, ...]) -> type[Handle] | 
 
 
 def _members_of(interface: type) -> frozenset[str]:
-    bases = [base for base in interface.__mro__ if base not in (object, typing.Protocol, typing.Generic)]
-    names = {name for base in bases for name in (*vars(base), *vars(base).get("__annotations__", ()))}
+    bases = [
+        base for base in interface.__mro__ if base not in (object, typing.Protocol, typing.Generic)
+    ]
+    names = {
+        name for base in bases for name in (*vars(base), *vars(base).get("__annotations__", ()))
+    }
     return frozenset(name for name in names if not name.startswith("_"))
 
 

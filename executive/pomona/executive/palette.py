@@ -36,7 +36,14 @@ OVERLAY: Mapping[str, str] = {
 }
 """Colours over a photograph: brighter, since leaves and fruit are dark."""
 
-SERIES = ("#1c5bc7", "#bd2222", "#11703f", "#955200", "#743bb8", "#0b7582")  # curves and bars, in their order
+SERIES = (
+    "#1c5bc7",
+    "#bd2222",
+    "#11703f",
+    "#955200",
+    "#743bb8",
+    "#0b7582",
+)  # curves and bars, in their order
 
 
 def rgb(colour: str) -> tuple[float, float, float]:

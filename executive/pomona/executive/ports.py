@@ -112,7 +112,9 @@ def type_name(port_type: PortType) -> str:
     builtin = {str: "text", bool: "bool", int: "int", float: "number"}
     if port_type in builtin:
         return builtin[port_type]
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", port_type.__name__).lower()
+    return re.sub(
+        r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", port_type.__name__
+    ).lower()
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +143,9 @@ class Port:
     def bounds(self) -> tuple[Any, Any]:
         """`min` and `max` in SI, None where there is none; parsed once, for all values that are held against them."""
         if self._bounds is None:
-            low, high = (None if limit is None else self.si(limit) for limit in (self.min, self.max))
+            low, high = (
+                None if limit is None else self.si(limit) for limit in (self.min, self.max)
+            )
             object.__setattr__(self, "_bounds", (low, high))
             return low, high
         return self._bounds

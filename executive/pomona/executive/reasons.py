@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from py_trees.behaviour import Behaviour
 
 
-DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000  # how far down, and how many, causes of one reason are recorded and read
+DEEPEST_CAUSE, MOST_CAUSES = (
+    90,
+    10_000,
+)  # how far down, and how many, causes of one reason are recorded and read
 
 
 class NoValue(PomonaError):
@@ -113,7 +116,11 @@ def reason_of(node: Behaviour) -> Reason:
 def from_causes(node: Behaviour, causes: tuple[Reason, ...]) -> Reason:
     """Return the reason of a node that failed because its children did."""
     if not causes:
-        return Reason(path_of(node), "FAILED", node.feedback_message or f"{node.name} failed without saying why")
+        return Reason(
+            path_of(node),
+            "FAILED",
+            node.feedback_message or f"{node.name} failed without saying why",
+        )
     return Reason(path_of(node), causes[-1].code, causes[-1].message, causes=causes)
 
 
@@ -129,5 +136,9 @@ class FailureCode:
 @cache
 def failure_codes() -> Mapping[str, FailureCode]:
     """Return the codes that are described, by name, in the order of the file (trees/failures)."""
-    found = yaml.safe_load(read_plain_text(installed_trees() / "failures" / "codes.yaml"))["failures"]
-    return {code: FailureCode(code, about["meaning"], about["remedy"]) for code, about in found.items()}
+    found = yaml.safe_load(read_plain_text(installed_trees() / "failures" / "codes.yaml"))[
+        "failures"
+    ]
+    return {
+        code: FailureCode(code, about["meaning"], about["remedy"]) for code, about in found.items()
+    }

@@ -34,16 +34,28 @@ class SkillListing:
 class Registry(Mapping[str, type[Skill]]):
     """Skills by name, and the names of all types that their ports carry."""
 
-    def __init__(self, skills: Mapping[str, type[Skill]], problems: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, skills: Mapping[str, type[Skill]], problems: Mapping[str, str] | None = None
+    ) -> None:
         self._skills = dict(skills)
         self.problems: Mapping[str, str] = dict(problems or {})
         """Skills that are installed and cannot be used, with the reason."""
-        self.stand_ins: frozenset[str] = frozenset()  # names that a tree declares and no installed package has
+        self.stand_ins: frozenset[str] = (
+            frozenset()
+        )  # names that a tree declares and no installed package has
         self.renamed_failures: Mapping[str, str] = {
-            old: new for skill in self._skills.values() for old, new in skill.renamed_failures.items()
+            old: new
+            for skill in self._skills.values()
+            for old, new in skill.renamed_failures.items()
         }
         """Failure codes of the previous version, each with its present name."""
-        self.types: dict[str, PortType] = {"bool": bool, "int": int, "number": float, "text": str, **QUANTITIES}
+        self.types: dict[str, PortType] = {
+            "bool": bool,
+            "int": int,
+            "number": float,
+            "text": str,
+            **QUANTITIES,
+        }
         for skill in self._skills.values():
             for port in (*skill.inputs.values(), *skill.outputs.values()):
                 self.types.setdefault(type_name(port.type), port.type)
@@ -65,7 +77,11 @@ class Registry(Mapping[str, type[Skill]]):
         looked_up = tuple(said if names is None else names)
         if not looked_up:
             return self
-        skills, problems, offered = dict(self._skills), dict(self.problems), _by_name(entry_points(group=GROUP))
+        skills, problems, offered = (
+            dict(self._skills),
+            dict(self.problems),
+            _by_name(entry_points(group=GROUP)),
+        )
         for name in looked_up:
             skills.pop(name, None)
             problems.pop(name, None)
@@ -81,7 +97,9 @@ class Registry(Mapping[str, type[Skill]]):
 
         A stand-in takes and gives anything, and cannot be run.
         """
-        missing = {name: _stand_in(name, *both) for name, both in ports.items() if name not in self._skills}
+        missing = {
+            name: _stand_in(name, *both) for name, both in ports.items() if name not in self._skills
+        }
         if not missing:
             return self
         registry = Registry({**self._skills, **missing}, self.problems)
@@ -99,11 +117,19 @@ class Registry(Mapping[str, type[Skill]]):
 
     def giving(self, wanted: PortType, there: Collection[object]) -> list[tuple[str, str]]:
         """Skill and port of every output of a type, least lacking inputs first; a skill that lacks this one is none."""
-        needed = {name: [it.type for it in skill.inputs.values() if it.required] for name, skill in self.items()}
+        needed = {
+            name: [it.type for it in skill.inputs.values() if it.required]
+            for name, skill in self.items()
+        }
         lacking = {name: [it for it in types if it not in there] for name, types in needed.items()}
         writers = [name for name in self._skills if wanted not in lacking[name]]
         writers.sort(key=lambda name: len(lacking[name]))
-        return [(name, port) for name in writers for port, it in self[name].outputs.items() if it.type == wanted]
+        return [
+            (name, port)
+            for name in writers
+            for port, it in self[name].outputs.items()
+            if it.type == wanted
+        ]
 
     def listing(self) -> tuple[SkillListing, ...]:
         """Return all skills, by name."""
@@ -149,7 +175,11 @@ def _loaded(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) ->
         skill = point.load()
     except Exception as error:  # a third party's module may raise anything
         return f"{point.value} cannot be imported: {type(error).__name__}: {error}"
-    return skill if isinstance(skill, type) and issubclass(skill, Skill) else f"{point.value} is not a Skill"
+    return (
+        skill
+        if isinstance(skill, type) and issubclass(skill, Skill)
+        else f"{point.value} is not a Skill"
+    )
 
 
 def replacements() -> Mapping[str, str]:
@@ -158,14 +188,18 @@ def replacements() -> Mapping[str, str]:
     return {name: package for name, _, package in (word.partition("=") for word in words)}
 
 
-def chosen(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> tuple[EntryPoint, str]:
+def chosen(
+    name: str, points: Sequence[EntryPoint], said: Mapping[str, str]
+) -> tuple[EntryPoint, str]:
     """Return the entry point of a skill, and the problem if packages offer different ones under one name."""
     if len(points) == 1 and name not in said:
         return points[0], ""
     offers = {_package(point): point for point in points}
     if name in said:
         found = offers.get(said[name])
-        return found or points[0], "" if found else f"'{said[name]}' offers no {name}: {', '.join(offers)} do"
+        return found or points[
+            0
+        ], "" if found else f"'{said[name]}' offers no {name}: {', '.join(offers)} do"
     if len({point.value for point in points}) > 1:
         packages, one = " and ".join(sorted(offers)), sorted(offers)[0]
         choose = f"skills: {{{name}: {one}}} in the tree, or pomona --skill {name}={one}"
@@ -190,9 +224,13 @@ def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
 
     summary = (skill.__doc__ or "").strip().split("\n")[0]
     devices = tuple(interface.__name__ for interface in skill.devices)
-    optional = tuple(interface.__name__ for interface in skill.optional_devices if interface not in skill.devices)
+    optional = tuple(
+        interface.__name__ for interface in skill.optional_devices if interface not in skill.devices
+    )
     inputs, outputs = ports(skill.inputs), ports(skill.outputs)
-    return SkillListing(name, summary, inputs, outputs, devices, optional, skill.failures, skill.__module__)
+    return SkillListing(
+        name, summary, inputs, outputs, devices, optional, skill.failures, skill.__module__
+    )
 
 
 def default_text(port: Port) -> str:

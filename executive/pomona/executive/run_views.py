@@ -108,7 +108,9 @@ class RunViews:
             try:
                 views.append(_load(point)())
             except Exception as error:  # a foreign module may raise anything when it is imported
-                logger.warning("the view '%s' of %s cannot be used: %s", point.name, point.value, error)
+                logger.warning(
+                    "the view '%s' of %s cannot be used: %s", point.name, point.value, error
+                )
         return cls(views)
 
     def add(self, parser: argparse.ArgumentParser) -> None:
@@ -118,7 +120,9 @@ class RunViews:
 
     def attend(self, options: argparse.Namespace) -> bool:
         """Return True if a view brings an operator. Raises UsageError: options contradict each other."""
-        return bool([view for view in self._views if view.attends(options)])  # each judges its options
+        return bool(
+            [view for view in self._views if view.attends(options)]
+        )  # each judges its options
 
     @contextlib.contextmanager
     def open(self, options: argparse.Namespace, console: Screen, records: Path) -> Iterator[None]:
@@ -158,7 +162,9 @@ class RunViews:
     @contextlib.contextmanager
     def run(self, tree: str) -> Iterator[Starting | None]:
         """Follow one run from its preparation to its end; yields the receiver of the preparation's progress."""
-        prepared = [starting for view in self.opened if (starting := view.preparing(tree)) is not None]
+        prepared = [
+            starting for view in self.opened if (starting := view.preparing(tree)) is not None
+        ]
         problem = ""
         try:
             yield prepared[0] if prepared else None

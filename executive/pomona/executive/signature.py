@@ -47,26 +47,35 @@ def ports_of(skill: str, run: Callable[..., Any]) -> tuple[Ports, Ports] | None:
     for parameter in parameters:
         if parameter.name not in hints:
             raise SkillError(
-                skill, f"run's parameter {parameter.name} has no annotation: annotate it with the port's type"
+                skill,
+                f"run's parameter {parameter.name} has no annotation: annotate it with the port's type",
             )
         default = REQUIRED if parameter.default is parameter.empty else parameter.default
         inputs[parameter.name] = _port(skill, parameter.name, hints[parameter.name], default)
     if "return" not in hints:
-        raise SkillError(skill, "run has no return annotation: annotate it with the outputs, or None")
+        raise SkillError(
+            skill, "run has no return annotation: annotate it with the outputs, or None"
+        )
     outputs = _outputs(skill, hints["return"])
     for name in outputs:
         if name in inputs:
-            raise SkillError(skill, f"{name} is an input and an output: a tree could wire one of them only")
+            raise SkillError(
+                skill, f"{name} is an input and an output: a tree could wire one of them only"
+            )
     return Ports(**inputs), outputs
 
 
 def _outputs(skill: str, returned: Any) -> Ports:
     if get_origin(returned) is Generator:
         returned = get_args(returned)[2]
-    if returned is None or returned is types.NoneType or isinstance(returned, TypeVar):  # a bare Work gives nothing
+    if (
+        returned is None or returned is types.NoneType or isinstance(returned, TypeVar)
+    ):  # a bare Work gives nothing
         return Ports()
     if not (isinstance(returned, type) and issubclass(returned, Outputs)):
-        raise SkillError(skill, f"run returns {returned}: outputs are the fields of an Outputs class, or None")
+        raise SkillError(
+            skill, f"run returns {returned}: outputs are the fields of an Outputs class, or None"
+        )
     fields: Mapping[str, Any] = get_type_hints(returned, include_extras=True)
     return Ports(**{name: _port(skill, name, field, REQUIRED) for name, field in fields.items()})
 
@@ -83,10 +92,16 @@ def _port(skill: str, name: str, annotation: Any, default: Any) -> Port:
     if optional and default is not None:
         raise SkillError(skill, f"{name} may be None, so its default must be None")
     if default is None and not optional:
-        raise SkillError(skill, f"{name}: the default is None, so its type must be one that may be None")
+        raise SkillError(
+            skill, f"{name}: the default is None, so its type must be one that may be None"
+        )
     if get_origin(carried) is Literal:
         declared, carried = replace(declared, choices=get_args(carried)), str
-    port = replace(declared, type=quantities[0] if quantities else get_origin(carried) or carried, default=default)
+    port = replace(
+        declared,
+        type=quantities[0] if quantities else get_origin(carried) or carried,
+        default=default,
+    )
     if not isinstance(port.type, (type, Quantity)) or get_origin(carried) in _UNIONS:
         raise SkillError(skill, f"{name}: {annotation} is no type that a port can carry")
     if isinstance(port.type, Quantity) and carried is not float:
@@ -111,7 +126,9 @@ def _unwrapped(annotation: Any, about: list[Any]) -> tuple[Any, bool]:
 
 def _refuse_contradictions(skill: str, name: str, port: Port) -> None:
     try:
-        least, most, value = (None if v is None else port.si(v) for v in (port.min, port.max, port.default_value))
+        least, most, value = (
+            None if v is None else port.si(v) for v in (port.min, port.max, port.default_value)
+        )
     except ValueError as error:
         raise SkillError(skill, f"{name}: {error}") from error
     if least is not None and most is not None and least > most:
@@ -121,6 +138,10 @@ def _refuse_contradictions(skill: str, name: str, port: Port) -> None:
     if not port.accepts(value):
         raise SkillError(skill, f"{name}: the default {value!r} is not of its type")
     if (least is not None and value < least) or (most is not None and value > most):
-        raise SkillError(skill, f"{name}: the default {value!r} is out of its range {port.min} … {port.max}")
+        raise SkillError(
+            skill, f"{name}: the default {value!r} is out of its range {port.min} … {port.max}"
+        )
     if port.choices and (value.value if isinstance(value, Enum) else value) not in port.choices:
-        raise SkillError(skill, f"{name}: the default {value!r} is not one of {', '.join(port.choices)}")
+        raise SkillError(
+            skill, f"{name}: the default {value!r} is not one of {', '.join(port.choices)}"
+        )

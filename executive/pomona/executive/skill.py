@@ -154,7 +154,9 @@ class SkillContext(Protocol):
     def seed(self, node: str) -> int:
         """Return a seed for one start of a node: equal in all runs with the run's seed, different between starts."""
 
-    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+    def compute(
+        self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool
+    ) -> Computation:
         """Start a function beside the tick: see `Skill.compute`."""
 
     def publish(self, node: str, topic: str, value: object) -> None:
@@ -216,7 +218,8 @@ class Skill(py_trees.behaviour.Behaviour):
                 said = {"inputs", "outputs"} & vars(cls).keys()
                 if said:
                     raise SkillError(
-                        cls.__name__, f"{', '.join(sorted(said))} are declared by the signature of run already"
+                        cls.__name__,
+                        f"{', '.join(sorted(said))} are declared by the signature of run already",
                     )
                 cls.inputs, cls.outputs = ports
 
@@ -282,9 +285,14 @@ class Skill(py_trees.behaviour.Behaviour):
             SkillError: the code is none of the class's `failures`, or the message is no text.
         """
         if code not in self.failures:
-            raise SkillError(type(self).__name__, f"failure code {code} is not declared in its `failures`")
+            raise SkillError(
+                type(self).__name__, f"failure code {code} is not declared in its `failures`"
+            )
         if not isinstance(message, str):
-            raise SkillError(type(self).__name__, f"the message of {code} is no text but {type(message).__name__}")
+            raise SkillError(
+                type(self).__name__,
+                f"the message of {code} is no text but {type(message).__name__}",
+            )
         return SkillFailure(Failure(code, shortened(message), data))
 
     @property
@@ -313,7 +321,9 @@ class Skill(py_trees.behaviour.Behaviour):
         """
         found = cast(type[T], interface)
         if found not in self.devices:
-            raise SkillError(type(self).__name__, f"uses {found.__name__}, which is not in its `devices`")
+            raise SkillError(
+                type(self).__name__, f"uses {found.__name__}, which is not in its `devices`"
+            )
         return self.context.device(found, self)
 
     def optional_device(self, interface: Callable[..., T]) -> T | None:
@@ -324,7 +334,10 @@ class Skill(py_trees.behaviour.Behaviour):
         """
         found = cast(type[T], interface)
         if found not in (*self.devices, *self.optional_devices):
-            raise SkillError(type(self).__name__, f"uses {found.__name__}, which is not in its `optional_devices`")
+            raise SkillError(
+                type(self).__name__,
+                f"uses {found.__name__}, which is not in its `optional_devices`",
+            )
         try:
             return self.context.device(found, self)
         except KeyError:
@@ -410,7 +423,9 @@ class Skill(py_trees.behaviour.Behaviour):
             status = Status.FAILURE
         except Interrupted as error:
             self.broke = True
-            raise SkillError(type(self).__name__, "raised Interrupted without an interruption") from error
+            raise SkillError(
+                type(self).__name__, "raised Interrupted without an interruption"
+            ) from error
         except BaseException:
             self.broke = True
             raise
@@ -441,7 +456,11 @@ class Skill(py_trees.behaviour.Behaviour):
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
-        if new_status is Status.INVALID and self.status is Status.RUNNING and self._work is not None:
+        if (
+            new_status is Status.INVALID
+            and self.status is Status.RUNNING
+            and self._work is not None
+        ):
             work, self._work = self._work, None
             self.context.halt(self, work)
 
@@ -457,7 +476,9 @@ class Skill(py_trees.behaviour.Behaviour):
         given = dict(vars(outputs) if isinstance(outputs, Outputs) else outputs or {})
         if given.keys() != self.outputs.keys():
             expected, got = sorted(self.outputs), sorted(given)
-            raise SkillError(type(self).__name__, f"must return the outputs {expected}, returned {got}")
+            raise SkillError(
+                type(self).__name__, f"must return the outputs {expected}, returned {got}"
+            )
         for name, value in given.items():
             if not self.outputs[name].accepts(value):
                 raise SkillError(type(self).__name__, f"output {name} is a {type(value).__name__}")

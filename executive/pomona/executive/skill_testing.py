@@ -65,7 +65,9 @@ class BenchContext:
     def seed(self, node: str) -> int:
         return zlib.crc32(f"{self.run_seed}/{node}".encode())
 
-    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+    def compute(
+        self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool
+    ) -> Computation:
         try:
             self.computations.append(_Finished(function(*arguments), looks=self.computing))
         except Exception as error:
@@ -139,7 +141,9 @@ def drive(
         KeyError: inputs that the skill does not have.
         TimeoutError: after `limit` it still runs, or has not halted.
     """
-    context = BenchContext(clock=clock or ManualClock(), devices=devices or {}, run_seed=seed, computing=computing)
+    context = BenchContext(
+        clock=clock or ManualClock(), devices=devices or {}, run_seed=seed, computing=computing
+    )
     given = dict(inputs or {})
     values = {name: given.pop(name, port.default_value) for name, port in skill.inputs.items()}
     if given:
@@ -159,7 +163,9 @@ def drive(
                 context.clock.advance(period)
                 _drive_halting(context)
                 if context.clock.now() - start > limit:
-                    raise TimeoutError(f"{skill.name} was interrupted and has not stopped after {limit} s")
+                    raise TimeoutError(
+                        f"{skill.name} was interrupted and has not stopped after {limit} s"
+                    )
             ended = True
         if ended:
             return SkillEnd(

@@ -5,7 +5,10 @@ from __future__ import annotations
 from pomona.executive.errors import PomonaError
 from pomona.executive.ports import RATIO, Port
 
-LEAST, MOST = 0.1, 1.0  # allowed range of the speed ratio; below a tenth, motions would exceed the timeouts of a tree
+LEAST, MOST = (
+    0.1,
+    1.0,
+)  # allowed range of the speed ratio; below a tenth, motions would exceed the timeouts of a tree
 
 SHARE = Port(RATIO, min=LEAST, max=MOST)
 

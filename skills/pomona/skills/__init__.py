@@ -11,10 +11,22 @@ from pomona.executive.values.public_names import on_first_use
 from pomona.skills.compiled_code import keep_apart
 
 if TYPE_CHECKING:
-    from pomona.skills.geometry import inverse as inverse, rot_x as rot_x, rot_z as rot_z, transform as transform
-    from pomona.skills.shared.following import MOTION_FAILURES as MOTION_FAILURES, MovingSkill as MovingSkill
+    from pomona.skills.geometry import (
+        inverse as inverse,
+        rot_x as rot_x,
+        rot_z as rot_z,
+        transform as transform,
+    )
+    from pomona.skills.shared.following import (
+        MOTION_FAILURES as MOTION_FAILURES,
+        MovingSkill as MovingSkill,
+    )
     from pomona.skills.shared.frame_trust import require_true_look as require_true_look
-    from pomona.skills.shared.grasp_view import TAKEN as TAKEN, fruit_mesh as fruit_mesh, summary as summary
+    from pomona.skills.shared.grasp_view import (
+        TAKEN as TAKEN,
+        fruit_mesh as fruit_mesh,
+        summary as summary,
+    )
     from pomona.skills.shared.held_fruit import show_grip as show_grip
     from pomona.skills.shared.live_watch import (
         KnownAround as KnownAround,

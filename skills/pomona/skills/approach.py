@@ -6,8 +6,26 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, LoadSensor, Motion, PressSensor, Workspace
-from pomona.executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Acceleration, Force, Length, Port, Speed
+from pomona.drivers.interfaces import (
+    Arm,
+    ForceSensor,
+    Gripper,
+    LoadSensor,
+    Motion,
+    PressSensor,
+    Workspace,
+)
+from pomona.executive.ports import (
+    ACCELERATION,
+    FORCE,
+    LENGTH,
+    SPEED,
+    Acceleration,
+    Force,
+    Length,
+    Port,
+    Speed,
+)
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.views import Line3, SceneView
 from pomona.skills.geometry import angle_between
@@ -65,29 +83,50 @@ class Approach(MovingSkill):
         grasp: Grasp,
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
-        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
-        contact: Annotated[Force, Port(min="0.3 N", help="change of force that counts as a touch")] = FORCE("1.5 N"),
+        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION(
+            "1 m/s²"
+        ),
+        contact: Annotated[
+            Force, Port(min="0.3 N", help="change of force that counts as a touch")
+        ] = FORCE("1.5 N"),
         clearance: Annotated[
-            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("5 mm"),
         unseen: Annotated[
             Length,
-            Port(min="1 mm", max="100 mm", help="by which fruit may lie aside of its place: slow above skin there"),
+            Port(
+                min="1 mm",
+                max="100 mm",
+                help="by which fruit may lie aside of its place: slow above skin there",
+            ),
         ] = LENGTH("18 mm"),
     ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = RobotModel.load(arm.description)
         self._require_pre_grasp(robot.tcp(arm.state().q), grasp)
         width = min(grasp.width, gripper.limits.width_max)
-        space = arm_space(arm, self.device(Workspace), usable_field(self, map), width, clearance, target=grasp.fruit)
+        space = arm_space(
+            arm,
+            self.device(Workspace),
+            usable_field(self, map),
+            width,
+            clearance,
+            target=grasp.fruit,
+        )
         codes = ("NO_STRAIGHT_LINE", "IN_COLLISION")
-        line = free_line(self, grasp.T_base_grasp, space, codes, "on the approach", candidate=grasp.index)
+        line = free_line(
+            self, grasp.T_base_grasp, space, codes, "on the approach", candidate=grasp.index
+        )
         tcp_line = np.array([robot.tcp(state)[:3, 3] for state in line.q])
         self.publish("approach", SceneView(lines=(Line3(tcp_line, "approach", "approach"),)))
         if abs(gripper.state().width - width) > WIDTH_TOLERANCE:
             take_over(gripper)
             yield from self._open(width, grasp)
-        boxes, rates = self.device(Workspace).obstacles, (speed, acceleration, acceleration / JERK_TIME)
+        boxes, rates = (
+            self.device(Workspace).obstacles,
+            (speed, acceleration, acceleration / JERK_TIME),
+        )
         most = landing_speeds(gripper_shape(robot), grasp, boxes, width, line.length, unseen)
         most /= 1.0 + arm.limits.reaction / SINKS
         trajectory = time_curve(line.q, line.length, arm.limits, *rates, most=most)
@@ -132,7 +171,10 @@ class Approach(MovingSkill):
         if touch.change <= contact and abs(width - opened) <= PUSHED:
             return
         left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - tool_pose(self)[:3, 3]))
-        words, found = f"{1e3 * left:.0f} mm before the grasp", {"before_grasp_m": left, "candidate": grasp.index}
+        words, found = (
+            f"{1e3 * left:.0f} mm before the grasp",
+            {"before_grasp_m": left, "candidate": grasp.index},
+        )
         if touch.change <= contact:
             ways = f"from {1e3 * opened:.0f} to {1e3 * width:.0f} mm"
             raise self.failure("CONTACT", f"something pushed the fingers {ways}, {words}", **found)

@@ -21,11 +21,18 @@ from pathlib import Path
 
 from pomona.executive.values.sentences import ReportLine
 
-PLACE = "NUMBA_CACHE_DIR"  # numba's setting; a folder that is set gets one of its own for each version
+PLACE = (
+    "NUMBA_CACHE_DIR"  # numba's setting; a folder that is set gets one of its own for each version
+)
 KEEP = f"set {PLACE} to a folder that is writable and stays"
 TEMPORARY = Path(tempfile.gettempdir(), "pomona")
-FIRST_TWO, FIRST_ONE = 30, 45  # duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]
-LAST = "lines.track_poses-*.nbi"  # index of the loop compiled last; without it the first start goes on
+FIRST_TWO, FIRST_ONE = (
+    30,
+    45,
+)  # duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]
+LAST = (
+    "lines.track_poses-*.nbi"  # index of the loop compiled last; without it the first start goes on
+)
 HELPER = "pomona.skills.shared.compile_beside"  # module that compiles one half of the loops in a process of its own
 
 _beside: subprocess.Popen[bytes] | None = None
@@ -50,7 +57,11 @@ def keep_apart(sources: Path) -> None:
     name, given = f"compiled-{digest(sources)}", os.environ.get(PLACE, "")
     if Path(given).name != name:
         places = (sources / "__pycache__", _users_cache())
-        place = Path(given) if given else next((folder for folder in places if is_writable(folder)), TEMPORARY)
+        place = (
+            Path(given)
+            if given
+            else next((folder for folder in places if is_writable(folder)), TEMPORARY)
+        )
         os.environ[PLACE] = str(place / name)
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].core.config.reload_config()
@@ -89,7 +100,9 @@ def examine() -> ReportLine:
     if is_compiled():
         return ReportLine("compiled code", True, f"kept in {place}")
     is_kept = is_writable(place) and not place.is_relative_to(TEMPORARY)
-    return ReportLine("compiled code", is_kept, f"none yet in {place}; the first run: {first_sentence()}", KEEP)
+    return ReportLine(
+        "compiled code", is_kept, f"none yet in {place}; the first run: {first_sentence()}", KEEP
+    )
 
 
 def begin_first(description: Path) -> None:
@@ -98,7 +111,9 @@ def begin_first(description: Path) -> None:
     if not _announced() or _beside is not None or _cores() < 2:
         return
     words = [sys.executable, "-m", HELPER, str(description)]
-    _beside = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
+    _beside = subprocess.Popen(
+        words, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
+    )
 
 
 def wait_for_first() -> None:

@@ -22,10 +22,18 @@ from pomona.skills.perception.detection.detection import (
     Search,
 )
 from pomona.skills.perception.detection.instances import POLICIES, Instance, rank
-from pomona.skills.shared.looking import LOOKING_FAILURES, WIDTH_HELP, LookingSkill, boxes_width, picture
+from pomona.skills.shared.looking import (
+    LOOKING_FAILURES,
+    WIDTH_HELP,
+    LookingSkill,
+    boxes_width,
+    picture,
+)
 
 SAME_FRUIT = 0.04  # two detections whose lines of sight pass this close at the fruit are the same fruit [m] …
-BEHIND = 0.045  # … unless their measured depths differ by more than this: one hangs behind the other [m]
+BEHIND = (
+    0.045  # … unless their measured depths differ by more than this: one hangs behind the other [m]
+)
 
 
 class Detected(Outputs):
@@ -54,14 +62,26 @@ class Detect(LookingSkill):
     def run(
         self,
         fruit: Annotated[str, Port(help="fruit to detect: a name in the catalogue, or a path")],
-        target: Annotated[str, Port(choices=POLICIES, help="choice among several fruit")] = "nearest",
-        index: Annotated[int, Port(min=0, max=99, help="rank by score from 0, for target: index")] = 0,
+        target: Annotated[
+            str, Port(choices=POLICIES, help="choice among several fruit")
+        ] = "nearest",
+        index: Annotated[
+            int, Port(min=0, max=99, help="rank by score from 0, for target: index")
+        ] = 0,
         reselect: Annotated[
             Literal["freely", "last", "never"],
-            Port(help="whether fruit may be chosen again: freely, as a last choice, or never", was="again"),
+            Port(
+                help="whether fruit may be chosen again: freely, as a last choice, or never",
+                was="again",
+            ),
         ] = "last",
         max_selections: Annotated[
-            int, Port(min=1, help="maximum number of choices of one fruit, for reselect: never", was="times")
+            int,
+            Port(
+                min=1,
+                help="maximum number of choices of one fruit, for reselect: never",
+                was="times",
+            ),
         ] = 1,
         score: Annotated[Ratio, Port(min=0.0, max=1.0, help="minimum detection score")] = 0.6,
         fallback_score: Annotated[
@@ -73,20 +93,40 @@ class Detect(LookingSkill):
                 was="unsure",
             ),
         ] = 1.0,
-        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+        max_age: Annotated[
+            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
+        ] = TIME("500 ms"),
         working_width: Annotated[
-            object, Port(help=f"{WIDTH_HELP}; auto: from expected_distance, else from the last look, else all")
+            object,
+            Port(
+                help=f"{WIDTH_HELP}; auto: from expected_distance, else from the last look, else all"
+            ),
         ] = WORKING_WIDTH,
         expected_distance: Annotated[
-            Length, Port(min=0.0, max="100 m", help="of the fruit from the camera, for working_width: auto; 0: unknown")
+            Length,
+            Port(
+                min=0.0,
+                max="100 m",
+                help="of the fruit from the camera, for working_width: auto; 0: unknown",
+            ),
         ] = LENGTH("0 m"),
         weights: Annotated[
-            str, Port(help="another weights file, or the name of a shipped one; with config, DOPE's full network")
+            str,
+            Port(
+                help="another weights file, or the name of a shipped one; with config, DOPE's full network"
+            ),
         ] = "",
-        config: Annotated[str, Port(help="config_pose.yaml of DOPE's full network with the given weights")] = "",
-        boxes: Annotated[str, Port(help="detector of boxes as an ONNX file, which finds the fruit: model.onnx")] = "",
+        config: Annotated[
+            str, Port(help="config_pose.yaml of DOPE's full network with the given weights")
+        ] = "",
+        boxes: Annotated[
+            str, Port(help="detector of boxes as an ONNX file, which finds the fruit: model.onnx")
+        ] = "",
         pose_from: Annotated[
-            PoseSource, Port(help="with boxes, source of the pose: the weights' close look, or the depth in the box")
+            PoseSource,
+            Port(
+                help="with boxes, source of the pose: the weights' close look, or the depth in the box"
+            ),
         ] = "close_look",
     ) -> Work[Detected]:
         model = self.fruit_model(fruit, weights, needs_weights=not (boxes and pose_from == "depth"))
@@ -99,7 +139,8 @@ class Detect(LookingSkill):
         elif config:
             if not weights:
                 raise self.failure(
-                    "NO_WEIGHTS", f"{config} needs the weights that it configures: weights: epoch_60.pth"
+                    "NO_WEIGHTS",
+                    f"{config} needs the weights that it configures: weights: epoch_60.pth",
                 )
             options = DopeFiles(Path(weights), Path(config))
         instances = yield from self.find(frame, model, options)
@@ -111,9 +152,13 @@ class Detect(LookingSkill):
         ):
             score = fallback_score
         try:
-            chosen = self._choose(instances, frame, T_base_camera, target, index, reselect, max_selections, score)
+            chosen = self._choose(
+                instances, frame, T_base_camera, target, index, reselect, max_selections, score
+            )
         except SkillFailure as failed:
-            self.publish("detection", picture(frame, T_base_camera, instances, failed.failure.message, score))
+            self.publish(
+                "detection", picture(frame, T_base_camera, instances, failed.failure.message, score)
+            )
             raise
         self.publish("detection", picture(frame, T_base_camera, instances, chosen, score))
         instance = instances[chosen]
@@ -137,7 +182,13 @@ class Detect(LookingSkill):
         return Detected(detection)
 
     def _tell_progress(
-        self, what: str, instances: list[Instance], chosen: Instance, frame: Frame, T_base_camera: Float64, score: float
+        self,
+        what: str,
+        instances: list[Instance],
+        chosen: Instance,
+        frame: Frame,
+        T_base_camera: Float64,
+        score: float,
     ) -> None:
         """Publish which fruit this is among those found now and those chosen before that are gone."""
         place = _place(chosen, frame, T_base_camera)
@@ -146,7 +197,11 @@ class Detect(LookingSkill):
         posed = [i for i in instances if i.score >= score and i.T_camera_object is not None]
         places = [_place(instance, frame, T_base_camera) for instance in posed]
         gone = sum(not self._count_near(fruit, places, T_base_camera) for fruit in self._fruit)
-        number = next(k for k, fruit in enumerate(self._fruit, 1) if self._count_near(place, [fruit], T_base_camera))
+        number = next(
+            k
+            for k, fruit in enumerate(self._fruit, 1)
+            if self._count_near(place, [fruit], T_base_camera)
+        )
         self.publish("progress", ProgressView(what, number, gone + len(places)))
 
     def _choose(
@@ -171,13 +226,19 @@ class Detect(LookingSkill):
         sure = [k for k, instance in enumerate(instances) if instance.score >= score]
         if not sure:
             best = max(instance.score for instance in instances)
-            raise none("LOW_CONFIDENCE", f"the highest of {len(instances)} scores is {best:.2f}, below {score:.2f}")
+            raise none(
+                "LOW_CONFIDENCE",
+                f"the highest of {len(instances)} scores is {best:.2f}, below {score:.2f}",
+            )
         posed = [k for k in sure if instances[k].T_camera_object is not None]
         if not posed:
             raise none("POSE_UNSOLVED", f"{instances[sure[0]].problem}")
         order = [posed[k] for k in rank([instances[k] for k in posed], target, index)]
         if not order:
-            raise none("NOTHING_FOUND", f"there are {len(posed)} fruit in the frame, number {index} was requested")
+            raise none(
+                "NOTHING_FOUND",
+                f"there are {len(posed)} fruit in the frame, number {index} was requested",
+            )
         if reselect == "freely" or target == "index":
             return order[0]
         before = {k: self._times_chosen(instances[k], frame, T_base_camera) for k in order}
@@ -191,7 +252,9 @@ class Detect(LookingSkill):
             raise none("NOTHING_FOUND", f"all {len(order)} fruit in the frame were chosen {often}")
         return order[0]
 
-    def _sure_and_new(self, instances: list[Instance], frame: Frame, T_base_camera: Float64, score: float) -> bool:
+    def _sure_and_new(
+        self, instances: list[Instance], frame: Frame, T_base_camera: Float64, score: float
+    ) -> bool:
         """Return True if a fruit with this score has not been chosen before."""
         return any(
             instance.score >= score
@@ -211,8 +274,12 @@ class Detect(LookingSkill):
         # The pose's distance is that of a CAD-sized fruit: without measured depth compare across the line of sight.
         count = 0
         for other in others:
-            behind = abs(ray @ (other[:3] - place[:3])) > BEHIND and place[3] > 0.0 and other[3] > 0.0
-            count += not behind and bool(np.linalg.norm(np.cross(ray, other[:3] - eye)) < SAME_FRUIT)
+            behind = (
+                abs(ray @ (other[:3] - place[:3])) > BEHIND and place[3] > 0.0 and other[3] > 0.0
+            )
+            count += not behind and bool(
+                np.linalg.norm(np.cross(ray, other[:3] - eye)) < SAME_FRUIT
+            )
         return count
 
 
@@ -223,7 +290,11 @@ def _place(instance: Instance, frame: Frame, T_base_camera: Float64) -> Float64:
     p_camera, is_measured = instance.T_camera_object[:3, 3], 0.0
     if frame.depth is not None:
         u, v = np.round(instance.keypoints[8]).astype(int)
-        patch = frame.depth[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3] if u >= 0 and v >= 0 else frame.depth[:0]
+        patch = (
+            frame.depth[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3]
+            if u >= 0 and v >= 0
+            else frame.depth[:0]
+        )
         measured = patch[np.isfinite(patch) & (patch > 0.0)]
         if measured.size:
             p_camera, is_measured = p_camera * (float(np.median(measured)) / p_camera[2]), 1.0

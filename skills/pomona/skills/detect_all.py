@@ -6,7 +6,12 @@ from typing import Annotated
 
 from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
 from pomona.executive.skill import Work
-from pomona.skills.perception.detection.detection import WORKING_WIDTH, AllDetections, Detection, DetectorOptions
+from pomona.skills.perception.detection.detection import (
+    WORKING_WIDTH,
+    AllDetections,
+    Detection,
+    DetectorOptions,
+)
 from pomona.skills.shared.looking import LOOKING_FAILURES, WIDTH_HELP, LookingSkill, picture
 
 
@@ -25,20 +30,33 @@ class DetectAll(LookingSkill):
         self,
         fruit: Annotated[str, Port(help="fruit to detect: a name in the catalogue, or a path")],
         score: Annotated[Ratio, Port(min=0.0, max=1.0, help="minimum detection score")] = 0.6,
-        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+        max_age: Annotated[
+            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
+        ] = TIME("500 ms"),
         working_width: Annotated[object, Port(help=WIDTH_HELP)] = WORKING_WIDTH,
         max_places: Annotated[
-            int, Port(min=1, max=1000, help="maximum number of close looks, highest score first", was="most")
+            int,
+            Port(
+                min=1,
+                max=1000,
+                help="maximum number of close looks, highest score first",
+                was="most",
+            ),
         ] = 100,
         least: Annotated[
-            int, Port(min=0, help="minimum number of fruit, else NOTHING_FOUND; 0: success without fruit")
+            int,
+            Port(
+                min=0, help="minimum number of fruit, else NOTHING_FOUND; 0: success without fruit"
+            ),
         ] = 1,
     ) -> Work[AllDetected]:
         model = self.fruit_model(fruit)
         frame = self.newest_frame(max_age)
         T_base_camera = self.camera_pose(frame)
         width = self.search_width(working_width, model, frame, None)
-        instances = yield from self.find(frame, model, DetectorOptions(working_width=width, most_fruit=max_places))
+        instances = yield from self.find(
+            frame, model, DetectorOptions(working_width=width, most_fruit=max_places)
+        )
         self.publish("detection", picture(frame, T_base_camera, instances, "", score))
         sure = [i for i in instances if i.score >= score and i.T_camera_object is not None]
         if len(sure) < least:

@@ -60,16 +60,27 @@ class FeelFriction(MovingSkill):
     def run(
         self,
         hold: Hold,
-        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="grip force while the pads slide up")] = FORCE(
-            "0.7 N"
-        ),
+        force: Annotated[
+            Force, Port(min="0.5 N", max="5 N", help="grip force while the pads slide up")
+        ] = FORCE("0.7 N"),
         force_after: Annotated[
-            Force, Port(min="0.6 N", max="10 N", help="grip force afterwards, before the lift", was="then")
+            Force,
+            Port(
+                min="0.6 N", max="10 N", help="grip force afterwards, before the lift", was="then"
+            ),
         ] = FORCE("2.2 N"),
-        distance: Annotated[Length, Port(min="0.5 mm", max="5 mm", help="path of the slides")] = LENGTH("2 mm"),
+        distance: Annotated[
+            Length, Port(min="0.5 mm", max="5 mm", help="path of the slides")
+        ] = LENGTH("2 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="30 mm/s")] = SPEED("20 mm/s"),
         min_rel_uncertainty: Annotated[
-            Ratio, Port(min=0.0, max=0.5, help="lower bound of the relative uncertainty of the result", was="least")
+            Ratio,
+            Port(
+                min=0.0,
+                max=0.5,
+                help="lower bound of the relative uncertainty of the result",
+                was="least",
+            ),
         ] = 0.04,
     ) -> Work[Felt]:
         if not hold.holds:
@@ -108,11 +119,17 @@ class FeelFriction(MovingSkill):
             hold.slide(force_after)
         more = RISING * distance
         up = self._line("up", distance + more)
-        wrenches_up = yield from self._slide(hold, up, distance + more, distance, speed, force_after)
+        wrenches_up = yield from self._slide(
+            hold, up, distance + more, distance, speed, force_after
+        )
         yield from self._press(hold, force_after)
-        if np.dot(load_down, hold.estimate.load) > 0.0:  # a linkage moves closing pads down: relieve the fruit
+        if (
+            np.dot(load_down, hold.estimate.load) > 0.0
+        ):  # a linkage moves closing pads down: relieve the fruit
             yield from self._slide(hold, self._line("up", more), more, more, speed)
-        return friction_of_slides(wrenches_up, wrenches_down, settings.contact, hold.estimate.bias_std, settings.rate)
+        return friction_of_slides(
+            wrenches_up, wrenches_down, settings.contact, hold.estimate.bias_std, settings.rate
+        )
 
     def _line(self, way: str, rise: float) -> Float64:
         """Return the joints of a path up by `rise` [m]; NoSlideError: it is blocked."""
@@ -122,7 +139,9 @@ class FeelFriction(MovingSkill):
         T_base_goal = robot.tcp(q)
         T_base_goal[2, 3] += rise
         line = straight_line(robot, q, T_base_goal, step=0.25 * abs(rise))
-        space = arm_space(arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0)
+        space = arm_space(
+            arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0
+        )
         blocked = space.first_blocked(line.q)
         if not line.complete or blocked is not None:
             reason = line.reason if blocked is None else space.explain(line.q[blocked + 1])[0]
@@ -139,14 +158,22 @@ class FeelFriction(MovingSkill):
             yield f"{hold.tracked_force:.1f} N, on the way to {force:.1f} N"
 
     def _slide(
-        self, hold: Hold, line: Float64, way: float, distance: float, speed: float, then: float | None = None
+        self,
+        hold: Hold,
+        line: Float64,
+        way: float,
+        distance: float,
+        speed: float,
+        then: float | None = None,
     ) -> Generator[str | None, None, Float64]:
         """Follow a line of length `way` [m]; return the wrenches of the slide, bias removed, shape (n, 2, 6).
 
         Beyond the distance the grip force is `then` [N]. DeviceFault: the arm reports an arrival without a motion.
         """
         arm = self.device(Arm)
-        trajectory = time_curve(line, way, arm.limits, speed, ACCELERATION, ACCELERATION / JERK_TIME)
+        trajectory = time_curve(
+            line, way, arm.limits, speed, ACCELERATION, ACCELERATION / JERK_TIME
+        )
         robot = RobotModel.load(arm.description)
         start = robot.tcp(line[0])[:3, 3]
         samples: list[tuple[float, Float64]] = []
@@ -168,7 +195,9 @@ class FeelFriction(MovingSkill):
         finally:
             subscription.close()
         if max(shares) < SLIDING[0]:
-            moved = f"moved {1e3 * distance * max(shares):.1f} mm of {1e3 * way:.1f} mm by its joints"
+            moved = (
+                f"moved {1e3 * distance * max(shares):.1f} mm of {1e3 * way:.1f} mm by its joints"
+            )
             raise DeviceFault("arm", f"{moved}, but its driver reports its arrival")
         first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
         sliding = [wrenches for stamp, wrenches in samples if first <= stamp <= last]

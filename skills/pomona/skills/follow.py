@@ -36,7 +36,8 @@ class Follow(MovingSkill):
         self,
         path: Trajectory,
         map: Annotated[
-            OccupancyMap | None, Port(help="known obstacles; the watched path does not report them as new")
+            OccupancyMap | None,
+            Port(help="known obstacles; the watched path does not report them as new"),
         ] = None,
         grasp: Annotated[Grasp | None, Port(help="grasp of a fruit that is known, too")] = None,
     ) -> Work[None]:
@@ -54,5 +55,7 @@ class Follow(MovingSkill):
                 joint=joint + 1,
                 distance_rad=float(away[joint]),
             )
-        yield from self.travel(path, around=KnownAround(map, () if grasp is None else (grasp.fruit,)))
+        yield from self.travel(
+            path, around=KnownAround(map, () if grasp is None else (grasp.fruit,))
+        )
         return None

@@ -23,14 +23,22 @@ from pomona.executive.values.sections import Problem
 from pomona.skills.grip.closing import PadTouch
 from pomona.skills.grip.hold import take_over
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.following import MOTION_FAILURES, MotionEnded, MovingSkill, Watching, follow_motion
+from pomona.skills.shared.following import (
+    MOTION_FAILURES,
+    MotionEnded,
+    MovingSkill,
+    Watching,
+    follow_motion,
+)
 from pomona.skills.shared.touch import pressing_forces, something_between
 from pomona.skills.shared.touch_view import record_touches
 
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 WIDEST = 8e-3  # width over the fruit's largest dimension at which something else is between the fingers [m]
 LEAST_WAY = 1e-3  # distance that the fingers must be able to close before they meet the fruit [m]
-AIMED = 4e-3  # distance of the aim to the closed gripper [m]: twice that of fingers that hold nothing
+AIMED = (
+    4e-3  # distance of the aim to the closed gripper [m]: twice that of fingers that hold nothing
+)
 DEFAULT_FORCE = FORCE("10 N")
 CREEP = 2e-3  # change of the width in `settle` after which the fruit may slip out [m]
 
@@ -58,33 +66,58 @@ class Grasp(MovingSkill):
     """
 
     devices = (Gripper,)
-    optional_devices = (*MovingSkill.optional_devices, PressSensor, Arm, Workspace)  # recorded with the touches
+    optional_devices = (
+        *MovingSkill.optional_devices,
+        PressSensor,
+        Arm,
+        Workspace,
+    )  # recorded with the touches
     moves = (Gripper,)
     failures = (*MOTION_FAILURES, "NO_CONTACT", "TOO_WIDE", "LOST")
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Refuse a gripper that always presses harder than `force`; warn without a force sensor."""
-        limits, force = (None if cell is None else cell.known(GripperLimits)), known.get("force", DEFAULT_FORCE)
+        limits, force = (
+            (None if cell is None else cell.known(GripperLimits)),
+            known.get("force", DEFAULT_FORCE),
+        )
         if limits is not None and force is not None and 2.0 * limits.force_min > force + 1e-6:
             words = f"{2.0 * limits.force_min:g} N at least, and 'force' allows {force:g} N on the fruit"
-            yield Problem("force", f"the gripper presses with {words}", "allow it, or take another gripper")
+            yield Problem(
+                "force", f"the gripper presses with {words}", "allow it, or take another gripper"
+            )
         if cell is not None and cell.place(ForceSensor) is None:
             tips = cell.place(PressSensor)
-            words, where = (UNMEASURED, cell.place(Gripper)) if tips is None else (PRESSED_ALONE, tips)
-            yield Problem("", words, "SlipAvoidGrasp needs `fingers:` in the cell file", True, where)
+            words, where = (
+                (UNMEASURED, cell.place(Gripper)) if tips is None else (PRESSED_ALONE, tips)
+            )
+            yield Problem(
+                "", words, "SlipAvoidGrasp needs `fingers:` in the cell file", True, where
+            )
 
     def run(
         self,
-        fruit: Annotated[MeasuredFruit | None, Port(help="measured fruit; its size bounds the width of a grip")] = None,
+        fruit: Annotated[
+            MeasuredFruit | None, Port(help="measured fruit; its size bounds the width of a grip")
+        ] = None,
         width: Annotated[
             Length, Port(min="0 mm", help="aim of the fingers; 0: half the fruit's least dimension")
         ] = LENGTH("0 mm"),
         force: Annotated[
-            Force, Port(min="1 N", max="100 N", help="grasp force by the motor's current at which the fingers stop")
+            Force,
+            Port(
+                min="1 N",
+                max="100 N",
+                help="grasp force by the motor's current at which the fingers stop",
+            ),
         ] = DEFAULT_FORCE,
-        speed: Annotated[Speed, Port(min="1 mm/s", max="0.2 m/s", help="speed of closing")] = SPEED("0.02 m/s"),
-        settle: Annotated[Time, Port(min="0 s", max="5 s", help="time before the grip is verified")] = TIME("0.3 s"),
+        speed: Annotated[Speed, Port(min="1 mm/s", max="0.2 m/s", help="speed of closing")] = SPEED(
+            "0.02 m/s"
+        ),
+        settle: Annotated[
+            Time, Port(min="0 s", max="5 s", help="time before the grip is verified")
+        ] = TIME("0.3 s"),
     ) -> Work[None]:
         gripper = self.device(Gripper)
         take_over(gripper)
@@ -92,13 +125,19 @@ class Grasp(MovingSkill):
         narrowest = 0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min())
         aim = max(width or narrowest, limits.width_min + AIMED)
         if start.width - aim < LEAST_WAY:
-            raise self._fail("NO_CONTACT", f"the fingers stand at {1e3 * start.width:.1f} mm already", start)
+            raise self._fail(
+                "NO_CONTACT", f"the fingers stand at {1e3 * start.width:.1f} mm already", start
+            )
         yield from self._close(aim, min(speed, limits.speed_max), force)
         met = gripper.state()
         if start.width - met.width < LEAST_WAY:
-            raise self._fail("TOO_WIDE", f"the fingers met something after {1e3 * LEAST_WAY:g} mm or less", met)
+            raise self._fail(
+                "TOO_WIDE", f"the fingers met something after {1e3 * LEAST_WAY:g} mm or less", met
+            )
         if fruit is not None and met.width > float(fruit.dimensions.max()) + WIDEST:
-            raise self._fail("TOO_WIDE", f"the fruit measures {1e3 * float(fruit.dimensions.max()):.0f} mm", met)
+            raise self._fail(
+                "TOO_WIDE", f"the fruit measures {1e3 * float(fruit.dimensions.max()):.0f} mm", met
+            )
         yield from self.wait(settle)
         now = gripper.state()
         tips = self.optional_device(PressSensor)
@@ -107,7 +146,9 @@ class Grasp(MovingSkill):
             raise self._fail("NO_CONTACT", "the fingers met nothing, and nothing presses", now)
         if lost := gone(met, now, limits, CREEP):
             raise self._fail("LOST", f"{lost} after the grip", now)
-        record_touches(self, fruit, (None, None), PadTouch(met.stamp, met.width, met.motor_force or 0.0))
+        record_touches(
+            self, fruit, (None, None), PadTouch(met.stamp, met.width, met.motor_force or 0.0)
+        )
         yield evidence
         return None
 
@@ -125,7 +166,9 @@ class Grasp(MovingSkill):
         try:
             yield from follow_motion(gripper.move(aim, speed), watch)
         except MotionRefused as refused:
-            raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
+            raise self.failure(
+                "REFUSED", f"{refused}; nothing has moved", device=refused.device
+            ) from refused
         except PressedEnough:
             pass
         except MotionEnded as ended:

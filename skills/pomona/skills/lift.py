@@ -6,7 +6,17 @@ from collections.abc import Callable
 from typing import Annotated, ClassVar
 
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
-from pomona.executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
+from pomona.executive.ports import (
+    ACCELERATION,
+    LENGTH,
+    SPEED,
+    TIME,
+    Acceleration,
+    Length,
+    Port,
+    Speed,
+    Time,
+)
 from pomona.executive.skill import Work
 from pomona.skills.grip.hold import Hold
 from pomona.skills.motion.grasp import Grasp
@@ -68,17 +78,22 @@ class Lift(MovingSkill):
 
     def run(
         self,
-        height: Annotated[Length, Port(min="1 mm", max="1 m", help="height of the lift")] = LENGTH("150 mm"),
+        height: Annotated[Length, Port(min="1 mm", max="1 m", help="height of the lift")] = LENGTH(
+            "150 mm"
+        ),
         hold: Annotated[Hold | None, Port(help="grip that continues during the lift")] = None,
         grasp: Annotated[
             Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
         ] = None,
         map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("5 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
-        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
+        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION(
+            "1 m/s²"
+        ),
         deceleration: Annotated[
             Acceleration,
             Port(
@@ -88,7 +103,8 @@ class Lift(MovingSkill):
             ),
         ] = ACCELERATION("0 m/s²"),
         hold_time: Annotated[
-            Time, Port(min="0 s", help="time for which the fruit is monitored at the top", was="keep")
+            Time,
+            Port(min="0 s", help="time for which the fruit is monitored at the top", was="keep"),
         ] = TIME("0 s"),
         settle_within: Annotated[
             Time, Port(min="0 s", help="maximum wait at the top until the grip is at rest")
@@ -96,25 +112,36 @@ class Lift(MovingSkill):
     ) -> Work[None]:
         arm = self.device(Arm)
         if not is_held(self, hold):
-            raise grip_failure(self, "NOT_HELD", "there is nothing between the fingers to lift", hold)
+            raise grip_failure(
+                self, "NOT_HELD", "there is nothing between the fingers to lift", hold
+            )
         self.publish("candidates", TAKEN)
         T_base_start = tool_pose(self)
         T_base_goal = T_base_start.copy()
         T_base_goal[2, 3] += height
         width, field = self.device(Gripper).state().width, usable_field(self, map)
-        space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving(arm.state().q)
+        space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving(
+            arm.state().q
+        )
         jerk, braking = acceleration / JERK_TIME, deceleration or acceleration
         active = None if hold is None or hold.ended else hold
         hanging = None if active is None else Hanging(active)
-        overload, lost = None if active is None else OverloadMonitor(active), watch_fruit(self, hold)
+        overload, lost = (
+            None if active is None else OverloadMonitor(active),
+            watch_fruit(self, hold),
+        )
 
         def risen() -> float:
             return float(tool_pose(self)[2, 3] - T_base_start[2, 3])
 
         def way_up() -> Trajectory:
-            line = free_line(self, T_base_goal, space, ("LIFT_BLOCKED", "LIFT_BLOCKED"), "on the way up")
+            line = free_line(
+                self, T_base_goal, space, ("LIFT_BLOCKED", "LIFT_BLOCKED"), "on the way up"
+            )
             left = height - risen()
-            return time_curve(line.q, left, arm.limits, speed, acceleration, jerk, deceleration=braking)
+            return time_curve(
+                line.q, left, arm.limits, speed, acceleration, jerk, deceleration=braking
+            )
 
         trajectory, scale, hangs = way_up(), weighing(self), False
 
@@ -129,7 +156,9 @@ class Lift(MovingSkill):
             if hangs and scale is not None and scale.present < scale.limit(LEAST, 0.0):
                 gone = gone or f"no weight hangs on the hand: {scale.present:.2f} N"
             if gone := gone or lost():
-                raise grip_failure(self, "LOST", f"the fruit was lost {1e3 * risen():.0f} mm up: {gone}", hold)
+                raise grip_failure(
+                    self, "LOST", f"the fruit was lost {1e3 * risen():.0f} mm up: {gone}", hold
+                )
 
         try:
             try:
@@ -137,7 +166,9 @@ class Lift(MovingSkill):
             except GripOverloaded:
                 if active is None or active.problem is not None or height - risen() < BACK:
                     raise
-                yield from self.travel(way_up(), watch, carrying=grasp)  # a wall or a neighbour has let go of the fruit
+                yield from self.travel(
+                    way_up(), watch, carrying=grasp
+                )  # a wall or a neighbour has let go of the fruit
             watch()
             if scale is not None:
                 yield from self.wait(RESTING)
@@ -166,7 +197,9 @@ class Lift(MovingSkill):
         """Wait until the force has fallen to the requirement of the load, and the fruit does not slide any more."""
         began = since = self.context.elapsed()
         slid = hold.slipped
-        while (now := self.context.elapsed()) - began < within - 1e-9 and now - since < STILL_FOR - 1e-9:
+        while (
+            now := self.context.elapsed()
+        ) - began < within - 1e-9 and now - since < STILL_FOR - 1e-9:
             yield "held up, until the grip has come to rest"
             watch()
             if not hold.is_at_rest or abs(hold.slipped - slid) > STILL:

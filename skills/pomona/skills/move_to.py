@@ -30,23 +30,44 @@ class MoveTo(PoseSkill):
     def run(
         self,
         pose: Annotated[str, Port(help="a name under workspace.poses in the cell file")],
-        variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
+        variation: Annotated[
+            int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")
+        ] = 1,
         map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         carrying: Annotated[Grasp | None, Port(help="the grasp by which a fruit is held")] = None,
-        avoiding: Annotated[MeasuredFruit | None, Port(help="fruit that is not in the map and must be avoided")] = None,
+        avoiding: Annotated[
+            MeasuredFruit | None, Port(help="fruit that is not in the map and must be avoided")
+        ] = None,
         clearance: Annotated[
-            Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("10 mm"),
         budget: Annotated[Time, Port(min="1 ms", help="planning time")] = TIME("500 ms"),
         upright: Annotated[
-            Angle, Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion")
+            Angle,
+            Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion"),
         ] = ANGLE("180 deg"),
-        speed: Annotated[Ratio, Port(min=0.02, max=1.0, help="speed relative to the arm's limits")] = 1.0,
+        speed: Annotated[
+            Ratio, Port(min=0.02, max=1.0, help="speed relative to the arm's limits")
+        ] = 1.0,
         start_free: Annotated[
-            bool, Port(help="map cells that the arm occupies at the start are free: branches that bend aside")
+            bool,
+            Port(
+                help="map cells that the arm occupies at the start are free: branches that bend aside"
+            ),
         ] = False,
     ) -> Work[None]:
         yield from move_to_pose(
-            self, pose, variation, map, carrying, clearance, budget, avoiding, speed, upright, start_free
+            self,
+            pose,
+            variation,
+            map,
+            carrying,
+            clearance,
+            budget,
+            avoiding,
+            speed,
+            upright,
+            start_free,
         )
         return None

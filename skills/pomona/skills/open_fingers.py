@@ -36,15 +36,20 @@ class OpenFingers(MovingSkill):
         path: Annotated[Trajectory, Port(help="path that the arm follows at the same time")],
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("5 mm"),
     ) -> Work[None]:
         gripper = self.device(Gripper)
         width = min(grasp.width, gripper.limits.width_max)
-        if abs(gripper.state().width - width) <= 1e-3:  # an opening that differs by less is the one asked for [m]
+        if (
+            abs(gripper.state().width - width) <= 1e-3
+        ):  # an opening that differs by less is the one asked for [m]
             return None
         field = usable_field(self, map)
-        space = arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, target=grasp.fruit)
+        space = arm_space(
+            self.device(Arm), self.device(Workspace), field, width, clearance, target=grasp.fruit
+        )
         blocked = space.first_blocked(path.q)
         if blocked is not None:
             yield f"not on the way: with open fingers {space.explain(path.q[blocked + 1])[0]}"

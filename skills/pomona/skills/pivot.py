@@ -37,7 +37,10 @@ class Pivot(Skill):
         hold: Hold,
         plumb: Annotated[
             Length,
-            Port(min="0.5 mm", help="largest distance of the fruit's centre from the vertical through the fingers"),
+            Port(
+                min="0.5 mm",
+                help="largest distance of the fruit's centre from the vertical through the fingers",
+            ),
         ] = LENGTH("4 mm"),
         patience: Annotated[Time, Port(min="0.5 s", help="maximum time")] = TIME("8 s"),
     ) -> Work[None]:
@@ -51,7 +54,9 @@ class Pivot(Skill):
             hold.pivot(False)
         show_grip(self, hold, everything=True)
         if lever > plumb:
-            message = f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm off the vertical"
+            message = (
+                f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm off the vertical"
+            )
             raise self.failure("NOT_PLUMB", message, lever_m=lever)
         return None
 
@@ -62,9 +67,13 @@ class Pivot(Skill):
         while self.context.elapsed() - start < patience:
             watch_grip(self, hold)
             lever, now = lever_of(hold), self.context.elapsed()
-            if abs(lever - before) > 0.0005 or not hold.has_settled:  # smallest change of the lever [m]
+            if (
+                abs(lever - before) > 0.0005 or not hold.has_settled
+            ):  # smallest change of the lever [m]
                 before, since = lever, now
-            if now - since > 0.3:  # time without a change of the lever after which the fruit hangs still [s]
+            if (
+                now - since > 0.3
+            ):  # time without a change of the lever after which the fruit hangs still [s]
                 return lever
             yield f"turning: {1e3 * lever:.1f} mm off the vertical, {hold.reading.f_n:.1f} N"
         return lever_of(hold)

@@ -20,7 +20,9 @@ from pomona.skills.shared.grasp_view import grasp_picture
 from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
 
-OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is BudgetUse.OPTIMISING)
+OPTIMISING = tuple(
+    name for name, planner in PLANNERS.items() if planner.kind is BudgetUse.OPTIMISING
+)
 
 
 class Planned(Outputs):
@@ -49,18 +51,27 @@ class Plan(Skill):
         self,
         to: Annotated[GraspCandidates, Port(help="goals; the path leads to any one of them")],
         map: Annotated[OccupancyMap, Port(help="obstacles, without the target")],
-        planner: Annotated[str, Port(choices=tuple(PLANNERS), help="planner that finds the path")] = "RRTConnect",
+        planner: Annotated[
+            str, Port(choices=tuple(PLANNERS), help="planner that finds the path")
+        ] = "RRTConnect",
         improve: Annotated[
-            str, Port(choices=("none", *OPTIMISING), help="planner that improves the path for the rest of the budget")
+            str,
+            Port(
+                choices=("none", *OPTIMISING),
+                help="planner that improves the path for the rest of the budget",
+            ),
         ] = "InformedRRTstar",
-        budget: Annotated[Time, Port(min="1 ms", max="60 s", help="planning time on an unloaded core")] = TIME(
-            "200 ms"
-        ),
+        budget: Annotated[
+            Time, Port(min="1 ms", max="60 s", help="planning time on an unloaded core")
+        ] = TIME("200 ms"),
         clearance: Annotated[
-            Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("10 mm"),
         map_age: Annotated[Time, Port(min="0 s", help="an older map is stale")] = TIME("2 min"),
-        direct: Annotated[bool, Port(help="try straight joint motions first; the paper does not")] = True,
+        direct: Annotated[
+            bool, Port(help="try straight joint motions first; the paper does not")
+        ] = True,
     ) -> Work[Planned]:
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
@@ -86,7 +97,9 @@ class Plan(Skill):
         except SkillFailure as failed:
             candidates = sorted({grasp.index for grasp, _ in goals})
             reason = failed.failure
-            raise SkillFailure(replace(reason, data={**reason.data, "candidates": candidates})) from failed
+            raise SkillFailure(
+                replace(reason, data={**reason.data, "candidates": candidates})
+            ) from failed
         grasp = goals[result.goal][0]
         self._show(robot, result, grasp)
         return Planned(grasp=grasp, path=result.path)
@@ -99,6 +112,9 @@ class Plan(Skill):
             f"(θ {np.degrees(grasp.theta):.0f}°, α {np.degrees(grasp.alpha):.0f}°)"
         )
         self.publish(
-            "path", SceneView(lines=(Line3(tcp, "planned path", "planned"),), points=(chosen,), caption=caption)
+            "path",
+            SceneView(
+                lines=(Line3(tcp, "planned path", "planned"),), points=(chosen,), caption=caption
+            ),
         )
         self.publish("grasp", grasp_picture(grasp))

@@ -20,7 +20,13 @@ from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.measure import FITS, measure, outline, refine
-from pomona.skills.perception.refinement.render import DepthLook, Limits, RendererName, render_depth, usable_renderer
+from pomona.skills.perception.refinement.render import (
+    DepthLook,
+    Limits,
+    RendererName,
+    render_depth,
+    usable_renderer,
+)
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose
 
 _SMALL_CAMERA = Intrinsics(400.0, 400.0, 100.0, 100.0, 201, 201)
@@ -71,7 +77,9 @@ class Refine(Skill):
 
     def run(
         self,
-        detection: Annotated[Detection, Port(help="detected fruit, at the pose for a fruit of the CAD model's size")],
+        detection: Annotated[
+            Detection, Port(help="detected fruit, at the pose for a fruit of the CAD model's size")
+        ],
         method: Annotated[
             str,
             Port(
@@ -80,17 +88,26 @@ class Refine(Skill):
             ),
         ] = "shape",
         earlier: Annotated[
-            MeasuredFruit | None, Port(help="measurement of the same fruit from another viewpoint; its looks are fused")
+            MeasuredFruit | None,
+            Port(help="measurement of the same fruit from another viewpoint; its looks are fused"),
         ] = None,
         inlier_band: Annotated[
             Length,
-            Port(min="0.5 mm", max="50 mm", help="depth agrees within this, or within its noise if larger"),
+            Port(
+                min="0.5 mm",
+                max="50 mm",
+                help="depth agrees within this, or within its noise if larger",
+            ),
         ] = LENGTH("4 mm"),
         min_inliers: Annotated[
             Ratio, Port(min=0.0, max=1.0, help="minimum fraction of the depth that must agree")
         ] = 0.3,
-        smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="minimum size relative to the CAD model")] = 0.4,
-        largest: Annotated[Ratio, Port(min=1.0, max=10.0, help="maximum size relative to the CAD model")] = 1.6,
+        smallest: Annotated[
+            Ratio, Port(min=0.01, max=1.0, help="minimum size relative to the CAD model")
+        ] = 0.4,
+        largest: Annotated[
+            Ratio, Port(min=1.0, max=10.0, help="maximum size relative to the CAD model")
+        ] = 1.6,
         renderer: Annotated[
             Literal["pyrender", "zbuffer"],
             Port(help="renderer of the virtual depth; zbuffer is the fallback of pyrender"),
@@ -118,7 +135,10 @@ class Refine(Skill):
 
 
 def _measure(
-    detection: Detection, workspace: Workspace, earlier: Sequence[tuple[float, Float64]], how: tuple[Any, ...]
+    detection: Detection,
+    workspace: Workspace,
+    earlier: Sequence[tuple[float, Float64]],
+    how: tuple[Any, ...],
 ) -> MeasuredFruit | FrameProblem:
     """Return the measured fruit, or the problem of its frame; `how` holds the other arguments of `measure`."""
     problem = frame_problem(detection.frame, detection.T_base_camera, workspace, earlier)
@@ -128,7 +148,9 @@ def _measure(
 def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName) -> ImageView:
     """Return the camera's image with the outlines of the model as detected and of the fruit as measured."""
     detected = outline(
-        *render_depth(detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using)
+        *render_depth(
+            detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using
+        )
     )
     size = " × ".join(f"{1e3 * d:.1f}" for d in measured.dimensions)
     deviation = 1e3 * float(np.sqrt(np.max(np.diag(measured.covariance)[3:])))

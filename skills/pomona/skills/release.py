@@ -9,7 +9,18 @@ import numpy as np
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.plain_hand import between
-from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Acceleration, Angle, Force, Length, Port, Speed
+from pomona.executive.ports import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    SPEED,
+    Acceleration,
+    Angle,
+    Force,
+    Length,
+    Port,
+    Speed,
+)
 from pomona.executive.skill import CellFacts, SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.sections import Problem
@@ -33,7 +44,9 @@ RISING = Manner(0.5, 3.0, 30.0)  # of the empty gripper's way up
 RISING_HELD = Manner(0.15, *LOWERING)  # of a fruit that nothing carries
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
-JOLTS = 3  # jolts after which lowering goes on; with more the load is too restless to show a contact
+JOLTS = (
+    3  # jolts after which lowering goes on; with more the load is too restless to show a contact
+)
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
 UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
 UNKNOWN = "no grasp gives the lower end of the fruit"
@@ -54,7 +67,15 @@ class Release(PoseSkill):
     optional_devices = (*MovingSkill.optional_devices, *HAND_DEVICES)
     moves = (Arm, Gripper)
     pose_port = "into"
-    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "HAND_UNCLEAR", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
+    failures = (
+        *MOTION_FAILURES,
+        *POSE_FAILURES,
+        "NOT_HELD",
+        "HAND_UNCLEAR",
+        "LOST",
+        "NO_CONTACT",
+        "LOWERING_BLOCKED",
+    )
     renamed_failures: ClassVar = {"NO_WAY_DOWN": "LOWERING_BLOCKED"}
 
     @classmethod
@@ -63,52 +84,91 @@ class Release(PoseSkill):
         yield from super().judge(known, cell)
         workspace, into = (None if cell is None else cell.known(Workspace)), known.get("into")
         places = [f"{into}_{k}" for k in range(2, (known.get("places") or 1) + 1)]
-        if cell is not None and workspace is not None and (lacking := [p for p in places if p not in workspace.poses]):
+        if (
+            cell is not None
+            and workspace is not None
+            and (lacking := [p for p in places if p not in workspace.poses])
+        ):
             message = f"it counts on {len(places) + 1} places, and the cell '{cell.name}' has no pose '{lacking[0]}'"
-            yield Problem("places", message, "lower `places`, or add the pose below `workspace.poses`")
+            yield Problem(
+                "places", message, "lower `places`, or add the pose below `workspace.poses`"
+            )
 
     def run(
         self,
         into: Annotated[
-            str | None, Port(help="pose of the cell file above the place for the fruit; the arm moves there first")
+            str | None,
+            Port(
+                help="pose of the cell file above the place for the fruit; the arm moves there first"
+            ),
         ] = None,
-        variation: Annotated[int, Port(min=1, help="place: 1 is the pose itself, 2 its pose_2 and so on")] = 1,
-        places: Annotated[int, Port(min=1, help="number of such poses that the cell must have before the run")] = 1,
-        depth: Annotated[Length, Port(min="1 mm", max="1 m", help="maximum distance of lowering")] = LENGTH("150 mm"),
+        variation: Annotated[
+            int, Port(min=1, help="place: 1 is the pose itself, 2 its pose_2 and so on")
+        ] = 1,
+        places: Annotated[
+            int, Port(min=1, help="number of such poses that the cell must have before the run")
+        ] = 1,
+        depth: Annotated[
+            Length, Port(min="1 mm", max="1 m", help="maximum distance of lowering")
+        ] = LENGTH("150 mm"),
         grasp: Annotated[
             Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
         ] = None,
-        hold: Annotated[Hold | None, Port(help="grip that continues until the fruit is released")] = None,
+        hold: Annotated[
+            Hold | None, Port(help="grip that continues until the fruit is released")
+        ] = None,
         map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("5 mm"),
         upright: Annotated[
-            Angle, Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion")
+            Angle,
+            Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion"),
         ] = ANGLE("180 deg"),
-        contact: Annotated[Force, Port(min="0.1 N", help="change of load that shows contact")] = FORCE("0.35 N"),
-        speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="speed of lowering")] = SPEED("0.02 m/s"),
-        fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="speed while no known object is near")] = SPEED(
-            "0.15 m/s"
-        ),
+        contact: Annotated[
+            Force, Port(min="0.1 N", help="change of load that shows contact")
+        ] = FORCE("0.35 N"),
+        speed: Annotated[
+            Speed, Port(min="1 mm/s", max="0.1 m/s", help="speed of lowering")
+        ] = SPEED("0.02 m/s"),
+        fast: Annotated[
+            Speed, Port(min="1 mm/s", max="0.5 m/s", help="speed while no known object is near")
+        ] = SPEED("0.15 m/s"),
         slow_within: Annotated[
-            Length, Port(min="5 mm", max="200 mm", help="height over the known support at which lowering slows down")
+            Length,
+            Port(
+                min="5 mm",
+                max="200 mm",
+                help="height over the known support at which lowering slows down",
+            ),
         ] = LENGTH("15 mm"),
         acceleration: Annotated[
             Acceleration,
-            Port(min="0.5 m/s²", max="5 m/s²", help="maximum acceleration of the held fruit on the way to the pose"),
+            Port(
+                min="0.5 m/s²",
+                max="5 m/s²",
+                help="maximum acceleration of the held fruit on the way to the pose",
+            ),
         ] = CARRIED_ACCELERATION,
         start_free: Annotated[
-            bool, Port(help="map cells that the arm occupies at the start are free: branches that bend aside")
+            bool,
+            Port(
+                help="map cells that the arm occupies at the start are free: branches that bend aside"
+            ),
         ] = False,
-        raise_again: Annotated[bool, Port(help="raise a fruit that nothing carries to where lowering began")] = False,
+        raise_again: Annotated[
+            bool, Port(help="raise a fruit that nothing carries to where lowering began")
+        ] = False,
     ) -> Work[None]:
         if not is_held(self):
             raise self._not_held()
         if into is not None:
             yield from move_to_pose(
                 self,
-                into if variation == 1 else f"{into}_{variation}",  # not around: a fruit lies at the first place
+                into
+                if variation == 1
+                else f"{into}_{variation}",  # not around: a fruit lies at the first place
                 1,
                 map,
                 grasp,
@@ -124,16 +184,27 @@ class Release(PoseSkill):
         met = None if grasp is None else self._met(way, grasp, map, clearance)
         if ends_on:
             if met is None:
-                words = UNKNOWN if grasp is None else f"no known object within {1e3 * depth:.0f} mm below"
+                words = (
+                    UNKNOWN
+                    if grasp is None
+                    else f"no known object within {1e3 * depth:.0f} mm below"
+                )
                 raise self.failure("NO_CONTACT", f"{words}, and {UNFELT}")
             way = way[: met + 1]
         slow_from = self._near(way, met, slow_within)
-        legs = Leg(way[: slow_from + 1], Manner(fast, *LOWERING)), Leg(way[slow_from:], Manner(speed, *TOUCHING))
+        legs = (
+            Leg(way[: slow_from + 1], Manner(fast, *LOWERING)),
+            Leg(way[slow_from:], Manner(speed, *TOUCHING)),
+        )
         try:
             yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
         except SkillFailure as failed:
             lowered = before - tool_pose(self)[2, 3]
-            if raise_again and lowered > RESUMED and failed.failure.code in ("NO_CONTACT", "LOWERING_BLOCKED"):
+            if (
+                raise_again
+                and lowered > RESUMED
+                and failed.failure.code in ("NO_CONTACT", "LOWERING_BLOCKED")
+            ):
                 back = vertical_way(self, lowered, "LOWERING_BLOCKED")
                 yield from follow_way(self, back, RISING_HELD, held=grasp)
             raise
@@ -142,17 +213,24 @@ class Release(PoseSkill):
         yield from self._open(width)
         unfelt = self.optional_device(ForceSensor) is None
         if unfelt and (left := between(gripper.state(), gripper.limits)):
-            raise self.failure("HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held")
+            raise self.failure(
+                "HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held"
+            )
         way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
         yield from follow_way(self, way_up, RISING)
         return None
 
     def _not_held(self) -> Exception:
         """Return NOT_HELD, or HAND_UNCLEAR if the hand may hold a fruit that the fingers do not measure."""
-        hand = None if current_hold(self.device(Gripper)) is not None else self.optional_device(Hand)
+        hand = (
+            None if current_hold(self.device(Gripper)) is not None else self.optional_device(Hand)
+        )
         held = None if hand is None else hand.in_hand()
         if held:
-            return self.failure("HAND_UNCLEAR", f"{held}; it cannot be put down, since a contact would not be measured")
+            return self.failure(
+                "HAND_UNCLEAR",
+                f"{held}; it cannot be put down, since a contact would not be measured",
+            )
         return self.failure("NOT_HELD", "there is nothing between the fingers to put down")
 
     def _lower(
@@ -187,7 +265,9 @@ class Release(PoseSkill):
         message = f"{words} ({1e3 * lowered:.0f} mm down); the fruit is still held"
         raise self.failure("NO_CONTACT", message, lowered_m=lowered)
 
-    def _met(self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float) -> int | None:
+    def _met(
+        self, way: Float64, held: Grasp, map: OccupancyMap | None, clearance: float
+    ) -> int | None:
         """Return the first posture at which the fruit is within `BESIDE` of an object; None if there is none."""
         space = self._space(map, clearance, held)
         world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
@@ -216,10 +296,17 @@ class Release(PoseSkill):
     def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
         """Return the largest opening that touches nothing beside the fruit [m]."""
         gripper, q = self.device(Gripper), self.device(Arm).state().q
-        widths = [min(gripper.state().width + RELEASED_WIDTH / part, gripper.limits.width_max) for part in (1, 2, 4)]
+        widths = [
+            min(gripper.state().width + RELEASED_WIDTH / part, gripper.limits.width_max)
+            for part in (1, 2, 4)
+        ]
         space = self._space(map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 
-    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
+    def _space(
+        self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None
+    ) -> ArmSpace:
         field, width = usable_field(self, map), self.device(Gripper).state().width
-        return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)
+        return arm_space(
+            self.device(Arm), self.device(Workspace), field, width, clearance, held=held
+        )

@@ -64,8 +64,12 @@ class Retreat(MovingSkill):
         self,
         grasp: Annotated[Grasp | None, Port(help="the grasp that was attempted")] = None,
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s")] = SPEED("0.15 m/s"),
-        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
-        contact: Annotated[Force, Port(min="0.2 N", help="change of force that shows contact")] = FORCE("0.8 N"),
+        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION(
+            "1 m/s²"
+        ),
+        contact: Annotated[
+            Force, Port(min="0.2 N", help="change of force that shows contact")
+        ] = FORCE("0.8 N"),
     ) -> Work[None]:
         if grasp is None:
             return None
@@ -90,7 +94,9 @@ class Retreat(MovingSkill):
     def _open(self, width: float, held: bool) -> Watching:
         """Open the fingers; empty ones may be blocked from outside: the way back frees them."""
         try:
-            yield from self.move_fingers(width, min(OPENING_SPEED, self.device(Gripper).limits.speed_max))
+            yield from self.move_fingers(
+                width, min(OPENING_SPEED, self.device(Gripper).limits.speed_max)
+            )
         except SkillFailure as failed:
             if held or failed.failure.code != "MOTION_FAILED":
                 raise
@@ -105,7 +111,9 @@ class Retreat(MovingSkill):
 
             def watch() -> None:
                 if touch.change > limit:
-                    take_over(self.device(Gripper))  # force control would answer the push by pressing harder
+                    take_over(
+                        self.device(Gripper)
+                    )  # force control would answer the push by pressing harder
                     raise TouchedDown
 
             with suppress(TouchedDown):
@@ -114,8 +122,12 @@ class Retreat(MovingSkill):
     def _line(self, T_base_goal: Float64) -> StraightLine:
         """Return the straight line to a pose of the tool; fails with RETREAT_BLOCKED, and then nothing has moved."""
         width = self.device(Gripper).state().width
-        space = arm_space(self.device(Arm), self.device(Workspace), None, width, 0.0).leaving_table()
-        return free_line(self, T_base_goal, space, ("RETREAT_BLOCKED", "RETREAT_BLOCKED"), "on the way back")
+        space = arm_space(
+            self.device(Arm), self.device(Workspace), None, width, 0.0
+        ).leaving_table()
+        return free_line(
+            self, T_base_goal, space, ("RETREAT_BLOCKED", "RETREAT_BLOCKED"), "on the way back"
+        )
 
 
 def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[StoppedAt, float]:
@@ -129,6 +141,9 @@ def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[StoppedAt, float]:
     back, beside = -T_grasp_tcp[2, 3], float(np.linalg.norm(T_grasp_tcp[:2, 3]))
     if beside < LATERAL_TOLERANCE and -LATERAL_TOLERANCE < back < reach + LATERAL_TOLERANCE:
         return StoppedAt.ON_APPROACH, height
-    if np.linalg.norm(T_base_tcp[:2, 3] - grasp.T_base_grasp[:2, 3]) < LATERAL_TOLERANCE and height > 0.0:
+    if (
+        np.linalg.norm(T_base_tcp[:2, 3] - grasp.T_base_grasp[:2, 3]) < LATERAL_TOLERANCE
+        and height > 0.0
+    ):
         return StoppedAt.ABOVE, height
     return StoppedAt.ELSEWHERE, height

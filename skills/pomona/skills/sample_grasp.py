@@ -28,7 +28,9 @@ FINER = 2  # how often the sphere is sampled at half the spacing when nothing is
 class Sampled(Outputs):
     """Outputs of SampleGrasp."""
 
-    candidates: Annotated[GraspCandidates, Port(help="reachable grasps, best first; rejected ones with a reason")]
+    candidates: Annotated[
+        GraspCandidates, Port(help="reachable grasps, best first; rejected ones with a reason")
+    ]
 
 
 class SampleGrasp(Skill):
@@ -56,24 +58,39 @@ class SampleGrasp(Skill):
         around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
-        radius: Annotated[Length, Port(min="20 mm", max="1 m", help="the paper's r_o")] = LENGTH("120 mm"),
-        theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="least tilt")] = ANGLE("0 deg"),
-        theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg", help="largest tilt")] = ANGLE("45 deg"),
+        radius: Annotated[Length, Port(min="20 mm", max="1 m", help="the paper's r_o")] = LENGTH(
+            "120 mm"
+        ),
+        theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="least tilt")] = ANGLE(
+            "0 deg"
+        ),
+        theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg", help="largest tilt")] = ANGLE(
+            "45 deg"
+        ),
         thetas: Annotated[int, Port(min=1, help="number of tilts")] = 4,
-        alpha_min: Annotated[Angle, Port(help="first azimuth about the world's z")] = ANGLE("0 deg"),
-        alpha_max: Annotated[Angle, Port(help="last azimuth about the world's z")] = ANGLE("360 deg"),
+        alpha_min: Annotated[Angle, Port(help="first azimuth about the world's z")] = ANGLE(
+            "0 deg"
+        ),
+        alpha_max: Annotated[Angle, Port(help="last azimuth about the world's z")] = ANGLE(
+            "360 deg"
+        ),
         alphas: Annotated[int, Port(min=1, help="number of azimuths")] = 12,
         clearance: Annotated[
-            Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("10 mm"),
         sigmas: Annotated[
-            Ratio, Port(min=0.0, max=10.0, help="clearance in standard deviations of the measurement")
+            Ratio,
+            Port(min=0.0, max=10.0, help="clearance in standard deviations of the measurement"),
         ] = 2.0,
         air: Annotated[
-            Length, Port(min="2 mm", max="30 mm", help="between each pad and the fruit on the approach")
+            Length,
+            Port(min="2 mm", max="30 mm", help="between each pad and the fruit on the approach"),
         ] = LENGTH("6 mm"),
         count: Annotated[int, Port(min=0, help="maximum number of candidates; 0: all")] = 0,
-        check: Annotated[bool, Port(help="exclude grasps without a free approach; the paper: no")] = True,
+        check: Annotated[
+            bool, Port(help="exclude grasps without a free approach; the paper: no")
+        ] = True,
     ) -> Work[Sampled]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         self._tried.begin(around)
@@ -84,7 +101,10 @@ class SampleGrasp(Skill):
         space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
         sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
         rules = GraspRules(side=(air, GraspRules().side[1]), sigmas=sigmas, check=check)
-        support, tried_before = support_below(workspace, around.T_base_fruit[:3, 3]), self._tried.directions
+        support, tried_before = (
+            support_below(workspace, around.T_base_fruit[:3, 3]),
+            self._tried.directions,
+        )
         for level in range(1 + FINER):
             grasps, ruled_out = yield from self.compute(
                 sample_pre_grasps, around, robot, space, arm.state().q, support, sphere, rules
@@ -102,7 +122,9 @@ class SampleGrasp(Skill):
             )
         if not left:
             raise self.failure(
-                "ALL_TRIED", f"all {len(grasps)} candidates have been tried", attempts=self._tried.attempt - 1
+                "ALL_TRIED",
+                f"all {len(grasps)} candidates have been tried",
+                attempts=self._tried.attempt - 1,
             )
         if count:
             left = left[:count]
@@ -124,8 +146,14 @@ class SampleGrasp(Skill):
         groups = (
             ("left to try", "free", [grasp.T_base_pre_grasp[:3, 3] for grasp in left]),
             ("tried", "tried", [grasp.T_base_pre_grasp[:3, 3] for grasp in tried]),
-            ("ruled out", "ruled_out", [pre_grasp_position(p_fruit, radius, o.theta, o.alpha) for o in ruled_out]),
+            (
+                "ruled out",
+                "ruled_out",
+                [pre_grasp_position(p_fruit, radius, o.theta, o.alpha) for o in ruled_out],
+            ),
         )
         points = tuple(Points3(np.array(p), label, style) for label, style, p in groups if p)
         caption = f"{len(left)} of {len(grasps) + len(ruled_out)} pre-grasps left"
-        self.publish("candidates", SceneView(points=points, meshes=(fruit_mesh(fruit),), caption=caption))
+        self.publish(
+            "candidates", SceneView(points=points, meshes=(fruit_mesh(fruit),), caption=caption)
+        )

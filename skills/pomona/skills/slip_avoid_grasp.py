@@ -6,7 +6,17 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, SampleRate, Workspace
-from pomona.executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outputs, Port, Ratio, Stiffness
+from pomona.executive.ports import (
+    FORCE,
+    LENGTH,
+    STIFFNESS,
+    Force,
+    Length,
+    Outputs,
+    Port,
+    Ratio,
+    Stiffness,
+)
 from pomona.executive.skill import CellFacts, Interrupted, Skill, SkillFailure, Work
 from pomona.executive.values.sections import Problem
 from pomona.skills.compiled_code import wait_for_first
@@ -15,12 +25,20 @@ from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import SoftContact, surface_table
 from pomona.skills.grip.observer import GENTLE, DynamicSettings
-from pomona.skills.grip.settings import ForceLaw, ForceLoopSettings, GripSettings, PadStiffness, check_rate
+from pomona.skills.grip.settings import (
+    ForceLaw,
+    ForceLoopSettings,
+    GripSettings,
+    PadStiffness,
+    check_rate,
+)
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.held_fruit import bearable_force, expected_load, show_grip, watch_grip
 from pomona.skills.shared.touch_view import record_touches
 
-CLEARANCE = 0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre
+CLEARANCE = (
+    0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre
+)
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 
 
@@ -67,29 +85,50 @@ class SlipAvoidGrasp(Skill):
         fruit: Annotated[
             MeasuredFruit | None, Port(help="measured fruit; beyond its size the fingers move fast")
         ] = None,
-        mu: Annotated[Ratio, Port(min=0.05, max=3.0, help="friction coefficient between pad and fruit")] = 0.75,
+        mu: Annotated[
+            Ratio, Port(min=0.05, max=3.0, help="friction coefficient between pad and fruit")
+        ] = 0.75,
         mu_uncertainty: Annotated[
             Ratio, Port(min=0.0, max=0.5, help="relative uncertainty of mu; raises the force")
         ] = 0.1,
         delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("4.353 mm"),
-        gamma: Annotated[Ratio, Port(min=0.0, max=1.0, help="exponent of the contact radius over the force")] = 0.2569,
-        k: Annotated[Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")] = 4.0,
+        gamma: Annotated[
+            Ratio, Port(min=0.0, max=1.0, help="exponent of the contact radius over the force")
+        ] = 0.2569,
+        k: Annotated[
+            Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")
+        ] = 4.0,
         surface: Annotated[Literal["exact", "ellipsoid"], Port(help="limit surface")] = "exact",
-        margin: Annotated[Ratio, Port(min=1.0, max=3.0, help="factor on the minimum grip force")] = 1.125,
-        reserve: Annotated[Force, Port(min="0 N", max="10 N", help="expected disturbance force")] = FORCE("0 N"),
+        margin: Annotated[
+            Ratio, Port(min=1.0, max=3.0, help="factor on the minimum grip force")
+        ] = 1.125,
+        reserve: Annotated[
+            Force, Port(min="0 N", max="10 N", help="expected disturbance force")
+        ] = FORCE("0 N"),
         offset: Annotated[
-            Length, Port(min="0 mm", max="50 mm", help="largest distance of the fruit's centre from the grip")
+            Length,
+            Port(
+                min="0 mm", max="50 mm", help="largest distance of the fruit's centre from the grip"
+            ),
         ] = LENGTH("3 mm"),
-        initial_force: Annotated[Force, Port(min="0.6 N", max="10 N", help="grasp force before the lift")] = FORCE(
-            "2.2 N"
-        ),
+        initial_force: Annotated[
+            Force, Port(min="0.6 N", max="10 N", help="grasp force before the lift")
+        ] = FORCE("2.2 N"),
         max_force: Annotated[
             Force,
-            Port(min="1 N", max="40 N", help="largest grasp force, both fingers; less where `fruit` would bruise"),
+            Port(
+                min="1 N",
+                max="40 N",
+                help="largest grasp force, both fingers; less where `fruit` would bruise",
+            ),
         ] = FORCE("14 N"),
         stiffness: Annotated[
             Stiffness,
-            Port(min="100 N/m", max="100 kN/m", help="stiffness of the pads: grasp force per closing distance"),
+            Port(
+                min="100 N/m",
+                max="100 kN/m",
+                help="stiffness of the pads: grasp force per closing distance",
+            ),
         ] = STIFFNESS("2000 N/m"),
         law: Annotated[
             str, Port(choices=tuple(law.value for law in ForceLaw), help="for comparison")
@@ -140,7 +179,9 @@ class SlipAvoidGrasp(Skill):
             while hold.phase is not GripPhase.HOLDING:
                 watch_grip(self, hold)
                 if hold.ended:
-                    raise self.failure("LOST", "another node took the fingers over before the fruit was held")
+                    raise self.failure(
+                        "LOST", "another node took the fingers over before the fruit was held"
+                    )
                 reading = hold.reading
                 yield f"{reading.phase.value}: {reading.f_n:.1f} N at {1e3 * reading.width:.0f} mm"
         except SkillFailure:

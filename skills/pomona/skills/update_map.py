@@ -12,7 +12,13 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.collision import Convex, RobotShape
-from pomona.skills.motion.occupancy.integrate import Sensing, check_camera_pose, integrate, pose_of_camera, warm_up
+from pomona.skills.motion.occupancy.integrate import (
+    Sensing,
+    check_camera_pose,
+    integrate,
+    pose_of_camera,
+    warm_up,
+)
 from pomona.skills.motion.occupancy.occupancy_map import (
     HIDDEN,
     OCCUPIED,
@@ -54,7 +60,8 @@ class UpdateMap(Skill):
     def run(
         self,
         measured: Annotated[
-            MeasuredFruit | None, Port(help="fruit to pick; its look is fused, its shape stays free")
+            MeasuredFruit | None,
+            Port(help="fruit to pick; its look is fused, its shape stays free"),
         ] = None,
         detection: Annotated[
             Detection | None, Port(help="detection whose look is fused if nothing was measured")
@@ -62,17 +69,29 @@ class UpdateMap(Skill):
         previous: Annotated[
             OccupancyMap | None, Port(help="earlier map to extend; without it the map starts empty")
         ] = None,
-        resolution: Annotated[Length, Port(min="5 mm", max="50 mm", help="edge of a cell")] = LENGTH("10 mm"),
+        resolution: Annotated[
+            Length, Port(min="5 mm", max="50 mm", help="edge of a cell")
+        ] = LENGTH("10 mm"),
         max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
         target_margin: Annotated[
-            Length, Port(min="0 mm", max="50 mm", help="depth within this distance counts as the fruit")
+            Length,
+            Port(min="0 mm", max="50 mm", help="depth within this distance counts as the fruit"),
         ] = LENGTH("10 mm"),
         shadow: Annotated[
-            Length, Port(min="0 mm", max="200 mm", help="depth behind a seen surface that counts as blocked, too")
+            Length,
+            Port(
+                min="0 mm",
+                max="200 mm",
+                help="depth behind a seen surface that counts as blocked, too",
+            ),
         ] = LENGTH("100 mm"),
         foliage: Annotated[
             float,
-            Port(min=0.0, max=2.0, help="excess green from which a pixel is a leaf that may be touched; 2: none is"),
+            Port(
+                min=0.0,
+                max=2.0,
+                help="excess green from which a pixel is a leaf that may be touched; 2: none is",
+            ),
         ] = 2.0,
     ) -> Work[Mapped]:
         arm, workspace = self.device(Arm), self.device(Workspace)
@@ -84,7 +103,10 @@ class UpdateMap(Skill):
         age = self.clock.now() - frame.stamp
         if age > max_age:
             raise self.failure(
-                "STALE_FRAME", f"the look is {age:.2f} s old, {max_age:.2f} s are allowed", age_s=age, allowed_s=max_age
+                "STALE_FRAME",
+                f"the look is {age:.2f} s old, {max_age:.2f} s are allowed",
+                age_s=age,
+                allowed_s=max_age,
             )
         state = arm.state()
         try:
@@ -97,9 +119,13 @@ class UpdateMap(Skill):
             lower, upper = workspace.lower, workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
             sensing = Sensing(target_margin=target_margin, shadow=shadow, foliage=foliage)
-            fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, measured, sensing)
+            fused = yield from self.compute(
+                _fuse, grid, frame, T_base_camera, workspace, robot, measured, sensing
+            )
         except NothingMeasured as error:
-            raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error
+            raise self.failure(
+                "NO_DEPTH", str(error), valid=error.valid, inside=error.inside
+            ) from error
         except (CameraPoseMismatch, BadJoints) as error:
             raise self.failure("POSE_MISMATCH", str(error)) from error
         self.publish("map", view_of(fused))
@@ -131,7 +157,11 @@ def _fuse(
     """Integrate, and compute the distance field where it does not keep the tick waiting."""
     target = None if measured is None else Convex.of_fruit(measured)
     if measured is not None:
-        grid = replace(grid, shapes=tuple(Convex.of_fruit(other, NEIGHBOUR) for other in measured.beside))
-    fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing)
+        grid = replace(
+            grid, shapes=tuple(Convex.of_fruit(other, NEIGHBOUR) for other in measured.beside)
+        )
+    fused = integrate(
+        grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing
+    )
     _ = fused.field
     return fused

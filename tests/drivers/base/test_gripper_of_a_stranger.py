@@ -36,7 +36,15 @@ def test_a_cell_file_connects_it_and_a_tree_grips_with_it(package: Path) -> None
     with zipfile.ZipFile(next(site.glob("*.whl"))) as wheel:
         wheel.extractall(site)  # as pip installs it, with its entry point
     script = "import sys; from pomona.executive.cli import main; sys.exit(main(sys.argv[1:]))"
-    run = ["run", "cells/clamp_tree.yaml", "--cell", "cells/clamp.yaml", "--cleared", "--record", "records"]
+    run = [
+        "run",
+        "cells/clamp_tree.yaml",
+        "--cell",
+        "cells/clamp.yaml",
+        "--cleared",
+        "--record",
+        "records",
+    ]
     done = subprocess.run(
         [sys.executable, "-c", script, *run],
         cwd=package,

@@ -84,7 +84,9 @@ def test_without_a_state_it_is_not_connected() -> None:
         silent.state()
 
 
-def test_the_state_names_the_aim_of_a_move_and_none_after_a_streamed_speed(fingers: Fingers) -> None:
+def test_the_state_names_the_aim_of_a_move_and_none_after_a_streamed_speed(
+    fingers: Fingers,
+) -> None:
     motion = fingers.move(0.04, 0.1)
     serve(fingers, 0.5)
     assert (motion.state, motion.settled, fingers.state().aim) == (MotionState.DONE, True, 0.04)
@@ -102,7 +104,9 @@ def test_a_second_move_ends_the_first(fingers: Fingers) -> None:
     assert second.state is MotionState.DONE
 
 
-def test_fingers_are_not_settled_between_the_request_and_the_end_of_a_move(fingers: Fingers) -> None:
+def test_fingers_are_not_settled_between_the_request_and_the_end_of_a_move(
+    fingers: Fingers,
+) -> None:
     motion = fingers.move(0.02, 0.05)
     while not motion.settled:
         assert not fingers.settled()
@@ -156,7 +160,12 @@ def test_after_a_loss_nothing_moves_until_it_is_acknowledged(fingers: Fingers, h
     setattr(fingers, how, "cut")
     serve(fingers, 0.1)
     assert motion.state is MotionState.FAILED
-    for call in (fingers.check, fingers.state, fingers.acknowledge, lambda: fingers.set_speed(-0.01)):
+    for call in (
+        fingers.check,
+        fingers.state,
+        fingers.acknowledge,
+        lambda: fingers.set_speed(-0.01),
+    ):
         with pytest.raises(DeviceError, match=r"does not answer|the wire failed: cut"):
             call()
     setattr(fingers, how, "")

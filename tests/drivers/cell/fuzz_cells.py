@@ -40,7 +40,9 @@ def load_mutations() -> ModuleType:
 
 def shipped_cells() -> dict[Path, str]:
     """All cell files that come with the package."""
-    return {path: path.read_text() for path in sorted((REPOSITORY / "trees" / "cells").glob("*.yaml"))}
+    return {
+        path: path.read_text() for path in sorted((REPOSITORY / "trees" / "cells").glob("*.yaml"))
+    }
 
 
 def judged(path: Path, text: str) -> float:
@@ -66,7 +68,10 @@ def fuzz(cases: int, seed: int) -> list[str]:
         text = mutations.mutate(cells[path], texts, rng)
         try:
             # The first file of a process also loads the drivers' packages: a slow one is judged once more.
-            if judged(path, text) > mutations.SLOW and (took := judged(path, text)) > mutations.SLOW:
+            if (
+                judged(path, text) > mutations.SLOW
+                and (took := judged(path, text)) > mutations.SLOW
+            ):
                 broken.append(f"case {seed}/{case} took {took:.1f} s\n{text[:2000]!r}")
         except Exception:
             broken.append(f"case {seed}/{case}\n{traceback.format_exc()}\n{text[:2000]!r}")
@@ -76,13 +81,17 @@ def fuzz(cases: int, seed: int) -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cases", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)
     order = parser.parse_args()
     started = time.perf_counter()
     broken = fuzz(order.cases, order.seed)
-    print(f"{order.cases} cell files in {time.perf_counter() - started:.0f} s, {len(broken)} of them broke something")
+    print(
+        f"{order.cases} cell files in {time.perf_counter() - started:.0f} s, {len(broken)} of them broke something"
+    )
     print("\n\n".join(broken))
     return 1 if broken else 0
 

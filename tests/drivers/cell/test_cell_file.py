@@ -97,13 +97,17 @@ def test_a_mistake_is_found_at_its_place_before_anything_is_connected(judge, old
     assert found
     assert any(says in f.message + f.hint for f in found), [f.message for f in found]
     lines = SIM.splitlines()
-    changed = next(i for i, (a, b) in enumerate(zip(lines, text.splitlines(), strict=True), 1) if a != b)
+    changed = next(
+        i for i, (a, b) in enumerate(zip(lines, text.splitlines(), strict=True), 1) if a != b
+    )
     assert changed in [f.line for f in found]
     assert all(f.line > 0 and f.column > 0 for f in found)
 
 
 def test_every_mistake_is_found_in_one_pass(judge):
-    text = SIM.replace("kind: simulated", "kind: simulatd").replace("watchdog: 100 ms", "watchdog: 100")
+    text = SIM.replace("kind: simulated", "kind: simulatd").replace(
+        "watchdog: 100 ms", "watchdog: 100"
+    )
     text = text.replace("range: 8 N", "range: 8 kg").replace("nearest: 180 mm", "nearst: 180 mm")
     found = judge(text)
     assert [f.code for f in found] == ["value", "value", "value", "unknown-key"]
@@ -121,7 +125,11 @@ def test_a_mistake_in_an_included_file_is_found_there(tmp_path):
     path.write_text("kind: mock\nworkspace: {include: around.yaml}\ndevices: {}\n")
     with pytest.raises(CellFileError) as error:
         read_cell_file(path)
-    assert (error.value.path, error.value.line, error.value.column) == (tmp_path / "around.yaml", 2, 8)
+    assert (error.value.path, error.value.line, error.value.column) == (
+        tmp_path / "around.yaml",
+        2,
+        8,
+    )
 
 
 def test_keys_beside_an_include_override_it(tmp_path):
@@ -135,12 +143,19 @@ def test_keys_beside_an_include_override_it(tmp_path):
 
 
 def test_a_block_of_another_file_is_included_by_its_keys(tmp_path):
-    (tmp_path / "all.yaml").write_text("workspace: {table_z: 0 m, lower: 0 0 0 m, upper: 1 1 1 m}\n")
+    (tmp_path / "all.yaml").write_text(
+        "workspace: {table_z: 0 m, lower: 0 0 0 m, upper: 1 1 1 m}\n"
+    )
     path = tmp_path / "cell.yaml"
-    path.write_text("kind: mock\nworkspace: {include: all.yaml#workspace, upper: 2 2 2 m}\ndevices: {}\n")
+    path.write_text(
+        "kind: mock\nworkspace: {include: all.yaml#workspace, upper: 2 2 2 m}\ndevices: {}\n"
+    )
     workspace = read_cell_file(path).workspace
     assert workspace is not None
-    assert (workspace.upper.tolist(), workspace.lower.tolist()) == ([2.0, 2.0, 2.0], [0.0, 0.0, 0.0])
+    assert (workspace.upper.tolist(), workspace.lower.tolist()) == (
+        [2.0, 2.0, 2.0],
+        [0.0, 0.0, 0.0],
+    )
 
 
 @pytest.mark.parametrize("block", ["#workspaec", "#workspace/lower", "#workspace/lower/x"])
@@ -163,11 +178,16 @@ def test_a_bad_value_of_an_option_is_found_where_it_is_given(judge):
 
 def test_an_unknown_override_names_the_options(judge):
     assert judge(SIM, {"plaec": "5"})[0].hint == "did you mean 'place'?"
-    assert "no option 'x'" in judge("kind: mock\ndevices: {a: {driver: mock-arm, start: '{x}'}}\n")[0].message
+    assert (
+        "no option 'x'"
+        in judge("kind: mock\ndevices: {a: {driver: mock-arm, start: '{x}'}}\n")[0].message
+    )
 
 
 def test_options_have_their_defaults_and_the_values_of_the_file():
-    options = {option.name: option for option in outline_cell(CELLS / "sim.yaml", Findings()).options}
+    options = {
+        option.name: option for option in outline_cell(CELLS / "sim.yaml", Findings()).options
+    }
     assert options["place"].default == "3"
     assert options["place"].help == "where it lies: 1 … 5"
 
@@ -176,12 +196,16 @@ def test_options_have_their_defaults_and_the_values_of_the_file():
     ("pose", "said"),
     [
         ("0 0 9 rad", "the pose 'observe' has 3 joints, the arm has 7"),
-        ("0 0 0 9 0 0 0 rad", "the pose 'observe' has joint 4 at 515.7°, its limits are -90.0° and 115.0°"),
+        (
+            "0 0 0 9 0 0 0 rad",
+            "the pose 'observe' has joint 4 at 515.7°, its limits are -90.0° and 115.0°",
+        ),
     ],
 )
 def test_a_pose_out_of_the_arms_reach_is_found_without_the_arm(pose, said):
     text = SIM.replace(
-        "{include: shared/workspace.yaml}", f"{{include: shared/workspace.yaml, poses: {{observe: {pose}}}}}"
+        "{include: shared/workspace.yaml}",
+        f"{{include: shared/workspace.yaml, poses: {{observe: {pose}}}}}",
     )
     path = CELLS / "judged.yaml"
     with pytest.raises(CellFileError, match=said):
@@ -195,7 +219,9 @@ def test_a_missing_file_and_a_folder_and_noise_are_clear_errors(tmp_path):
             read_cell_file(path)
 
 
-@pytest.mark.parametrize("text", ["a: [1\n", "a: b: c\n", "\t- x\n", "a: 'open\n", "- 1\n", "", "&x *x", "42"])
+@pytest.mark.parametrize(
+    "text", ["a: [1\n", "a: b: c\n", "\t- x\n", "a: 'open\n", "- 1\n", "", "&x *x", "42"]
+)
 def test_broken_yaml_is_found_with_a_place(judge, text):
     assert all(found.line > 0 for found in judge(text))
     assert judge(text)
@@ -233,7 +259,10 @@ WORDS = st.sampled_from(
 )  # fmt: skip
 TREES = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text(max_size=8) | WORDS,
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(WORDS | st.text(max_size=6), inner, max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(WORDS | st.text(max_size=6), inner, max_size=5)
+    ),
     max_leaves=30,
 )
 
@@ -249,7 +278,11 @@ def test_any_yaml_is_a_cell_or_has_findings_with_places(judge, content):
 
 @pytest.mark.slow
 @settings(max_examples=300)
-@given(st.integers(0, len(SIM) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é\x00", max_size=4))
+@given(
+    st.integers(0, len(SIM) - 1),
+    st.integers(0, 12),
+    st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é\x00", max_size=4),
+)
 def test_a_damaged_cell_has_findings_with_places_or_is_a_cell(judge, at, length, inserted):
     found = judge(SIM[:at] + inserted + SIM[at + length :])
     assert all(f.line >= 1 and f.column >= 1 for f in found)
@@ -277,7 +310,10 @@ def test_two_devices_on_one_serial_line_are_refused_by_any_of_its_names(judge, t
     assert judge(REAL + SENSOR) == []
     (found,) = judge(REAL + SENSOR.replace("USB1", "USB0"))
     assert (found.line, found.severity) == (17, "error")
-    assert "devices.force.port: 'gripper' is on /dev/ttyUSB0 already; a serial line has one device" in found.message
+    assert (
+        "devices.force.port: 'gripper' is on /dev/ttyUSB0 already; a serial line has one device"
+        in found.message
+    )
     name = tmp_path / "by-id"
     name.symlink_to("/dev/ttyUSB0")
     (found,) = judge(REAL + SENSOR.replace("/dev/ttyUSB1", str(name)))
@@ -285,12 +321,22 @@ def test_two_devices_on_one_serial_line_are_refused_by_any_of_its_names(judge, t
 
 
 def test_two_programs_may_listen_to_one_controller(judge):
-    assert judge(REAL + "  force: {driver: universal-robots-force, address: 192.168.1.40, mass: 1 kg}\n") == []
+    assert (
+        judge(
+            REAL + "  force: {driver: universal-robots-force, address: 192.168.1.40, mass: 1 kg}\n"
+        )
+        == []
+    )
 
 
 @pytest.mark.parametrize(
     "sensor",
-    [SENSOR, SENSOR.replace("robotiq-ft300", "universal-robots-force").replace("port: /dev/ttyUSB1", "address: h")],
+    [
+        SENSOR,
+        SENSOR.replace("robotiq-ft300", "universal-robots-force").replace(
+            "port: /dev/ttyUSB1", "address: h"
+        ),
+    ],
 )
 @pytest.mark.parametrize("mass", ["0 kg", "0 g", "-1 kg", "31 kg"])
 def test_a_wrist_sensor_that_carries_nothing_is_refused(judge, sensor, mass):
@@ -303,14 +349,31 @@ def test_a_wrist_sensor_that_carries_nothing_is_refused(judge, sensor, mass):
 @pytest.mark.parametrize(
     ("old", "new", "words", "error"),
     [
-        ("model: hand-e", "model: 2f-140", "open by 50 mm, as a hand-e's; those of a 2f-140 by 140 mm", True),
+        (
+            "model: hand-e",
+            "model: 2f-140",
+            "open by 50 mm, as a hand-e's; those of a 2f-140 by 140 mm",
+            True,
+        ),
         ("model: hand-e", "model: 2f-85", "as a hand-e's; those of a 2f-85 by 85 mm", True),
         ("finger_offset: 53 mm", "finger_offset: 0 mm", "pads in", False),
-        (HAND, "    driver: wsg\n    tcp: 10.0.0.7\n", "as a hand-e's; those of a WSG by 68 or 110 or 210 mm", True),
-        ("ur5e_hand_e.xml", "ur5e_wsg32.xml", "open by 68 mm, as a WSG 32's; those of a hand-e by 50 mm", True),
+        (
+            HAND,
+            "    driver: wsg\n    tcp: 10.0.0.7\n",
+            "as a hand-e's; those of a WSG by 68 or 110 or 210 mm",
+            True,
+        ),
+        (
+            "ur5e_hand_e.xml",
+            "ur5e_wsg32.xml",
+            "open by 68 mm, as a WSG 32's; those of a hand-e by 50 mm",
+            True,
+        ),
     ],
 )
-def test_a_description_with_other_fingers_is_found_in_any_order(judge, first, old, new, words, error):
+def test_a_description_with_other_fingers_is_found_in_any_order(
+    judge, first, old, new, words, error
+):
     text = REAL.replace(old, new)
     if first == "gripper":
         arm, gripper = text.index("  arm:"), text.index("  gripper:")
@@ -340,18 +403,33 @@ def test_a_description_with_other_fingers_is_found_in_any_order(judge, first, ol
     ],
 )
 def test_a_way_to_ros_is_judged_before_it_is_tried(judge, driver, address):
-    found = judge(f"name: x\nkind: real\ndevices:\n  it:\n    driver: {driver}\n    address: '{address}'\n")
+    found = judge(
+        f"name: x\nkind: real\ndevices:\n  it:\n    driver: {driver}\n    address: '{address}'\n"
+    )
     (wrong,) = [one for one in found if "address" in one.message]
     assert wrong.line == 6
-    words = ("is not HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge", "is not an address: write HOST")
+    words = (
+        "is not HOST:PORT of rmw_zenoh's router, or ws://HOST:9090 of rosbridge",
+        "is not an address: write HOST",
+    )
     assert words["::" in address and "[" in address] in wrong.message
 
 
 @pytest.mark.parametrize(
-    "address", ["127.0.0.1:7447", "[::1]:7447", "robot-1.local:7447", "ws://h", "wss://h:9090/ros", "ws://[::1]:9090"]
+    "address",
+    [
+        "127.0.0.1:7447",
+        "[::1]:7447",
+        "robot-1.local:7447",
+        "ws://h",
+        "wss://h:9090/ros",
+        "ws://[::1]:9090",
+    ],
 )
 def test_a_right_way_to_ros_passes(judge, address):
-    found = judge(f"name: x\nkind: real\ndevices:\n  it:\n    driver: ros2-gripper\n    address: '{address}'\n")
+    found = judge(
+        f"name: x\nkind: real\ndevices:\n  it:\n    driver: ros2-gripper\n    address: '{address}'\n"
+    )
     assert not [one for one in found if "address" in one.message]
 
 

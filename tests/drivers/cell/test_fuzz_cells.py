@@ -8,7 +8,9 @@ from pathlib import Path
 from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.values.findings import Findings
 
-SPEC = importlib.util.spec_from_file_location("fuzz_cells", Path(__file__).with_name("fuzz_cells.py"))
+SPEC = importlib.util.spec_from_file_location(
+    "fuzz_cells", Path(__file__).with_name("fuzz_cells.py")
+)
 assert SPEC is not None
 assert SPEC.loader is not None
 fuzzer = importlib.util.module_from_spec(SPEC)

@@ -66,14 +66,22 @@ def lasting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunOrder:
     return RunOrder(tmp_path / "tree.yaml", tmp_path / "cell.yaml", record=tmp_path / "runs")
 
 
-def test_a_real_hand_that_was_never_known_is_refused_until_an_operator_clears_it(lasting: RunOrder) -> None:
-    with pytest.raises(UsageError, match="the last state of the hand is unknown before the run has begun"):
+def test_a_real_hand_that_was_never_known_is_refused_until_an_operator_clears_it(
+    lasting: RunOrder,
+) -> None:
+    with pytest.raises(
+        UsageError, match="the last state of the hand is unknown before the run has begun"
+    ):
         execute(lasting)
     assert execute(replace(lasting, cleared=True)).result.outcome == "success"
-    assert execute(lasting).result.outcome == "success"  # it is known to be empty, and stands where it stood
+    assert (
+        execute(lasting).result.outcome == "success"
+    )  # it is known to be empty, and stands where it stood
 
 
-def test_a_real_hand_that_was_stopped_while_it_closed_is_refused_in_the_next_process(lasting: RunOrder) -> None:
+def test_a_real_hand_that_was_stopped_while_it_closed_is_refused_in_the_next_process(
+    lasting: RunOrder,
+) -> None:
     execute(replace(lasting, cleared=True))
     cell = load_cell(lasting.cell)
     gripper = cell.device(Gripper)
@@ -84,7 +92,9 @@ def test_a_real_hand_that_was_stopped_while_it_closed_is_refused_in_the_next_pro
     gripper._clock.advance(1.0)
     assert cell.in_hand() == "the fingers stopped at 70.0 mm on their way to 50.0 mm"
     cell.close()
-    with pytest.raises(UsageError, match=r"at 70\.0 mm, where they may hold something before the run has begun"):
+    with pytest.raises(
+        UsageError, match=r"at 70\.0 mm, where they may hold something before the run has begun"
+    ):
         execute(lasting)
     LastingGripper.width_now = 0.1  # opened by hand, outside this process
     with pytest.raises(UsageError, match="stood at 70"):
@@ -119,7 +129,9 @@ def test_a_paused_cell_without_force_sensor_notices_that_the_fruit_is_gone(tmp_p
 
 
 def test_recover_runs_on_a_cell_without_force_sensor() -> None:
-    judged = judge(read_document(find_tree("recover")), Registry.installed(), {}, find_cell("sim_plain"))
+    judged = judge(
+        read_document(find_tree("recover")), Registry.installed(), {}, find_cell("sim_plain")
+    )
     assert not judged.findings.sorted()
 
 
@@ -130,5 +142,7 @@ def test_the_check_names_the_gripper_of_a_cell_without_force_sensor() -> None:
     assert (found.severity, Path(found.path).name) == ("warning", "sim_plain.yaml")
     assert "gripper:" in cell.read_text().splitlines()[found.line - 1]
     assert "no minimum grip force and no slip detection" in found.message
-    with_fingers = judge(read_document(find_tree("pick_apple_plain")), Registry.installed(), {}, find_cell("sim"))
+    with_fingers = judge(
+        read_document(find_tree("pick_apple_plain")), Registry.installed(), {}, find_cell("sim")
+    )
     assert not with_fingers.findings.sorted()

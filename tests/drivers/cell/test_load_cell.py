@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from pomona.drivers.errors import CellFileError, DeviceLost
-from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, StreamedArm, Workspace
+from pomona.drivers.interfaces import (
+    Arm,
+    Camera,
+    ForceSensor,
+    Gripper,
+    Hands,
+    StreamedArm,
+    Workspace,
+)
 from pomona.drivers.services import ConnectContext
 from pomona.executive.cell import registration as driver_module
 from pomona.executive.cell.connect import load_cell
@@ -67,16 +75,24 @@ def test_a_mock_cell_has_everything_a_pick_needs(load):
 
 def test_an_obstacle_with_a_wall_is_a_crate_open_at_the_top(load):
     crate = "{name: crate, centre: 0.4 0.1 0.05 m, size: 0.3 0.2 0.1 m, wall: 1 cm, yaw: 90 deg}"
-    boxes = load(MOCK.replace("yaw: 90 deg}]", f"yaw: 90 deg}}, {crate}]")).device(Workspace).obstacles[1:]
+    boxes = (
+        load(MOCK.replace("yaw: 90 deg}]", f"yaw: 90 deg}}, {crate}]"))
+        .device(Workspace)
+        .obstacles[1:]
+    )
     assert [box.name for box in boxes] == ["crate"] * 5
 
     def filled(point: list[float]) -> bool:
         inside = [np.linalg.inv(box.T_base_box) @ [*point, 1.0] for box in boxes]
-        return any((np.abs(p[:3]) <= box.half_extents).all() for p, box in zip(inside, boxes, strict=True))
+        return any(
+            (np.abs(p[:3]) <= box.half_extents).all() for p, box in zip(inside, boxes, strict=True)
+        )
 
     assert filled([0.4, 0.1, 0.005])  # the floor
     assert not filled([0.4, 0.1, 0.011])
-    assert not filled([0.4 + 0.089, 0.1 + 0.139, 0.099])  # turned by a quarter: 0.2 along x, 0.3 along y
+    assert not filled(
+        [0.4 + 0.089, 0.1 + 0.139, 0.099]
+    )  # turned by a quarter: 0.2 along x, 0.3 along y
     assert filled([0.4 + 0.091, 0.1, 0.099])
     assert filled([0.4, 0.1 - 0.141, 0.099])
     assert not filled([0.4, 0.1, 0.101])
@@ -86,14 +102,26 @@ def test_an_obstacle_with_a_wall_is_a_crate_open_at_the_top(load):
 def test_a_crate_whose_walls_leave_no_room_is_refused_with_its_line(load, wall):
     crate = f"{{name: crate, centre: 0 0 0 m, size: 0.2 0.2 0.1 m, wall: {wall}}}"
     with pytest.raises(CellFileError, match=r"cell\.yaml:8:.*wall"):
-        load(MOCK.replace("{name: wall, centre: 0 1 0 m, size: [2 m, 20 mm, 1 m], yaw: 90 deg}", crate))
+        load(
+            MOCK.replace(
+                "{name: wall, centre: 0 1 0 m, size: [2 m, 20 mm, 1 m], yaw: 90 deg}", crate
+            )
+        )
 
 
 def test_the_shipped_simulated_cell_loads():
     cell = load_cell(CELLS / "sim.yaml", seed=1)
     assert cell.kind == "simulated"
     assert cell.clock.simulated
-    assert set(cell.interfaces()) == {Arm, StreamedArm, Gripper, ForceSensor, Camera, Hands, Workspace}
+    assert set(cell.interfaces()) == {
+        Arm,
+        StreamedArm,
+        Gripper,
+        ForceSensor,
+        Camera,
+        Hands,
+        Workspace,
+    }
     assert cell.device(Arm).description.name == "sia5f_wsg32.xml"
     assert cell.device(Workspace).table_z == pytest.approx(-0.12)
     assert np.abs(cell.device(Arm).state().q - cell.device(Workspace).poses["observe"]).max() < 1e-3
@@ -211,11 +239,22 @@ def test_a_cell_without_world_can_have_a_manual_clock(load, monkeypatch):
 
 
 def test_the_shipped_drivers_are_known_by_name():
-    assert {"mujoco", "sim-arm", "sim-gripper", "sim-fingers", "sim-camera", "mock-arm"} <= installed_drivers().keys()
+    assert {
+        "mujoco",
+        "sim-arm",
+        "sim-gripper",
+        "sim-fingers",
+        "sim-camera",
+        "mock-arm",
+    } <= installed_drivers().keys()
 
 
 @settings(max_examples=200)
-@given(st.integers(0, len(MOCK) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
+@given(
+    st.integers(0, len(MOCK) - 1),
+    st.integers(0, 12),
+    st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4),
+)
 def test_a_damaged_cell_file_is_refused_in_words_or_works(load, at, length, inserted):
     try:
         cell = load(MOCK[:at] + inserted + MOCK[at + length :])

@@ -158,7 +158,9 @@ def test_a_device_that_tries_to_leave_keeps_no_other_from_being_stopped_and_clos
     cell.close()
 
 
-def test_on_a_real_clock_a_device_that_does_not_answer_keeps_no_other_from_being_stopped(monkeypatch):
+def test_on_a_real_clock_a_device_that_does_not_answer_keeps_no_other_from_being_stopped(
+    monkeypatch,
+):
     monkeypatch.setattr("pomona.executive.cell.cell.STOPPING", 0.05)
     silent, gripper = Silent("silent"), MockGripper(MockClock())
     motion = gripper.move(0.05, 0.01)
@@ -196,7 +198,9 @@ def test_without_another_thread_devices_are_stopped_one_after_the_other(monkeypa
     monkeypatch.setattr("threading.Thread.start", none_left)
     gripper = MockGripper(MockClock())
     motion = gripper.move(0.05, 0.01)
-    cell = Cell("test", "real", SystemClock(), {"escaping": Escaping("escaping"), "gripper": gripper})
+    cell = Cell(
+        "test", "real", SystemClock(), {"escaping": Escaping("escaping"), "gripper": gripper}
+    )
     assert cell.safe_stop("fire") == {"escaping": "did not take the safe stop: SystemExit: 0"}
     assert motion.settled
 

@@ -113,7 +113,9 @@ class MockRig(Rig):
 
     def path(self) -> Trajectory:
         return rest_to_rest(
-            np.array([self.q, self.q + np.array([0.8, -0.5, 0.3, 0.3, 0.4, 0.5, -0.9])]), self.limits, 0.8
+            np.array([self.q, self.q + np.array([0.8, -0.5, 0.3, 0.3, 0.4, 0.5, -0.9])]),
+            self.limits,
+            0.8,
         )
 
 
@@ -156,7 +158,11 @@ class MotomanRig(Rig):
 
     period = 0.001
     holds_up = True
-    shares = (1.01, 1.5, np.inf)  # cubics between points that are up to 20 ms apart: their acceleration jumps
+    shares = (
+        1.01,
+        1.5,
+        np.inf,
+    )  # cubics between points that are up to 20 ms apart: their acceleration jumps
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         from tests.drivers.devices.motoman import test_driver
@@ -203,7 +209,9 @@ class MotomanRig(Rig):
 
     def path(self) -> Trajectory:
         return rest_to_rest(
-            np.array([self.q, self.q + np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6, -0.7])]), self.limits, 0.8
+            np.array([self.q, self.q + np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6, -0.7])]),
+            self.limits,
+            0.8,
         )
 
 
@@ -221,7 +229,11 @@ class UrRig(Rig):
         self.cell = test_driver.Cell()
         self.limits = test_driver.LIMITS
         controller = self.cell.controller
-        servo, end_program, self._measured = controller.servo, controller.end_program, controller.measured
+        servo, end_program, self._measured = (
+            controller.servo,
+            controller.end_program,
+            controller.measured,
+        )
 
         def served(q: np.ndarray, lookahead: float) -> None:
             self.played.append(q)
@@ -318,7 +330,11 @@ class Ros2Rig(Rig):
         super().__init__(monkeypatch)
         monkeypatch.setattr(test_ros2_arm.module, "PATIENCE", 0.0)
         self.setting = test_ros2_arm.Setting()
-        self.arm, self.limits, self.period = self.setting.arm, test_ros2_arm.LIMITS, test_ros2_arm.STEP
+        self.arm, self.limits, self.period = (
+            self.setting.arm,
+            test_ros2_arm.LIMITS,
+            test_ros2_arm.STEP,
+        )
         self.controller = self.setting.controller
         advance = self.controller.advance
 

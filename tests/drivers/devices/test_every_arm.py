@@ -45,7 +45,9 @@ def begun(rig: Rig, phase: str) -> Motion:
     return motion
 
 
-def assert_rests(rig: Rig, motion: Motion, start: np.ndarray, end: np.ndarray, eased: bool = True) -> None:
+def assert_rests(
+    rig: Rig, motion: Motion, start: np.ndarray, end: np.ndarray, eased: bool = True
+) -> None:
     """The set-points keep the limits, end on the path, and nothing moves any more.
 
     `eased`: the jerk is limited, too. A stop that comes while the arm speeds up again does not wait for that.
@@ -56,7 +58,9 @@ def assert_rests(rig: Rig, motion: Motion, start: np.ndarray, end: np.ndarray, e
     rested = rig.q
     rig.serve(0.5)
     assert np.abs(rig.q - rested).max() < 1e-3
-    assert (np.array(rig.worst()) <= (*rig.shares[:2], rig.shares[2] if eased else np.inf)).all(), rig.worst()
+    assert (np.array(rig.worst()) <= (*rig.shares[:2], rig.shares[2] if eased else np.inf)).all(), (
+        rig.worst()
+    )
     done = (rested - start) / (end - start)
     assert done.min() > -0.01
     assert done.max() < 1.01
@@ -72,7 +76,9 @@ def assert_reported(rig: Rig, motion: Motion) -> None:
 
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("lie", LIES)
-def test_joints_that_report_what_is_not_true_move_the_arm_nowhere(rig: Rig, lie: str, phase: str) -> None:
+def test_joints_that_report_what_is_not_true_move_the_arm_nowhere(
+    rig: Rig, lie: str, phase: str
+) -> None:
     path = rig.path()
     motion = begun(rig, phase)
     rig.lie(LIES[lie](rig.q))
@@ -80,14 +86,20 @@ def test_joints_that_report_what_is_not_true_move_the_arm_nowhere(rig: Rig, lie:
     if phase == "pause":  # joints that rest are as they were: a frozen one shows when it is to move
         rig.arm.resume()
     assert_rests(rig, motion, path.q[0], path.q[-1], eased=phase != "pause")
-    if phase != "halt" or "frozen" not in lie:  # a short way to the stop may be within the tolerance
+    if (
+        phase != "halt" or "frozen" not in lie
+    ):  # a short way to the stop may be within the tolerance
         assert_reported(rig, motion)
 
 
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize(
     ("rig", "seconds"),
-    [(name, s) for name, of in RIGS.items() for s in ((0.5, -0.5, 5.0, -5.0, 60.0, -60.0) if of.stamps else (-60.0,))],
+    [
+        (name, s)
+        for name, of in RIGS.items()
+        for s in ((0.5, -0.5, 5.0, -5.0, 60.0, -60.0) if of.stamps else (-60.0,))
+    ],
     indirect=["rig"],
 )
 def test_a_step_of_the_host_s_clock_stops_an_arm_that_depends_on_it_and_no_other(
@@ -113,7 +125,9 @@ def test_a_step_of_the_host_s_clock_stops_an_arm_that_depends_on_it_and_no_other
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("seconds", [0.5, 5.0])
 @pytest.mark.parametrize("rig", [name for name, of in RIGS.items() if of.holds_up], indirect=True)
-def test_a_process_that_stood_still_does_not_start_the_arm_again(rig: Rig, seconds: float, phase: str) -> None:
+def test_a_process_that_stood_still_does_not_start_the_arm_again(
+    rig: Rig, seconds: float, phase: str
+) -> None:
     path = rig.path()
     motion = begun(rig, phase)
     rig.hold_up(seconds)

@@ -16,7 +16,9 @@ TICK = 0.02  # between set-points [s]: of a skill
 SWING, PACE = 0.15, 2.0  # of a sine [rad, rad/s]
 
 
-@pytest.fixture(params=[name for name in RIGS if name != "ros2"])  # its controller takes whole paths
+@pytest.fixture(
+    params=[name for name in RIGS if name != "ros2"]
+)  # its controller takes whole paths
 def rig(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Rig:
     return RIGS[request.param](monkeypatch)
 
@@ -49,7 +51,9 @@ def test_an_arm_states_that_it_can_be_streamed_to(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("waits", [0.0, 0.05])
-def test_set_points_are_passed_at_their_times_when_they_come_so_early_as_the_delay(rig: Rig, waits: float) -> None:
+def test_set_points_are_passed_at_their_times_when_they_come_so_early_as_the_delay(
+    rig: Rig, waits: float
+) -> None:
     start = rig.q
     motion = rig.arm.stream(WATCHDOG)
     rig.serve(waits)
@@ -103,7 +107,9 @@ def test_wrong_set_points_are_refused_at_once(rig: Rig) -> None:
         rig.arm.follow(rig.path())
 
 
-@pytest.mark.parametrize("rig", [name for name, of in RIGS.items() if of.holds_up and name != "ros2"], indirect=True)
+@pytest.mark.parametrize(
+    "rig", [name for name, of in RIGS.items() if of.holds_up and name != "ros2"], indirect=True
+)
 def test_a_process_that_stood_still_does_not_start_a_streamed_arm_again(rig: Rig) -> None:
     motion = rig.arm.stream(WATCHDOG)
     led(rig, motion, rig.q, 1.0)
@@ -116,7 +122,9 @@ def test_a_process_that_stood_still_does_not_start_a_streamed_arm_again(rig: Rig
     assert np.abs(rig.q - rested).max() < 1e-3
 
 
-def test_a_step_of_the_host_s_clock_changes_nothing(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_of_the_host_s_clock_changes_nothing(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     start = rig.q
     motion = rig.arm.stream(WATCHDOG)
     now = time.time
@@ -127,6 +135,8 @@ def test_a_step_of_the_host_s_clock_changes_nothing(rig: Rig, monkeypatch: pytes
 
 
 def test_an_arm_whose_controller_takes_whole_paths_does_not_offer_it() -> None:
-    arm = pytest.importorskip("pomona.devices.ros2.arm", reason="the extra ros2 is not installed").Ros2Arm
+    arm = pytest.importorskip(
+        "pomona.devices.ros2.arm", reason="the extra ros2 is not installed"
+    ).Ros2Arm
     assert StreamedArm not in arm.interfaces
     assert not hasattr(arm, "stream")

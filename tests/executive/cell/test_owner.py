@@ -56,7 +56,9 @@ def test_before_the_start_any_caller_is_the_owner(served: Served) -> None:
     assert served.owner.ask(lambda: 7) == 7
 
 
-def test_calls_of_many_threads_are_made_by_the_owner_alone_and_each_threads_in_order(served: Served) -> None:
+def test_calls_of_many_threads_are_made_by_the_owner_alone_and_each_threads_in_order(
+    served: Served,
+) -> None:
     made: list[tuple[int, int]] = []
 
     def leave(number: int) -> None:
@@ -76,7 +78,9 @@ def test_calls_of_many_threads_are_made_by_the_owner_alone_and_each_threads_in_o
     served.go.release(3)
     assert served.owner.ask(lambda: len(made), PATIENCE) == 800
     assert len(served.threads) == 1
-    assert all([count for n, count in made if n == number] == list(range(200)) for number in range(4))
+    assert all(
+        [count for n, count in made if n == number] == list(range(200)) for number in range(4)
+    )
 
 
 def test_a_question_gets_its_error(served: Served) -> None:
@@ -90,7 +94,9 @@ def test_a_question_gets_its_error(served: Served) -> None:
     assert served.failures == []
 
 
-def test_a_question_that_the_owner_does_not_come_to_is_not_carried_out_later(served: Served) -> None:
+def test_a_question_that_the_owner_does_not_come_to_is_not_carried_out_later(
+    served: Served,
+) -> None:
     made: list[str] = []
     served.owner.start()
     with pytest.raises(DeviceLost, match=r"did nothing for 0\.01 s"):
@@ -100,7 +106,9 @@ def test_a_question_that_the_owner_does_not_come_to_is_not_carried_out_later(ser
 
 
 @pytest.mark.parametrize("error", [RuntimeError("bug"), SystemExit(0), KeyboardInterrupt()])
-def test_any_exception_of_a_step_is_reported_and_the_thread_goes_on(served: Served, error: BaseException) -> None:
+def test_any_exception_of_a_step_is_reported_and_the_thread_goes_on(
+    served: Served, error: BaseException
+) -> None:
     served.raising = error
     served.owner.start()
     served.go.release(1)
@@ -172,7 +180,9 @@ def test_a_clock_that_takes_turns_gives_the_thread() -> None:
     owner.start()
     owner.post(lambda: made.append("call"))
     assert made == []
-    with pytest.raises(DeviceLost, match="did nothing"):  # waits on the cell's clock, not on the wall's
+    with pytest.raises(
+        DeviceLost, match="did nothing"
+    ):  # waits on the cell's clock, not on the wall's
         owner.ask(lambda: None)
     assert clock.now() >= owner_module.ANSWER
     owner.close()

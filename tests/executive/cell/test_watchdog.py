@@ -27,7 +27,9 @@ def test_a_clock_that_steps_back_costs_one_interval_and_no_more(back: float) -> 
         if watchdog.has_expired(0.002 * step - offset):
             lasted = step
             break
-    assert lasted == 52  # 50 intervals of 2 ms, the next one is too much; the step back itself was none
+    assert (
+        lasted == 52
+    )  # 50 intervals of 2 ms, the next one is too much; the step back itself was none
 
 
 def test_a_clock_that_steps_forward_ends_the_command() -> None:

@@ -98,7 +98,9 @@ class MoveTo(Scripted):
 class Detect(Scripted):
     """Find a fruit in one frame."""
 
-    inputs = Ports(fruit=str, policy=Port(str, default="nearest", choices=("nearest", "largest", "best")))
+    inputs = Ports(
+        fruit=str, policy=Port(str, default="nearest", choices=("nearest", "largest", "best"))
+    )
     outputs = Ports(detection=Detection)
     devices = (Camera,)
     failures = ("NO_FRUIT", "NO_FRAME")
@@ -196,7 +198,9 @@ class Retreat(Scripted):
 class Beep(Skill):
     """Make a noise; cannot fail."""
 
-    def run(self, times: Annotated[int, Port(min=1, max=10, was="rings")] = 1, loud: bool = False) -> None:
+    def run(
+        self, times: Annotated[int, Port(min=1, max=10, was="rings")] = 1, loud: bool = False
+    ) -> None:
         return None
 
 
@@ -280,7 +284,9 @@ def findings_of(skills: Registry) -> Callable[..., list[Finding]]:
     """Findings of a tree given from `root:` on (or from any other key)."""
 
     def find(body: str, **options: Any) -> list[Finding]:
-        return check(read(body if "pomona: 1" in body else HEAD + body, "t.yaml"), skills, **options)
+        return check(
+            read(body if "pomona: 1" in body else HEAD + body, "t.yaml"), skills, **options
+        )
 
     return find
 

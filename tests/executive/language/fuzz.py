@@ -74,7 +74,11 @@ def _replace(text: str, _others: list[str], rng: random.Random) -> str:
 
 def _character(text: str, _others: list[str], rng: random.Random) -> str:
     at = rng.randrange(len(text) + 1)
-    return text[:at] + chr(rng.choice((rng.randrange(32, 127), rng.randrange(0x20, 0xD7FF)))) + text[at + 1 :]
+    return (
+        text[:at]
+        + chr(rng.choice((rng.randrange(32, 127), rng.randrange(0x20, 0xD7FF))))
+        + text[at + 1 :]
+    )
 
 
 def _repeat(text: str, _others: list[str], rng: random.Random) -> str:
@@ -137,7 +141,12 @@ def try_xml(text: str) -> None:
 
 
 def fuzz(
-    cases: int, seed: int, trees: list[str], skills: Registry, attempt: Callable[[str], None], slow: float = math.inf
+    cases: int,
+    seed: int,
+    trees: list[str],
+    skills: Registry,
+    attempt: Callable[[str], None],
+    slow: float = math.inf,
 ) -> list[str]:
     """Try a number of cases; return the texts that failed, or took more than `slow` seconds, with the error."""
     broken = []
@@ -150,7 +159,9 @@ def fuzz(
         except Exception:
             broken.append(f"case {seed}/{case}\n{traceback.format_exc()}\n{text[:2000]!r}")
         if time.process_time() - started > slow:
-            broken.append(f"case {seed}/{case} took {time.process_time() - started:.1f} s\n{text[:2000]!r}")
+            broken.append(
+                f"case {seed}/{case} took {time.process_time() - started:.1f} s\n{text[:2000]!r}"
+            )
         if len(broken) >= 5:
             break
     return broken
@@ -183,9 +194,13 @@ def main() -> int:
     trees = [sys.modules[DUMMIES].PICK_APPLE, *installed_trees()]
     xml = [export_groot(read(text, "t.yaml"), skills) for text in trees]
     started = time.perf_counter()
-    broken = fuzz(order.cases * 9 // 10, order.seed, trees, skills, lambda text: try_tree(text, skills), SLOW)
+    broken = fuzz(
+        order.cases * 9 // 10, order.seed, trees, skills, lambda text: try_tree(text, skills), SLOW
+    )
     broken += fuzz(order.cases // 10, order.seed, xml, skills, try_xml, SLOW)
-    print(f"{order.cases} cases in {time.perf_counter() - started:.0f} s, {len(broken)} of them broke something")
+    print(
+        f"{order.cases} cases in {time.perf_counter() - started:.0f} s, {len(broken)} of them broke something"
+    )
     print("\n\n".join(broken))
     return 1 if broken else 0
 

@@ -96,7 +96,9 @@ class Node:
 class Leaf(Node):
     """Takes some ticks, then ends; when it is interrupted, letting go takes some, too."""
 
-    def __init__(self, name: str, jobs: list[tuple[int, bool]], letting_go: int, devices: tuple[str, ...]) -> None:
+    def __init__(
+        self, name: str, jobs: list[tuple[int, bool]], letting_go: int, devices: tuple[str, ...]
+    ) -> None:
         self.name, self.jobs, self.letting_go, self.devices = name, jobs, letting_go, devices
         self.starts = self.left = 0
         self.at_work = False
@@ -245,7 +247,13 @@ class Choose(Branch):
                 for other in self.nodes[1:]:
                     other.halt(world)
                 return asked
-            chosen = self.nodes[1] if asked == SUCCESS else self.nodes[2] if len(self.nodes) > 2 else None
+            chosen = (
+                self.nodes[1]
+                if asked == SUCCESS
+                else self.nodes[2]
+                if len(self.nodes) > 2
+                else None
+            )
             for other in self.nodes[1:]:
                 if other is not chosen:
                     other.halt(world)
@@ -320,7 +328,9 @@ class Pick(Branch):
         self.words = words
 
     def step(self, world: World, fresh: bool) -> str:
-        chosen = next((n for w, n in zip(self.words, self.nodes, strict=False) if w == str(world.tick)), None)
+        chosen = next(
+            (n for w, n in zip(self.words, self.nodes, strict=False) if w == str(world.tick)), None
+        )
         chosen = chosen or next(iter(self.nodes[len(self.words) :]), None)
         for other in self.nodes:
             if other is not chosen:
@@ -463,7 +473,10 @@ class Case:
         if self.rng.random() < 0.12:
             return self.instant()
         name = f"L{len(self.leaves)}"
-        jobs = [(self.rng.choice((0, 0, 1, 2, 5)), self.rng.random() < 0.6) for _ in range(self.rng.randint(1, 3))]
+        jobs = [
+            (self.rng.choice((0, 0, 1, 2, 5)), self.rng.random() < 0.6)
+            for _ in range(self.rng.randint(1, 3))
+        ]
         devices = tuple(device for device in DEVICES if self.rng.random() < 0.3)
         leaf = self.leaves[name] = Leaf(name, jobs, self.rng.choice((0, 0, 1, 3)), devices)
         return f"{'With'.join(('Job', *devices))}: {{}}, name: {name}", leaf
@@ -474,12 +487,18 @@ class Case:
         pause = self.rng.randint(0, 3)
         return self.rng.choice(
             [
-                (f"wait: {pause * PERIOD * 1000:.0f} ms", Timed(lambda _, past: past >= pause * PERIOD - 1e-9)),
+                (
+                    f"wait: {pause * PERIOD * 1000:.0f} ms",
+                    Timed(lambda _, past: past >= pause * PERIOD - 1e-9),
+                ),
                 (f"wait_until: '{text}'", Timed(lambda world, _: holds(world.tick))),
                 ("succeed: {}", Look(lambda _: True)),
                 ("fail: {code: NO}", Look(lambda _: False)),
                 ("set: {v: 1}", Look(lambda _: True)),
-                ("ask: 'Go on?', default: 'yes'", Look(lambda _: True)),  # nobody is there to answer
+                (
+                    "ask: 'Go on?', default: 'yes'",
+                    Look(lambda _: True),
+                ),  # nobody is there to answer
                 ("ask: 'Go on?', within: 1 s", Look(lambda _: False)),
             ]
         )
@@ -508,7 +527,11 @@ class Case:
         )  # fmt: skip
         if word == "subtree":
             return self.called(depth)
-        count = {"recovery": 2, "if": self.rng.randint(2, 3), "reactive_if": self.rng.randint(2, 3)}.get(word)
+        count = {
+            "recovery": 2,
+            "if": self.rng.randint(2, 3),
+            "reactive_if": self.rng.randint(2, 3),
+        }.get(word)
         parts = [self.node(depth - 1) for _ in range(count or self.rng.randint(1, 3))]
         texts, nodes = [f"{{{text}}}" for text, _ in parts], [node for _, node in parts]
         if word in ("if", "reactive_if"):
@@ -678,7 +701,9 @@ def differs(seed: str, through: Callable[[str], str] | None = None) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trees", type=int, default=100_000)
-    parser.add_argument("--first", type=int, default=0, help="number of the first tree, to go on with a part")
+    parser.add_argument(
+        "--first", type=int, default=0, help="number of the first tree, to go on with a part"
+    )
     parser.add_argument("--seed", type=int, default=0)
     order = parser.parse_args()
     started = time.perf_counter()
@@ -688,7 +713,9 @@ def main() -> int:
             broken.append(told)
         if (number + 1) % 1000 == 0 or number + 1 == order.trees:
             past = time.perf_counter() - started
-            print(f"trees {order.first} to {number}: {len(broken)} differ, {past:.0f} s", flush=True)
+            print(
+                f"trees {order.first} to {number}: {len(broken)} differ, {past:.0f} s", flush=True
+            )
     print("\n\n".join(sorted(broken, key=len)[:3]))
     return 1 if broken else 0
 

@@ -19,7 +19,11 @@ def asking(built, rest="", attended=True):
 def test_an_answer_is_written_and_ends_it(built):
     run, question = asking(built)
     assert run.tick(5) == "RUNNING"
-    assert (question.feedback_message, question.choices, question.open) == ("Clear?", ("yes", "no"), True)
+    assert (question.feedback_message, question.choices, question.open) == (
+        "Clear?",
+        ("yes", "no"),
+        True,
+    )
     assert question.answer(question.starts, "yes")
     assert run.run() == "SUCCESS"
     assert run.value("/a") == "yes"
@@ -100,7 +104,9 @@ def test_a_disabled_node_is_skipped(built):
 
 
 def test_a_disabled_node_is_checked_and_writes_nothing(findings_of):
-    codes = [f.code for f in findings_of("root: {sequence: [{Refien: {}, disabled: true}, {Beep: {}}]}")]
+    codes = [
+        f.code for f in findings_of("root: {sequence: [{Refien: {}, disabled: true}, {Beep: {}}]}")
+    ]
     assert codes == ["unknown-skill"]
     body = "root: {sequence: [{set: {n: 1}, disabled: true}, {check: '{n} > 0'}]}"
     assert [f.code for f in findings_of(body)] == ["unset"]

@@ -26,7 +26,9 @@ def value(text: str, **names: object) -> object:
         ("[1, 2]", "[{n}, {n}]", f"at most {MOST_ITEMS} items"),
     ],
 )
-def test_a_value_that_grows_fails_where_it_is_calculated(built, start: str, again: str, words: str) -> None:
+def test_a_value_that_grows_fails_where_it_is_calculated(
+    built, start: str, again: str, words: str
+) -> None:
     run = built(
         f"root:\n  sequence:\n    - set: {{n: {start}}}\n    - {{set: {{n: '{again}'}}, name: Grow, repeat: 40}}\n"
     )
@@ -40,7 +42,9 @@ def test_a_value_that_grows_fails_where_it_is_calculated(built, start: str, agai
     assert re.search(r", in \w+\.yaml:6$", reason.message)
 
 
-@pytest.mark.parametrize("text", ["{s} + {s}", "{s} * 1000000", "[1] + [2]", "{s} - {s}", "[1, 2] * 2"])
+@pytest.mark.parametrize(
+    "text", ["{s} + {s}", "{s} * 1000000", "[1] + [2]", "{s} - {s}", "[1, 2] * 2"]
+)
 def test_only_numbers_are_calculated_with(text: str) -> None:
     with pytest.raises(NoValue, match="only numbers are calculated with"):
         value(text, s="abc")
@@ -58,7 +62,10 @@ def test_whole_numbers_are_exact_or_refused(a: int, b: int, operator: str) -> No
         assert abs(exact) <= MOST_WHOLE
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False), st.floats(allow_nan=False, allow_infinity=False))
+@given(
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.floats(allow_nan=False, allow_infinity=False),
+)
 def test_finite_numbers_give_finite_numbers_or_none(a: float, b: float) -> None:
     for operator in "+-*/":
         try:
@@ -78,4 +85,6 @@ def test_a_counter_counts_exactly_to_the_largest_whole_number() -> None:
 
 def test_an_overflow_of_constants_is_found_before_the_run(findings_of) -> None:
     found = findings_of("constants: {c: 100000000000000000}\nroot: {check: '{c} * 1000 + 1 > 1'}\n")
-    assert [(finding.code, finding.severity, finding.line) for finding in found] == [("overflow", "error", 4)]
+    assert [(finding.code, finding.severity, finding.line) for finding in found] == [
+        ("overflow", "error", 4)
+    ]

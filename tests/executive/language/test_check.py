@@ -30,7 +30,9 @@ def sequence(*nodes: str) -> str:
 
 def only(findings, code, severity="error"):
     """The only finding, which has this code."""
-    assert [(f.code, f.severity) for f in findings] == [(code, severity)], [format_finding(f) for f in findings]
+    assert [(f.code, f.severity) for f in findings] == [(code, severity)], [
+        format_finding(f) for f in findings
+    ]
     return findings[0]
 
 
@@ -49,7 +51,9 @@ class TestNamesAreKnown:
         (found,) = findings_of(sequence(node))
         assert found.code in ("unknown-skill", "unknown-type-of-node")
 
-    @pytest.mark.parametrize(("node", "column"), [("MoveTo: home", 15), ("set: 5", 12), ("set:", 7), ("set: {}", 7)])
+    @pytest.mark.parametrize(
+        ("node", "column"), [("MoveTo: home", 15), ("set: 5", 12), ("set:", 7), ("set: {}", 7)]
+    )
     def test_ports_that_are_no_mapping_are_one_error(self, findings_of, node, column):
         assert only(findings_of(sequence(node)), "shape").column == column
 
@@ -62,7 +66,10 @@ class TestNamesAreKnown:
         assert "'pose', a text" in only(findings_of(sequence("MoveTo: {}")), "missing-port").message
 
     def test_a_port_s_name_of_the_version_before(self, findings_of):
-        assert only(findings_of(sequence("Beep: {rings: 3}")), "unknown-port").hint == "it is called 'times' now"
+        assert (
+            only(findings_of(sequence("Beep: {rings: 3}")), "unknown-port").hint
+            == "it is called 'times' now"
+        )
 
     def test_unknown_modifier(self, findings_of):
         found = only(findings_of("root:\n  Beep: {}\n  tmeout: 3 s"), "unknown-key")
@@ -70,14 +77,19 @@ class TestNamesAreKnown:
         assert found.hint == "did you mean 'timeout'?"
 
     def test_unknown_key_at_the_top(self, findings_of):
-        assert only(findings_of("root: {Beep: {}}\nparamters: {}"), "unknown-key").hint == "did you mean 'parameters'?"
+        assert (
+            only(findings_of("root: {Beep: {}}\nparamters: {}"), "unknown-key").hint
+            == "did you mean 'parameters'?"
+        )
 
     def test_unknown_type(self, findings_of):
         body = 'parameters: {d: {type: lenght, default: 3 mm}}\nroot: {Retreat: {distance: "{d}"}}'
         assert only(findings_of(body), "unknown-type").hint == "did you mean 'length'?"
 
     def test_unknown_name_in_braces(self, findings_of):
-        body = 'parameters: {far: {type: length, default: 1 cm}}\nroot: {Retreat: {distance: "{fra}"}}'
+        body = (
+            'parameters: {far: {type: length, default: 1 cm}}\nroot: {Retreat: {distance: "{fra}"}}'
+        )
         assert only(findings_of(body), "unknown-port").hint == "did you mean 'far'?"
 
     def test_unknown_field(self, findings_of):
@@ -87,11 +99,18 @@ class TestNamesAreKnown:
         assert found.line == 6
 
     def test_one_unknown_skill_is_one_finding(self, findings_of):
-        body = sequence('Detec: {detection: "{detection}"}', REFINE, SAMPLE, 'check: "len({candidates.grasps}) > 0"')
+        body = sequence(
+            'Detec: {detection: "{detection}"}',
+            REFINE,
+            SAMPLE,
+            'check: "len({candidates.grasps}) > 0"',
+        )
         only(findings_of(body), "unknown-skill")
 
     def test_a_name_can_be_taken_only_once(self, findings_of):
-        found = only(findings_of(sequence("{Beep: {}, name: A}", "{Beep: {}, name: A}")), "duplicate-name")
+        found = only(
+            findings_of(sequence("{Beep: {}, name: A}", "{Beep: {}, name: A}")), "duplicate-name"
+        )
         assert "line 5" in found.message
 
     def test_duplicate_key(self, findings_of):
@@ -100,7 +119,11 @@ class TestNamesAreKnown:
 
 class TestTypesFit:
     def test_wrong_type_names_its_writer(self, findings_of):
-        body = sequence(DETECT, SAMPLE.replace("{measured}", "{detection}"), 'check: "len({candidates.grasps}) > 0"')
+        body = sequence(
+            DETECT,
+            SAMPLE.replace("{measured}", "{detection}"),
+            'check: "len({candidates.grasps}) > 0"',
+        )
         found = only(findings_of(body), "port-type")
         assert found.message == (
             "SampleGrasp.around takes a fruit_pose, '{detection}' is a detection (written by Detect, line 5)"
@@ -165,7 +188,9 @@ class TestTypesFit:
         ],
     )
     def test_expressions(self, findings_of, condition, message):
-        findings = findings_of(sequence(DETECT, f'check: "{condition} or {{detection.index}} == 0"'))
+        findings = findings_of(
+            sequence(DETECT, f'check: "{condition} or {{detection.index}} == 0"')
+        )
         assert findings[0].code == "expression-type"
         assert message in findings[0].message
 
@@ -175,7 +200,8 @@ class TestTypesFit:
         assert (found.line, found.column) == (3, 20)
 
     @pytest.mark.parametrize(
-        ("condition", "column"), [("1 / 0 > 1", 20), ("{n} > 3 / (1 - 1)", 27), ("1 / {zero} > 1 mm / 2 mm", 21)]
+        ("condition", "column"),
+        [("1 / 0 > 1", 20), ("{n} > 3 / (1 - 1)", 27), ("1 / {zero} > 1 mm / 2 mm", 21)],
     )
     def test_a_division_by_zero(self, findings_of, condition, column):
         body = f"constants: {{zero: 0, n: 5}}\nroot: {{check: '{condition}'}}"
@@ -190,13 +216,17 @@ class TestRanges:
 
     def test_quantity(self, findings_of):
         nodes = (DETECT, REFINE, SAMPLE.replace("candidates:", "radius: 5 mm, candidates:"))
-        found = only(findings_of(sequence(*nodes, 'check: "len({candidates.grasps}) > 0"')), "range")
+        found = only(
+            findings_of(sequence(*nodes, 'check: "len({candidates.grasps}) > 0"')), "range"
+        )
         assert found.message == "SampleGrasp.radius is at least 20 mm, 5 mm is below"
 
     def test_parameter_that_is_wired(self, findings_of):
         body = 'parameters: {n: {type: int, default: 3}}\nroot: {Beep: {times: "{n}"}}'
         assert findings_of(body) == []
-        assert only(findings_of(body, overrides=["n=12"]), "range").message.startswith("Beep.times is at most 10")
+        assert only(findings_of(body, overrides=["n=12"]), "range").message.startswith(
+            "Beep.times is at most 10"
+        )
 
     def test_default_of_a_parameter(self, findings_of):
         body = 'parameters: {n: {type: int, default: 0, min: 1}}\nroot: {Beep: {times: "{n}"}}'
@@ -208,8 +238,13 @@ class TestRanges:
 
 class TestEverythingIsWrittenBeforeItIsRead:
     def test_wrong_order(self, findings_of):
-        found = only(findings_of(sequence(REFINE, DETECT, 'check: "{measured.inlier_ratio} > 0"')), "unset")
-        assert found.message == "Refine reads 'detection', which may not be written yet (Detect writes it, line 6)"
+        found = only(
+            findings_of(sequence(REFINE, DETECT, 'check: "{measured.inlier_ratio} > 0"')), "unset"
+        )
+        assert (
+            found.message
+            == "Refine reads 'detection', which may not be written yet (Detect writes it, line 6)"
+        )
 
     def test_one_branch_of_a_fallback_does_not_write(self, findings_of):
         body = (
@@ -227,11 +262,15 @@ class TestEverythingIsWrittenBeforeItIsRead:
         assert findings_of(body) == []
 
     def test_a_skipped_node_writes_nothing(self, findings_of):
-        body = sequence(f'{{{DETECT}, when: "1 == 2"}}', REFINE, 'check: "{measured.inlier_ratio} > 0"')
+        body = sequence(
+            f'{{{DETECT}, when: "1 == 2"}}', REFINE, 'check: "{measured.inlier_ratio} > 0"'
+        )
         only(findings_of(body), "unset")
 
     def test_a_failed_node_that_was_forced_to_succeed(self, findings_of):
-        body = sequence(f"{{{DETECT}, force: success}}", REFINE, 'check: "{measured.inlier_ratio} > 0"')
+        body = sequence(
+            f"{{{DETECT}, force: success}}", REFINE, 'check: "{measured.inlier_ratio} > 0"'
+        )
         only(findings_of(body), "unset")
 
     def test_children_of_a_parallel_do_not_wait_for_each_other(self, findings_of):
@@ -268,7 +307,9 @@ class TestEverythingIsWrittenBeforeItIsRead:
     def test_an_optional_input_may_be_fed_back_in_a_retry(self, findings_of):
         plan = 'Plan: {to: "{candidates}", grasp: "{grasp}", path: "{path}"}'
         sample = SAMPLE.replace("candidates:", 'tried: "{grasp}", candidates:')
-        attempt = f"{{sequence: [{{{sample}}}, {{{plan}}}, {{Follow: {{path: '{{path}}'}}}}], retry: 3}}"
+        attempt = (
+            f"{{sequence: [{{{sample}}}, {{{plan}}}, {{Follow: {{path: '{{path}}'}}}}], retry: 3}}"
+        )
         assert findings_of(sequence(DETECT, REFINE, attempt)) == []
 
     def test_a_node_that_computes_may_fail_before_it_has_written(self, findings_of):
@@ -286,9 +327,13 @@ class TestEverythingIsWrittenBeforeItIsRead:
 
     def test_nested_loops_have_items_of_their_own(self, findings_of):
         inner = "{Beep: {times: '{item}'}, for_each: [1, 2]}"
-        found = only(findings_of(f"root: {{sequence: [{inner}], for_each: [1, 2]}}"), "duplicate-name")
+        found = only(
+            findings_of(f"root: {{sequence: [{inner}], for_each: [1, 2]}}"), "duplicate-name"
+        )
         assert "for_each around" in found.message
-        named = inner.replace("for_each: [1, 2]", "for_each: [1, 2], as: n").replace("{item}", "{n} * {item}")
+        named = inner.replace("for_each: [1, 2]", "for_each: [1, 2], as: n").replace(
+            "{item}", "{n} * {item}"
+        )
         assert findings_of(f"root: {{sequence: [{named}], for_each: [1, 2]}}") == []
 
     def test_outputs_of_subtrees_are_written_on_every_path(self, findings_of):
@@ -318,7 +363,9 @@ class TestEverythingIsWrittenBeforeItIsRead:
         assert "input 'x'" in only(findings_of(body), "unread", "warning").message
 
     def test_a_subtree_without_a_caller(self, findings_of):
-        only(findings_of("root: {Beep: {}}\nsubtrees: {a: {root: {Beep: {}}}}"), "unused", "warning")
+        only(
+            findings_of("root: {Beep: {}}\nsubtrees: {a: {root: {Beep: {}}}}"), "unused", "warning"
+        )
 
 
 class TestStructure:
@@ -334,7 +381,9 @@ class TestStructure:
         found = only(findings_of(body, interfaces=(camera,)), "no-device")
         assert found.message == "the cell has no Arm, which MoveTo needs"
 
-    def test_a_device_that_the_cell_lacks_is_reported_once_with_the_nodes_that_need_it(self, findings_of, skills):
+    def test_a_device_that_the_cell_lacks_is_reported_once_with_the_nodes_that_need_it(
+        self, findings_of, skills
+    ):
         (camera,) = skills["Detect"].devices
         body = sequence(*["MoveTo: {pose: home}"] * 17)
         found = only(findings_of(body, interfaces=(camera,)), "no-device")
@@ -345,10 +394,18 @@ class TestStructure:
 
     def test_retry_around_a_node_that_cannot_fail(self, findings_of):
         only(findings_of("root:\n  Beep: {}\n  retry: 3"), "cannot-fail", "warning")
-        only(findings_of("root:\n  fallback: [{MoveTo: {pose: a}}, {Beep: {}}]\n  retry: 3"), "cannot-fail", "warning")
+        only(
+            findings_of("root:\n  fallback: [{MoveTo: {pose: a}}, {Beep: {}}]\n  retry: 3"),
+            "cannot-fail",
+            "warning",
+        )
 
     def test_a_child_that_is_never_reached(self, findings_of):
-        only(findings_of("root: {fallback: [{Beep: {}}, {MoveTo: {pose: a}}]}"), "unreachable", "warning")
+        only(
+            findings_of("root: {fallback: [{Beep: {}}, {MoveTo: {pose: a}}]}"),
+            "unreachable",
+            "warning",
+        )
 
     def test_two_types_in_one_node(self, findings_of):
         only(findings_of("root: {Beep: {}, MoveTo: {pose: a}}"), "two-types")
@@ -364,7 +421,9 @@ class TestStructure:
 
     @pytest.mark.parametrize("value", ["[]", "[a]", "{a: 1}", ""])
     def test_a_switch_over_no_single_value(self, findings_of, value):
-        found = only(findings_of(f"root:\n  switch: {value}\n  cases: {{a: {{Beep: {{}}}}}}\n"), "shape")
+        found = only(
+            findings_of(f"root:\n  switch: {value}\n  cases: {{a: {{Beep: {{}}}}}}\n"), "shape"
+        )
         assert "'switch' takes a single value" in found.message
         assert found.line == 4
 
@@ -379,7 +438,8 @@ class TestStructure:
     )
     def test_a_switch_over_a_quantity(self, findings_of, head, value):
         found = only(
-            findings_of(f"{head}\nroot:\n  switch: {value}\n  cases: {{20 mm: {{Beep: {{}}}}}}\n"), "port-type"
+            findings_of(f"{head}\nroot:\n  switch: {value}\n  cases: {{20 mm: {{Beep: {{}}}}}}\n"),
+            "port-type",
         )
         assert "a case has no unit" in found.message
 
@@ -387,7 +447,10 @@ class TestStructure:
         only(findings_of("root:\n  MoveTo: {pose: a}\n  on_failure: {Beep: {}}"), "missing-key")
 
     def test_failure_where_none_is_in_sight(self, findings_of):
-        only(findings_of('root:\n  MoveTo: {pose: a}\n  when: "failure.code == NO_PATH"'), "no-failure")
+        only(
+            findings_of('root:\n  MoveTo: {pose: a}\n  when: "failure.code == NO_PATH"'),
+            "no-failure",
+        )
 
     def test_code_that_the_failure_never_has(self, findings_of):
         body = 'root:\n  fallback:\n    - MoveTo: {pose: a}\n    - Beep: {}\n      when: "failure.code in [NO_PAHT]"'
@@ -409,18 +472,23 @@ class TestStructure:
         from pomona.executive.language import check, read
         from pomona.executive.registry import Registry
 
-        broken = Registry(dict(skills), {"Weigh": "scale:Weigh cannot be imported: ImportError: no scale"})
+        broken = Registry(
+            dict(skills), {"Weigh": "scale:Weigh cannot be imported: ImportError: no scale"}
+        )
         found = check(read("pomona: 1\ntree: t\nroot: {Weigh: {}}", "t.yaml"), broken)
         assert "no scale" in only(found, "broken-skill").message
 
     def test_exploding_subtrees(self, findings_of):
         body = "root: {s0: {}}\nsubtrees:\n" + "".join(
-            f"  s{i}: {{root: {{sequence: [{{s{i + 1}: {{}}}}, {{s{i + 1}: {{}}}}]}}}}\n" for i in range(30)
+            f"  s{i}: {{root: {{sequence: [{{s{i + 1}: {{}}}}, {{s{i + 1}: {{}}}}]}}}}\n"
+            for i in range(30)
         )
         only(findings_of(body + "  s30: {root: {Beep: {}}}\n"), "too-large")
 
     def test_deep_subtrees(self, findings_of):
-        body = "root: {s0: {}}\nsubtrees:\n" + "".join(f"  s{i}: {{root: {{s{i + 1}: {{}}}}}}\n" for i in range(300))
+        body = "root: {s0: {}}\nsubtrees:\n" + "".join(
+            f"  s{i}: {{root: {{s{i + 1}: {{}}}}}}\n" for i in range(300)
+        )
         only(findings_of(body + "  s300: {root: {Beep: {}}}\n"), "too-deep")
 
 
@@ -487,12 +555,16 @@ def test_a_file_of_a_thousand_nodes_takes_its_share_of_work_and_not_the_square_o
 def test_suggestions_are_searched_while_few_words_are_wrong(findings_of, monkeypatch):
     compared = []
     monkeypatch.setattr(
-        findings, "get_close_matches", lambda word, known, **_: compared.append(len(known)) or known[:1]
+        findings,
+        "get_close_matches",
+        lambda word, known, **_: compared.append(len(known)) or known[:1],
     )
     monkeypatch.setattr(findings, "MAX_COMPARED", 1000)
     subtrees = "".join(f"  subtree{i}: {{root: {{Beep: {{}}}}}}\n" for i in range(200))
     root = "root:\n  sequence:\n" + "".join(f"    - sabtree{i}: {{}}\n" for i in range(300))
-    found = [f for f in findings_of(f"subtrees:\n{subtrees}{root}") if f.code == "unknown-type-of-node"]
+    found = [
+        f for f in findings_of(f"subtrees:\n{subtrees}{root}") if f.code == "unknown-type-of-node"
+    ]
     assert len(found) == 300
     assert "did you mean" in found[0].hint
     assert "did you mean" not in found[-1].hint
@@ -500,7 +572,11 @@ def test_suggestions_are_searched_while_few_words_are_wrong(findings_of, monkeyp
 
 
 def test_all_mistakes_are_found_in_one_pass(findings_of, pick_apple):
-    wrong = pick_apple.replace("Refine:", "Refien:").replace("150 mm", "150").replace("timeout: 5 s", "timeout: 5")
+    wrong = (
+        pick_apple.replace("Refine:", "Refien:")
+        .replace("150 mm", "150")
+        .replace("timeout: 5 s", "timeout: 5")
+    )
     assert [f.code for f in findings_of(wrong)] == ["value", "value", "unknown-skill"]
 
 
@@ -508,7 +584,10 @@ class TestTimesFit:
     @pytest.mark.parametrize(
         ("node", "message"),
         [
-            ("{wait: 10 s, timeout: 5 s}", "wait takes 10 s at least and is always interrupted after 5 s"),
+            (
+                "{wait: 10 s, timeout: 5 s}",
+                "wait takes 10 s at least and is always interrupted after 5 s",
+            ),
             ("{sequence: [{wait: 3 s}, {wait: 3 s}], timeout: 5 s}", "takes 6 s at least"),
             ("{wait: 1 s, timeout: 0 s}", "a timeout of 0 s interrupts everything"),
         ],
@@ -578,25 +657,33 @@ def measuring(skills):
     known = Registry({**skills, "Measure": Measure})
 
     def find(condition: str, *more: str):
-        body = sequence('Measure: {m: "{m}"}', f'check: "{condition}"', 'check: "{m.push} > 0 N"', *more)
+        body = sequence(
+            'Measure: {m: "{m}"}', f'check: "{condition}"', 'check: "{m.push} > 0 N"', *more
+        )
         return check(read(HEAD + body, "t.yaml"), known)
 
     return find
 
 
-@pytest.mark.parametrize("text", ["\tBeep: {}", "  sequence:\n  \t- Beep: {}", "  Beep: {}\n\t  timeout: 2 s"])
+@pytest.mark.parametrize(
+    "text", ["\tBeep: {}", "  sequence:\n  \t- Beep: {}", "  Beep: {}\n\t  timeout: 2 s"]
+)
 def test_a_tab_is_called_by_its_name(findings_of, text):
     found = only(findings_of(f"root:\n{text}\n"), "tab")
     assert found.message == "a tab indents this line, and YAML indents with spaces only"
 
 
 @pytest.mark.parametrize(
-    ("sign", "name"), [("\u00a0", "U+00A0 (no-break space)"), ("\u3000", "U+3000 (ideographic space)")]
+    ("sign", "name"),
+    [("\u00a0", "U+00A0 (no-break space)"), ("\u3000", "U+3000 (ideographic space)")],
 )
 @pytest.mark.parametrize(
-    "place", ["  Beep:{}{{}}", "{}{}Beep: {{}}", "  sequence:\n    - Beep: {{}}\n      timeout: 2{}s"]
+    "place",
+    ["  Beep:{}{{}}", "{}{}Beep: {{}}", "  sequence:\n    - Beep: {{}}\n      timeout: 2{}s"],
 )
-def test_a_sign_that_only_looks_like_a_space_is_called_by_its_name_and_replaced(findings_of, sign, name, place):
+def test_a_sign_that_only_looks_like_a_space_is_called_by_its_name_and_replaced(
+    findings_of, sign, name, place
+):
     wrong, right = (place.format(*[space] * 2) for space in (sign, " "))
     found = only(findings_of(f"root:\n{wrong}\n"), "space")
     assert found.message == f"{name} is no space in YAML: put a space in its place"

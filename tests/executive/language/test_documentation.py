@@ -18,7 +18,9 @@ PROOFS: dict[str, tuple[str, ...]] = {
     ),
     "fallback": ("test_run.py::test_a_fallback_goes_on_until_one_succeeds",),
     "reactive_fallback": ("test_run.py::test_a_reactive_fallback_gives_way_to_an_earlier_child",),
-    "sequence_with_memory": ("test_new_nodes.py::test_a_sequence_with_memory_goes_on_with_the_failed_child",),
+    "sequence_with_memory": (
+        "test_new_nodes.py::test_a_sequence_with_memory_goes_on_with_the_failed_child",
+    ),
     "parallel": (
         "test_run.py::test_a_parallel_fails_with_its_first_failure_and_interrupts_the_rest",
         "test_run.py::test_a_parallel_succeeds_on_one",
@@ -33,7 +35,9 @@ PROOFS: dict[str, tuple[str, ...]] = {
     "reactive_if": ("test_new_nodes.py::test_a_reactive_if_changes_sides",),
     "switch": ("test_new_nodes.py::test_switch_runs_the_case_of_the_value",),
     "round_robin": ("test_new_nodes.py::test_round_robin_takes_turns",),
-    "pipeline_sequence": ("test_new_nodes.py::test_a_pipeline_goes_on_ticking_its_earlier_children",),
+    "pipeline_sequence": (
+        "test_new_nodes.py::test_a_pipeline_goes_on_ticking_its_earlier_children",
+    ),
     "check": ("test_run.py::test_check",),
     "wait_until": ("test_run.py::test_wait_until",),
     "wait": ("test_run.py::test_timeout_interrupts_on_the_runs_clock",),
@@ -44,7 +48,9 @@ PROOFS: dict[str, tuple[str, ...]] = {
     ),
     "succeed": ("test_run.py::test_fail",),
     "fail": ("test_run.py::test_fail",),
-    "untranslated": ("test_groot.py::test_an_element_without_counterpart_keeps_its_children_and_is_refused",),
+    "untranslated": (
+        "test_groot.py::test_an_element_without_counterpart_keeps_its_children_and_is_refused",
+    ),
     "speed": ("test_speed_of_a_run.py::test_a_tree_slows_its_parts_and_one_in_another_multiply",),
     "timeout": ("test_run.py::test_timeout_is_for_each_try",),
     "invert": ("test_run.py::test_invert",),
@@ -81,7 +87,9 @@ PROOFS: dict[str, tuple[str, ...]] = {
 """Tests of each word: the site shows a word's function from its class."""
 
 IN_PAGE = set(re.findall(r"`(test_\w+\.py)::(\w+)`", PAGE))
-NAMED = sorted(IN_PAGE | {tuple(proof.split("::")) for proofs in PROOFS.values() for proof in proofs})
+NAMED = sorted(
+    IN_PAGE | {tuple(proof.split("::")) for proofs in PROOFS.values() for proof in proofs}
+)
 
 
 @pytest.mark.parametrize(("file", "name"), NAMED, ids=lambda value: value)
@@ -100,16 +108,24 @@ def test_every_row_of_a_table_with_proofs_has_one():
 
 def test_every_rule_names_its_proof():
     """Paragraphs, points and rows; but not headings, examples and the text before a table or an example."""
-    rules = re.split(r"\n\n|\n(?=- |\|)", re.sub(r"```.*?```", "", PAGE.partition("\n## ")[2], flags=re.DOTALL))
+    rules = re.split(
+        r"\n\n|\n(?=- |\|)", re.sub(r"```.*?```", "", PAGE.partition("\n## ")[2], flags=re.DOTALL)
+    )
     rows = re.compile(r"\||#|\{words: |$")
-    bare = [rule for rule in rules if "test_" not in rule and not rows.match(rule) and not rule.endswith(":")]
+    bare = [
+        rule
+        for rule in rules
+        if "test_" not in rule and not rows.match(rule) and not rule.endswith(":")
+    ]
     tables = [row for row in rules if re.match(r"\| `|\| an? |\| any ", row) and "test_" not in row]
     assert bare + tables == ["Nodes"]  # what is left of the first heading
 
 
 def test_every_word_has_a_test():
     installed = NodeTypes.installed().values()
-    assert set(PROOFS) == {found.key for found in installed if type(found).__module__.startswith("pomona.")}
+    assert set(PROOFS) == {
+        found.key for found in installed if type(found).__module__.startswith("pomona.")
+    }
     assert all(PROOFS.values())
 
 

@@ -52,7 +52,9 @@ class TestWhatCanNeverHold:
         assert told(findings_of(after(f'check: "{condition}"'))) == []
 
     def test_a_switch_in_the_parameters_is_no_mistake(self, findings_of):
-        body = tree('{Beep: {times: "{n}"}, when: "{mode} == b"}', 'check: "{n} > 5"', head=PARAMETER)
+        body = tree(
+            '{Beep: {times: "{n}"}, when: "{mode} == b"}', 'check: "{n} > 5"', head=PARAMETER
+        )
         assert told(findings_of(body)) == []
 
 
@@ -65,11 +67,17 @@ class TestWordsAlone:
         ],
     )
     def test_a_comparison_of_two_words_reads_no_value(self, findings_of, condition, said):
-        found = [finding for finding in findings_of(after(f'check: "{condition}"')) if finding.code == "words-alone"]
+        found = [
+            finding
+            for finding in findings_of(after(f'check: "{condition}"'))
+            if finding.code == "words-alone"
+        ]
         assert [finding.message for finding in found] == [said]
         assert found[0].hint == "a value stands in braces: '{name}'"
 
-    @pytest.mark.parametrize("condition", ["{mode} == b", "b == {mode}", "true", "1 < 2", "{mode} in [a, b]"])
+    @pytest.mark.parametrize(
+        "condition", ["{mode} == b", "b == {mode}", "true", "1 < 2", "{mode} in [a, b]"]
+    )
     def test_others_are_not_reported(self, findings_of, condition):
         body = tree(f'check: "{condition}"', head=PARAMETER)
         assert not any(finding.code == "words-alone" for finding in findings_of(body))
@@ -95,10 +103,16 @@ class TestContradictions:
         assert (found.line, found.severity) == (9, "warning")
 
     def test_a_write_between_ends_it(self, findings_of):
-        assert told(findings_of(after('check: "{k} > 2"', 'set: {k: "{k} - 2"}', 'check: "{k} < 1"'))) == []
+        assert (
+            told(findings_of(after('check: "{k} > 2"', 'set: {k: "{k} - 2"}', 'check: "{k} < 1"')))
+            == []
+        )
 
     def test_alternatives_are_no_contradiction(self, findings_of):
-        assert told(findings_of(after('check: "{k} > 2"', 'check: "{k} < 1"', composite="fallback"))) == []
+        assert (
+            told(findings_of(after('check: "{k} > 2"', 'check: "{k} < 1"', composite="fallback")))
+            == []
+        )
 
     def test_the_other_side_of_an_if_does_not_hold(self, findings_of):
         node = '{{if: "{{k}} > 2", then: {{check: "{{k}} {}"}}, else: {{check: "{{k}} < 1"}}}}'
@@ -128,15 +142,26 @@ class TestWaiting:
     def test_for_a_condition_that_is_never_true(self, findings_of):
         assert told(findings_of(tree('wait_until: "1 > 2"', "Beep: {}"))) == ["never-holds"]
         assert told(findings_of(tree('wait_until: "{n} > 5"', head=PARAMETER))) == ["never-holds"]
-        assert told(findings_of(tree('wait_until: "{n} > 5"', head=PARAMETER), overrides=["n=6"])) == ["never-changes"]
+        assert told(
+            findings_of(tree('wait_until: "{n} > 5"', head=PARAMETER), overrides=["n=6"])
+        ) == ["never-changes"]
 
     def test_for_a_name_without_a_writer(self, findings_of):
         found = findings_of(after('wait_until: "{k} > 5"'))
         assert told(found) == ["never-changes"]
 
     def test_for_a_name_that_another_child_writes(self, findings_of):
-        assert told(findings_of(after('wait_until: "{k} > 5"', 'set: {k: "{k} + 1"}', composite="parallel"))) == []
-        reactive = after('set: {k: "{k} + 1"}', 'wait_until: "{k} > 5"', composite="reactive_sequence")
+        assert (
+            told(
+                findings_of(
+                    after('wait_until: "{k} > 5"', 'set: {k: "{k} + 1"}', composite="parallel")
+                )
+            )
+            == []
+        )
+        reactive = after(
+            'set: {k: "{k} + 1"}', 'wait_until: "{k} > 5"', composite="reactive_sequence"
+        )
         assert told(findings_of(reactive)) == []
 
     def test_for_a_value_that_lives(self, findings_of):

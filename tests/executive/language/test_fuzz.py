@@ -30,12 +30,19 @@ def test_mutated_trees(skills, pick_apple):
 
 
 def test_mutated_scenarios(skills, pick_apple, tmp_path):
-    (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: t\nroot: {sequence: [{MoveTo: {pose: a}}, {Beep: {}}]}")
+    (tmp_path / "tree.yaml").write_text(
+        "pomona: 1\ntree: t\nroot: {sequence: [{MoveTo: {pose: a}}, {Beep: {}}]}"
+    )
     scenario = (
         "pomona: 1\ntree: tree.yaml\nmocks: {MoveTo: [{code: NO_PATH, calls: 2}, success]}\ncases:\n"
         "  - {name: one, expect: {code: NO_PATH}, visits: [MoveTo], never: [Beep], calls: {MoveTo: 1}, limit: 1 s}\n"
     )
-    assert fuzzer.fuzz(300, 2, [scenario], skills, lambda text: fuzzer.try_scenario(text, skills, tmp_path)) == []
+    assert (
+        fuzzer.fuzz(
+            300, 2, [scenario], skills, lambda text: fuzzer.try_scenario(text, skills, tmp_path)
+        )
+        == []
+    )
 
 
 def test_mutated_xml(skills, pick_apple):
@@ -57,11 +64,30 @@ def test_any_expression_is_parsed_or_refused(tokens):
 
 
 names = st.sampled_from(["MoveTo", "Detect", "Refine", "Beep", "sub", "other"])
-values = st.sampled_from(["1", "a", "3 s", '"{x}"', '"{y.index}"', "true", "[1, 2]", "{a: b}", '"{retry.attempt} + 1"'])
-ports = st.dictionaries(st.sampled_from(["pose", "fruit", "detection", "measured", "times", "x"]), values, max_size=3)
-conditions = st.sampled_from(['"{x} > 1"', '"failure.code == NO_PATH"', '"{y} == none"', '"1 < 2"', '"{x}"'])
+values = st.sampled_from(
+    ["1", "a", "3 s", '"{x}"', '"{y.index}"', "true", "[1, 2]", "{a: b}", '"{retry.attempt} + 1"']
+)
+ports = st.dictionaries(
+    st.sampled_from(["pose", "fruit", "detection", "measured", "times", "x"]), values, max_size=3
+)
+conditions = st.sampled_from(
+    ['"{x} > 1"', '"failure.code == NO_PATH"', '"{y} == none"', '"1 < 2"', '"{x}"']
+)
 modifiers = st.dictionaries(
-    st.sampled_from(["retry", "timeout", "repeat", "when", "guard", "invert", "force", "for_each", "retry_if", "name"]),
+    st.sampled_from(
+        [
+            "retry",
+            "timeout",
+            "repeat",
+            "when",
+            "guard",
+            "invert",
+            "force",
+            "for_each",
+            "retry_if",
+            "name",
+        ]
+    ),
     st.one_of(values, conditions, st.sampled_from(["success", "forever"])),
     max_size=3,
 )
@@ -80,7 +106,16 @@ nodes = st.recursive(
     leaves,
     lambda children: st.builds(
         lambda kind, inner, more: flow({kind: f"[{', '.join(inner)}]", **more}),
-        st.sampled_from(["sequence", "fallback", "parallel", "reactive_sequence", "reactive_fallback", "recovery"]),
+        st.sampled_from(
+            [
+                "sequence",
+                "fallback",
+                "parallel",
+                "reactive_sequence",
+                "reactive_fallback",
+                "recovery",
+            ]
+        ),
         st.lists(children, min_size=1, max_size=4),
         modifiers,
     ),
@@ -112,7 +147,9 @@ class TestHostileFiles:
 
     def test_alias_bomb(self):
         pairs = zip("abcdefgh", "bcdefghi", strict=True)
-        bomb = "a: &a [x, x]\n" + "".join(f"{name}: &{name} [*{before}, *{before}]\n" for before, name in pairs)
+        bomb = "a: &a [x, x]\n" + "".join(
+            f"{name}: &{name} [*{before}, *{before}]\n" for before, name in pairs
+        )
         assert self.codes(bomb) == ["alias"]
 
     def test_an_alias_of_itself(self):
@@ -144,7 +181,13 @@ class TestHostileFiles:
         (tmp_path / "trees").mkdir()
         (tmp_path / "secret.yaml").write_text("pomona: 1\ntree: s\nroot: {Beep: {}}")
         (tmp_path / "trees" / "link.yaml").symlink_to(tmp_path / "secret.yaml")
-        for name in ("../secret.yaml", str(tmp_path / "secret.yaml"), "link.yaml", "/dev/zero", "/proc/self/environ"):
+        for name in (
+            "../secret.yaml",
+            str(tmp_path / "secret.yaml"),
+            "link.yaml",
+            "/dev/zero",
+            "/proc/self/environ",
+        ):
             text = f"pomona: 1\ntree: t\nroot: {{s: {{}}}}\nsubtrees: {{s: {{file: {name}}}}}"
             (tmp_path / "trees" / "t.yaml").write_text(text)
             document = read_file(tmp_path / "trees" / "t.yaml")

@@ -35,7 +35,9 @@ class Swing(Skill):
 def run():
     def make(body):
         context = BenchContext()
-        tree = build(read("pomona: 1\ntree: t\n" + body, "t"), Registry({"Swing": Swing}), context=context)
+        tree = build(
+            read("pomona: 1\ntree: t\n" + body, "t"), Registry({"Swing": Swing}), context=context
+        )
         return tree, context
 
     return make
@@ -71,7 +73,9 @@ def test_an_interrupted_skill_is_handed_over_to_let_go(run, body):
 
 
 def test_stopping_the_root_stops_everything_that_runs(run):
-    tree, context = run("root: {retry: 3, parallel: [{Swing: {}, name: A}, {Swing: {}, name: B, repeat: 2}]}")
+    tree, context = run(
+        "root: {retry: 3, parallel: [{Swing: {}, name: A}, {Swing: {}, name: B, repeat: 2}]}"
+    )
     tree.root.tick_once()
     tree.root.stop(Status.INVALID)
     assert {behaviour.status for behaviour in tree.behaviours.values()} == {Status.INVALID}

@@ -30,7 +30,11 @@ class Node:
             if self.kind == "leaf"
             else f"{self.kind}: [{', '.join(c.text() for c in self.children)}]"
         )
-        return f"{{{inner}, name: {self.name}" + "".join(f", {k}: {v}" for k, v in self.modifiers.items()) + "}"
+        return (
+            f"{{{inner}, name: {self.name}"
+            + "".join(f", {k}: {v}" for k, v in self.modifiers.items())
+            + "}"
+        )
 
     def walk(self):
         yield self
@@ -89,7 +93,9 @@ MODIFIERS = {
 
 
 def random_tree(rng: random.Random, depth: int) -> Node:
-    modifiers = {word: rng.choice(values) for word, values in MODIFIERS.items() if rng.random() < 0.25}
+    modifiers = {
+        word: rng.choice(values) for word, values in MODIFIERS.items() if rng.random() < 0.25
+    }
     if depth == 0 or rng.random() < 0.2:
         results = tuple(rng.random() < 0.5 for _ in range(rng.randint(1, 4)))
         return Node("leaf", results=results, modifiers=modifiers)
@@ -106,7 +112,9 @@ def runs(skills):
         for node in root.walk():
             node.name = f"n{next(numbers)}"
         context = BenchContext()
-        tree = build(read(f"pomona: 1\ntree: t\nroot: {root.text()}", "t.yaml"), skills, context=context)
+        tree = build(
+            read(f"pomona: 1\ntree: t\nroot: {root.text()}", "t.yaml"), skills, context=context
+        )
         leaf = {node.name: node for node in root.walk() if node.kind == "leaf"}
         skills_by_name = {skill.name: skill for skill in tree.skills}
         for name, node in leaf.items():

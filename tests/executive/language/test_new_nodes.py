@@ -24,15 +24,17 @@ def test_if_chooses(built):
 
 
 def test_if_may_ask_a_node_and_asks_it_once(built):
-    run = built(f"root: {{if: {move('Q')}, then: {move('A')}, else: {move('B')}}}").script("t/Q", "NO_PATH")
+    run = built(f"root: {{if: {move('Q')}, then: {move('A')}, else: {move('B')}}}").script(
+        "t/Q", "NO_PATH"
+    )
     assert run.run() == "SUCCESS"
     assert starts(run, "Q", "A", "B") == [1, 0, 1]
 
 
 def test_the_failure_of_the_node_that_was_asked_is_in_sight_in_else(built):
-    run = built(f"root: {{if: {move('Q')}, then: {move('A')}, else: {{check: 'failure.code == NO_PATH'}}}}").script(
-        "t/Q", "NO_PATH"
-    )
+    run = built(
+        f"root: {{if: {move('Q')}, then: {move('A')}, else: {{check: 'failure.code == NO_PATH'}}}}"
+    ).script("t/Q", "NO_PATH")
     assert run.run() == "SUCCESS"
 
 
@@ -58,7 +60,9 @@ def test_a_reactive_if_changes_sides(built):
     assert run.skill("t/parallel/reactive_if/B").starts == 1
 
 
-@pytest.mark.parametrize(("value", "expected"), [("x", [1, 0, 0]), ("y", [0, 1, 0]), ("z", [0, 0, 1])])
+@pytest.mark.parametrize(
+    ("value", "expected"), [("x", [1, 0, 0]), ("y", [0, 1, 0]), ("z", [0, 0, 1])]
+)
 def test_switch_runs_the_case_of_the_value(built, value, expected):
     run = built(
         f"root: {{sequence: [{{set: {{v: {value}}}}}, {{switch: '{{v}}',"
@@ -88,11 +92,15 @@ def test_cases_are_words_of_any_type(built, value, word):
 
 
 def test_a_sequence_with_memory_goes_on_with_the_failed_child(built):
-    run = built(f"root: {{sequence_with_memory: [{move('A')}, {move('B')}, {move('C')}], retry: 3}}")
+    run = built(
+        f"root: {{sequence_with_memory: [{move('A')}, {move('B')}, {move('C')}], retry: 3}}"
+    )
     run.script("t/B", "NO_PATH", None)
     assert run.run() == "SUCCESS"
     assert starts(run, "A", "B", "C") == [1, 2, 1]
-    run = built(f"root: {{sequence: [{move('A')}, {move('B')}, {move('C')}], retry: 3}}").script("t/B", "NO_PATH", None)
+    run = built(f"root: {{sequence: [{move('A')}, {move('B')}, {move('C')}], retry: 3}}").script(
+        "t/B", "NO_PATH", None
+    )
     assert run.run() == "SUCCESS"
     assert starts(run, "A", "B", "C") == [2, 2, 1]
 

@@ -29,7 +29,10 @@ def test_nodes_have_stable_paths_and_places(built, pick_apple):
     assert plan.line == 20
     assert plan.inputs["planner"] == "RRTstar"
     assert plan.failures == ("NO_PATH", "TIMEOUT", "GOAL_IN_COLLISION")
-    assert nodes["pick_apple/Attempt"].comment == "one attempt; every try takes the next sample of the sphere"
+    assert (
+        nodes["pick_apple/Attempt"].comment
+        == "one attempt; every try takes the next sample of the sphere"
+    )
     assert nodes["pick_apple/Attempt:on_failure"].parent == "pick_apple/Attempt:retry"
     assert all(info.parent is None or info.parent in nodes for info in nodes.values())
 
@@ -54,7 +57,9 @@ def test_retreat_follows_every_failed_attempt_and_feeds_the_tried_grasp_back(bui
 
 
 def test_a_failure_lists_everything_that_led_to_it(built, pick_apple):
-    run = built(pick_apple, overrides={"attempts": "2"}).script("pick_apple/Attempt/Lift", "DROPPED")
+    run = built(pick_apple, overrides={"attempts": "2"}).script(
+        "pick_apple/Attempt/Lift", "DROPPED"
+    )
     assert run.run() == "FAILURE"
     reason = reason_of(run.tree.root)
     assert reason.code == "DROPPED"
@@ -63,6 +68,11 @@ def test_a_failure_lists_everything_that_led_to_it(built, pick_apple):
 
 
 def test_looks_vary_with_the_number_of_the_try(built, pick_apple):
-    run = built(pick_apple).script("pick_apple/perceive/sequence/Detect", "NO_FRUIT", "NO_FRUIT", None)
+    run = built(pick_apple).script(
+        "pick_apple/perceive/sequence/Detect", "NO_FRUIT", "NO_FRUIT", None
+    )
     assert run.run() == "SUCCESS"
-    assert run.skill("pick_apple/perceive/sequence/MoveTo").seen == {"pose": "observe", "variation": 3}
+    assert run.skill("pick_apple/perceive/sequence/MoveTo").seen == {
+        "pose": "observe",
+        "variation": 3,
+    }

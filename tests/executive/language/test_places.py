@@ -42,7 +42,9 @@ def test_a_wrong_value_deep_in_a_file_is_pointed_at(findings_of, marked):
     text = HEAD + marked
     before = text[: text.index("»")]
     place = (before.count("\n") + 1, len(before) - before.rfind("\n"))
-    assert place in [(finding.line, finding.column) for finding in findings_of(text.replace("»", ""))]
+    assert place in [
+        (finding.line, finding.column) for finding in findings_of(text.replace("»", ""))
+    ]
 
 
 def test_of_thousands_of_findings_the_first_are_written_out():

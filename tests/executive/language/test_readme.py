@@ -25,7 +25,9 @@ def test_the_example_has_the_layers_outcomes_and_values_that_are_described() -> 
     assert root is not None
     node = root.children[0]
     rows = re.findall(r"^\| (\d) \| `(\w+)` \| `(\w+)` \|$", PAGE, re.MULTILINE)
-    assert [(str(n), layer.key, type(layer).__name__) for n, layer in enumerate(node.layers)] == rows
+    assert [
+        (str(n), layer.key, type(layer).__name__) for n, layer in enumerate(node.layers)
+    ] == rows
     assert analysis.outcomes is not None
     outer, timed, called = (analysis.outcomes.layer(node, index).codes for index in range(3))
     assert called == set(skills["Detect"].failures)
@@ -37,9 +39,14 @@ def test_the_example_has_the_layers_outcomes_and_values_that_are_described() -> 
 
 def test_a_name_that_is_not_written_on_every_path_is_found() -> None:
     lines = EXAMPLE.replace("    - Detect", "    - fallback:\n        - Detect").splitlines()
-    text = "\n".join(f"    {line}" if line.startswith(("      retry", "      timeout")) else line for line in lines)
+    text = "\n".join(
+        f"    {line}" if line.startswith(("      retry", "      timeout")) else line
+        for line in lines
+    )
     text = text.replace("    - Refine", "        - wait: 1 s\n    - Refine")
-    assert [finding.code for finding in analyse(read(text, "look.yaml"), declared_skills()).errors] == ["unset"]
+    assert [
+        finding.code for finding in analyse(read(text, "look.yaml"), declared_skills()).errors
+    ] == ["unset"]
 
 
 def test_every_file_and_method_that_is_named_exists() -> None:

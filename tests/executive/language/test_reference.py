@@ -14,7 +14,9 @@ from tests.executive.language import reference
 
 @pytest.mark.parametrize("part", range(10))
 def test_random_trees_behave_as_in_the_reference_interpreter(part):
-    told = [differs for number in range(250) if (differs := reference.differs(f"ci/{part}/{number}"))]
+    told = [
+        differs for number in range(250) if (differs := reference.differs(f"ci/{part}/{number}"))
+    ]
     assert told == []
 
 
@@ -28,7 +30,11 @@ def round_trip(text: str) -> str:
 
 @pytest.mark.slow
 def test_random_trees_mean_the_same_after_an_export_and_an_import():
-    told = [differs for number in range(60) if (differs := reference.differs(f"xml/{number}", round_trip))]
+    told = [
+        differs
+        for number in range(60)
+        if (differs := reference.differs(f"xml/{number}", round_trip))
+    ]
     assert told == []
 
 

@@ -25,12 +25,18 @@ class TestBranches:
         assert starts(run, "A", "B") == [1, 1]
 
     def test_a_reactive_sequence_begins_again_each_tick(self, built):
-        run = built("root: {reactive_sequence: [{check: '1 == 1'}, {MoveTo: {pose: a}}, {Beep: {}}]}")
+        run = built(
+            "root: {reactive_sequence: [{check: '1 == 1'}, {MoveTo: {pose: a}}, {Beep: {}}]}"
+        )
         assert run.run() == "SUCCESS"
 
-    def test_a_reactive_sequence_interrupts_the_running_child_when_an_earlier_one_fails(self, built):
+    def test_a_reactive_sequence_interrupts_the_running_child_when_an_earlier_one_fails(
+        self, built
+    ):
         watched = "{reactive_sequence: [{check: '{n} == 1'}, {wait: 1 s}]}"
-        body = f"root: {{parallel: [{watched}, {{sequence: [{{wait: 100 ms}}, {{set: {{n: 2}}}}]}}]}}"
+        body = (
+            f"root: {{parallel: [{watched}, {{sequence: [{{wait: 100 ms}}, {{set: {{n: 2}}}}]}}]}}"
+        )
         with pytest.raises(TreeFileError, match="may not be written yet"):
             built(body)
         run = built(f"root: {{sequence: [{{set: {{n: 1}}}}, {body.removeprefix('root: ')}]}}")
@@ -39,7 +45,9 @@ class TestBranches:
         assert reason_of(run.tree.root).message == "{n} == 1 is false: n is 2"
 
     def test_a_fallback_goes_on_until_one_succeeds(self, built):
-        run = built(f"root: {{fallback: [{move('A')}, {move('B')}, {move('C')}]}}").script("t/A", "NO_PATH")
+        run = built(f"root: {{fallback: [{move('A')}, {move('B')}, {move('C')}]}}").script(
+            "t/A", "NO_PATH"
+        )
         assert run.run() == "SUCCESS"
         assert starts(run, "A", "B", "C") == [1, 1, 0]
 
@@ -80,7 +88,9 @@ class TestBranches:
             assert run.context.clock.now() == pytest.approx(end)
 
     def test_a_parallel_succeeds_on_chosen_children(self, built):
-        run = built("root:\n  parallel: [{wait: 1 s, name: A}, {wait: 100 ms, name: B}]\n  success_on: [B]")
+        run = built(
+            "root:\n  parallel: [{wait: 1 s, name: A}, {wait: 100 ms, name: B}]\n  success_on: [B]"
+        )
         assert run.run() == "SUCCESS"
         assert run.context.clock.now() == pytest.approx(0.12)
 
@@ -90,10 +100,14 @@ class TestBranches:
         assert reason_of(run.tree.root).code == "NO_PATH"
 
     def test_recovery_recovers_between_two_tries_only(self, built):
-        run = built(f"root: {{recovery: [{move('A')}, {move('B')}], attempts: 3}}").script("t/A", "NO_PATH")
+        run = built(f"root: {{recovery: [{move('A')}, {move('B')}], attempts: 3}}").script(
+            "t/A", "NO_PATH"
+        )
         assert run.run() == "FAILURE"
         assert starts(run, "A", "B") == [3, 2]
-        run = built(f"root: {{recovery: [{move('A')}, {move('B')}]}}").script("t/A", "NO_PATH", None)
+        run = built(f"root: {{recovery: [{move('A')}, {move('B')}]}}").script(
+            "t/A", "NO_PATH", None
+        )
         assert run.run() == "SUCCESS"
         assert starts(run, "A", "B") == [2, 1]
 
@@ -109,7 +123,9 @@ class TestRetry:
         assert "all 3 attempts failed" in reason.message
 
     def test_on_failure_follows_each_failed_try_also_the_last(self, built):
-        run = built(f"root: {{MoveTo: {{pose: a}}, retry: 2, on_failure: {move('B')}}}").script("t", "NO_PATH")
+        run = built(f"root: {{MoveTo: {{pose: a}}, retry: 2, on_failure: {move('B')}}}").script(
+            "t", "NO_PATH"
+        )
         assert run.run() == "FAILURE"
         assert run.skill("t:on_failure").starts == 2
 
@@ -118,7 +134,10 @@ class TestRetry:
         run.script("t", "NO_PATH").script("t:on_failure", "MOTION_FAILED")
         assert run.run() == "FAILURE"
         reason = reason_of(run.tree.root)
-        assert (reason.code, [c.code for c in reason.causes]) == ("MOTION_FAILED", ["NO_PATH", "MOTION_FAILED"])
+        assert (reason.code, [c.code for c in reason.causes]) == (
+            "MOTION_FAILED",
+            ["NO_PATH", "MOTION_FAILED"],
+        )
 
     def test_only_for_some_codes(self, built):
         run = built("root: {MoveTo: {pose: a}, retry: 5, retry_if: failure.code == NO_PATH}")
@@ -128,7 +147,9 @@ class TestRetry:
         assert "gave up after attempt 2 of 5" in reason_of(run.tree.root).message
 
     def test_a_nested_retry_counts_afresh_and_the_outer_one_remembers(self, built):
-        run = built(f"root: {{sequence: [{move('A', retry=2)}], retry: 2}}").script("t/A", "NO_PATH")
+        run = built(f"root: {{sequence: [{move('A', retry=2)}], retry: 2}}").script(
+            "t/A", "NO_PATH"
+        )
         assert run.run() == "FAILURE"
         assert run.skill("t/A").starts == 4
         reason = reason_of(run.tree.root)
@@ -137,7 +158,9 @@ class TestRetry:
     def test_attempts_are_reported_as_they_end(self, built):
         run = built(f"root: {move('A', retry=3)}").script("t", "NO_PATH", None)
         told = []
-        run.tree.on_attempt(lambda path, attempt, of: told.append((path, attempt.number, attempt.status.name, of)))
+        run.tree.on_attempt(
+            lambda path, attempt, of: told.append((path, attempt.number, attempt.status.name, of))
+        )
         run.run()
         assert told == [("t:retry", 1, "FAILURE", 3), ("t:retry", 2, "SUCCESS", 3)]
 
@@ -148,25 +171,32 @@ class TestRetry:
         assert run.skill("t").status.name == "INVALID"
 
     def test_the_number_may_come_from_a_port(self, built):
-        run = built("root: {sequence: [{set: {n: 1}}, {MoveTo: {pose: a}, name: A, retry: '{n} + 1'}]}")
+        run = built(
+            "root: {sequence: [{set: {n: 1}}, {MoveTo: {pose: a}, name: A, retry: '{n} + 1'}]}"
+        )
         run.script("t/A", "NO_PATH").run()
         assert run.skill("t/A").starts == 2
 
     def test_a_number_below_one_fails(self, built):
-        run = built("root: {sequence: [{set: {n: 1}}, {MoveTo: {pose: a}, name: A, retry: '{n} - 1'}]}")
+        run = built(
+            "root: {sequence: [{set: {n: 1}}, {MoveTo: {pose: a}, name: A, retry: '{n} - 1'}]}"
+        )
         assert run.run() == "FAILURE"
         assert reason_of(run.tree.root).code == "BAD_VALUE"
 
 
 class TestOtherModifiers:
-    @pytest.mark.parametrize("modifiers", ["invert: true, retry: 3", "repeat: 3", "for_each: [1, 2, 3]"])
+    @pytest.mark.parametrize(
+        "modifiers", ["invert: true, retry: 3", "repeat: 3", "for_each: [1, 2, 3]"]
+    )
     def test_every_try_round_and_item_takes_a_tick(self, built, modifiers):
         run = built(f"root: {{succeed: {{}}, {modifiers}}}")
         assert [run.tick(), run.tick()] == ["RUNNING", "RUNNING"]
         assert run.tick() != "RUNNING"
 
     @pytest.mark.parametrize(
-        ("modifier", "name"), [("repeat: 3", "repeat.round"), ("for_each: [a, b]", "for_each.index")]
+        ("modifier", "name"),
+        [("repeat: 3", "repeat.round"), ("for_each: [a, b]", "for_each.index")],
     )
     def test_loops_count_from_one(self, built, modifier, name):
         run = built(f"root: {{set: {{n: '{{{name}}} * 10'}}, {modifier}}}")
@@ -195,7 +225,9 @@ class TestOtherModifiers:
         assert reason_of(run.tree.root).code == "INVERTED"
 
     def test_force(self, built):
-        assert built(f"root: {move('A', force='success')}").script("t", "NO_PATH").run() == "SUCCESS"
+        assert (
+            built(f"root: {move('A', force='success')}").script("t", "NO_PATH").run() == "SUCCESS"
+        )
         run = built(f"root: {move('A', force='failure')}")
         assert run.run() == "FAILURE"
         assert reason_of(run.tree.root).code == "FORCED"
@@ -255,14 +287,22 @@ class TestOtherModifiers:
         assert starts(run, "A", "B", "C") == [1, 0, 1]
 
     def test_a_fallback_whose_last_child_was_skipped_fails_with_the_failure_before(self, built):
-        run = built(f"root: {{fallback: [{move('A')}, {move('B', when='1 == 2')}]}}").script("t/A", "NO_PATH")
+        run = built(f"root: {{fallback: [{move('A')}, {move('B', when='1 == 2')}]}}").script(
+            "t/A", "NO_PATH"
+        )
         assert run.run() == "FAILURE"
         reason = reason_of(run.tree.root)
         assert (reason.code, [c.code for c in reason.causes]) == ("NO_PATH", ["NO_PATH"])
 
     def test_modifiers_wrap_in_one_order_however_they_are_written(self, built):
         run = built("root: {MoveTo: {pose: a}, when: 1 == 1, retry: 2, timeout: 1 s, repeat: 2}")
-        assert [info.kind for info in run.tree.nodes] == ["when", "repeat", "retry", "timeout", "skill"]
+        assert [info.kind for info in run.tree.nodes] == [
+            "when",
+            "repeat",
+            "retry",
+            "timeout",
+            "skill",
+        ]
 
 
 class TestLeaves:
@@ -279,14 +319,19 @@ class TestLeaves:
         assert built(body).run() == "SUCCESS"
 
     def test_set_computes(self, built):
-        run = built("root: {sequence: [{set: {a: 5 mm}}, {set: {b: '{a} * 2 + 1 cm'}}, {check: '{b} == 20 mm'}]}")
+        run = built(
+            "root: {sequence: [{set: {a: 5 mm}}, {set: {b: '{a} * 2 + 1 cm'}}, {check: '{b} == 20 mm'}]}"
+        )
         assert run.run() == "SUCCESS"
         assert run.value("/b") == pytest.approx(0.02)
 
     def test_fail(self, built):
         run = built("root: {fail: {code: TOO_RIPE, message: this one is soft}}")
         assert run.run() == "FAILURE"
-        assert (reason_of(run.tree.root).code, reason_of(run.tree.root).message) == ("TOO_RIPE", "this one is soft")
+        assert (reason_of(run.tree.root).code, reason_of(run.tree.root).message) == (
+            "TOO_RIPE",
+            "this one is soft",
+        )
 
     def test_succeed(self, built):
         assert built("root: {succeed: {}}").run() == "SUCCESS"
@@ -335,7 +380,10 @@ class TestPorts:
         run = built("root: {sequence: [{set: {n: 5}}, {Beep: {times: '{n} * 3'}}]}")
         assert run.run() == "FAILURE"
         reason = reason_of(run.tree.root)
-        assert (reason.code, reason.message) == ("BAD_VALUE", "input times is at most 10, 15 is above")
+        assert (reason.code, reason.message) == (
+            "BAD_VALUE",
+            "input times is at most 10, 15 is above",
+        )
 
     def test_division_by_zero_fails_the_node(self, built):
         run = built("root: {sequence: [{set: {n: 0}}, {check: '1 / {n} > 0'}]}")

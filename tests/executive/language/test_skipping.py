@@ -94,6 +94,8 @@ def test_a_parallel_asks_a_skipped_child_again(built):
 )
 def test_the_first_child_that_decides_ends_a_parallel(built, children, success_on, ended):
     nodes = ", ".join(f"{{{child}: {{}}, name: c{i}}}" for i, child in enumerate(children))
-    run = built(f"root: {{parallel: [{nodes}, {{MoveTo: {{pose: a}}, name: Z}}], success_on: {success_on}}}")
+    run = built(
+        f"root: {{parallel: [{nodes}, {{MoveTo: {{pose: a}}, name: Z}}], success_on: {success_on}}}"
+    )
     assert run.tick() == ended
     assert run.skill("t/Z").starts == 0

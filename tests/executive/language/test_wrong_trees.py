@@ -745,7 +745,10 @@ subtrees:
 """,
         "1:1: error[missing-key]: the file has no 'root'; write 'root:' and the first node under it",
     ),
-    "empty": WrongTree("", "1:1: error[empty]: the file is empty, a tree file is a mapping; begin it with 'pomona: 1'"),
+    "empty": WrongTree(
+        "",
+        "1:1: error[empty]: the file is empty, a tree file is a mapping; begin it with 'pomona: 1'",
+    ),
     "curved_quotes": WrongTree(
         """\
 pomona: 1
@@ -803,7 +806,9 @@ root:
 
 
 @pytest.mark.parametrize("name", TREES)
-def test_the_first_line_names_the_change(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_first_line_names_the_change(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     tree, path = TREES[name], tmp_path / "t.yaml"
     path.write_text(tree.text)
     assert main(["check", str(path)]) == 2
@@ -814,7 +819,9 @@ def test_the_first_line_names_the_change(name: str, tmp_path: Path, capsys: pyte
 
 
 @pytest.mark.parametrize("name", TREES)
-def test_fix_makes_the_change_that_a_hint_names(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fix_makes_the_change_that_a_hint_names(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     tree, path = TREES[name], tmp_path / "t.yaml"
     path.write_text(tree.text)
     status = main(["check", "--fix", str(path)])
@@ -830,7 +837,9 @@ def test_there_are_thirty_of_them() -> None:
     assert len({tree.text for tree in TREES.values()}) >= 30
 
 
-def test_fmt_explains_a_wrong_indentation_in_the_same_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fmt_explains_a_wrong_indentation_in_the_same_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "t.yaml"
     path.write_text(TREES["timeout_at_col6"].text)
     assert main(["fmt", str(path)]) == 2
@@ -839,7 +848,9 @@ def test_fmt_explains_a_wrong_indentation_in_the_same_words(tmp_path: Path, caps
     assert path.read_text() == TREES["timeout_at_col6"].text
 
 
-def test_fix_keeps_line_endings_and_mends_several_mistakes_one_after_the_other(tmp_path: Path) -> None:
+def test_fix_keeps_line_endings_and_mends_several_mistakes_one_after_the_other(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "t.yaml"
     path.write_bytes(
         b"pomona: 1\r\ntree: t\r\nroot:\r\n  Sequence:\r\n    - MoveTo: {pose: obsrve}\r\n     retries: 2\r\n"
@@ -849,14 +860,18 @@ def test_fix_keeps_line_endings_and_mends_several_mistakes_one_after_the_other(t
     assert path.read_bytes() == wanted
 
 
-def test_a_tree_for_another_cell_is_checked_but_for_poses_and_fruit(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tree_for_another_cell_is_checked_but_for_poses_and_fruit(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["check", "measure_fruit"]) == 0
     told = capsys.readouterr().out
     assert "warning[no-device]: poses and fruit are not checked on the cell 'sim'" in told
     assert "--cell" in told
 
 
-def test_a_file_in_utf_16_is_named_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_in_utf_16_is_named_as_such(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "t.yaml"
     path.write_bytes("pomona: 1\n".encode("utf-16"))
     assert main(["check", str(path)]) == 2

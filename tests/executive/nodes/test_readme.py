@@ -39,7 +39,10 @@ def test_every_file_method_and_class_that_is_named_exists() -> None:
     for method in ("possible_outcome", "written_ports", "known_facts", "build"):
         assert f"| `{method}` |" in PAGE
         assert callable(getattr(NodeType, method))
-    for home, names in ((behaviours, "Wrapper LeafBehaviour Branch"), (facts, "Outcome Ends Facts Condition")):
+    for home, names in (
+        (behaviours, "Wrapper LeafBehaviour Branch"),
+        (facts, "Outcome Ends Facts Condition"),
+    ):
         assert all(f"`{name}`" in PAGE and hasattr(home, name) for name in names.split())
     assert issubclass(Guard, behaviours.Wrapper)
 

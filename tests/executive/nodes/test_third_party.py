@@ -63,8 +63,12 @@ def installed(words, monkeypatch):
     """The words that are found when the package is installed."""
 
     def offer(**classes):
-        points = [EntryPoint(name, f"{PACKAGE}:{cls}", catalogue.GROUP) for name, cls in classes.items()]
-        monkeypatch.setattr(catalogue, "entry_points", lambda group: points if group == catalogue.GROUP else [])
+        points = [
+            EntryPoint(name, f"{PACKAGE}:{cls}", catalogue.GROUP) for name, cls in classes.items()
+        ]
+        monkeypatch.setattr(
+            catalogue, "entry_points", lambda group: points if group == catalogue.GROUP else []
+        )
         NodeTypes.installed.cache_clear()
         return NodeTypes.installed()
 
@@ -108,7 +112,10 @@ def test_build_makes_their_behaviours(types):
 
 
 def test_the_dashboard_and_the_record_get_them(types):
-    nodes = {info.path: info.facts() for info in build(read(TREE, "t.yaml"), SKILLS, context=BenchContext()).nodes}
+    nodes = {
+        info.path: info.facts()
+        for info in build(read(TREE, "t.yaml"), SKILLS, context=BenchContext()).nodes
+    }
     assert nodes["t/A:paced"]["settings"] == {"paced": "5 Hz", "because": "the horn is hot"}
     assert nodes["t"]["type"] == "take_turns"
 
@@ -176,19 +183,49 @@ def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
         ({"key": "x", "symbol": "xy", "value": takes.Nothing()}, "one character"),
         ({"key": "x", "symbol": 5, "value": takes.Nothing()}, "one character"),
         ({"key": "x", "symbol": "x", "value": 3}, "no Field for x"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "role": "modifyer"}, "one of composite, leaf, modifier"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"y": 3}}, "no Field for y"),
+        (
+            {"key": "x", "symbol": "x", "value": takes.Nothing(), "role": "modifyer"},
+            "one of composite, leaf, modifier",
+        ),
+        (
+            {"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"y": 3}},
+            "no Field for y",
+        ),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": ["y"]}, "no mapping"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"on_failure": takes.Nothing()}}, "is taken"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "xml_tags": ("X",)}, "are called other_names now"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "other_names": ("Repeat",)}, "belongs to 'repeat'"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "__init__": lambda self, n: None}, "without arguments"),
+        (
+            {
+                "key": "x",
+                "symbol": "x",
+                "value": takes.Nothing(),
+                "fields": {"on_failure": takes.Nothing()},
+            },
+            "is taken",
+        ),
+        (
+            {"key": "x", "symbol": "x", "value": takes.Nothing(), "xml_tags": ("X",)},
+            "are called other_names now",
+        ),
+        (
+            {"key": "x", "symbol": "x", "value": takes.Nothing(), "other_names": ("Repeat",)},
+            "belongs to 'repeat'",
+        ),
+        (
+            {"key": "x", "symbol": "x", "value": takes.Nothing(), "__init__": lambda self, n: None},
+            "without arguments",
+        ),
         ({"key": "retry", "symbol": "x", "value": takes.Nothing()}, "'retry' is taken"),
-        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "outside_of": "nowhere"}, "no modifier named"),
+        (
+            {"key": "x", "symbol": "x", "value": takes.Nothing(), "outside_of": "nowhere"},
+            "no modifier named",
+        ),
     ],
 )
 def test_an_incomplete_type_is_reported_when_it_is_registered(body, message):
-    cls = type("Incomplete", (Modifier,), {"__doc__": "does x", "build": lambda self, at: at.inside(), **body})
+    cls = type(
+        "Incomplete",
+        (Modifier,),
+        {"__doc__": "does x", "build": lambda self, at: at.inside(), **body},
+    )
     with pytest.raises(NodeTypeError, match=message):
         NodeTypes().register(cls)
     undocumented = type("Incomplete", (Modifier,), {"build": lambda self, at: at.inside(), **body})

@@ -37,7 +37,11 @@ from pomona.executive.encode import encoded
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import build, read
 from pomona.executive.reasons import Reason
-from pomona.executive.recording import overview as overview_module, recorder as recorder_module, scan as scan_module
+from pomona.executive.recording import (
+    overview as overview_module,
+    recorder as recorder_module,
+    scan as scan_module,
+)
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.mcap_file import HEAD, MAGIC
@@ -80,8 +84,13 @@ SLOW = 10.0
 """Seconds after which a case counts as a hang: one takes a millisecond."""
 FORGED, DEEPER = 0.04, 0.01
 """Share of cases with right checksums, and of those with wrong ones that are shown to every reader all the same."""
-REASON = Reason("a/Plan", "NO_PATH", "there is no path", {"tries": 3}, (Reason("a/Plan", "X", "y"),))
-NODES = ({"path": "a", "parent": None, "name": "a", "type": "retry"}, {"path": "a/Plan", "parent": "a", "name": "Plan"})
+REASON = Reason(
+    "a/Plan", "NO_PATH", "there is no path", {"tries": 3}, (Reason("a/Plan", "X", "y"),)
+)
+NODES = (
+    {"path": "a", "parent": None, "name": "a", "type": "retry"},
+    {"path": "a/Plan", "parent": "a", "name": "Plan"},
+)
 TOKENS = (
     b"null", b"NaN", b"-Infinity", b"1e999", b"9" * 400, b"[" * 300, b"{}", b"[]", b'"\\ud800"', b"\x00", b"\xff",
     b"true", b"-1", b"0.5", b'""', b'"\x1b]0;x\x07"', b"\xe2\x80\xae", b'"causes":[', b'"t":', b'"event":"RunEnded"',
@@ -106,7 +115,9 @@ def events() -> list[Event]:
         NodeChanged(0.6, 10, "a/Plan", "FAILURE", "no path", 1, REASON),
         AttemptEnded(0.6, 10, "a", 1, 3, False, REASON),
         OperatorActed(0.7, 11, "anna", "stop"),
-        RunEnded(0.8, 12, "failure", REASON, 12, 0.8, 1.0, {"lifted": False, "height_gained_m": -7e-8}),
+        RunEnded(
+            0.8, 12, "failure", REASON, 12, 0.8, 1.0, {"lifted": False, "height_gained_m": -7e-8}
+        ),
     ]
 
 
@@ -120,7 +131,9 @@ def changed(content: bytes, rng: random.Random, begin: int = 0, end: int | None 
         if kind == 0:
             found[at : at + 1] = bytes([rng.randrange(256)])
         elif kind == 1:
-            found[at : at + 1] = bytes([found[at] ^ (1 << rng.randrange(8))]) if at < len(found) else b""
+            found[at : at + 1] = (
+                bytes([found[at] ^ (1 << rng.randrange(8))]) if at < len(found) else b""
+            )
         elif kind == 2:
             found[at : at + rng.randrange(20)] = rng.choice(TOKENS)
         elif kind == 3:
@@ -128,7 +141,9 @@ def changed(content: bytes, rng: random.Random, begin: int = 0, end: int | None 
         elif kind == 4:
             found[at:at] = found[begin:last][: rng.randrange(200)]
         else:
-            found[at : at + 8] = struct.pack("<Q", rng.choice((0, 1, 2**31, 2**63, 2**64 - 1, rng.randrange(2**40))))
+            found[at : at + 8] = struct.pack(
+                "<Q", rng.choice((0, 1, 2**31, 2**63, 2**64 - 1, rng.randrange(2**40)))
+            )
     return bytes(found)
 
 
@@ -138,7 +153,9 @@ class Records:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         (folder / "good").mkdir()
-        vars(overview_module)["WHOLE"] = vars(record_messages)["WHOLE"] = 3  # so few events are a long record
+        vars(overview_module)["WHOLE"] = vars(record_messages)["WHOLE"] = (
+            3  # so few events are a long record
+        )
         vars(recorder_module)["WHOLE_BYTES"] = vars(record_messages)["WHOLE_BYTES"] = -1
         recorder = Recorder(folder / "good")
         for event in events():
@@ -180,7 +197,10 @@ class Records:
         self._read_all(rng, forged)
 
     def _read_all(self, rng: random.Random, forged: bool) -> None:
-        for kept in (record_messages._checked, record_messages._overview_of):  # another file at the same place
+        for kept in (
+            record_messages._checked,
+            record_messages._overview_of,
+        ):  # another file at the same place
             kept.cache_clear()
         found = digest(self.odd)
         read = []
@@ -247,7 +267,12 @@ def _forged(content: bytes, chunk: tuple[int, int], rng: random.Random) -> bytes
     message = HEAD.pack(0x05, len(text) + 22) + head + text
     records = content[begin:at] + message + content[at + HEAD.size + length : end]
     times = content[begin - 40 : begin - 24]
-    body = times + struct.pack("<QII", len(records), zlib.crc32(records), 0) + struct.pack("<Q", len(records)) + records
+    body = (
+        times
+        + struct.pack("<QII", len(records), zlib.crc32(records), 0)
+        + struct.pack("<Q", len(records))
+        + records
+    )
     return content[: begin - 40 - HEAD.size] + HEAD.pack(Opcode.CHUNK, len(body)) + body
 
 
@@ -291,14 +316,34 @@ class Desk:
         self.lock = ControlLock()
         self.lock.serve(self.runner)
         self.presses, self.loop = Presses(self.lock), asyncio.new_event_loop()
-        self.launcher = Launcher(Dashboard(Access("127.0.0.1", 0), Path("none")), Path("none"), Choices.installed())
-        acts = [(action, "") for action in ("take", "release", "pause", "resume", "step", "stop", "acknowledge")]
-        acts += [("safe_stop", ""), ("break", self.path), ("unbreak_after", self.path), ("fail", "arm link")]
+        self.launcher = Launcher(
+            Dashboard(Access("127.0.0.1", 0), Path("none")), Path("none"), Choices.installed()
+        )
+        acts = [
+            (action, "")
+            for action in ("take", "release", "pause", "resume", "step", "stop", "acknowledge")
+        ]
+        acts += [
+            ("safe_stop", ""),
+            ("break", self.path),
+            ("unbreak_after", self.path),
+            ("fail", "arm link"),
+        ]
         acts += [("answer", f"yes ← {self.path}"), ("change", f"duration = 20 ms ← {self.path}")]
         press = {"press": "p", "viewer": HOLDER, "who": "anna", "pressed": 1.5}
-        self.requests = [json.dumps(press | {"action": action, "detail": detail}) for action, detail in acts]
-        form = {"tree": "pick_apple", "cell": "sim", "seed": 3, "settings": {"fruit": "apple_1"}, "dry": False}
-        self.requests.append(json.dumps(form | {"pace": "real", "after_cut": "", "viewer": HOLDER, "who": "anna"}))
+        self.requests = [
+            json.dumps(press | {"action": action, "detail": detail}) for action, detail in acts
+        ]
+        form = {
+            "tree": "pick_apple",
+            "cell": "sim",
+            "seed": 3,
+            "settings": {"fruit": "apple_1"},
+            "dry": False,
+        }
+        self.requests.append(
+            json.dumps(form | {"pace": "real", "after_cut": "", "viewer": HOLDER, "who": "anna"})
+        )
 
     def case(self, rng: random.Random) -> None:
         """Break one, send it. Without control nothing but a safe stop is ever asked of the run."""
@@ -371,7 +416,9 @@ def main() -> int:
             if broken >= 5:
                 break
     took = time.perf_counter() - began
-    sys.stdout.write(f"{options.kind}: {options.cases} cases, {broken} findings, {options.cases / took:.0f} a second\n")
+    sys.stdout.write(
+        f"{options.kind}: {options.cases} cases, {broken} findings, {options.cases / took:.0f} a second\n"
+    )
     return 1 if broken else 0
 
 

@@ -72,7 +72,9 @@ def kill_a_recording_process(folder: Path) -> int:
     return last
 
 
-def test_a_killed_process_loses_at_most_the_last_second_and_repair_makes_its_record_whole(tmp_path: Path) -> None:
+def test_a_killed_process_loses_at_most_the_last_second_and_repair_makes_its_record_whole(
+    tmp_path: Path,
+) -> None:
     folder = tmp_path / "killed"
     folder.mkdir()
     last = kill_a_recording_process(folder)
@@ -90,7 +92,9 @@ def test_a_killed_process_loses_at_most_the_last_second_and_repair_makes_its_rec
     assert repair(folder) is None
 
 
-def test_a_broken_chunk_is_kept_beside_the_repaired_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_chunk_is_kept_beside_the_repaired_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(recorder_module, "CHUNK_BYTES", 500)
     recorder = Recorder(tmp_path)
     for tick in range(20):
@@ -139,13 +143,17 @@ def test_a_run_that_is_going_on_is_seen_and_not_repaired(tmp_path: Path) -> None
     assert RunIndex(tmp_path).read()[0].state == "cut off"
 
 
-def run_on_a_full_disk(folder: Path, record: str, pace: str = "real") -> subprocess.CompletedProcess[str]:
+def run_on_a_full_disk(
+    folder: Path, record: str, pace: str = "real"
+) -> subprocess.CompletedProcess[str]:
     """A whole run whose record may not become larger than 6 kB."""
     tree, cell, runs = folder / "slow.yaml", folder / "bench.yaml", folder / "runs"
     tree.write_text(TREE)
     cell.write_text(f"name: bench\nkind: mock\nclock: manual\nrecord: {record}\ndevices: {{}}\n")
     arguments = ["run", str(tree), "--cell", str(cell), "--record", str(runs), "--pace", pace]
-    return subprocess.run([sys.executable, "-c", LIMITED, *arguments], capture_output=True, text=True, timeout=120)
+    return subprocess.run(
+        [sys.executable, "-c", LIMITED, *arguments], capture_output=True, text=True, timeout=120
+    )
 
 
 def test_on_a_full_disk_a_run_goes_on_unrecorded_and_reports_it(tmp_path: Path) -> None:
@@ -168,7 +176,9 @@ def test_on_a_full_disk_a_run_that_needs_its_record_ends_in_the_safe_state(tmp_p
     assert "Traceback" not in said
 
 
-def test_a_record_that_is_needed_and_fails_at_its_end_makes_an_error_of_a_success(tmp_path: Path) -> None:
+def test_a_record_that_is_needed_and_fails_at_its_end_makes_an_error_of_a_success(
+    tmp_path: Path,
+) -> None:
     done = run_on_a_full_disk(tmp_path, "required", pace="fast")
     said = " ".join((done.stdout + done.stderr).split())
     assert done.returncode == 3, said
@@ -185,7 +195,10 @@ def test_a_record_that_is_removed_while_it_is_written_is_missed(tmp_path: Path) 
     deadline = time.monotonic() + 60.0  # of a busy machine
     while not recorder.problem and time.monotonic() < deadline:
         os.sched_yield()
-    assert recorder.problem == "the record ends at 0.00 s of the run: its file was removed while it was written"
+    assert (
+        recorder.problem
+        == "the record ends at 0.00 s of the run: its file was removed while it was written"
+    )
     recorder.close()
 
 
@@ -209,7 +222,9 @@ def test_a_run_whose_needed_record_was_removed_is_an_error_and_names_no_record(
     said = capsys.readouterr()
     told = json.loads(said.out.splitlines()[-1])
     assert (told["outcome"], told["reason"]["code"], told["record"]) == ("error", "NO_RECORD", None)
-    assert re.search(r"the record ends at 0\.[01]0 s", " ".join(said.err.split()))  # whenever its thread has seen it
+    assert re.search(
+        r"the record ends at 0\.[01]0 s", " ".join(said.err.split())
+    )  # whenever its thread has seen it
 
 
 @pytest.mark.parametrize("record", ["required", "optional"])
@@ -239,7 +254,9 @@ def test_a_record_of_which_nothing_was_written_is_not_named_but_its_loss(
     assert main([*words, "--json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out.splitlines()[-1])["record"] is None
-    assert "the record ends at 0.00 s of the run: No space left on device" in " ".join(said.err.split())
+    assert "the record ends at 0.00 s of the run: No space left on device" in " ".join(
+        said.err.split()
+    )
     assert main([*words, "--quiet"]) == 0
     assert "No space left on device" in capsys.readouterr().err
 

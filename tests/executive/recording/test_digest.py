@@ -29,7 +29,10 @@ def chain(length: int) -> list[dict[str, Any]]:
         (nodes(("r", None), ("a", "a")), "node 'a' has no parent before it"),
         (nodes(("a", None), ("b", None)), "node 'b' has no parent before it"),
         (nodes(("a", None), ("b", "a"), ("b", "a")), "two nodes 'b'"),
-        (chain(DEEPEST_NODE + 2), f"node '{DEEPEST_NODE + 1}' is more than {DEEPEST_NODE} levels deep"),
+        (
+            chain(DEEPEST_NODE + 2),
+            f"node '{DEEPEST_NODE + 1}' is more than {DEEPEST_NODE} levels deep",
+        ),
         (nodes(("a", None)) * (MOST_NODES + 1), f"{MOST_NODES + 1} nodes stand where a tree"),
         ({"a": 1}, "stand where a tree of at most"),
         ([7], "'7' stands where a node with a path"),
@@ -37,7 +40,10 @@ def chain(length: int) -> list[dict[str, Any]]:
         ([{"path": "a", "parent": None, "name": 7}], "name, type and kind of node 'a'"),
         ([{"path": "a", "parent": None, "line": True}], "the line of node 'a'"),
         ([{"path": "a", "parent": ["a"]}], "the first node 'a' has a parent"),
-        ([{"path": "a", "parent": None}, {"path": "b", "parent": ["a"]}], "node 'b' has no parent before it"),
+        (
+            [{"path": "a", "parent": None}, {"path": "b", "parent": ["a"]}],
+            "node 'b' has no parent before it",
+        ),
     ],
 )
 def test_nodes_that_are_no_tree_are_refused_with_the_node(value: Any, words: str) -> None:
@@ -50,8 +56,12 @@ def test_the_deepest_tree_and_none_are_read() -> None:
     assert tree_of([]) == []
 
 
-@given(st.lists(st.tuples(st.sampled_from("abcdef"), st.sampled_from([None, *"abcdef"])), max_size=7))
-def test_each_way_up_from_an_accepted_node_ends_at_the_root(pairs: list[tuple[str, str | None]]) -> None:
+@given(
+    st.lists(st.tuples(st.sampled_from("abcdef"), st.sampled_from([None, *"abcdef"])), max_size=7)
+)
+def test_each_way_up_from_an_accepted_node_ends_at_the_root(
+    pairs: list[tuple[str, str | None]],
+) -> None:
     try:
         parents = {node["path"]: node["parent"] for node in tree_of(nodes(*pairs))}
     except ValueError:

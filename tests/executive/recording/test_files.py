@@ -51,16 +51,24 @@ def test_json_lines_hold_every_event(folder: Path, tmp_path: Path) -> None:
     assert [event["event"] for event in events] == [type(event).__name__ for event in everything()]
 
 
-def test_an_mcap_is_indexed_and_compressed_with_the_same_content(folder: Path, tmp_path: Path) -> None:
+def test_an_mcap_is_indexed_and_compressed_with_the_same_content(
+    folder: Path, tmp_path: Path
+) -> None:
     export(folder, tmp_path / "out.mcap")
     with (tmp_path / "out.mcap").open("rb") as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
         assert summary is not None
         assert summary.chunk_indexes
-        assert {attachment.name for attachment in reader.iter_attachments()} == {"tree.yaml", "cell.yaml", "look.yaml"}
+        assert {attachment.name for attachment in reader.iter_attachments()} == {
+            "tree.yaml",
+            "cell.yaml",
+            "look.yaml",
+        }
     key = str
-    assert sorted(contents(tmp_path / "out.mcap"), key=key) == sorted(contents(folder / EVENTS_FILE), key=key)
+    assert sorted(contents(tmp_path / "out.mcap"), key=key) == sorted(
+        contents(folder / EVENTS_FILE), key=key
+    )
     assert len(list(read_events(tmp_path / "out.mcap"))) == len(everything())
 
 
@@ -161,7 +169,12 @@ def test_ages_and_sizes_carry_units() -> None:
     assert AGE.option("30 d") == 30 * DAY
     assert AGE.option("1.5h") == 5400.0
     assert SIZE.option("20 GB") == 20e9
-    problems = {"30": "lacks a unit", "d": "is not an age", "-3 d": "must be at least 0 d", "3 days": "no unit of age"}
+    problems = {
+        "30": "lacks a unit",
+        "d": "is not an age",
+        "-3 d": "must be at least 0 d",
+        "3 days": "no unit of age",
+    }
     for text, problem in problems.items():
         with pytest.raises(argparse.ArgumentTypeError, match=problem):
             AGE.option(text)
@@ -176,7 +189,10 @@ def test_a_run_is_found_by_path_file_beginning_and_last(tmp_path: Path) -> None:
     export(tmp_path / "2026-01-01_a", tmp_path / "a.mcap")
     assert find_record("last", tmp_path).name == "2026-01-02_b"
     assert find_record("2026-01-01", tmp_path).name == "2026-01-01_a"
-    assert find_record(str(tmp_path / "2026-01-01_a" / EVENTS_FILE), tmp_path / "x") == tmp_path / "2026-01-01_a"
+    assert (
+        find_record(str(tmp_path / "2026-01-01_a" / EVENTS_FILE), tmp_path / "x")
+        == tmp_path / "2026-01-01_a"
+    )
     assert find_record(str(tmp_path / "a.mcap"), tmp_path) == tmp_path / "a.mcap"
 
 

@@ -33,10 +33,15 @@ READERS: tuple[tuple[str, ...], ...] = (
     ("runs", "export", "odd", "frames", "--to", "frames"), ("runs", "export", "odd", "bag", "--to", "rosbag2"),
     ("evidence", "odd"), ("evidence", "runs"), ("runs", "repair", "odd"),
 )  # fmt: skip
-NODES = ({"path": "a", "parent": None, "name": "a", "type": "retry"}, {"path": "a/Plan", "parent": "a", "name": "Plan"})
+NODES = (
+    {"path": "a", "parent": None, "name": "a", "type": "retry"},
+    {"path": "a/Plan", "parent": "a", "name": "Plan"},
+)
 TABLE = Published(0.4, 8, "a/Plan", "table", TableView(("a", "b"), (("1", "2"),), "sizes"))
 EVENTS = (started(nodes=NODES), TABLE, *everything()[1:])
-MESSAGES: tuple[dict[str, Any], ...] = tuple(json.loads(encoded(message_of(event))) for event in EVENTS)
+MESSAGES: tuple[dict[str, Any], ...] = tuple(
+    json.loads(encoded(message_of(event))) for event in EVENTS
+)
 Place = tuple[int, tuple[str | int, ...]]
 
 
@@ -46,7 +51,13 @@ class BusyError(BaseException):
 
 def places(value: Any, at: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
     yield at
-    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    inner = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for key, item in inner:
         yield from places(item, (*at, key))
 
@@ -69,19 +80,40 @@ def nested(depth: int) -> Any:
 
 
 FORGED: st.SearchStrategy[Any] = st.one_of(
-    st.sampled_from([float("nan"), float("inf"), -float("inf"), 9e11, -9e11, 1e300, -1, -0.5, 10**30, 2**63, 2**31]),
-    st.sampled_from(["x" * 1_000_000, "\ud800\x1b[2J", "", "x\n" * 10_000, nested(150), nested(250), None, True]),
+    st.sampled_from(
+        [
+            float("nan"),
+            float("inf"),
+            -float("inf"),
+            9e11,
+            -9e11,
+            1e300,
+            -1,
+            -0.5,
+            10**30,
+            2**63,
+            2**31,
+        ]
+    ),
+    st.sampled_from(
+        ["x" * 1_000_000, "\ud800\x1b[2J", "", "x\n" * 10_000, nested(150), nested(250), None, True]
+    ),
     st.sampled_from([[0.5] * 100_000, [["1"]] * 50_000, {str(k): k for k in range(20_000)}]),
     st.recursive(
         st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
+        ),
         max_leaves=5,
     ),
 )
 
 
 def cycle(*parents: str | None) -> list[dict[str, Any]]:
-    return [{"path": str(k), "parent": parent, "name": "n", "type": "retry"} for k, parent in enumerate(parents)]
+    return [
+        {"path": str(k), "parent": parent, "name": "n", "type": "retry"}
+        for k, parent in enumerate(parents)
+    ]
 
 
 def read_by_all(messages: Sequence[Any], readers: Sequence[Sequence[str]] = READERS) -> str:
@@ -91,8 +123,14 @@ def read_by_all(messages: Sequence[Any], readers: Sequence[Sequence[str]] = READ
         foreign(Path("runs/odd"), *(json.dumps(message).encode() for message in messages))
         foreign(Path("runs/good"), *(json.dumps(message).encode() for message in MESSAGES))
         for reader in readers:
-            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), within_limit(reader):
-                assert main(list(reader)) in (0, 1, 2), reader  # 1: compared runs differ, a limit was passed
+            with (
+                contextlib.redirect_stdout(said),
+                contextlib.redirect_stderr(said),
+                within_limit(reader),
+            ):
+                assert main(list(reader)) in (0, 1, 2), (
+                    reader
+                )  # 1: compared runs differ, a limit was passed
     assert "Traceback" not in said.getvalue()
     return said.getvalue()
 
@@ -125,17 +163,28 @@ def at(event: str, *keys: str | int) -> Place:
 @example(at("RunStarted", "wall_time"), 3e9)
 def test_every_reader_ends_soon_and_in_words(place: Place, value: Any) -> None:
     number, keys = place
-    read_by_all([put(message, keys, value) if k == number else message for k, message in enumerate(MESSAGES)])
+    read_by_all(
+        [
+            put(message, keys, value) if k == number else message
+            for k, message in enumerate(MESSAGES)
+        ]
+    )
 
 
 @pytest.mark.parametrize("wall_time", [9e11, -9e11, 1e300])
-def test_a_record_of_no_moment_is_listed_as_unreadable_and_the_others_stay(wall_time: float) -> None:
-    said = read_by_all([MESSAGES[0] | {"wall_time": wall_time}, *MESSAGES[1:]], [("runs", "list", "--json")])
+def test_a_record_of_no_moment_is_listed_as_unreadable_and_the_others_stay(
+    wall_time: float,
+) -> None:
+    said = read_by_all(
+        [MESSAGES[0] | {"wall_time": wall_time}, *MESSAGES[1:]], [("runs", "list", "--json")]
+    )
     states = {run["run"]: run["state"] for run in map(json.loads, said.splitlines())}
     assert states == {"odd": "unreadable", "good": "ended"}
 
 
-@pytest.mark.parametrize("reader", [("runs", "show", "odd"), ("explain", "odd"), ("runs", "export", "odd", "o.html")])
+@pytest.mark.parametrize(
+    "reader", [("runs", "show", "odd"), ("explain", "odd"), ("runs", "export", "odd", "o.html")]
+)
 def test_a_cycle_of_nodes_is_refused_with_record_and_node(reader: Sequence[str]) -> None:
     forged = MESSAGES[0] | {"nodes": cycle(None, "2", "1")}
     said = " ".join(read_by_all([forged, *MESSAGES[1:]], [reader]).split())
@@ -146,7 +195,12 @@ def test_a_cycle_of_nodes_is_refused_with_record_and_node(reader: Sequence[str])
 @pytest.mark.slow
 def test_a_long_table_is_printed_in_part_with_the_number_of_the_rest() -> None:
     number, _keys = at("Published")
-    table = {"type": "TableView", "columns": ["a"] * 40, "rows": [["1", "2"]] * 50_000, "caption": "sizes"}
+    table = {
+        "type": "TableView",
+        "columns": ["a"] * 40,
+        "rows": [["1", "2"]] * 50_000,
+        "caption": "sizes",
+    }
     messages = [*MESSAGES[:-1], MESSAGES[number] | {"value": table}, MESSAGES[-1]]
     said = read_by_all(messages, [("runs", "show", "odd")])
     assert "49800 more rows and 10 more columns" in " ".join(said.split())
@@ -154,5 +208,7 @@ def test_a_long_table_is_printed_in_part_with_the_number_of_the_rest() -> None:
 
 def test_a_moment_that_ros_2_cannot_hold_is_named() -> None:
     messages = [MESSAGES[0] | {"wall_time": 3e9}, *MESSAGES[1:]]
-    said = " ".join(read_by_all(messages, [("runs", "export", "odd", "bag", "--to", "rosbag2")]).split())
+    said = " ".join(
+        read_by_all(messages, [("runs", "export", "odd", "bag", "--to", "rosbag2")]).split()
+    )
     assert "3000000000 s since 1970 are no time of ROS 2" in said

@@ -15,7 +15,9 @@ from pomona.tools.dashboard import record_messages
 
 @pytest.fixture
 def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.setattr(scan, "open_plain", scan.open_plain)  # the fuzzer replaces it by files in memory
+    monkeypatch.setattr(
+        scan, "open_plain", scan.open_plain
+    )  # the fuzzer replaces it by files in memory
     sizes = (
         (overview, "WHOLE"),
         (recorder, "WHOLE_BYTES"),
@@ -24,7 +26,9 @@ def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     )
     for module, name in sizes:
         monkeypatch.setattr(module, name, getattr(module, name))  # and calls its record a long one
-    spec = importlib.util.spec_from_file_location("fuzz_records", Path(__file__).with_name("fuzz_records.py"))
+    spec = importlib.util.spec_from_file_location(
+        "fuzz_records", Path(__file__).with_name("fuzz_records.py")
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -37,7 +37,11 @@ def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run_of(number: int) -> list[Event]:
-    return [*FAILED[:1], *(StateChanged(0.1 * i, i, "running", "x" * 200) for i in range(1, number)), *FAILED[-1:]]
+    return [
+        *FAILED[:1],
+        *(StateChanged(0.1 * i, i, "running", "x" * 200) for i in range(1, number)),
+        *FAILED[-1:],
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +72,9 @@ def test_a_change_of_each_byte_of_a_small_record_is_found(tmp_path: Path) -> Non
     assert examine(path).state == "whole"
     assert examine(path).checked
     rng = random.Random(1)
-    end = content.index(HEAD.pack(0x0F, 4))  # behind it, every bit of every byte; before it, some of every third
+    end = content.index(
+        HEAD.pack(0x0F, 4)
+    )  # behind it, every bit of every byte; before it, some of every third
     places = [(at, rng.randrange(1, 256)) for at in range(0, end, 3)]
     places += [(at, 1 << bit) for at in range(end, len(content)) for bit in range(8)]
     for at, change in places:
@@ -90,7 +96,9 @@ def test_a_checksum_that_was_wiped_out_is_found_too(tmp_path: Path) -> None:
 
 
 @settings(max_examples=200)
-@given(cut=st.floats(0.0, 1.0), place=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255))
+@given(
+    cut=st.floats(0.0, 1.0), place=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255)
+)
 def test_of_a_record_that_was_cut_off_no_changed_byte_is_believed(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, cut: float, place: float, change: int
 ) -> None:
@@ -164,7 +172,9 @@ def test_repair_keeps_everything_but_the_damaged_chunk_and_names_the_gap(tmp_pat
 @pytest.mark.usefixtures("small_chunks")
 def test_a_record_of_which_the_first_chunk_is_lost_keeps_its_later_events(tmp_path: Path) -> None:
     path = record(tmp_path, run_of(40))
-    content = bytearray(path.read_bytes()[: path.stat().st_size // 2])  # and its summary is lost, too
+    content = bytearray(
+        path.read_bytes()[: path.stat().st_size // 2]
+    )  # and its summary is lost, too
     content[content.index(b"RunStarted")] ^= 1
     path.write_bytes(content)
     assert repair(tmp_path) is not None
@@ -176,7 +186,13 @@ def test_a_record_of_which_the_first_chunk_is_lost_keeps_its_later_events(tmp_pa
 
 @pytest.mark.slow
 @settings(max_examples=60)
-@given(st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=5))
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(1, 255)),
+        min_size=1,
+        max_size=5,
+    )
+)
 def test_a_repaired_record_is_whole_and_holds_no_event_that_was_not_recorded(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[float, int]]
 ) -> None:
@@ -200,7 +216,10 @@ def test_the_cause_is_named_cut_killed_disk_full_lost_power(tmp_path: Path) -> N
     path = record(tmp_path, run_of(3))
     size = path.stat().st_size
     path.write_bytes(path.read_bytes()[:-100])
-    assert why_cut(tmp_path) == f"it was whole once, with {size} bytes, and the file was cut afterwards"
+    assert (
+        why_cut(tmp_path)
+        == f"it was whole once, with {size} bytes, and the file was cut afterwards"
+    )
 
     script = (
         "import os, sys; from pathlib import Path; from pomona.executive.recording.recorder import Recorder;"
@@ -217,7 +236,9 @@ def test_the_cause_is_named_cut_killed_disk_full_lost_power(tmp_path: Path) -> N
     assert "killed or lost its power, or the file was cut" in why_cut(tmp_path / "killed")
 
 
-def test_a_disk_that_is_full_is_named_as_the_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_is_full_is_named_as_the_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     recorder = Recorder(tmp_path)
     monkeypatch.setattr(recorder._writer, "flush", full_disk)
     recorder.on_event(FAILED[0])
@@ -235,7 +256,9 @@ def full_disk() -> None:
 def test_zeros_at_the_end_are_a_loss_of_power_and_no_damage(tmp_path: Path) -> None:
     path = record(tmp_path, run_of(3))
     content = path.read_bytes()
-    path.write_bytes(content[: content.index(b"\x0f\x04\x00\x00\x00\x00\x00\x00\x00")] + bytes(4096))
+    path.write_bytes(
+        content[: content.index(b"\x0f\x04\x00\x00\x00\x00\x00\x00\x00")] + bytes(4096)
+    )
     verdict = examine(path)
     assert verdict.state == "cut off"
     assert "power failure" in verdict.why
@@ -247,7 +270,14 @@ def test_zeros_at_the_end_are_a_loss_of_power_and_no_damage(tmp_path: Path) -> N
 
 def chunked(records: bytes, compression: str, packed: bytes, size: int | None = None) -> bytes:
     """Return a file of one chunk with a given head."""
-    head = struct.pack("<QQQII", 0, 0, len(records) if size is None else size, zlib.crc32(records), len(compression))
+    head = struct.pack(
+        "<QQQII",
+        0,
+        0,
+        len(records) if size is None else size,
+        zlib.crc32(records),
+        len(compression),
+    )
     chunk = head + compression.encode() + struct.pack("<Q", len(packed)) + packed
     header = HEAD.pack(1, 8) + bytes(8)
     return MAGIC + header + HEAD.pack(6, len(chunk)) + chunk
@@ -269,7 +299,9 @@ def test_a_compressed_bomb_is_refused_before_it_grows(tmp_path: Path) -> None:
 def test_a_length_that_a_file_only_claims_costs_nothing(tmp_path: Path) -> None:
     for opcode in (0x05, 0x06, 0x09, 0x0C):
         for length in (2**31, 2**63 - 1, 2**64 - 1):
-            (tmp_path / EVENTS_FILE).write_bytes(MAGIC + HEAD.pack(1, 8) + bytes(8) + HEAD.pack(opcode, length))
+            (tmp_path / EVENTS_FILE).write_bytes(
+                MAGIC + HEAD.pack(1, 8) + bytes(8) + HEAD.pack(opcode, length)
+            )
             assert digest(tmp_path).state == "cut off"
     assert repair(tmp_path) is not None
 
@@ -317,7 +349,9 @@ def test_a_file_that_is_no_valid_record_is_refused_in_one_line(
             writer.finish()
     else:
         content = path.read_bytes()
-        path.write_bytes(b"# notes of the day" if name == "text" else content[:-60] + b"?" + content[-59:])
+        path.write_bytes(
+            b"# notes of the day" if name == "text" else content[:-60] + b"?" + content[-59:]
+        )
     assert main(["explain", name]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""

@@ -18,12 +18,20 @@ from pomona.executive.recording.scan import scan
 from pomona.executive.recording.well_known import INTERVENTIONS
 from pomona.executive.running.events import OperatorActed
 
-ACTS = tuple(OperatorActed(0.5 * n, 25 * n, "anna", action) for n, action in enumerate(("take", "pause", "resume")))
+ACTS = tuple(
+    OperatorActed(0.5 * n, 25 * n, "anna", action)
+    for n, action in enumerate(("take", "pause", "resume"))
+)
 
 
-def test_a_record_holds_and_shows_the_actions_of_operators(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_record_holds_and_shows_the_actions_of_operators(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = write(tmp_path / "run", (SUCCEEDED[0], *ACTS, SUCCEEDED[1]))
-    entries = [json.loads(found.content) for found in scan(folder / EVENTS_FILE, topics=INTERVENTIONS.__eq__)]
+    entries = [
+        json.loads(found.content)
+        for found in scan(folder / EVENTS_FILE, topics=INTERVENTIONS.__eq__)
+    ]
     assert entries[1] == {"t": 0.5, "tick": 25, "who": "anna", "action": "pause", "detail": ""}
     assert len(entries) == len(ACTS)
     assert main(["runs", "show", str(folder)]) == 0

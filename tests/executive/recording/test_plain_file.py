@@ -14,10 +14,15 @@ def test_a_new_file_appears_whole_with_its_name(tmp_path: Path) -> None:
         beside.mkdir()
         (beside / "part").write_text("one")
         assert (beside.name, place.exists()) == ("made", False)
-    assert [path.relative_to(tmp_path).as_posix() for path in sorted(tmp_path.rglob("*"))] == ["made", "made/part"]
+    assert [path.relative_to(tmp_path).as_posix() for path in sorted(tmp_path.rglob("*"))] == [
+        "made",
+        "made/part",
+    ]
 
 
-@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), ValueError("odd")])
+@pytest.mark.parametrize(
+    "error", [OSError(28, "No space left on device"), KeyboardInterrupt(), ValueError("odd")]
+)
 def test_half_of_it_is_left_nowhere(tmp_path: Path, error: BaseException) -> None:
     def make() -> None:
         with made_whole(tmp_path / "made") as beside:
@@ -26,7 +31,10 @@ def test_half_of_it_is_left_nowhere(tmp_path: Path, error: BaseException) -> Non
 
     with pytest.raises(UsageError if isinstance(error, OSError) else type(error)) as caught:
         make()
-    assert not isinstance(error, OSError) or str(caught.value) == f"{tmp_path}/made: No space left on device"
+    assert (
+        not isinstance(error, OSError)
+        or str(caught.value) == f"{tmp_path}/made: No space left on device"
+    )
     assert list(tmp_path.iterdir()) == []
 
 

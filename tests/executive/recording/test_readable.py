@@ -103,7 +103,9 @@ def test_a_value_above_the_readers_limit_is_refused_with_both_sizes(
     recorder.close()
     told, _after = read_events(tmp_path)
     assert isinstance(told, ErrorRaised)
-    assert told.message == "'big' of a/Look cannot be encoded: 3 MB of text; at most 2 MB are recorded"
+    assert (
+        told.message == "'big' of a/Look cannot be encoded: 3 MB of text; at most 2 MB are recorded"
+    )
 
 
 def test_readings_that_are_none_are_an_error_and_not_the_end_of_the_record(tmp_path: Path) -> None:
@@ -175,11 +177,15 @@ def run_required(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[in
     tree, cell = tmp_path / "short.yaml", tmp_path / "bench.yaml"
     tree.write_text(SHORT)
     cell.write_text("name: bench\nkind: mock\nclock: manual\nrecord: required\ndevices: {}\n")
-    status = main(["run", str(tree), "--cell", str(cell), "--record", str(tmp_path / "runs"), "--json"])
+    status = main(
+        ["run", str(tree), "--cell", str(cell), "--record", str(tmp_path / "runs"), "--json"]
+    )
     return status, json.loads(capsys.readouterr().out.splitlines()[-1])
 
 
-def test_a_required_record_that_is_whole_is_a_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_required_record_that_is_whole_is_a_success(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     status, told = run_required(tmp_path, capsys)
     assert (status, told["outcome"]) == (0, "success")
 
@@ -195,7 +201,10 @@ def change_a_byte(path: Path) -> None:
     [
         (change_a_byte, "cannot be read"),
         (lambda path: os.truncate(path, path.stat().st_size - 9), "the finished record is cut off"),
-        (lambda path: path.write_bytes(b""), "the finished record is cut off and contains no end instead of success"),
+        (
+            lambda path: path.write_bytes(b""),
+            "the finished record is cut off and contains no end instead of success",
+        ),
         (lambda path: path.unlink(), "cannot be read"),
     ],
 )
@@ -256,7 +265,9 @@ class Failing(Skill):
         ("Failing", "Failing: the message of LOST is no text but int"),
     ],
 )
-def test_a_skill_whose_words_are_no_text_ends_the_run_and_is_named(tmp_path: Path, skill: str, words: str) -> None:
+def test_a_skill_whose_words_are_no_text_ends_the_run_and_is_named(
+    tmp_path: Path, skill: str, words: str
+) -> None:
     recorder = Recorder(tmp_path)
     skills = Registry({"Mumble": Mumble, "Yielding": Yielding, "Failing": Failing})
     runner, cell, _events = make(

@@ -10,7 +10,12 @@ import pytest
 from pomona.executive.errors import UsageError
 from pomona.executive.reasons import Reason
 from pomona.executive.recording import recorder as recorder_module
-from pomona.executive.recording.folder import EVENTS_FILE, RecordError, find_record, new_record_folder
+from pomona.executive.recording.folder import (
+    EVENTS_FILE,
+    RecordError,
+    find_record,
+    new_record_folder,
+)
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import Event, NodeChanged, Published, StateChanged
@@ -25,7 +30,9 @@ def record(folder: Path, events: list[Event]) -> None:
 
 
 def test_a_failure_keeps_its_chain_of_reasons(tmp_path: Path) -> None:
-    reason = Reason("0", "NO_PATH", "no path", {"nearest": 0.02}, (Reason("0/1", "NO_PATH", "no path"),))
+    reason = Reason(
+        "0", "NO_PATH", "no path", {"nearest": 0.02}, (Reason("0/1", "NO_PATH", "no path"),)
+    )
     changed = NodeChanged(1.5, 75, "0", "FAILURE", "no path", 2, reason)
     record(tmp_path, [changed])
     assert list(read_events(tmp_path)) == [changed]
@@ -45,7 +52,10 @@ def test_an_image_comes_back_with_its_lines(tmp_path: Path) -> None:
 
 def test_series_and_empty_scenes_come_back(tmp_path: Path) -> None:
     series = SeriesView(np.arange(3.0), {"force [N]": np.array([0.0, 1.0, 2.0])}, {"least": 1.2})
-    record(tmp_path, [Published(0.0, 0, "n", "grip", series), Published(0.0, 0, "n", "scene", SceneView())])
+    record(
+        tmp_path,
+        [Published(0.0, 0, "n", "grip", series), Published(0.0, 0, "n", "scene", SceneView())],
+    )
     grip, scene = read_events(tmp_path)
     assert isinstance(grip, Published)
     assert isinstance(scene, Published)
@@ -75,7 +85,10 @@ def test_two_records_of_one_second_get_two_folders(tmp_path: Path) -> None:
     from datetime import datetime
 
     now = datetime(2026, 11, 21, 8, 41, 7)
-    first, second = new_record_folder(tmp_path, "pick", now), new_record_folder(tmp_path, "pick", now)
+    first, second = (
+        new_record_folder(tmp_path, "pick", now),
+        new_record_folder(tmp_path, "pick", now),
+    )
     assert first.name == "2026-11-21_08-41-07_pick"
     assert second.name == "2026-11-21_08-41-07_pick_2"
 

@@ -58,7 +58,11 @@ def leave(
     folder = order.record / name
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
-    recorder.on_event(replace(started(), cell_kind=kind, cell_path=str(order.cell.resolve()), nodes=NODES, tree=tree))
+    recorder.on_event(
+        replace(
+            started(), cell_kind=kind, cell_path=str(order.cell.resolve()), nodes=NODES, tree=tree
+        )
+    )
     recorder.on_event(NodeChanged(0.1, 5, "t/Lift", "RUNNING", "", 1))
     if hand is not None:
         recorder.on_event(HandChanged(0.2, 10, hand))
@@ -78,7 +82,9 @@ def test_a_run_that_came_to_an_end_is_not_unfinished(order: RunOrder) -> None:
     assert unfinished(order.record, order.cell) is None
 
 
-def test_a_cut_run_reports_its_activity_and_the_possible_content_of_the_gripper(order: RunOrder) -> None:
+def test_a_cut_run_reports_its_activity_and_the_possible_content_of_the_gripper(
+    order: RunOrder,
+) -> None:
     leave(order, "real", HELD)
     assert order.record is not None
     cut = unfinished(order.record, order.cell)
@@ -94,7 +100,10 @@ def test_actions_of_the_supervisor_are_reported_with_a_cut_run_and_by_explain(
     leave(order, "real", HELD)
     assert order.record is not None
     (record,) = order.record.iterdir()
-    report = {"reason": "the run's process did not answer for 1 s", "devices": {"arm": "stopped", "gripper": "stopped"}}
+    report = {
+        "reason": "the run's process did not answer for 1 s",
+        "devices": {"arm": "stopped", "gripper": "stopped"},
+    }
     (record / REPORT).write_text(json.dumps(report))
     told = "its supervisor reported that the run's process did not answer for 1 s: arm stopped, gripper stopped"
     cut = unfinished(order.record, order.cell)
@@ -120,7 +129,9 @@ def test_only_the_newest_run_on_this_cell_counts(order: RunOrder, tmp_path: Path
     assert unfinished(order.record, other) is not None
 
 
-def test_a_run_that_was_cut_after_the_clock_was_set_back_is_the_newest_all_the_same(order: RunOrder) -> None:
+def test_a_run_that_was_cut_after_the_clock_was_set_back_is_the_newest_all_the_same(
+    order: RunOrder,
+) -> None:
     leave(order, "real", "", ended=True, name="2026-11-22_t")
     leave(order, "real", HELD, name="2026-11-21_t")
     assert order.record is not None
@@ -133,7 +144,9 @@ def test_a_run_that_was_cut_after_the_clock_was_set_back_is_the_newest_all_the_s
 
 
 @pytest.mark.parametrize("damage", ["missing", "no JSON", "a number that no recorder writes"])
-def test_a_record_without_a_number_stands_where_its_time_puts_it(order: RunOrder, damage: str) -> None:
+def test_a_record_without_a_number_stands_where_its_time_puts_it(
+    order: RunOrder, damage: str
+) -> None:
     leave(order, "real", "", ended=True, name="2026-11-20_t")
     leave(order, "real", HELD, name="2026-11-21_t")
     leave(order, "real", "", ended=True, name="2026-11-22_t")
@@ -150,7 +163,9 @@ def test_a_record_without_a_number_stands_where_its_time_puts_it(order: RunOrder
 
 
 @pytest.mark.parametrize("damage", ["a flipped bit", "the tail is zero", "empty", "all zero"])
-def test_an_untrusted_newest_record_makes_no_gripper_count_as_empty(order: RunOrder, damage: str) -> None:
+def test_an_untrusted_newest_record_makes_no_gripper_count_as_empty(
+    order: RunOrder, damage: str
+) -> None:
     order.cell.write_text(CELL.replace("kind: mock", "kind: real"))
     leave(order, "real", "", ended=True)
     leave(order, "real", HELD, name="2026-01-02_t")
@@ -161,7 +176,9 @@ def test_an_untrusted_newest_record_makes_no_gripper_count_as_empty(order: RunOr
         said[len(said) // 2] ^= 4
     elif damage == "the tail is zero":
         said[-len(said) // 3 :] = bytes(len(said[-len(said) // 3 :]))
-    path.write_bytes(b"" if damage == "empty" else bytes(len(said)) if damage == "all zero" else said)
+    path.write_bytes(
+        b"" if damage == "empty" else bytes(len(said)) if damage == "all zero" else said
+    )
     cut = unfinished(order.record, order.cell)
     assert cut is not None
     assert cut.hand is None or cut.hand == HELD
@@ -195,7 +212,9 @@ def test_a_real_cell_that_may_hold_something_is_refused_with_the_remedy(
     order: RunOrder, kind: str, hand: str | None
 ) -> None:
     leave(order, kind, hand)
-    with pytest.raises(UsageError, match=r"was cut after 0\.\d s while Lift was running") as refused:
+    with pytest.raises(
+        UsageError, match=r"was cut after 0\.\d s while Lift was running"
+    ) as refused:
         execute(order)
     assert "--recover" in str(refused.value)
     assert "--cleared" in str(refused.value)
@@ -228,7 +247,10 @@ def test_a_run_does_not_begin_with_something_between_the_fingers_however_the_las
 
 def test_a_cell_that_requires_a_record_starts_no_run_without_one(order: RunOrder) -> None:
     order.cell.write_text(CELL + "record: required\n")
-    with pytest.raises(UsageError, match=r"bench: its file has `record: required`, but this run would not be recorded"):
+    with pytest.raises(
+        UsageError,
+        match=r"bench: its file has `record: required`, but this run would not be recorded",
+    ):
         execute(replace(order, record=None))
     assert execute(order).result.outcome == "success"
 
@@ -250,7 +272,9 @@ def test_recovery_that_is_asked_for_runs_whatever_else_is_said(
     monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     begun: list[str] = []
-    execute(replace(order, recover=True, **also), on_ready=lambda runner: begun.append(runner.tree.name))
+    execute(
+        replace(order, recover=True, **also), on_ready=lambda runner: begun.append(runner.tree.name)
+    )
     assert begun == ["recover", "t"]
 
 
@@ -282,7 +306,9 @@ def test_recovery_runs_before_anything_else_and_nothing_runs_when_it_fails(
     assert executed.result.outcome == "success"
     names = sorted(path.name.split("_", 2)[-1] for path in order.record.iterdir())
     assert sum(name.startswith("recover") for name in names) == 2
-    assert unfinished(order.record, order.cell) is None  # which came last is no question of the clock
+    assert (
+        unfinished(order.record, order.cell) is None
+    )  # which came last is no question of the clock
 
 
 def test_the_page_begins_after_a_cut_as_its_form_says(
@@ -293,7 +319,9 @@ def test_the_page_begins_after_a_cut_as_its_form_says(
     leave(order, "real", HELD)
     assert order.record is not None
     dashboard: Any = SimpleNamespace(control=ControlLock(), on_event=lambda event: None)
-    launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
+    launcher = Launcher(
+        dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell})
+    )
 
     def start(after_cut: str) -> tuple[str, list[str]]:
         before = {path.name for path in order.record.iterdir()} if order.record else set()
@@ -315,12 +343,18 @@ def test_the_page_begins_after_a_cut_as_its_form_says(
     assert start("cleared") == ("", ["t"])
 
 
-def test_two_starts_at_the_same_time_are_one_run(order: RunOrder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_starts_at_the_same_time_are_one_run(
+    order: RunOrder, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert order.record is not None
     dashboard: Any = SimpleNamespace(control=ControlLock(), on_event=lambda event: None)
-    launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
+    launcher = Launcher(
+        dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell})
+    )
     both, went_on = threading.Barrier(2), threading.Event()
-    monkeypatch.setattr("pomona.tools.dashboard.command_dashboard.execute", lambda *_, **__: went_on.wait(5.0))
+    monkeypatch.setattr(
+        "pomona.tools.dashboard.command_dashboard.execute", lambda *_, **__: went_on.wait(5.0)
+    )
 
     def judged(_form: object) -> RunOrder:
         with contextlib.suppress(threading.BrokenBarrierError):
@@ -371,7 +405,15 @@ def test_a_stop_between_the_recovery_and_the_run_keeps_the_run_from_beginning(
 
 def test_a_recovery_that_failed_leaves_the_cell_as_it_was(order: RunOrder) -> None:
     leave(order, "real", HELD)
-    leave(order, "real", None, ended=True, name="2026-01-02_recover", tree="recover", outcome="failure")
+    leave(
+        order,
+        "real",
+        None,
+        ended=True,
+        name="2026-01-02_recover",
+        tree="recover",
+        outcome="failure",
+    )
     assert order.record is not None
     assert unfinished(order.record, order.cell) is not None
     leave(order, "real", None, ended=True, name="2026-01-03_recover", tree="recover")

@@ -178,7 +178,9 @@ def files(folder: Path, required: str, duration: str) -> list[str]:
     return ["run", str(tree), "--cell", str(cell), "--record", str(folder / "runs")]
 
 
-def run_stuck(folder: Path, required: str, duration: str, pace: str) -> subprocess.CompletedProcess[str]:
+def run_stuck(
+    folder: Path, required: str, duration: str, pace: str
+) -> subprocess.CompletedProcess[str]:
     script = RUN.format(here=str(Path(__file__).parent), begin=1)
     words = [*files(folder, required, duration), "--pace", pace]
     command = [sys.executable, "-c", script, *words]
@@ -186,7 +188,9 @@ def run_stuck(folder: Path, required: str, duration: str, pace: str) -> subproce
 
 
 @pytest.mark.slow
-def test_a_run_that_needs_its_record_ends_in_the_safe_state_when_its_disk_takes_nothing(tmp_path: Path) -> None:
+def test_a_run_that_needs_its_record_ends_in_the_safe_state_when_its_disk_takes_nothing(
+    tmp_path: Path,
+) -> None:
     done = run_stuck(tmp_path, "required", "300 s", "real")
     said = " ".join((done.stdout + done.stderr).split())
     assert done.returncode == 3, said
@@ -213,7 +217,11 @@ def test_a_run_that_does_not_need_its_record_goes_on_and_warns_once(tmp_path: Pa
 @pytest.mark.parametrize("number", ERRORS)
 @pytest.mark.parametrize("begin", [0, 1, 4])
 def test_an_error_of_the_disk_ends_a_run_that_needs_its_record_in_the_safe_state(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, number: int, begin: int
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    number: int,
+    begin: int,
 ) -> None:
     disk = Disk(begin, number)
     monkeypatch.setattr(Path, "open", lambda path, *a, **k: disk.open(path, *a, **k))

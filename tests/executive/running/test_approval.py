@@ -36,19 +36,27 @@ def starts(events, path):
 
 def test_a_node_waits_until_somebody_approves():
     runner, _, events = make(
-        TEXT, SKILLS, {9: lambda runner, _: runner.answer(PATH, 1, "approve", "Ada")}, attended=True, go_on=True
+        TEXT,
+        SKILLS,
+        {9: lambda runner, _: runner.answer(PATH, 1, "approve", "Ada")},
+        attended=True,
+        go_on=True,
     )
     assert runner.run().outcome == "success"
     assert min(starts(events, TURN)) >= 9
     assert min(starts(events, PATH)) < 3
-    acted = [event for event in events if isinstance(event, OperatorActed) and event.action == "answer"]
+    acted = [
+        event for event in events if isinstance(event, OperatorActed) and event.action == "answer"
+    ]
     assert [(event.who, event.detail) for event in acted] == [("Ada", f"approve ← {PATH}")]
 
 
 def test_each_start_is_approved_anew():
     text = TEXT.replace("approve: true", "approve: true\n      repeat: 2")
     answered = {
-        tick: lambda runner, _, number=number: runner.answer("careful/Turn:approve", number, "approve")
+        tick: lambda runner, _, number=number: runner.answer(
+            "careful/Turn:approve", number, "approve"
+        )
         for number, tick in ((1, 5), (2, 30))
     }
     runner, _, events = make(text, SKILLS, answered, attended=True, go_on=True)
@@ -62,7 +70,9 @@ def test_a_second_press_on_the_first_approval_does_not_approve_the_next_start():
     refused = []
 
     def press_again(runner, _cell):
-        with pytest.raises(AnswerRefusedError, match="now asks question 2; the answer names question 1") as error:
+        with pytest.raises(
+            AnswerRefusedError, match="now asks question 2; the answer names question 1"
+        ) as error:
             runner.answer(PATH, 1, "approve", "Ada")
         refused.append(error)
         runner.answer(PATH, 2, "refuse", "Ada")
@@ -76,7 +86,11 @@ def test_a_second_press_on_the_first_approval_does_not_approve_the_next_start():
 
 def test_an_unapproved_node_does_not_start():
     runner, _, events = make(
-        TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, 1, "refuse")}, attended=True, go_on=True
+        TEXT,
+        SKILLS,
+        {5: lambda runner, _: runner.answer(PATH, 1, "refuse")},
+        attended=True,
+        go_on=True,
     )
     result = runner.run()
     assert result.reason is not None
@@ -101,9 +115,15 @@ def test_an_input_is_changed_before_the_next_start_and_the_operator_is_recorded(
     assert runner.run().outcome == "success"
     again = [e.tick for e in events if isinstance(e, NodeChanged) and e.path == AGAIN]
     turned = [e.tick for e in events if isinstance(e, NodeChanged) and e.path == TURN]
-    assert again[-1] - again[0] >= 10 > turned[-1] - turned[0]  # ticks of 20 ms: 200 ms instead of 40
-    acted = [event for event in events if isinstance(event, OperatorActed) and event.action == "change"]
-    assert [(event.who, event.detail) for event in acted] == [("Ada", f"duration = 200 ms ← {AGAIN}")]
+    assert (
+        again[-1] - again[0] >= 10 > turned[-1] - turned[0]
+    )  # ticks of 20 ms: 200 ms instead of 40
+    acted = [
+        event for event in events if isinstance(event, OperatorActed) and event.action == "change"
+    ]
+    assert [(event.who, event.detail) for event in acted] == [
+        ("Ada", f"duration = 200 ms ← {AGAIN}")
+    ]
 
 
 def test_the_explanation_names_operator_and_change():
@@ -115,7 +135,23 @@ def test_the_explanation_names_operator_and_change():
     runner.run()
     nodes = tuple(node.facts() for node in runner.tree.nodes)
     started = RunStarted(
-        0.0, 0, "r", "careful", "t.yaml", TEXT, "", "fake", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02
+        0.0,
+        0,
+        "r",
+        "careful",
+        "t.yaml",
+        TEXT,
+        "",
+        "fake",
+        "mock",
+        "",
+        "",
+        0,
+        {},
+        nodes,
+        {},
+        0.0,
+        0.02,
     )
     said = " ".join(explain([started, *events]))
     assert f"Ada: change: duration = 60 ms ← {AGAIN}." in said
@@ -154,4 +190,6 @@ def test_on_the_page_the_operator_in_control_makes_changes():
     runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
     assert "has no input 'speed'" in refused[0]
-    assert any(isinstance(e, OperatorActed) and (e.who, e.action) == ("Ada", "change") for e in events)
+    assert any(
+        isinstance(e, OperatorActed) and (e.who, e.action) == ("Ada", "change") for e in events
+    )

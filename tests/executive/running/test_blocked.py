@@ -22,16 +22,22 @@ class Block(Skill):
         sum(range(300_000))
 
 
-def test_a_skill_that_blocks_under_a_timeout_is_reported_with_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_skill_that_blocks_under_a_timeout_is_reported_with_the_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(module, "BLOCKED", 1e-4)
     monkeypatch.setattr(words, "BLOCKED", 1e-4)
     tree = "pomona: 1\ntree: t\nroot: {sequence: [{Block: {}, timeout: 100 ms}]}"
     runner, _cell, events = make(tree, Registry({"Block": Block}))
     assert runner.run().outcome == "success"
-    told = [event for event in events if isinstance(event, TickOverran)][-1]  # the last tick was the long one
+    told = [event for event in events if isinstance(event, TickOverran)][
+        -1
+    ]  # the last tick was the long one
     assert told.node.endswith("Block")
     nodes = tuple(node.facts() for node in runner.tree.nodes)
-    begun = RunStarted(0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+    begun = RunStarted(
+        0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02
+    )
     assert told.worked is not None
     assert told.worked > 0.0
     late = [replace(e, worked=e.duration) if isinstance(e, TickOverran) else e for e in events]

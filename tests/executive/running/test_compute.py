@@ -51,7 +51,9 @@ def test_a_result_comes_back(computations: Computations, isolated: bool) -> None
 
 
 @pytest.mark.parametrize("isolated", [False, True])
-def test_an_exception_comes_back_as_it_was_raised(computations: Computations, isolated: bool) -> None:
+def test_an_exception_comes_back_as_it_was_raised(
+    computations: Computations, isolated: bool
+) -> None:
     computation = computations.submit("node", fail, ("no such pose",), isolated)
     with pytest.raises(ValueError, match="no such pose"):
         computation.result()
@@ -63,7 +65,9 @@ def test_isolated_work_runs_in_another_process_that_stays_warm(computations: Com
     assert first == second != os.getpid()
 
 
-def test_cancelling_kills_a_worker_that_never_returns_and_the_next_call_works(computations: Computations) -> None:
+def test_cancelling_kills_a_worker_that_never_returns_and_the_next_call_works(
+    computations: Computations,
+) -> None:
     stuck = computations.submit("node", spin, (), True)
     assert not computations.wait(0.01)
     stuck.cancel()
@@ -85,7 +89,9 @@ def test_a_result_that_cannot_travel_is_an_error_and_not_a_hang(computations: Co
 
 def test_an_ended_computation_is_reported_once_with_its_node() -> None:
     ended: list[tuple[str, str]] = []
-    computations = Computations(lambda node, function, wall: ended.append((node, function.rsplit(".")[-1])))
+    computations = Computations(
+        lambda node, function, wall: ended.append((node, function.rsplit(".")[-1]))
+    )
     computations.submit("0/Plan", square, (2,), False)
     assert computations.wait(5.0)
     assert not computations.pending()

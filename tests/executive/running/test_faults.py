@@ -11,13 +11,27 @@ from fake_runs import Turn, make
 
 from pomona.executive.reasons import Reason
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import ErrorRaised, Event, NodeChanged, RunEnded, RunStarted, SafeStopped
+from pomona.executive.running.events import (
+    ErrorRaised,
+    Event,
+    NodeChanged,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+)
 from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Interrupted, Skill, Work
 from pomona.executive.terminal.explain import explain
 from pomona.executive.values.sentences import LONGEST, sentence_of
 
-RAISED = [SystemExit(0), KeyboardInterrupt(), GeneratorExit(), MemoryError(), RecursionError("too deep"), Interrupted()]
+RAISED = [
+    SystemExit(0),
+    KeyboardInterrupt(),
+    GeneratorExit(),
+    MemoryError(),
+    RecursionError("too deep"),
+    Interrupted(),
+]
 BESIDE = """
 pomona: 1
 tree: beside
@@ -58,12 +72,20 @@ def is_safe(runner: Runner, cell: FakeCell, events: list[Event]) -> bool:
     """Return True if the cell is latched, at rest, and the end was reported."""
     still = not cell.wheel.turning and not cell.wheel.coasting
     told = any(isinstance(event, SafeStopped) for event in events)
-    return still and told and cell.latched is not None and isinstance(events[-1], RunEnded) and runner.state.ended
+    return (
+        still
+        and told
+        and cell.latched is not None
+        and isinstance(events[-1], RunEnded)
+        and runner.state.ended
+    )
 
 
 @pytest.mark.parametrize("error", RAISED, ids=lambda error: type(error).__name__)
 @pytest.mark.parametrize("ticks", [0, 3])
-def test_whatever_a_skill_raises_beside_a_moving_one_ends_in_the_safe_state(error: BaseException, ticks: int) -> None:
+def test_whatever_a_skill_raises_beside_a_moving_one_ends_in_the_safe_state(
+    error: BaseException, ticks: int
+) -> None:
     runner, cell, events = make(BESIDE, raising(error, ticks))
     result = runner.run()
     assert result.outcome in ("error", "stopped")
@@ -95,7 +117,9 @@ def test_a_line_of_feedback_that_is_no_text_is_a_fault_of_its_skill(said: Any) -
         def run(self) -> Work[None]:
             yield said
 
-    runner, cell, events = make(BESIDE.replace("Raise", "Say"), Registry({"Turn": Turn, "Say": Say}))
+    runner, cell, events = make(
+        BESIDE.replace("Raise", "Say"), Registry({"Turn": Turn, "Say": Say})
+    )
     result = runner.run()
     assert is_safe(runner, cell, events)
     assert result.reason is not None
@@ -117,7 +141,9 @@ def test_a_text_of_ten_megabytes_is_shortened_before_the_tick_prints_it() -> Non
     runner, _cell, events = make("pomona: 1\ntree: t\nroot: {Say: {}}", Registry({"Say": Say}))
     result = runner.run()
     assert result.reason is not None
-    shown = [event.feedback for event in events if isinstance(event, NodeChanged) and event.feedback]
+    shown = [
+        event.feedback for event in events if isinstance(event, NodeChanged) and event.feedback
+    ]
     assert len(shown) == 2
     for text in (*shown, result.reason.message):
         assert len(text) <= LONGEST
@@ -129,12 +155,18 @@ def test_a_tree_that_ends_beside_something_that_still_moves_is_no_success(lost: 
     def lose(_runner: object, cell: FakeCell) -> None:
         cell.wheel.trouble = ConnectionError("the wheel does not answer") if lost else None
 
-    runner, cell, _events = make("pomona: 1\ntree: t\nroot: {Leave: {}}", Registry({"Leave": Leave}), {20: lose})
+    runner, cell, _events = make(
+        "pomona: 1\ntree: t\nroot: {Leave: {}}", Registry({"Leave": Leave}), {20: lose}
+    )
     result = runner.run()
     assert result.outcome == "error"
     assert not cell.wheel.turning
     assert result.reason is not None
-    expected = "the wheel does not answer" if lost else "something still moves 2 s after the end of the tree"
+    expected = (
+        "the wheel does not answer"
+        if lost
+        else "something still moves 2 s after the end of the tree"
+    )
     assert result.reason.message == cell.latched == expected
 
 
@@ -152,13 +184,17 @@ def test_a_function_that_raises_stop_iteration_is_no_success() -> None:
 
 def test_a_failure_while_halting_is_reported_and_the_other_skills_are_halted_all_the_same() -> None:
     runner, cell, events = make(
-        BESIDE.replace("- Raise", "- Raise: {}\n      name: First\n    - Raise"), raising(OSError("no hands"), 3, True)
+        BESIDE.replace("- Raise", "- Raise: {}\n      name: First\n    - Raise"),
+        raising(OSError("no hands"), 3, True),
     )
     result = runner.run()
     assert result.outcome == "error"
     assert is_safe(runner, cell, events)
     assert cell.wheel.log[-1] == "at rest"
-    assert [(e.error, e.during) for e in errors(events)] == [("ValueError", "the tick"), ("OSError", "letting go")]
+    assert [(e.error, e.during) for e in errors(events)] == [
+        ("ValueError", "the tick"),
+        ("OSError", "letting go"),
+    ]
 
 
 def test_a_skill_that_fails_to_let_go_in_a_healthy_run_is_a_fault() -> None:
@@ -173,7 +209,9 @@ def test_a_skill_that_fails_to_let_go_in_a_healthy_run_is_a_fault() -> None:
 
 
 def test_a_listener_that_fails_ends_the_run_safely_and_the_others_hear_the_end() -> None:
-    runner, cell, events = make("pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}", raising(SystemExit()))
+    runner, cell, events = make(
+        "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}", raising(SystemExit())
+    )
 
     def broken(event: Event) -> None:
         if event.tick == 1:
@@ -203,7 +241,9 @@ def test_a_watcher_that_ends_the_process_ends_the_run_safely(error: BaseExceptio
                 raise error
             return []
 
-    runner, cell, events = make("pomona: 1\ntree: t\nroot: {Turn: {duration: 1 s}}", raising(SystemExit()))
+    runner, cell, events = make(
+        "pomona: 1\ntree: t\nroot: {Turn: {duration: 1 s}}", raising(SystemExit())
+    )
     runner._watch._watch._watchers.append(Leaving())
     result = runner.run()
     assert errors(events)[0].error == type(error).__name__
@@ -290,7 +330,9 @@ def test_a_long_recursion_keeps_a_traceback_of_limited_length() -> None:
 
 def started(runner: Runner) -> Event:
     nodes = tuple(node.facts() for node in runner.tree.nodes)
-    return RunStarted(0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+    return RunStarted(
+        0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02
+    )
 
 
 @pytest.mark.parametrize("ends", ["succeed", "fail"])

@@ -62,7 +62,13 @@ def ended(way: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize(
     "way",
-    ["execv", "os._exit", "os._exit in a thread", "exit in compiled code", "_exit in compiled code"],
+    [
+        "execv",
+        "os._exit",
+        "os._exit in a thread",
+        "exit in compiled code",
+        "_exit in compiled code",
+    ],
 )
 def test_a_run_that_ends_with_0_and_reports_nothing_is_no_success(way: str) -> None:
     done = ended(way)
@@ -124,7 +130,9 @@ def as_timeout_does(process: subprocess.Popen[str], number: int) -> None:
 
 
 @pytest.mark.parametrize("send", [to_the_process, to_the_group, as_timeout_does])
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
 def test_a_signal_reaches_the_run_once_in_whichever_process_it_arrives(
     send: Callable[[subprocess.Popen[str], int], None], number: int, status: int
 ) -> None:
@@ -136,7 +144,11 @@ def test_a_signal_reaches_the_run_once_in_whichever_process_it_arrives(
         assert int(process.stdout.readline()) != process.pid
         send(process, number)
         said, complaint = process.communicate(timeout=60)
-    assert (process.returncode, said, complaint) == (status, "once\n", f"{WORDS[signal.Signals(number)]}\n")
+    assert (process.returncode, said, complaint) == (
+        status,
+        "once\n",
+        f"{WORDS[signal.Signals(number)]}\n",
+    )
 
 
 def is_alive(pid: int) -> bool:
@@ -146,7 +158,9 @@ def is_alive(pid: int) -> bool:
 
 
 def test_the_run_dies_with_the_process_that_was_started() -> None:
-    with subprocess.Popen([sys.executable, "-c", WAITS, "run"], stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", WAITS, "run"], stdout=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout is not None
         run = int(process.stdout.readline())
         process.kill()
@@ -175,11 +189,24 @@ sys.exit(main())
 """
 
 
-def test_a_skill_that_replaces_the_process_ends_the_run_without_success_and_cuts_its_record(tmp_path: Path) -> None:
+def test_a_skill_that_replaces_the_process_ends_the_run_without_success_and_cuts_its_record(
+    tmp_path: Path,
+) -> None:
     tree, cell, runs = tmp_path / "t.yaml", tmp_path / "bench.yaml", tmp_path / "runs"
     tree.write_text("pomona: 1\ntree: t\nroot: {sequence: [{wait: 1 s}, {Leave: {}}]}\n")
     cell.write_text("name: bench\nkind: mock\nclock: manual\ndevices: {}\n")
-    command = [sys.executable, "-c", SKILLS, "run", str(tree), "--cell", str(cell), "--record", str(runs), "--json"]
+    command = [
+        sys.executable,
+        "-c",
+        SKILLS,
+        "run",
+        str(tree),
+        "--cell",
+        str(cell),
+        "--record",
+        str(runs),
+        "--json",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == LEFT
     assert done.stdout == ""  # no line that tells of a success

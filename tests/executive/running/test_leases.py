@@ -12,7 +12,14 @@ from fake_runs import Turn, make
 
 from pomona.executive.registry import Registry
 from pomona.executive.running.compute import Computations
-from pomona.executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, SafeStopped, StateChanged
+from pomona.executive.running.events import (
+    ErrorRaised,
+    Event,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+    StateChanged,
+)
 from pomona.executive.running.tick import RunContext
 from pomona.executive.skill import Skill, Work
 from pomona.executive.terminal.explain import explain
@@ -49,7 +56,11 @@ REGISTRY = Registry({"Lurk": Lurk, "Turn": Turn})
 
 
 def refusals(events: list[Event]) -> list[ErrorRaised]:
-    return [event for event in events if isinstance(event, ErrorRaised) and event.error == "NotOwnerError"]
+    return [
+        event
+        for event in events
+        if isinstance(event, ErrorRaised) and event.error == "NotOwnerError"
+    ]
 
 
 def test_a_thread_that_outlives_its_skill_commands_nothing_and_is_named() -> None:
@@ -65,11 +76,15 @@ def test_a_thread_that_outlives_its_skill_commands_nothing_and_is_named() -> Non
     (told,) = refusals(events)
     assert "/Lurk" in told.node
     assert told.during == "a refused command"
-    assert told.message.endswith("refused to command 'start' of the wheel: the skill has ended; nothing has moved")
+    assert told.message.endswith(
+        "refused to command 'start' of the wheel: the skill has ended; nothing has moved"
+    )
     assert "test_leases.py" in told.place
     assert "in command" in told.place
     nodes = tuple(info.facts() for info in runner.tree.nodes)
-    started = RunStarted(0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+    started = RunStarted(
+        0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02
+    )
     assert "of Lurk, NotOwnerError was raised in" in "\n".join(explain([started, *events]))
 
 

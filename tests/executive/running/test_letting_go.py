@@ -50,7 +50,8 @@ def ended_at(events: list[Event]) -> float:
 
 def test_skills_interrupted_by_the_trees_end_get_all_their_ticks() -> None:
     runner, cell, events = make(
-        "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {duration: 9 s}}, {wait: 60 ms}]\n  success_on: one", REGISTRY
+        "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {duration: 9 s}}, {wait: 60 ms}]\n  success_on: one",
+        REGISTRY,
     )
     result = runner.run()
     assert result.outcome == "success"
@@ -87,12 +88,17 @@ root:
     assert runner.run().outcome == "success"
     assert cell.wheel.log == ["start", "stop", "at rest", "start", "stop"]
     assert status_of(events, "Slow")[-1] == "INVALID"
-    assert any("Slow" in e.feedback for e in events if isinstance(e, NodeChanged) and e.path.endswith("Urgent"))
+    assert any(
+        "Slow" in e.feedback
+        for e in events
+        if isinstance(e, NodeChanged) and e.path.endswith("Urgent")
+    )
 
 
 def test_two_skills_that_move_one_device_take_turns_under_a_parallel() -> None:
     runner, cell, _events = make(
-        "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {}, name: A}, {Turn: {}, name: B}]", REGISTRY
+        "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {}, name: A}, {Turn: {}, name: B}]",
+        REGISTRY,
     )
     assert runner.run().outcome == "success"
     assert cell.wheel.log == ["start", "stop", "start", "stop"]
@@ -103,7 +109,11 @@ def test_a_skill_that_only_reads_waits_for_no_moving_one() -> None:
     text = "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {duration: 1 s}}, {sequence: [{Look: {}}, {IsTurning: {}}]}]"
     runner, _cell, events = make(text, REGISTRY)
     runner.run()
-    looked = next(e for e in events if isinstance(e, NodeChanged) and "IsTurning" in e.path and e.status == "SUCCESS")
+    looked = next(
+        e
+        for e in events
+        if isinstance(e, NodeChanged) and "IsTurning" in e.path and e.status == "SUCCESS"
+    )
     assert looked.t < 0.2
 
 

@@ -62,7 +62,9 @@ print("child", os.waitstatus_to_exitcode(os.wait()[1]))
 
 def a_run(way: str) -> subprocess.CompletedProcess[str]:
     here = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    return subprocess.run([sys.executable, "-c", RUN, way], capture_output=True, text=True, timeout=60, env=here)
+    return subprocess.run(
+        [sys.executable, "-c", RUN, way], capture_output=True, text=True, timeout=60, env=here
+    )
 
 
 @pytest.mark.parametrize("way", ["exit", "go on", "exit while letting go"])
@@ -105,7 +107,9 @@ def test_no_full_collection_holds_up_the_drivers_while_a_cell_is_prepared(tmp_pa
             note(what)
             super().reach(what, done, of)
 
-    execute(RunOrder(tmp_path / "tree.yaml", tmp_path / "cell.yaml"), on_ready=begin, starting=Noted())
+    execute(
+        RunOrder(tmp_path / "tree.yaml", tmp_path / "cell.yaml"), on_ready=begin, starting=Noted()
+    )
     assert collects == {"reading": True, "connecting": False, "running": True}
     assert frozen[0] > 10_000 > gc.get_freeze_count()
     assert gc.isenabled()

@@ -39,7 +39,10 @@ def order(tmp_path: Path) -> RunOrder:
 def test_a_second_run_on_a_real_cell_is_refused_until_the_first_is_over(order: RunOrder) -> None:
     linked = order.cell.with_name("linked.yaml")
     linked.symlink_to(order.cell)
-    with alone_on(linked, "real"), pytest.raises(CellInUseError, match="another run is going on on this cell"):
+    with (
+        alone_on(linked, "real"),
+        pytest.raises(CellInUseError, match="another run is going on on this cell"),
+    ):
         execute(order)
     assert execute(order).result.outcome == "success"
     assert execute(order).result.outcome == "success"
@@ -58,7 +61,9 @@ def test_no_other_run_begins_between_the_search_for_a_cut_run_and_the_end_of_the
     close = RecordingSession.close
     monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     monkeypatch.setattr("pomona.executive.execute.unfinished", lambda *_: try_it("looking"))
-    monkeypatch.setattr(RecordingSession, "close", lambda session: (close(session), try_it("a run has ended"))[0])
+    monkeypatch.setattr(
+        RecordingSession, "close", lambda session: (close(session), try_it("a run has ended"))[0]
+    )
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     executed = execute(replace(order, record=tmp_path / "runs", recover=True))
     assert executed.result.outcome == "success"
@@ -75,7 +80,12 @@ def test_a_copy_of_the_cell_file_leads_to_the_same_devices(tmp_path: Path) -> No
     bus = wires("can: {channel: can7}")
     with alone_on(tmp_path / "a.yaml", "real", here):
         again = alone_on(tmp_path / "copy.yaml", "real", wires("tcp: '192.0.2.7:1000'"))
-        with pytest.raises(CellInUseError, match=r"copy.yaml: another run is going on on 192.0.2.7:1000"), again:
+        with (
+            pytest.raises(
+                CellInUseError, match=r"copy.yaml: another run is going on on 192.0.2.7:1000"
+            ),
+            again,
+        ):
             pass
         with alone_on(tmp_path / "other.yaml", "real", there + bus):
             pass
@@ -99,14 +109,22 @@ def test_an_emulated_cell_is_locked_at_the_addresses_outside_its_process(tmp_pat
     there = read_cell_file(real).wires()
     assert there == ("192.0.2.7:1000",)
     with alone_on(real, "emulated", there):
-        with pytest.raises(CellInUseError, match=r"192.0.2.7:1000"), alone_on(real, "emulated", there):
+        with (
+            pytest.raises(CellInUseError, match=r"192.0.2.7:1000"),
+            alone_on(real, "emulated", there),
+        ):
             pass
-        with alone_on(find_cell("emulated"), "emulated", wires()), alone_on(find_cell("emulated"), "emulated", wires()):
+        with (
+            alone_on(find_cell("emulated"), "emulated", wires()),
+            alone_on(find_cell("emulated"), "emulated", wires()),
+        ):
             pass
 
 
 def test_a_process_that_is_killed_leaves_no_lock(order: RunOrder) -> None:
-    with subprocess.Popen([sys.executable, "-c", HOLDS, str(order.cell)], stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDS, str(order.cell)], stdout=subprocess.PIPE, text=True
+    ) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "has it\n"
         with pytest.raises(CellInUseError):

@@ -28,10 +28,16 @@ SKILLS = Registry({"Turn": Turn})
 
 def test_the_answering_operator_is_in_the_events():
     runner, _, events = make(
-        TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, 1, "not yet", "Ada")}, attended=True, go_on=True
+        TEXT,
+        SKILLS,
+        {5: lambda runner, _: runner.answer(PATH, 1, "not yet", "Ada")},
+        attended=True,
+        go_on=True,
     )
     assert runner.run().outcome == "success"
-    acted = [event for event in events if isinstance(event, OperatorActed) and event.action == "answer"]
+    acted = [
+        event for event in events if isinstance(event, OperatorActed) and event.action == "answer"
+    ]
     assert [(event.who, event.detail) for event in acted] == [("Ada", f"not yet ← {PATH}")]
     assert [event.value for event in events if isinstance(event, PortWritten)] == ["not yet"]
 
@@ -45,7 +51,9 @@ def test_breakpoints_of_the_file_hold_when_somebody_is_there():
 
 
 def test_without_anybody_nothing_waits():
-    runner, _, events = make(TEXT.replace("answer: said", 'answer: said\n      default: "not yet"'), SKILLS)
+    runner, _, events = make(
+        TEXT.replace("answer: said", 'answer: said\n      default: "not yet"'), SKILLS
+    )
     assert runner.run().outcome == "success"
     assert not any(isinstance(event, StateChanged) and event.state == "pausing" for event in events)
 
@@ -63,8 +71,13 @@ def test_answers_that_are_none_are_refused():
 
     runner, _, events = make(TEXT, SKILLS, {3: try_it}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
-    acts = [(e.action, e.detail) for e in events if isinstance(e, OperatorActed) and "←" in e.detail]
-    assert acts == [("answer", f"not yet ← {PATH}"), ("too_late", f"answer ripe ← {PATH}, question answered or gone")]
+    acts = [
+        (e.action, e.detail) for e in events if isinstance(e, OperatorActed) and "←" in e.detail
+    ]
+    assert acts == [
+        ("answer", f"not yet ← {PATH}"),
+        ("too_late", f"answer ripe ← {PATH}, question answered or gone"),
+    ]
     assert refused == ["'rotten' is no answer: ripe, not yet", "no question is open at asking/Turn"]
 
 
@@ -84,7 +97,9 @@ def test_on_the_page_the_operator_in_control_answers():
     runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
     assert refused == ["'green' is no answer: ripe, not yet"]
-    assert [e.who for e in events if isinstance(e, OperatorActed) and e.action == "answer"] == ["Ada"]
+    assert [e.who for e in events if isinstance(e, OperatorActed) and e.action == "answer"] == [
+        "Ada"
+    ]
 
 
 REPEATED = """
@@ -114,8 +129,15 @@ def test_an_answer_to_the_question_before_is_refused_although_the_same_node_asks
     runner, _, events = make(REPEATED, SKILLS, script, attended=True)
     assert runner.run().outcome == "success"
     assert refused == ["asking now asks question 2; the answer names question 1"]
-    assert [e.who for e in events if isinstance(e, OperatorActed) and e.action == "answer"] == ["Ada", "Bob"]
-    asked = [e for e in events if isinstance(e, NodeChanged) and (e.path, e.status) == ("asking", "RUNNING")]
+    assert [e.who for e in events if isinstance(e, OperatorActed) and e.action == "answer"] == [
+        "Ada",
+        "Bob",
+    ]
+    asked = [
+        e
+        for e in events
+        if isinstance(e, NodeChanged) and (e.path, e.status) == ("asking", "RUNNING")
+    ]
     assert [e.starts for e in asked] == [1, 2]
 
 

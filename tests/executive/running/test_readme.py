@@ -9,7 +9,14 @@ from fake_runs import Turn, make
 
 from pomona.executive import running
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import Event, LinkChanged, NodeChanged, PortWritten, RunEnded, StateChanged
+from pomona.executive.running.events import (
+    Event,
+    LinkChanged,
+    NodeChanged,
+    PortWritten,
+    RunEnded,
+    StateChanged,
+)
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.tick import Breakpoints, RunContext, TreeObserver
 
@@ -50,7 +57,12 @@ def test_every_file_and_method_that_is_named_exists() -> None:
     for owner, name in ((Runner, "_take_commands"), (Runner, "_tick"), (Runner, "_let_time_pass")):
         assert f"`{name}`" in PAGE
         assert callable(getattr(owner, name))
-    for owner, name in ((Breakpoints, "tick"), (RunContext, "acquire"), (TreeObserver, "after_tick"), (Runner, "run")):
+    for owner, name in (
+        (Breakpoints, "tick"),
+        (RunContext, "acquire"),
+        (TreeObserver, "after_tick"),
+        (Runner, "run"),
+    ):
         assert f"`{owner.__name__}.{name}`" in PAGE
         assert callable(getattr(owner, name))
 

@@ -89,14 +89,18 @@ def test_a_tree_that_succeeds() -> None:
 
 
 def test_a_failure_names_its_leaf_and_reason() -> None:
-    runner, _cell, events = make("pomona: 1\ntree: t\nroot:\n  sequence:\n    - Jam: {}\n      name: The jam\n")
+    runner, _cell, events = make(
+        "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Jam: {}\n      name: The jam\n"
+    )
     result = runner.run()
     assert result.outcome == "failure"
     assert result.reason is not None
     (leaf,) = result.reason.leaves()
     assert (leaf.code, leaf.message, leaf.data) == ("JAMMED", "the wheel is stuck", {"angle": 0.5})
     assert leaf.node_path.endswith("The jam")
-    failed = [event for event in events if isinstance(event, NodeChanged) and event.status == "FAILURE"]
+    failed = [
+        event for event in events if isinstance(event, NodeChanged) and event.status == "FAILURE"
+    ]
     assert all(event.reason is not None for event in failed)
 
 
@@ -125,7 +129,9 @@ def test_a_lost_device_ends_in_the_safe_state_and_the_wheel_comes_to_rest() -> N
 
 
 def test_an_operators_safe_stop_acts_at_once_and_is_an_outcome() -> None:
-    runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")})
+    runner, cell, events = make(
+        TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")}
+    )
     result = runner.run()
     assert result.outcome == "stopped"
     assert cell.latched == "hand in the cell"
@@ -192,8 +198,16 @@ def test_a_resume_ends_the_pause_that_it_names_and_no_other() -> None:
         "the run is in pause 1; the request names pause 0",
         "the run is in pause 2; the request names pause 1",
     ]
-    acts = [(e.who, e.action, e.detail) for e in events if isinstance(e, OperatorActed) and e.action != "pause"]
-    assert acts == [("ada", "resume", ""), ("bob", "too_late", "resume, pause already over"), ("ada", "resume", "")]
+    acts = [
+        (e.who, e.action, e.detail)
+        for e in events
+        if isinstance(e, OperatorActed) and e.action != "pause"
+    ]
+    assert acts == [
+        ("ada", "resume", ""),
+        ("bob", "too_late", "resume, pause already over"),
+        ("ada", "resume", ""),
+    ]
     assert [e.pause for e in events if isinstance(e, StateChanged)] == [0, 1, 1, 0, 2, 2, 0, 0]
 
 
@@ -242,25 +256,34 @@ def brakes_for_long(_runner: Runner, cell: FakeCell) -> None:
 def test_a_resume_during_braking_is_carried_out_once_all_is_at_rest(action: str) -> None:
     script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada")}
     script[6] = lambda runner, _cell: getattr(runner, action)(runner.pause_number, "ada")
-    script[30] = lambda runner, _cell: runner.resume(runner.pause_number, "bob") if action == "step" else None
+    script[30] = lambda runner, _cell: (
+        runner.resume(runner.pause_number, "bob") if action == "step" else None
+    )
     runner, _cell, events = make(TURN, script)
     assert runner.run().outcome == "success"
     after = ["pausing", "paused", "running"] if action == "step" else []
     assert states(events) == ["running", "pausing", "paused", "running", *after, "succeeded"]
-    resumed = [event for event in events if isinstance(event, StateChanged) and event.state == "running"][1]
+    resumed = [
+        event for event in events if isinstance(event, StateChanged) and event.state == "running"
+    ][1]
     assert resumed.because == ("step" if action == "step" else "resumed")
 
 
 def test_a_pause_after_a_resume_during_braking_stays_a_pause() -> None:
     script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada")}
-    script[5] = lambda runner, _cell: (runner.resume(runner.pause_number, "ada"), runner.pause("bob"))
+    script[5] = lambda runner, _cell: (
+        runner.resume(runner.pause_number, "ada"),
+        runner.pause("bob"),
+    )
     script[40] = lambda runner, _cell: runner.stop("bob")
     runner, _cell, events = make(TURN, script)
     assert runner.run().outcome == "stopped"
     assert states(events) == ["running", "pausing", "paused", "stopping", "stopped"]
 
 
-def test_a_resume_during_a_braking_that_lasts_too_long_sets_nothing_in_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_resume_during_a_braking_that_lasts_too_long_sets_nothing_in_motion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def ask_and_wait(runner: Runner, _cell: FakeCell) -> None:
         runner.resume(runner.pause_number, "ada")
 
@@ -291,7 +314,9 @@ def test_step_runs_one_tick_and_pauses_again() -> None:
 
 
 def test_a_breakpoint_holds_a_skill_before_it_starts() -> None:
-    runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume(runner.pause_number, "ada")})
+    runner, cell, events = make(
+        TURN, {60: lambda runner, _cell: runner.resume(runner.pause_number, "ada")}
+    )
     second = [path for path in runner.tree.behaviours if "Turn" in path][1]
     runner.break_at(second)
     result = runner.run()
@@ -309,16 +334,24 @@ def test_a_breakpoint_before_a_skill_stops_a_run_before_it_has_started() -> None
 
 
 def test_a_breakpoint_after_a_skill_holds_before_the_next_one_starts() -> None:
-    runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume(runner.pause_number, "ada")})
+    runner, cell, events = make(
+        TURN, {60: lambda runner, _cell: runner.resume(runner.pause_number, "ada")}
+    )
     first = next(path for path in runner.tree.behaviours if "Turn" in path)
     runner.break_at(first, "after", who="ada")
     result = runner.run()
     assert result.outcome == "success"
     held = next(e for e in events if isinstance(e, StateChanged) and e.state == "pausing")
     assert held.because == f"breakpoint after {first}"
-    ended = next(e for e in events if isinstance(e, NodeChanged) and e.path == first and e.status == "SUCCESS")
+    ended = next(
+        e
+        for e in events
+        if isinstance(e, NodeChanged) and e.path == first and e.status == "SUCCESS"
+    )
     assert events.index(ended) < events.index(held)
-    started = [e for e in events if isinstance(e, NodeChanged) and e.path != first and e.starts == 1]
+    started = [
+        e for e in events if isinstance(e, NodeChanged) and e.path != first and e.starts == 1
+    ]
     assert all(events.index(held) < events.index(e) for e in started)
     assert cell.wheel.log.count("start") == 2
 
@@ -339,7 +372,9 @@ def test_a_breakpoint_at_no_node_of_the_tree_is_refused() -> None:
 
 
 def test_a_fault_while_a_breakpoint_holds_ends_in_the_safe_state() -> None:
-    runner, cell, _events = make(TURN, {60: lambda runner, _cell: runner.safe_stop("enough", "ada")})
+    runner, cell, _events = make(
+        TURN, {60: lambda runner, _cell: runner.safe_stop("enough", "ada")}
+    )
     runner.break_at(next(path for path in runner.tree.behaviours if "Turn" in path), "after")
     assert runner.run().outcome == "stopped"
     assert cell.latched == "enough"
@@ -347,14 +382,18 @@ def test_a_fault_while_a_breakpoint_holds_ends_in_the_safe_state() -> None:
 
 
 def test_computing_takes_no_simulated_time() -> None:
-    runner, cell, _events = make('pomona: 1\ntree: t\nroot:\n  sequence:\n    - Square: {y: "{y}"}\n')
+    runner, cell, _events = make(
+        'pomona: 1\ntree: t\nroot:\n  sequence:\n    - Square: {y: "{y}"}\n'
+    )
     result = runner.run()
     assert result.outcome == "success"
     assert cell.clock.now() == 0.0
 
 
 @pytest.mark.parametrize("quick", [True, False])
-def test_however_quick_computations_are_the_run_is_the_same(quick: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_however_quick_computations_are_the_run_is_the_same(
+    quick: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     submit = Computations.submit
 
     def submit_and_wait(self: Computations, *arguments: Any) -> Any:
@@ -390,7 +429,9 @@ def test_ctrl_c_from_a_signals_handler_ends_the_run_before_the_next_tick() -> No
     assert result.interrupted
     assert result.outcome == "stopped"
     assert cell.latched == "interrupted from the keyboard"
-    assert [(e.who, e.action) for e in events if isinstance(e, OperatorActed)] == [("keyboard", "interrupt")]
+    assert [(e.who, e.action) for e in events if isinstance(e, OperatorActed)] == [
+        ("keyboard", "interrupt")
+    ]
     assert max(e.tick for e in events) == 3
 
 
@@ -428,7 +469,9 @@ def test_two_runs_give_the_same_events() -> None:
 
 def latched_run(*acts: Callable[[Runner], Any]) -> tuple[FakeCell, list[Event]]:
     """Return a run that was safe-stopped, and the requests while it holds its latched state."""
-    runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")})
+    runner, cell, events = make(
+        TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")}
+    )
     runner.run()
     for act in acts:
         act(runner)
@@ -437,7 +480,9 @@ def latched_run(*acts: Callable[[Runner], Any]) -> tuple[FakeCell, list[Event]]:
 
 
 def test_the_safe_state_is_held_until_somebody_acknowledges_its_reason() -> None:
-    cell, events = latched_run(lambda runner: runner.pause("eve"), lambda runner: runner.acknowledge("ben"))
+    cell, events = latched_run(
+        lambda runner: runner.pause("eve"), lambda runner: runner.acknowledge("ben")
+    )
     assert cell.latched is None
     last = events[-1]
     assert isinstance(last, OperatorActed)
@@ -445,7 +490,9 @@ def test_the_safe_state_is_held_until_somebody_acknowledges_its_reason() -> None
 
 
 def test_an_acknowledgement_that_a_device_refuses_is_reported_and_the_safe_state_stays() -> None:
-    runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")})
+    runner, cell, events = make(
+        TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")}
+    )
     runner.run()
     acknowledge, tries = cell.acknowledge, iter((True, False))
 
@@ -460,7 +507,9 @@ def test_an_acknowledgement_that_a_device_refuses_is_reported_and_the_safe_state
     runner.hold_latched()
     assert cell.latched is None
     told = [event for event in events if isinstance(event, ErrorRaised)]
-    assert [(error.during, error.message) for error in told] == [("the acknowledgement", "the wheel is still lost")]
+    assert [(error.during, error.message) for error in told] == [
+        ("the acknowledgement", "the wheel is still lost")
+    ]
 
 
 def test_a_fault_of_a_simulated_cell_can_be_cleared_in_the_safe_state() -> None:

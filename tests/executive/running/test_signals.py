@@ -30,7 +30,9 @@ def received() -> Iterator[None]:
     """Receive signals as in a process started from a terminal."""
     before = {number: signal.getsignal(number) for number in WORDS}
     for number in before:
-        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+        signal.signal(
+            number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+        )
     yield
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     for number, handler in before.items():
@@ -50,7 +52,9 @@ def run(
     return result, cell, events, signals
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
 def test_while_nothing_moves_a_signal_raises(number: int, status: int) -> None:
     with pytest.raises(KeyboardInterrupt) as raised, raising(), RunSignals():
         send(number)
@@ -59,7 +63,9 @@ def test_while_nothing_moves_a_signal_raises(number: int, status: int) -> None:
 
 @pytest.mark.parametrize("number", list(WORDS))
 @pytest.mark.parametrize("early", [True, False])
-def test_a_signal_that_a_library_swallowed_ends_the_run_before_it_begins(number: signal.Signals, early: bool) -> None:
+def test_a_signal_that_a_library_swallowed_ends_the_run_before_it_begins(
+    number: signal.Signals, early: bool
+) -> None:
     """Swallow an exception in a callback as ctypes does: compiling with LLVM calls back."""
     runner, cell, events = make(LONG, Registry({"Turn": Turn}), {})
 
@@ -83,7 +89,9 @@ def test_a_signal_that_a_library_swallowed_ends_the_run_before_it_begins(number:
 
 
 @pytest.mark.parametrize("number", list(WORDS))
-def test_a_signal_that_was_swallowed_in_a_callback_ends_whatever_goes_on(number: signal.Signals) -> None:
+def test_a_signal_that_was_swallowed_in_a_callback_ends_whatever_goes_on(
+    number: signal.Signals,
+) -> None:
     """ctypes passes an exception in a callback to the unraisable hook, and continues."""
     call_back = ctypes.CFUNCTYPE(None)(lambda: send(number))
     went_on: list[bool] = []

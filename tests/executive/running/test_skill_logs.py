@@ -75,7 +75,9 @@ class Stumbles(Skill):
         raise ZeroDivisionError
 
 
-REGISTRY = Registry({skill.__name__: skill for skill in (Chatter, Floods, ComputesAloud, LeavesAloud, Stumbles)})
+REGISTRY = Registry(
+    {skill.__name__: skill for skill in (Chatter, Floods, ComputesAloud, LeavesAloud, Stumbles)}
+)
 
 
 def run(text: str) -> list[Event]:
@@ -112,13 +114,19 @@ def test_explain_and_the_log_of_a_record_repeat_it() -> None:
     told = "\n".join(explain([started(nodes=(about,)), *events]))
     assert f"Of {MOST_LOGGED + 3} logged lines the last {MOST_LINES} are listed." in told
     assert "Floods logged INFO: line 3." in told
-    said = [message for event in events for topic, _, message in well_known(event, 0) if topic == "/log"]
+    said = [
+        message for event in events for topic, _, message in well_known(event, 0) if topic == "/log"
+    ]
     first = next(message for message in said if message["name"] == "t/Chatter")
     assert (first["level"], first["message"]) == (2, "the scale reads 151.5 g")
 
 
 def test_repeated_runs_may_differ_in_the_text_of_a_line_alone(tmp_path: Path) -> None:
-    for name, node, text in (("a", "t", "took 1.2 s"), ("b", "t", "took 1.3 s"), ("c", "u", "took 1.2 s")):
+    for name, node, text in (
+        ("a", "t", "took 1.2 s"),
+        ("b", "t", "took 1.3 s"),
+        ("c", "u", "took 1.2 s"),
+    ):
         (tmp_path / name).mkdir()
         recorder = Recorder(tmp_path / name)
         recorder.on_event(Logged(0.1, 5, node, "INFO", text))
@@ -130,7 +138,10 @@ def test_repeated_runs_may_differ_in_the_text_of_a_line_alone(tmp_path: Path) ->
 def test_a_flood_of_lines_is_counted_and_not_recorded() -> None:
     found = lines(run("root: {sequence: [{Floods: {}}, {Chatter: {}}]}"))
     of_flood = [text for node, _, text in found if "Floods" in node]
-    assert of_flood == [*(f"line {n}" for n in range(MOST_LOGGED)), f"{100 - MOST_LOGGED} more lines were left out"]
+    assert of_flood == [
+        *(f"line {n}" for n in range(MOST_LOGGED)),
+        f"{100 - MOST_LOGGED} more lines were left out",
+    ]
     assert len([node for node, _, _ in found if "Chatter" in node]) == 2
 
 
@@ -180,7 +191,10 @@ def test_a_thread_that_hangs_in_the_handler_holds_up_no_other() -> None:
     hanging.start()
     try:
         assert hangs.wait(10.0)
-        within(10.0, lambda: logs.handle(logging.LogRecord("scale", logging.INFO, "", 1, "150 g", (), None)))
+        within(
+            10.0,
+            lambda: logs.handle(logging.LogRecord("scale", logging.INFO, "", 1, "150 g", (), None)),
+        )
     finally:
         done.set()
         hanging.join()

@@ -53,13 +53,20 @@ def given(cell: FakeCell) -> list[float]:
 
 
 def acts(events: list[Event]) -> list[tuple[str, str, str]]:
-    return [(event.who, event.action, event.detail) for event in events if isinstance(event, OperatorActed)]
+    return [
+        (event.who, event.action, event.detail)
+        for event in events
+        if isinstance(event, OperatorActed)
+    ]
 
 
 def runner_of(text: str, cell: FakeCell, **options: Any) -> Runner:
     document = read(text, "tree.yaml")
     return Runner(
-        lambda context, board: build(document, REGISTRY, context=context, board=board), cell, EventStream(), **options
+        lambda context, board: build(document, REGISTRY, context=context, board=board),
+        cell,
+        EventStream(),
+        **options,
     )
 
 
@@ -77,7 +84,9 @@ def test_the_operators_share_multiplies_the_trees_but_not_a_motion_with_its_own_
 
 
 def test_a_change_counts_at_once_also_for_a_moving_device() -> None:
-    runner, cell, events = make(TURN, REGISTRY, {3: lambda runner, _cell: runner.set_speed(0.3, "ada")})
+    runner, cell, events = make(
+        TURN, REGISTRY, {3: lambda runner, _cell: runner.set_speed(0.3, "ada")}
+    )
     assert runner.run().outcome == "success"
     assert given(cell) == [1.0, 0.3, 0.3]  # the first turn, the same turn again, the second
     assert acts(events) == [("ada", "speed", "30 %")]
@@ -96,7 +105,9 @@ def test_an_invalid_speed_is_refused_and_changes_nothing(speed: float) -> None:
 
 
 def test_a_speed_that_a_tree_computes_wrongly_fails_the_node_before_anything_moves() -> None:
-    computed = EACH.replace('speed: "{slow}"', 'speed: "{slow} * retry.attempt / 10"\n          retry: 2')
+    computed = EACH.replace(
+        'speed: "{slow}"', 'speed: "{slow} * retry.attempt / 10"\n          retry: 2'
+    )
     runner, cell, _events = make(computed, REGISTRY)
     result = runner.run()
     assert result.reason is not None
@@ -118,7 +129,10 @@ def test_a_late_request_for_more_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_the_speeds_of_a_run_are_repeated_at_its_moments() -> None:
-    changes = {3: lambda runner, _cell: runner.set_speed(0.3, "ada"), 7: lambda runner, _cell: runner.set_speed(1.0)}
+    changes = {
+        3: lambda runner, _cell: runner.set_speed(0.3, "ada"),
+        7: lambda runner, _cell: runner.set_speed(1.0),
+    }
     runner, cell, events = make(TURN, REGISTRY, changes)
     runner.run()
     again, cell_again = EventStream(), FakeCell()
@@ -133,7 +147,9 @@ def test_the_speeds_of_a_run_are_repeated_at_its_moments() -> None:
     )
     repeated.run()
     kept = (OperatorActed, NodeChanged)
-    assert [e for e in events_again if isinstance(e, kept)] == [e for e in events if isinstance(e, kept)]
+    assert [e for e in events_again if isinstance(e, kept)] == [
+        e for e in events if isinstance(e, kept)
+    ]
     assert cell_again.speeds == cell.speeds
 
 

@@ -133,7 +133,9 @@ class RunnerMachine(RuleBasedStateMachine):
         with contextlib.suppress(RefusedError):
             self.desk.act(page, *click, number=self._number(*click) if self.started else 0)
             assert held == page, "somebody acted who did not hold control"
-            assert self.result is None or click[0] == "fail", "something was asked of a run that has ended"
+            assert self.result is None or click[0] == "fail", (
+                "something was asked of a run that has ended"
+            )
         self._step()
 
     @precondition(lambda self: self.started and self.result is None)
@@ -145,7 +147,11 @@ class RunnerMachine(RuleBasedStateMachine):
         self._step()
 
     @precondition(lambda self: self.started)
-    @rule(act=st.sampled_from(["safe stop of the operator", "safe stop of the cell", "lost", "changed"]))
+    @rule(
+        act=st.sampled_from(
+            ["safe stop of the operator", "safe stop of the cell", "lost", "changed"]
+        )
+    )
     def fail(self, act: str) -> None:
         assert self.cell is not None
         match act:
@@ -159,8 +165,13 @@ class RunnerMachine(RuleBasedStateMachine):
                 self.cell.surroundings.changed = True
         self._step()
 
-    @precondition(lambda self: self.result is not None and self.latched_in_run and self.thread.is_alive())
-    @rule(refuses=st.booleans(), between=st.sampled_from(["", "pause", "resume", "step", "stop", "interrupt"]))
+    @precondition(
+        lambda self: self.result is not None and self.latched_in_run and self.thread.is_alive()
+    )
+    @rule(
+        refuses=st.booleans(),
+        between=st.sampled_from(["", "pause", "resume", "step", "stop", "interrupt"]),
+    )
     def acknowledge(self, refuses: bool, between: str) -> None:
         assert self.cell is not None
         while self.answered.acquire(blocking=False):
@@ -183,7 +194,11 @@ class RunnerMachine(RuleBasedStateMachine):
         assert not self.cell.wheel.coasting
         assert self.runner.context.owners == {}
         assert self.runner.state.ended
-        told = [event for event in list(self.events) if not isinstance(event, (OperatorActed, ErrorRaised))]
+        told = [
+            event
+            for event in list(self.events)
+            if not isinstance(event, (OperatorActed, ErrorRaised))
+        ]
         assert type(told[-1]).__name__ == "RunEnded"
 
     @invariant()
@@ -191,13 +206,17 @@ class RunnerMachine(RuleBasedStateMachine):
         if self.cell is None or self.cell.latched is None:
             return
         assert not self.cell.wheel.turning, "it moves in the safe state"
-        if self.result is not None and self.latched_in_run:  # a stop after the end latches the cell, and changes no end
+        if (
+            self.result is not None and self.latched_in_run
+        ):  # a stop after the end latches the cell, and changes no end
             assert self.result.outcome in ("stopped", "error")
 
     @invariant()
     def a_device_has_one_owner(self) -> None:
         if self.cell is not None:
-            assert "refused" not in self.cell.wheel.log, "it was started while somebody else turned it"
+            assert "refused" not in self.cell.wheel.log, (
+                "it was started while somebody else turned it"
+            )
             assert set(self.runner.context.owners) <= {Wheel}
 
     def teardown(self) -> None:

@@ -59,7 +59,9 @@ supervisor.close()
 def supervised(folder: Path, way: str, number: int | None = None) -> tuple[int, str, float]:
     """Return a supervised process's exit status, its output, and its duration."""
     command = [sys.executable, "-c", SUPERVISED, str(folder), way, "0.4"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
         assert process.stdout.readline().startswith("alive ")
@@ -101,7 +103,9 @@ def test_a_process_that_ends_or_rests_is_left_alone(tmp_path: Path, way: str) ->
 
 def test_a_computer_that_stalls_as_a_whole_causes_no_fault(tmp_path: Path) -> None:
     command = [sys.executable, "-c", SUPERVISED, str(tmp_path), "still", "0.4"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout is not None
         supervisor = int(process.stdout.readline().split()[-1])
         for number in (signal.SIGSTOP, signal.SIGCONT):
@@ -114,9 +118,13 @@ def test_a_computer_that_stalls_as_a_whole_causes_no_fault(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("whole", [False, True], ids=["its group", "its supervisor, too"])
-def test_a_run_that_a_signal_stops_is_continued_and_ends_by_itself(tmp_path: Path, whole: bool) -> None:
+def test_a_run_that_a_signal_stops_is_continued_and_ends_by_itself(
+    tmp_path: Path, whole: bool
+) -> None:
     command = [sys.executable, "-c", SUPERVISED, str(tmp_path), "tick", "2.0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    ) as process:
         assert process.stdout is not None
         supervisor = int(process.stdout.readline().split()[-1])
         os.killpg(process.pid, signal.SIGSTOP)  # Ctrl-Z reaches the group, and not its supervisor
@@ -135,7 +143,9 @@ def test_a_run_that_a_signal_stops_is_continued_and_ends_by_itself(tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_a_device_that_cannot_be_stopped_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_that_cannot_be_stopped_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "stopped").mkdir()  # os.mkdir fails now
     _status, said, _took = supervised(tmp_path, "wait", signal.SIGKILL)
     assert "wheel could not be stopped" in said
@@ -195,7 +205,10 @@ def test_the_heartbeat_goes_on_while_a_run_is_paused_and_while_it_comes_to_rest(
     runner, _cell, _events = make(
         "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}",
         Registry({"Turn": Turn}),
-        {4: lambda runner, _cell: runner.pause("ada"), 30: lambda runner, _cell: runner.safe_stop("enough")},
+        {
+            4: lambda runner, _cell: runner.pause("ada"),
+            30: lambda runner, _cell: runner.safe_stop("enough"),
+        },
     )
     runner._heartbeat = lambda: beats.append(runner.state.value)
     runner.run()
@@ -213,7 +226,8 @@ class Supervised(FakeCell):
 
 
 @pytest.mark.parametrize(
-    ("stands_still", "lasts", "outcome"), [(0.3, "1 s", "success"), (0.6, "1 s", "stopped"), (3600.0, "2 h", "stopped")]
+    ("stands_still", "lasts", "outcome"),
+    [(0.3, "1 s", "success"), (0.6, "1 s", "stopped"), (3600.0, "2 h", "stopped")],
 )
 def test_a_run_that_stood_still_does_not_go_on_by_itself_and_reports_that_before_the_faults_of_its_devices(
     monkeypatch: pytest.MonkeyPatch, stands_still: float, lasts: str, outcome: str

@@ -19,7 +19,9 @@ SIDES: tuple[Side, ...] = ("before", "after")
 class Step(Leaf):
     """Ends with a given status, after some ticks; notes its ticks in a common log."""
 
-    def __init__(self, name: str, log: list[str], ticks: int = 1, end: Status = Status.SUCCESS) -> None:
+    def __init__(
+        self, name: str, log: list[str], ticks: int = 1, end: Status = Status.SUCCESS
+    ) -> None:
         super().__init__(name)
         self._log, self._ticks, self._end = log, ticks, end
         self._left = 0
@@ -61,7 +63,13 @@ def walked(
     return log, holds
 
 
-@given(st.lists(st.tuples(st.sampled_from(["root", "first", "a", "b", "second", "c", "d"]), st.sampled_from(SIDES))))
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["root", "first", "a", "b", "second", "c", "d"]), st.sampled_from(SIDES)
+        )
+    )
+)
 @settings(max_examples=100)
 def test_holding_changes_nothing_but_when(breaks: list[tuple[str, Side]]) -> None:
     log, holds = walked(breaks)

@@ -13,7 +13,13 @@ from recorded_events import FAILED
 
 from pomona.executive import registry
 from pomona.executive.reasons import Reason
-from pomona.executive.running.events import NodeChanged, PortWritten, Published, RunEnded, RunStarted
+from pomona.executive.running.events import (
+    NodeChanged,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+)
 from pomona.executive.terminal.explain import explain
 from pomona.executive.views import TableView
 
@@ -32,10 +38,23 @@ class Weigh(Skill):
 
 def reason_of(skill: str, **facts: object) -> str:
     """Return the sentence that explains a run in which the skill at line 12 of the tree failed."""
-    node = {"path": "a/Node", "parent": "a", "kind": "skill", "name": "Mine", "type": skill, "line": 12} | facts
+    node = {
+        "path": "a/Node",
+        "parent": "a",
+        "kind": "skill",
+        "name": "Mine",
+        "type": skill,
+        "line": 12,
+    } | facts
     failed = Reason("a/Node", "LOST", "it fell")
     events = [
-        replace(event, nodes=({"path": "a", "parent": None, "kind": "sequence", "name": "a", "type": "sequence"}, node))
+        replace(
+            event,
+            nodes=(
+                {"path": "a", "parent": None, "kind": "sequence", "name": "a", "type": "sequence"},
+                node,
+            ),
+        )
         if isinstance(event, RunStarted)
         else replace(event, reason=failed)
         if isinstance(event, RunEnded)
@@ -53,7 +72,9 @@ def third_party(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "scales_of_mine", raising=False)
     offered = EntryPoint("Weigh", "scales_of_mine:Weigh", registry.GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: (offered,) if group == registry.GROUP else ())
+    monkeypatch.setattr(
+        registry, "entry_points", lambda group: (offered,) if group == registry.GROUP else ()
+    )
     return tmp_path
 
 
@@ -61,24 +82,37 @@ def test_a_skill_of_pomona_is_named_with_its_file_inside_the_package_and_its_lin
     from pomona.skills.move_to import MoveTo
 
     line = inspect.getsourcelines(MoveTo)[1]
-    assert f"Mine (line 12 of the tree, pomona/skills/move_to.py:{line}) failed with LOST: it fell." in reason_of(
-        "MoveTo"
+    assert (
+        f"Mine (line 12 of the tree, pomona/skills/move_to.py:{line}) failed with LOST: it fell."
+        in reason_of("MoveTo")
     )
 
 
 def test_every_installed_skill_is_named_with_a_file_that_exists() -> None:
-    found = {name: registry.source_of(name).rpartition(":")[0] for name in registry.Registry.installed()}
-    folders = [Path(registry.__file__).parents[3] / floor for floor in ("executive", "skills", "drivers")]
-    assert [name for name, file in found.items() if not any((folder / file).is_file() for folder in folders)] == []
+    found = {
+        name: registry.source_of(name).rpartition(":")[0] for name in registry.Registry.installed()
+    }
+    folders = [
+        Path(registry.__file__).parents[3] / floor for floor in ("executive", "skills", "drivers")
+    ]
+    assert [
+        name
+        for name, file in found.items()
+        if not any((folder / file).is_file() for folder in folders)
+    ] == []
 
 
-def test_a_third_partys_skill_is_named_with_its_module_and_no_folder_of_the_machine(third_party: Path) -> None:
+def test_a_third_partys_skill_is_named_with_its_module_and_no_folder_of_the_machine(
+    third_party: Path,
+) -> None:
     said = reason_of("Weigh")
     assert "Mine (line 12 of the tree, scales_of_mine:6) failed" in said
     assert str(third_party) not in said
 
 
-def test_a_skill_that_is_not_installed_or_was_mocked_has_the_line_of_the_tree_alone(third_party: Path) -> None:
+def test_a_skill_that_is_not_installed_or_was_mocked_has_the_line_of_the_tree_alone(
+    third_party: Path,
+) -> None:
     assert "Mine (line 12 of the tree) failed" in reason_of("NoSuchSkill")
     assert "Mine (line 12 of the tree) failed" in reason_of("Weigh", mocked=True)
     (third_party / "scales_of_mine.py").write_text("raise RuntimeError('no scales')\n")
@@ -98,7 +132,9 @@ def test_a_skill_without_source_has_the_line_of_the_tree_alone(
 def test_a_condition_that_did_not_hold_is_no_failure_on_the_way() -> None:
     started = next(event for event in FAILED if isinstance(event, RunStarted))
     ended = next(event for event in FAILED if isinstance(event, RunEnded))
-    decided = NodeChanged(1.0, 1, "a/Node", "FAILURE", "", 1, Reason("a/Node", "CONDITION_FALSE", "it is false"))
+    decided = NodeChanged(
+        1.0, 1, "a/Node", "FAILURE", "", 1, Reason("a/Node", "CONDITION_FALSE", "it is false")
+    )
     events = [started, decided, replace(ended, outcome="success", reason=None)]
     assert "Nothing failed on the way." in list(explain(events, whole=False))
 
@@ -106,8 +142,16 @@ def test_a_condition_that_did_not_hold_is_no_failure_on_the_way() -> None:
 def test_the_account_that_is_shown_as_a_table_is_a_sentence_of_its_own() -> None:
     account, other = "7 of 8 fruit put away; left at (10, 20) mm: no grasp", "Gripped with 9 N"
     table = TableView(("fruit",), (("1",),), account)
-    shown = [Published(0.1, 1, "KeepTally", "tally", table), PortWritten(0.1, 1, "/so_far", {}, "KeepTally", account)]
-    events = [*FAILED[:-1], *shown, PortWritten(0.2, 1, "/hold", {}, "SlipAvoidGrasp", other), FAILED[-1]]
+    shown = [
+        Published(0.1, 1, "KeepTally", "tally", table),
+        PortWritten(0.1, 1, "/so_far", {}, "KeepTally", account),
+    ]
+    events = [
+        *FAILED[:-1],
+        *shown,
+        PortWritten(0.2, 1, "/hold", {}, "SlipAvoidGrasp", other),
+        FAILED[-1],
+    ]
     paragraphs = explain(events, whole=False)
     assert f"{account}." in paragraphs
     assert not any(other in paragraph for paragraph in paragraphs)
@@ -115,10 +159,18 @@ def test_the_account_that_is_shown_as_a_table_is_a_sentence_of_its_own() -> None
 
 
 def test_a_long_account_is_cut_at_the_end_of_a_part() -> None:
-    parts = ["7 of 40 fruit put away", *(f"left at ({n}, 20) mm: none of 3 grasps was free" for n in range(33))]
+    parts = [
+        "7 of 40 fruit put away",
+        *(f"left at ({n}, 20) mm: none of 3 grasps was free" for n in range(33)),
+    ]
     account = "; ".join(parts)
     shown = Published(0.1, 1, "KeepTally", "tally", TableView(("fruit",), (("1",),), account))
-    events = [*FAILED[:-1], shown, PortWritten(0.1, 1, "/tally", {}, "KeepTally", account), FAILED[-1]]
+    events = [
+        *FAILED[:-1],
+        shown,
+        PortWritten(0.1, 1, "/tally", {}, "KeepTally", account),
+        FAILED[-1],
+    ]
     (cut,) = (text for text in explain(events, whole=False) if text.startswith(parts[0]))
     kept, _, rest = cut.rpartition("; … ")
     assert kept == "; ".join(parts[: kept.count("; ") + 1])

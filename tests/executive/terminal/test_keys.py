@@ -58,8 +58,12 @@ class Terminal:
     def run(self, text: str, person: Callable[[Runner], None]) -> RunResult:
         """Run a tree while a person types."""
         keys = Keys(self.screen, self.lines)
-        patience = dict.fromkeys(range(1, 5_000), lambda _runner, _cell: threading.Event().wait(0.002))
-        runner, _cell, self.events = make(text, SKILLS, patience, attended=True, listeners=[keys.on_event])
+        patience = dict.fromkeys(
+            range(1, 5_000), lambda _runner, _cell: threading.Event().wait(0.002)
+        )
+        runner, _cell, self.events = make(
+            text, SKILLS, patience, attended=True, listeners=[keys.on_event]
+        )
         keys.serve(runner)
         failed: list[BaseException] = []
 
@@ -114,7 +118,9 @@ def test_the_first_letters_answer_and_enter_ends_a_pause(terminal: Terminal) -> 
     assert "Enter alone goes on" in terminal.shown.getvalue()
 
 
-def test_reload_takes_the_file_over_or_gives_the_reason_and_the_pause_goes_on(terminal: Terminal) -> None:
+def test_reload_takes_the_file_over_or_gives_the_reason_and_the_pause_goes_on(
+    terminal: Terminal,
+) -> None:
     def person(_runner: Runner) -> None:
         terminal.wait(PROMPT)
         terminal.type("green\nNO\n")
@@ -171,7 +177,9 @@ def test_lines_behind_an_answer_do_not_answer_the_next_question(terminal: Termin
     assert terminal.run(text, person).outcome == "stopped"
 
 
-def test_a_question_that_stands_behind_another_is_asked_again_when_that_one_has_gone(terminal: Terminal) -> None:
+def test_a_question_that_stands_behind_another_is_asked_again_when_that_one_has_gone(
+    terminal: Terminal,
+) -> None:
     """A line that was meant for the question that has just been answered by its default must not answer this one."""
     text = """
 pomona: 1
@@ -190,7 +198,9 @@ root:
         terminal.type("yes\n")
 
     assert terminal.run(text, person).outcome == "success"
-    assert terminal.shown.getvalue().index("Open the fingers?") < terminal.shown.getvalue().index("Is the table free?")
+    assert terminal.shown.getvalue().index("Open the fingers?") < terminal.shown.getvalue().index(
+        "Is the table free?"
+    )
     assert terminal.acts() == [("answer", "terminal")]
 
 
@@ -206,7 +216,11 @@ def test_enter_ends_a_pause_that_came_over_a_question(terminal: Terminal) -> Non
         terminal.type("\n")
 
     assert terminal.run(ASKING, person).outcome == "success"
-    paused = [event.pause for event in terminal.events if isinstance(event, StateChanged) and event.state == "paused"]
+    paused = [
+        event.pause
+        for event in terminal.events
+        if isinstance(event, StateChanged) and event.state == "paused"
+    ]
     assert paused == [1, 2]
 
 

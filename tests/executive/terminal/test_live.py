@@ -17,7 +17,10 @@ from pomona.executive.terminal.screen import Screen
 
 NODES = (
     {"path": "t", "parent": None, "name": "whole"},
-    *({"path": f"t/{n}", "parent": "t", "name": f"a node with quite a long name {n}"} for n in range(60)),
+    *(
+        {"path": f"t/{n}", "parent": "t", "name": f"a node with quite a long name {n}"}
+        for n in range(60)
+    ),
 )
 
 
@@ -26,15 +29,37 @@ def shown(running: int, width: int = 80, height: int = 24, odd: str = "") -> lis
     nodes = tuple(node | {"name": f"{node['name']}{odd}"} for node in NODES)
     live = LiveTree(Screen(quiet=True))
     live.on_event(
-        RunStarted(0.0, 0, "r", f"t{odd}", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+        RunStarted(
+            0.0,
+            0,
+            "r",
+            f"t{odd}",
+            "t.yaml",
+            "",
+            "",
+            "sim",
+            "simulated",
+            "",
+            "",
+            0,
+            {},
+            nodes,
+            {},
+            0.0,
+            0.02,
+        )
     )
     for number in range(running):
         live.on_event(NodeChanged(0.0, number, f"t/{number}", "SUCCESS", "", 1))
-    live.on_event(NodeChanged(1.0, running, f"t/{running}", "RUNNING", f"on {odd} the way " * 20, 1))
+    live.on_event(
+        NodeChanged(1.0, running, f"t/{running}", "RUNNING", f"on {odd} the way " * 20, 1)
+    )
     live._console = Screen()
     live._console.size = (width, height)  # type: ignore[assignment]
     text = live._text()
-    terminal = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, color_system=None)
+    terminal = Console(
+        file=io.StringIO(), width=width, height=height, force_terminal=True, color_system=None
+    )
     return [line.plain for line in text.wrap(terminal, width)]
 
 
@@ -59,9 +84,13 @@ def test_a_tree_that_fits_is_shown_whole() -> None:
     assert len(shown(30, height=80)) == len(NODES) + 1
 
 
-@pytest.mark.parametrize("odd", ["\nsecond\n\nfourth", "\r\u202e\u200b\x1b[2J" * 9, "\t\u2028\x85\x0b🍎"])
+@pytest.mark.parametrize(
+    "odd", ["\nsecond\n\nfourth", "\r\u202e\u200b\x1b[2J" * 9, "\t\u2028\x85\x0b🍎"]
+)
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 10)])
-def test_names_and_feedback_take_one_line_each_whatever_they_hold(odd: str, width: int, height: int) -> None:
+def test_names_and_feedback_take_one_line_each_whatever_they_hold(
+    odd: str, width: int, height: int
+) -> None:
     lines = shown(30, width, height, odd)
     assert len(lines) <= height - 1
     assert all(len(visible(line)) <= width for line in lines)
@@ -69,7 +98,9 @@ def test_names_and_feedback_take_one_line_each_whatever_they_hold(odd: str, widt
 
 
 def test_preparation_is_shown_until_the_run_begins() -> None:
-    screen: Any = Console(file=io.StringIO(), width=40, height=10, force_terminal=True, color_system=None)
+    screen: Any = Console(
+        file=io.StringIO(), width=40, height=10, force_terminal=True, color_system=None
+    )
     with contextlib.closing(LiveTree(screen)) as live:
         starting = live.starting()
         starting.reach("connecting the cell")
@@ -81,7 +112,9 @@ def test_preparation_is_shown_until_the_run_begins() -> None:
     assert "◌ preparing SlipAvoidGrasp and all that…" in drawn
 
 
-def test_where_nothing_is_drawn_only_a_long_preparation_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_is_drawn_only_a_long_preparation_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     screen: Any = Console(file=io.StringIO())
     starting = LiveTree(screen).starting()
     starting.reach("preparing Detect", 2, 9)
@@ -91,9 +124,13 @@ def test_where_nothing_is_drawn_only_a_long_preparation_is_reported(monkeypatch:
     assert screen.file.getvalue() == "preparing Refine, 4 of 9 …\n"
 
 
-def test_a_skill_that_kept_the_tick_waiting_is_reported_while_it_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_skill_that_kept_the_tick_waiting_is_reported_while_it_runs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     live = LiveTree(Screen(width=120))
-    start = RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "lab", "real", "", "", 0, {}, NODES, {}, 0.0, 0.02)
+    start = RunStarted(
+        0.0, 0, "r", "t", "t.yaml", "", "", "lab", "real", "", "", 0, {}, NODES, {}, 0.0, 0.02
+    )
     live.on_event(start)
     live.on_event(TickOverran(0.02, 1, "t/3", 2.0))
     live.on_event(TickOverran(0.04, 2, "t/4", 0.03))
@@ -110,7 +147,25 @@ def test_on_a_simulated_cell_only_work_that_belongs_beside_the_tick_is_reported(
 ) -> None:
     live = LiveTree(Screen(width=120))
     live.on_event(
-        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, NODES, {}, 0.0, 0.02)
+        RunStarted(
+            0.0,
+            0,
+            "r",
+            "t",
+            "t.yaml",
+            "",
+            "",
+            "sim",
+            "simulated",
+            "",
+            "",
+            0,
+            {},
+            NODES,
+            {},
+            0.0,
+            0.02,
+        )
     )
     live.on_event(TickOverran(0.02, 1, "t/3", 2.0, 0.1))
     assert capsys.readouterr().out == "", "the world stood still while the tick waited"
@@ -121,9 +176,30 @@ def test_on_a_simulated_cell_only_work_that_belongs_beside_the_tick_is_reported(
 def test_a_condition_that_does_not_hold_has_no_cross(capsys: pytest.CaptureFixture[str]) -> None:
     live = LiveTree(Screen())
     live._live = None
-    nodes = ({"path": "t", "parent": None, "name": "whole"}, {"path": "t/c", "parent": "t", "name": "check"})
+    nodes = (
+        {"path": "t", "parent": None, "name": "whole"},
+        {"path": "t/c", "parent": "t", "name": "check"},
+    )
     live.on_event(
-        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+        RunStarted(
+            0.0,
+            0,
+            "r",
+            "t",
+            "t.yaml",
+            "",
+            "",
+            "sim",
+            "simulated",
+            "",
+            "",
+            0,
+            {},
+            nodes,
+            {},
+            0.0,
+            0.02,
+        )
     )
     for code in ("CONDITION_FALSE", "NO_PATH"):
         live.on_event(NodeChanged(0.0, 1, "t/c", "FAILURE", "", 1, Reason("t/c", code, "so it is")))

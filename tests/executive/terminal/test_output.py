@@ -118,7 +118,9 @@ def test_a_reader_that_is_gone_shows_in_a_later_write(pipe: tuple[int, TextIO]) 
         output.flush()
 
 
-def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(pipe: tuple[int, TextIO]) -> None:
+def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(
+    pipe: tuple[int, TextIO],
+) -> None:
     reading, stream = pipe
     os.set_blocking(stream.fileno(), False)
     output = Output(stream)
@@ -126,7 +128,9 @@ def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(pipe: tuple
     assert read(reading, 4096 + 10_000).endswith(b"x" * 10_000)
 
 
-def test_at_the_end_the_reader_has_a_bounded_time(pipe: tuple[int, TextIO], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_the_end_the_reader_has_a_bounded_time(
+    pipe: tuple[int, TextIO], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(module, "ENDING", 0.1)
     reading, stream = pipe
     monkeypatch.setattr(sys, "stdout", stream)
@@ -208,7 +212,9 @@ def events_of(folder: Path) -> list[Any]:
 
 
 @contextlib.contextmanager
-def unread_run(folder: Path, tree: str, output: int, more: list[str], script: str = "") -> Iterator[Any]:
+def unread_run(
+    folder: Path, tree: str, output: int, more: list[str], script: str = ""
+) -> Iterator[Any]:
     (folder / "t.yaml").write_text(tree)
     main = "import sys; from pomona.executive.cli import main; sys.exit(main())"
     words = ["run", str(folder / "t.yaml"), "--dry", "--record", str(folder / "runs"), *more]
@@ -245,7 +251,9 @@ def test_a_run_whose_output_nothing_reads_ends_by_itself_with_its_status(tmp_pat
     tree = TREE.replace("1000000", "200")
     with unread_run(tmp_path, tree, theirs, []) as process:
         assert process.wait(PATIENCE) == 0
-    assert [event.outcome for event in events_of(tmp_path) if isinstance(event, RunEnded)] == ["success"]
+    assert [event.outcome for event in events_of(tmp_path) if isinstance(event, RunEnded)] == [
+        "success"
+    ]
     os.close(ours)
     os.close(theirs)
 
@@ -270,7 +278,9 @@ RecordingSession.begin = hold
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 3), (None, 0)])
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 3), (None, 0)]
+)
 def test_a_lock_of_logging_that_a_thread_keeps_does_not_keep_a_run_from_its_end(
     tmp_path: Path, number: int | None, status: int
 ) -> None:
@@ -282,7 +292,9 @@ def test_a_lock_of_logging_that_a_thread_keeps_does_not_keep_a_run_from_its_end(
             process.send_signal(number)
         assert process.wait(PATIENCE) == status
     outcome = "success" if number is None else "stopped"
-    assert [event.outcome for event in events_of(tmp_path) if isinstance(event, RunEnded)] == [outcome]
+    assert [event.outcome for event in events_of(tmp_path) if isinstance(event, RunEnded)] == [
+        outcome
+    ]
 
 
 def test_a_fault_needs_no_lock_of_logging() -> None:

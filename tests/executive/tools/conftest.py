@@ -31,7 +31,9 @@ def chromium() -> Iterator[Any]:
         pytest.skip(words)
     from playwright.sync_api import expect, sync_playwright
 
-    expect.set_options(timeout=60_000)  # a busy machine may take its time; nothing waits longer than it must
+    expect.set_options(
+        timeout=60_000
+    )  # a busy machine may take its time; nothing waits longer than it must
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found, args=FLAGS)
         yield browser

@@ -12,7 +12,9 @@ from hypothesis import given, settings, strategies as st
 from pomona.executive.values.archives import ArchiveTooLarge, open_archive
 
 
-def test_an_archive_of_many_bytes_members_or_another_method_is_refused_with_both_values(tmp_path: Path) -> None:
+def test_an_archive_of_many_bytes_members_or_another_method_is_refused_with_both_values(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "x.zip"
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
         archive.writestr("a", bytes(30_000_000))
@@ -38,12 +40,16 @@ def test_a_large_directory_is_not_read(tmp_path: Path) -> None:
         for k in range(3000):
             archive.writestr("n" * 300 + str(k), b"")
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(ArchiveTooLarge, match=r"has a directory of 1\.\d MB; at most 1000 members are read"):
+    with pytest.raises(
+        ArchiveTooLarge, match=r"has a directory of 1\.\d MB; at most 1000 members are read"
+    ):
         open_archive(path, 1000, 1000)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000
 
 
-def test_a_member_that_unpacks_to_more_than_the_directory_states_gives_no_more(tmp_path: Path) -> None:
+def test_a_member_that_unpacks_to_more_than_the_directory_states_gives_no_more(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "x.zip"
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
         archive.writestr("a", bytes(5_000_000))
@@ -54,7 +60,9 @@ def test_a_member_that_unpacks_to_more_than_the_directory_states_gives_no_more(t
 
 @settings(max_examples=200, deadline=None)
 @given(st.data())
-def test_a_damaged_archive_is_opened_or_refused(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_a_damaged_archive_is_opened_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
     path = tmp_path_factory.mktemp("zip") / "x.zip"
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
         archive.writestr("a", b"abc" * 50)
@@ -62,7 +70,9 @@ def test_a_damaged_archive_is_opened_or_refused(tmp_path_factory: pytest.TempPat
     content = bytearray(path.read_bytes())
     for _ in range(data.draw(st.integers(1, 4))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    path.write_bytes(content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content)
+    path.write_bytes(
+        content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content
+    )
     try:
         with open_archive(path, 1000) as archive:
             assert sum(member.file_size for member in archive.infolist()) <= 1000

@@ -41,7 +41,9 @@ def test_each_format_gives_vertices_and_triangles(tmp_path: Path, suffix: str) -
         ("none.obj", TRIANGLE, "."),
     ],
 )  # fmt: skip
-def test_a_mesh_that_is_too_large_or_none_is_refused(tmp_path: Path, name: str, content: bytes, words: str) -> None:
+def test_a_mesh_that_is_too_large_or_none_is_refused(
+    tmp_path: Path, name: str, content: bytes, words: str
+) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(UnreadableMeshError, match=words):
         read_mesh(tmp_path / name)
@@ -51,12 +53,19 @@ def test_a_large_file_is_refused_by_its_size(tmp_path: Path) -> None:
     for suffix, most in mesh_file.MOST_BYTES.items():
         with (tmp_path / f"large{suffix}").open("wb") as stream:
             stream.truncate(most + 1_000_000)
-        with pytest.raises(UnreadableMeshError, match=r"has \d+ MB, \d+ MB are read at most: simplify it"):
+        with pytest.raises(
+            UnreadableMeshError, match=r"has \d+ MB, \d+ MB are read at most: simplify it"
+        ):
             read_mesh(tmp_path / f"large{suffix}")
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.sampled_from(mesh_file.SUFFIXES), st.integers(0, 400), st.binary(max_size=6), st.integers(0, 6))
+@given(
+    st.sampled_from(mesh_file.SUFFIXES),
+    st.integers(0, 400),
+    st.binary(max_size=6),
+    st.integers(0, 6),
+)
 def test_a_damaged_mesh_is_a_mesh_or_refused(
     tmp_path_factory: pytest.TempPathFactory, suffix: str, at: int, inserted: bytes, length: int
 ) -> None:

@@ -43,7 +43,9 @@ def png(width: int, height: int) -> bytes:
         (b"IDAT", zlib.compress(bytes(1000))),
         (b"IEND", b""),
     )
-    chunks = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
+    chunks = (
+        struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts
+    )
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
@@ -61,12 +63,17 @@ def test_a_picture_is_read_as_it_was_written(kind: str, tmp_path: Path) -> None:
 def test_a_picture_is_upright_as_pillow_turns_it(kind: str, orientation: int) -> None:
     whole = Image.fromarray(np.repeat(np.repeat(RGB, 8, axis=0), 8, axis=1))
     content = coded(whole, kind, orientation)
-    expected = np.asarray(ImageOps.exif_transpose(Image.open(io.BytesIO(content))).convert("RGB")).astype(int)
+    expected = np.asarray(
+        ImageOps.exif_transpose(Image.open(io.BytesIO(content))).convert("RGB")
+    ).astype(int)
     got = decode_picture(content)
     assert got.shape == expected.shape
     assert np.abs(got - expected).mean() < 4.0  # two decoders of JPEG round differently
     if orientation > 1:
-        with pytest.raises(UnusablePicture, match=f"its Exif orientation is {orientation}, but depth and intrinsics"):
+        with pytest.raises(
+            UnusablePicture,
+            match=f"its Exif orientation is {orientation}, but depth and intrinsics",
+        ):
             decode_picture(content, as_taken=True)
     else:
         assert np.array_equal(decode_picture(content, as_taken=True), got)
@@ -96,7 +103,10 @@ def test_a_file_of_several_pictures_is_refused_with_their_number(kind: str) -> N
             if count == 1:
                 assert decode(content.getvalue()).shape[:2] == (12, 20)
                 continue
-            with pytest.raises(UnusablePicture, match="holds 3 pictures: store each that is wanted in a file of its"):
+            with pytest.raises(
+                UnusablePicture,
+                match="holds 3 pictures: store each that is wanted in a file of its",
+            ):
                 decode(content.getvalue())
 
 
@@ -141,9 +151,15 @@ def test_a_file_that_is_no_picture_is_refused_with_its_reason(content: bytes, re
             decode(content)
 
 
-def test_a_file_that_cannot_be_opened_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_cannot_be_opened_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     os.mkfifo(tmp_path / "pipe.png")
-    for name, reason in (("none.png", "there is no such file"), ("pipe.png", "is no file"), ("", "is no file")):
+    for name, reason in (
+        ("none.png", "there is no such file"),
+        ("pipe.png", "is no file"),
+        ("", "is no file"),
+    ):
         with pytest.raises(UnusablePicture, match=reason):
             read_picture(tmp_path / name)
     write_picture(tmp_path / "a.png", RGB)

@@ -19,7 +19,10 @@ def packed(header: str) -> bytes:
     written = io.BytesIO()
     text = header.ljust(117) + "\n"
     with ZipFile(written, "w") as archive:
-        archive.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + bytes(24))
+        archive.writestr(
+            "a.npy",
+            b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + bytes(24),
+        )
     return written.getvalue()
 
 

@@ -23,7 +23,11 @@ from pomona.executive.values.plain_text import MOST_BYTES, NoTableError, read_pl
 )  # fmt: skip
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/full", "pipe"])
 def test_no_command_waits_for_a_device_or_a_pipe(
-    command: list[str], device: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: list[str],
+    device: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     os.mkfifo("pipe")
@@ -59,14 +63,30 @@ FILES = {
 @pytest.mark.parametrize(
     "command",
     [
-        *(["check", "pick_apple", "--cell", "cell.yaml"], ["test", "scenario.yaml"], ["campaign", "campaign.yaml"]),
-        *(["check", LONG], ["run", LONG], ["check", "pick_apple", "--cell", LONG], ["explain", LONG]),
-        *(["check", "pick_apple", "--set", f"fruit={LONG}"], ["runs", "export", LONG], ["fmt", LONG]),
+        *(
+            ["check", "pick_apple", "--cell", "cell.yaml"],
+            ["test", "scenario.yaml"],
+            ["campaign", "campaign.yaml"],
+        ),
+        *(
+            ["check", LONG],
+            ["run", LONG],
+            ["check", "pick_apple", "--cell", LONG],
+            ["explain", LONG],
+        ),
+        *(
+            ["check", "pick_apple", "--set", f"fruit={LONG}"],
+            ["runs", "export", LONG],
+            ["fmt", LONG],
+        ),
     ],
     ids=lambda command: "_".join(word[:12] for word in command),
 )
 def test_a_longer_name_than_a_file_can_have_is_a_file_that_is_not_there(
-    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
@@ -83,8 +103,13 @@ def test_a_byte_order_mark_is_no_part_of_a_text(tmp_path: Path) -> None:
 
 
 def test_rows_of_a_table_have_the_numbers_of_their_lines(tmp_path: Path) -> None:
-    (file := tmp_path / "fruit.csv").write_bytes('\ufeffimage,x\r\na.jpg,1\r\n\r\n"b, c.jpg",2\r\n'.encode())
-    assert read_table(file, ["image"]) == [(2, {"image": "a.jpg", "x": "1"}), (4, {"image": "b, c.jpg", "x": "2"})]
+    (file := tmp_path / "fruit.csv").write_bytes(
+        '\ufeffimage,x\r\na.jpg,1\r\n\r\n"b, c.jpg",2\r\n'.encode()
+    )
+    assert read_table(file, ["image"]) == [
+        (2, {"image": "a.jpg", "x": "1"}),
+        (4, {"image": "b, c.jpg", "x": "2"}),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -99,7 +124,9 @@ def test_rows_of_a_table_have_the_numbers_of_their_lines(tmp_path: Path) -> None
         (b"image,x\na\xe9.jpg,1\n", "byte 9 is not UTF-8"),
     ],
 )
-def test_a_table_that_cannot_be_used_is_refused_with_the_reason(content: bytes, reason: str, tmp_path: Path) -> None:
+def test_a_table_that_cannot_be_used_is_refused_with_the_reason(
+    content: bytes, reason: str, tmp_path: Path
+) -> None:
     (file := tmp_path / "fruit.csv").write_bytes(content)
     with pytest.raises(NoTableError, match=reason):
         read_table(file, ["image"])

@@ -25,7 +25,9 @@ def shelf() -> Shelf:
 
 
 @given(arrays(np.float64, array_shapes(min_dims=0, min_side=0)), st.booleans())
-def test_an_array_keeps_its_content_and_refuses_writes_also_through_views_and_flags(array: Float64, fold: bool) -> None:
+def test_an_array_keeps_its_content_and_refuses_writes_also_through_views_and_flags(
+    array: Float64, fold: bool
+) -> None:
     kept = read_only(array.T if fold else array)
     np.testing.assert_array_equal(kept, array.T if fold else array)
     assert kept.dtype == array.dtype

@@ -9,7 +9,9 @@ from hypothesis import given, strategies as st
 from pomona.executive.values.rotations import from_quaternion, from_rpy, is_rigid, to_quaternion
 
 ANGLES = st.floats(-np.pi, np.pi)
-QUATERNIONS = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 1e-3)
+QUATERNIONS = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(
+    lambda q: np.linalg.norm(q) > 1e-3
+)
 
 
 def about(axis: int, angle: float) -> np.ndarray:
@@ -21,7 +23,9 @@ def about(axis: int, angle: float) -> np.ndarray:
 
 
 @given(ANGLES, ANGLES, ANGLES)
-def test_roll_pitch_yaw_turn_about_the_fixed_axes_x_y_z_in_this_order(roll: float, pitch: float, yaw: float) -> None:
+def test_roll_pitch_yaw_turn_about_the_fixed_axes_x_y_z_in_this_order(
+    roll: float, pitch: float, yaw: float
+) -> None:
     np.testing.assert_allclose(
         from_rpy((roll, pitch, yaw)), about(2, yaw) @ about(1, pitch) @ about(0, roll), atol=1e-12
     )
@@ -74,14 +78,22 @@ def test_a_rotation_may_be_written_with_four_digits() -> None:
         ((3, 0), 1e-9), ((3, 3), 1.001), ((3, 3), 0.0), ((0, 3), np.nan), ((1, 3), np.inf), ((0, 0), np.nan),
     ],
 )  # fmt: skip
-def test_another_last_row_and_values_that_are_not_finite_are_not_rigid(where: tuple[int, int], value: float) -> None:
+def test_another_last_row_and_values_that_are_not_finite_are_not_rigid(
+    where: tuple[int, int], value: float
+) -> None:
     T = pose()
     T[where] = value
     assert not is_rigid(T)
 
 
 def test_mirroring_stretching_and_flattening_are_not_rigid() -> None:
-    for scale in ((-1.0, 1.0, 1.0), (-1.0, -1.0, -1.0), (1.001, 1.001, 1.001), (0.999, 1.0, 1.0), (1.0, 1.0, 0.0)):
+    for scale in (
+        (-1.0, 1.0, 1.0),
+        (-1.0, -1.0, -1.0),
+        (1.001, 1.001, 1.001),
+        (0.999, 1.0, 1.0),
+        (1.0, 1.0, 0.0),
+    ):
         T = pose()
         T[:3, :3] = T[:3, :3] @ np.diag(scale)
         assert not is_rigid(T), scale

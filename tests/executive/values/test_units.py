@@ -7,7 +7,9 @@ from hypothesis import given, strategies as st
 
 from pomona.executive.values.units import ANGLE, LENGTH, QUANTITIES, RATE, RATIO, STIFFNESS, TIME
 
-UNITS = [(quantity, unit) for quantity in QUANTITIES.values() for unit in quantity.units if unit != "1"]
+UNITS = [
+    (quantity, unit) for quantity in QUANTITIES.values() for unit in quantity.units if unit != "1"
+]
 
 
 @given(st.floats(-1e6, 1e6), st.sampled_from(UNITS))
@@ -60,7 +62,9 @@ def test_quantities_are_read_as_people_write_them(quantity, text, si):
     assert quantity.parse(text) == pytest.approx(si)
 
 
-@pytest.mark.parametrize("text", ["", "mm", "1 2 mm", "1e999 m", "inf m", "nan", "51/s", "١ m", "--1 m", "1,5 m"])
+@pytest.mark.parametrize(
+    "text", ["", "mm", "1 2 mm", "1e999 m", "inf m", "nan", "51/s", "١ m", "--1 m", "1,5 m"]
+)
 def test_a_text_without_a_quantity_is_refused(text):
     for quantity in (LENGTH, RATE):
         with pytest.raises(ValueError, match=quantity.name):

@@ -41,7 +41,9 @@ def closing(**settings: Any) -> Closed:
 def state(width: float, left: float = 0.0, right: float = 0.0) -> GripState:
     reference = ForceReference(GripSettings())
     estimate = GripEstimate(left=left, right=right, f_n=2.0 * min(left, right))
-    return GripState(GripSample(1.0, 1, 0.002, np.zeros((2, 6))), estimate, reference.mode, width, 0.0, 0.0)
+    return GripState(
+        GripSample(1.0, 1, 0.002, np.zeros((2, 6))), estimate, reference.mode, width, 0.0, 0.0
+    )
 
 
 def code(made: Closing) -> str:

@@ -38,7 +38,10 @@ def lift(fruit: Fruit = APPLE, **kwargs: Any) -> TrialResult:
         (APPLE, 4.0),
         (Fruit(mass=0.06, width=0.055, mu=0.9), 4.0),
         (Fruit(mass=0.35, width=0.085, mu=0.45, offset=(-0.004, 0.008)), 5.0),
-        (Fruit(mass=0.15, mu=0.7, offset=(0.010, 0.0), off_centre=0.003), 7.0),  # 5.6 to 6.9° over twelve seeds
+        (
+            Fruit(mass=0.15, mu=0.7, offset=(0.010, 0.0), off_centre=0.003),
+            7.0,
+        ),  # 5.6 to 6.9° over twelve seeds
     ],
 )
 def test_a_fruit_of_unknown_weight_is_lifted_with_little_more_than_the_least_force(
@@ -138,14 +141,22 @@ def test_pivoting_turns_the_fruit_until_it_hangs_plumb_and_hardly_lets_it_slide(
 # --------------------------------------------------------------------------------------------------- bad input
 
 
-def now_and_then(change: Callable[[int, float, np.ndarray], list[tuple[int, float, np.ndarray]]], at: int) -> Corrupt:
+def now_and_then(
+    change: Callable[[int, float, np.ndarray], list[tuple[int, float, np.ndarray]]], at: int
+) -> Corrupt:
     """Deliver good samples until the `at`-th after the grip was made, then each changed by `change`."""
     count = 0
 
-    def corrupt(sequence: int, stamp: float, wrenches: np.ndarray) -> list[tuple[int, float, np.ndarray]]:
+    def corrupt(
+        sequence: int, stamp: float, wrenches: np.ndarray
+    ) -> list[tuple[int, float, np.ndarray]]:
         nonlocal count
         count += 1
-        return [(sequence, stamp, wrenches)] if count < at else change(count - at, stamp, wrenches.copy(), sequence)  # type: ignore[call-arg]
+        return (
+            [(sequence, stamp, wrenches)]
+            if count < at
+            else change(count - at, stamp, wrenches.copy(), sequence)
+        )  # type: ignore[call-arg]
 
     return corrupt
 
@@ -164,34 +175,48 @@ STEADY_WAY = 3e-4
 """How far the fingers move in this time without any fault: the force is still relaxing [m]."""
 
 
-def repeated(_n: int, stamp: float, wrenches: np.ndarray, sequence: int) -> list[tuple[int, float, np.ndarray]]:
+def repeated(
+    _n: int, stamp: float, wrenches: np.ndarray, sequence: int
+) -> list[tuple[int, float, np.ndarray]]:
     return [(sequence, stamp, wrenches)] * 3
 
 
-def out_of_order(n: int, stamp: float, wrenches: np.ndarray, sequence: int) -> list[tuple[int, float, np.ndarray]]:
+def out_of_order(
+    n: int, stamp: float, wrenches: np.ndarray, sequence: int
+) -> list[tuple[int, float, np.ndarray]]:
     return [(sequence, stamp, wrenches), (sequence - 3, stamp - 0.006, -wrenches)]
 
 
-def not_finite(n: int, stamp: float, wrenches: np.ndarray, sequence: int) -> list[tuple[int, float, np.ndarray]]:
+def not_finite(
+    n: int, stamp: float, wrenches: np.ndarray, sequence: int
+) -> list[tuple[int, float, np.ndarray]]:
     if n % 3 == 0:
         wrenches[n % 2, n % 6] = np.nan if n % 2 else np.inf
     return [(sequence, stamp, wrenches)]
 
 
 def gap(length: float) -> Callable[..., list[tuple[int, float, np.ndarray]]]:
-    def missing(n: int, stamp: float, wrenches: np.ndarray, sequence: int) -> list[tuple[int, float, np.ndarray]]:
+    def missing(
+        n: int, stamp: float, wrenches: np.ndarray, sequence: int
+    ) -> list[tuple[int, float, np.ndarray]]:
         return [] if n * 0.002 < length else [(sequence, stamp, wrenches)]
 
     return missing
 
 
-def dead(n: int, stamp: float, wrenches: np.ndarray, sequence: int) -> list[tuple[int, float, np.ndarray]]:
+def dead(
+    n: int, stamp: float, wrenches: np.ndarray, sequence: int
+) -> list[tuple[int, float, np.ndarray]]:
     wrenches[1] = 0.0
     return [(sequence, stamp, wrenches)]
 
 
-def biased(finger: int, channel: int, offset: float) -> Callable[..., list[tuple[int, float, np.ndarray]]]:
-    def bias(n: int, stamp: float, wrenches: np.ndarray, sequence: int) -> list[tuple[int, float, np.ndarray]]:
+def biased(
+    finger: int, channel: int, offset: float
+) -> Callable[..., list[tuple[int, float, np.ndarray]]]:
+    def bias(
+        n: int, stamp: float, wrenches: np.ndarray, sequence: int
+    ) -> list[tuple[int, float, np.ndarray]]:
         wrenches[finger, channel] += offset
         return [(sequence, stamp, wrenches)]
 
@@ -257,7 +282,9 @@ def test_each_fault_is_reported_in_words() -> None:
 
 def test_a_saturated_finger_neither_opens_nor_closes_and_is_reported() -> None:
     controller, wrenches = holding()
-    speeds = [controller.step(1.0 + 0.002 * i, 500 + i, 3.0 * wrenches, (True, False)) for i in range(100)]
+    speeds = [
+        controller.step(1.0 + 0.002 * i, 500 + i, 3.0 * wrenches, (True, False)) for i in range(100)
+    ]
     assert {speed for speed in speeds if speed is not None} == {0.0}
     assert controller.problem is not None
     assert controller.problem.code == "SENSOR_SATURATED"
@@ -284,7 +311,11 @@ def test_a_finger_that_reads_too_little_does_not_let_the_other_one_press_beyond_
         controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
         pressed -= 0.5 * controller.settings.loop.stiffness.linear * controller.speed * 0.002
         most = max(most, pressed)
-    assert 0.4 * controller.settings.loop.max_force < most <= 0.505 * controller.settings.loop.max_force
+    assert (
+        0.4 * controller.settings.loop.max_force
+        < most
+        <= 0.505 * controller.settings.loop.max_force
+    )
     assert controller.problem is not None
 
 
@@ -295,7 +326,9 @@ def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_
             before = controller.reading.f_ref
             wrenches[0, 0] -= 1.0
         controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
-        wrenches[:, 2] += 0.5 * controller.settings.loop.stiffness.linear * controller.speed * 0.002  # the pads give
+        wrenches[:, 2] += (
+            0.5 * controller.settings.loop.stiffness.linear * controller.speed * 0.002
+        )  # the pads give
     assert any("jumped alone" in warning for warning in controller.warnings)
     assert controller.reading.f_ref >= before - 0.02
 

@@ -88,11 +88,15 @@ def follow_closing_fingers(told: float, noise: float = 0.0) -> float:
 
 def test_the_fingers_own_motion_is_felt_without_lag() -> None:
     assert follow_closing_fingers(told=1.0) < 1e-3
-    assert follow_closing_fingers(told=1.0, noise=0.1) < 0.5 * follow_closing_fingers(told=0.0, noise=0.1)
+    assert follow_closing_fingers(told=1.0, noise=0.1) < 0.5 * follow_closing_fingers(
+        told=0.0, noise=0.1
+    )
 
 
 def test_pads_half_as_stiff_as_configured_are_measured_no_worse_than_without_a_value() -> None:
-    assert follow_closing_fingers(told=2.0, noise=0.1) < 1.1 * follow_closing_fingers(told=0.0, noise=0.1)
+    assert follow_closing_fingers(told=2.0, noise=0.1) < 1.1 * follow_closing_fingers(
+        told=0.0, noise=0.1
+    )
 
 
 def test_a_push_that_is_reserved_for_has_the_lever_of_the_load() -> None:
@@ -141,7 +145,9 @@ def test_a_lift_is_no_push() -> None:
     wrenches[:, 2] = -8.0
     hits = []
     for t in np.arange(1000) / 500:
-        wrenches[:, 0] = 0.5 * (1.0 + 0.3 * min(max((t - 1.0) / 0.2, 0.0), 1.0))  # 3 m/s² within 0.2 s
+        wrenches[:, 0] = 0.5 * (
+            1.0 + 0.3 * min(max((t - 1.0) / 0.2, 0.0), 1.0)
+        )  # 3 m/s² within 0.2 s
         made.advance(wrenches, is_carried=True)
         hits.append(made.estimate.push)
     assert max(hits[400:]) == 0.0

@@ -21,7 +21,9 @@ def test_a_grip_goes_as_recorded(name: str) -> None:
     """The digests are for `make grasp-golden` on one machine; here only rounded figures count."""
     found, recorded = run(name), RECORDED[name]
     assert (found["phase"], found["codes"]) == (recorded["phase"], recorded["codes"])
-    share = 0.005 if name.startswith("springs") else 0.03  # contacts amplify the last bit, springs do not
+    share = (
+        0.005 if name.startswith("springs") else 0.03
+    )  # contacts amplify the last bit, springs do not
     for figure in ("commands", "closed_mm_at_50_hz", "highest_reference_n", "last_reference_n"):
         assert found[figure] == pytest.approx(recorded[figure], rel=share, abs=0.02), figure
 

@@ -60,7 +60,9 @@ def test_the_surface_has_the_published_points(c: float, f: float, tau: float) ->
     assert limit_surface(c, 4.0) == (pytest.approx(f, abs=1e-6), pytest.approx(tau, abs=1e-6))
 
 
-@pytest.mark.parametrize(("c", "k"), [(0.05, 2.0), (0.5, 4.0), (0.97, 3.0), (1.0, 4.0), (1.3, 1.5), (4.0, 8.0)])
+@pytest.mark.parametrize(
+    ("c", "k"), [(0.05, 2.0), (0.5, 4.0), (0.97, 3.0), (1.0, 4.0), (1.3, 1.5), (4.0, 8.0)]
+)
 def test_the_integrals_agree_with_adaptive_quadrature(c: float, k: float) -> None:
     f, tau = limit_surface(c, k)
     expected_f, expected_tau = by_adaptive_quadrature(c, k)
@@ -89,7 +91,9 @@ def test_the_least_force_of_the_published_load() -> None:
     f_n = float(least_force(1.0, 0.005, FIRST_SET))
     assert f_n == pytest.approx(4.240889, abs=1e-4)
     s = least_force_of_finger(1.0, 0.005, surface_table(FIRST_SET))[1]
-    assert s / (1.0 - s) == pytest.approx(0.588550, abs=1e-4)  # distance of the centre of rotation, over the radius
+    assert s / (1.0 - s) == pytest.approx(
+        0.588550, abs=1e-4
+    )  # distance of the centre of rotation, over the radius
 
 
 @given(
@@ -121,7 +125,9 @@ def test_a_force_alone_needs_coulombs_force_and_a_moment_alone_the_torsional_one
 
 @given(mu=st.floats(0.3, 1.0), f_t=st.floats(0.0, 5.0), tau_n=st.floats(0.0, 0.02))
 @settings(max_examples=60)
-def test_linear_torsion_is_the_simulators_elliptic_cone(mu: float, f_t: float, tau_n: float) -> None:
+def test_linear_torsion_is_the_simulators_elliptic_cone(
+    mu: float, f_t: float, tau_n: float
+) -> None:
     contact = SoftContact.with_linear_torsion(mu, 0.003)
     cone = math.hypot(f_t / mu, tau_n / 0.003)
     assert float(least_force(f_t, tau_n, contact)) == pytest.approx(cone, rel=1e-4, abs=1e-9)
@@ -169,4 +175,6 @@ def test_the_table_agrees_with_a_root_finder_on_the_exact_integrals() -> None:
 
     c = brentq(residual, 1e-3, 10.0, xtol=1e-12)
     f, _ = limit_surface(c, 4.0)
-    assert float(least_force(1.0, 0.005, FIRST_SET)) == pytest.approx(1.0 / (0.4 * float(f)), rel=1e-4)
+    assert float(least_force(1.0, 0.005, FIRST_SET)) == pytest.approx(
+        1.0 / (0.4 * float(f)), rel=1e-4
+    )

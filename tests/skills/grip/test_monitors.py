@@ -44,7 +44,9 @@ def pressing(left: float = 1.5, right: float = 1.5, **changes: Any) -> GripEstim
 def state(estimate: GripEstimate | None = None, **changes: Any) -> GripState:
     """A sound grip of a carried fruit, but for the changes."""
     sample = GripSample(1.0, 1, PERIOD, np.zeros((2, 6)))
-    sound = GripState(sample, estimate or pressing(), GripMode.CARRIED, 0.07, 2.0, 1.5)._replace(**changes)
+    sound = GripState(sample, estimate or pressing(), GripMode.CARRIED, 0.07, 2.0, 1.5)._replace(
+        **changes
+    )
     return sound._replace(has_dead_finger=has_dead_finger(sound.estimate, sound.mode, LIMITS))
 
 
@@ -89,7 +91,9 @@ def test_a_condition_counts_after_its_time_and_ends_with_it(
     assert isinstance(problem, GripProblem)
     assert (problem.code, problem.stamp) == (code, 1.0)
     assert monitor.check(state()) is None
-    assert samples_until(monitor, bad) == pytest.approx(after / PERIOD + 1, abs=1)  # the time begins anew
+    assert samples_until(monitor, bad) == pytest.approx(
+        after / PERIOD + 1, abs=1
+    )  # the time begins anew
 
 
 def test_a_sensor_fault_stays() -> None:
@@ -106,8 +110,12 @@ def test_a_sensor_fault_stays() -> None:
 
 def test_slip_adds_up_while_the_force_is_near_the_minimum() -> None:
     monitor = slip_monitor()
-    slipping = state(pressing(f_least=2.9, slip_speed=0.01))  # 0.97 of the force: below `beyond`, above `slipping`
-    assert samples_until(monitor, slipping) == pytest.approx(SETTINGS.slip_limit / 0.01 / PERIOD + 1, abs=1)
+    slipping = state(
+        pressing(f_least=2.9, slip_speed=0.01)
+    )  # 0.97 of the force: below `beyond`, above `slipping`
+    assert samples_until(monitor, slipping) == pytest.approx(
+        SETTINGS.slip_limit / 0.01 / PERIOD + 1, abs=1
+    )
     assert monitor.slip > SETTINGS.slip_limit
 
 
@@ -118,7 +126,9 @@ def test_pads_that_slide_on_purpose_are_neither_slip_nor_a_dead_finger() -> None
 
 
 @pytest.mark.parametrize("mode", [GripMode.STANDING, GripMode.LIFTING])
-def test_the_tables_friction_may_load_one_finger_but_a_finger_that_reads_nothing_is_dead(mode: GripMode) -> None:
+def test_the_tables_friction_may_load_one_finger_but_a_finger_that_reads_nothing_is_dead(
+    mode: GripMode,
+) -> None:
     assert not state(pressing(0.31, 1.62), mode=mode).has_dead_finger  # of an apple that was pushed
     assert state(pressing(0.31, 1.62)).has_dead_finger  # in the air nothing else bears a difference
     assert state(pressing(0.1, 1.62), mode=mode).has_dead_finger
@@ -152,7 +162,11 @@ def lift(fruit: Fruit, told: float, **changes: object) -> tuple:
     """Lift a fruit whose configured friction is `told` times too high: result, controller, reports and their times."""
     contact = SoftContact(told * fruit.mu, fruit.delta, fruit.gamma, fruit.k)
     settings = GripSettings(
-        contact=contact, mu_uncertainty=0.15, offset=0.015, initial_force=4.0, loop=ForceLoopSettings(max_force=40.0)
+        contact=contact,
+        mu_uncertainty=0.15,
+        offset=0.015,
+        initial_force=4.0,
+        loop=ForceLoopSettings(max_force=40.0),
     )
     seen: dict[str, float] = {}
     last: list[GripController] = []

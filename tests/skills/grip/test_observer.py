@@ -7,7 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear, lfilter
 
-from pomona.skills.grip.observer import GENTLE, DynamicSettings, ObserverSettings, dynamic_force, observe_slip
+from pomona.skills.grip.observer import (
+    GENTLE,
+    DynamicSettings,
+    ObserverSettings,
+    dynamic_force,
+    observe_slip,
+)
 
 SETTINGS = ObserverSettings()
 INERTIA = 7.4e-4 + 0.35 * 0.01**2
@@ -25,7 +31,9 @@ def by_general_solver(y: np.ndarray, g: float) -> np.ndarray:
             force = -s.beta * omega - s.sigma0 * z + u + INERTIA * s.gain * (u - y_hat)
             return [force / INERTIA, omega - s.sigma0 / g * abs(omega) * z]
 
-        state = solve_ivp(rates, (0.0, 0.002), state, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
+        state = solve_ivp(rates, (0.0, 0.002), state, method="Radau", rtol=1e-9, atol=1e-12).y[
+            :, -1
+        ]
         result.append(state[0])
     return np.array(result)
 

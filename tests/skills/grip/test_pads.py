@@ -11,7 +11,9 @@ from pomona.skills.grip.pads import pad_loads
 APPROACH = np.array([0.0, 0.0, -1.0])
 
 
-def wrench_on_pad(normal: np.ndarray, point: np.ndarray, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+def wrench_on_pad(
+    normal: np.ndarray, point: np.ndarray, force: np.ndarray, torque: np.ndarray
+) -> np.ndarray:
     """Return the wrench of a force at a point and a free torque on a pad with this normal, in its frame."""
     R = np.column_stack([APPROACH, np.cross(normal, APPROACH), normal])
     return np.concatenate([R.T @ force, R.T @ (np.cross(point, force) + torque)])
@@ -31,7 +33,11 @@ def test_both_pads_feel_the_same_load_of_a_fruit(
 ) -> None:
     """Half of a fruit's weight and moment on each pad, wherever the contacts are, is the same load on both."""
     n = np.array([0.0, 1.0, 0.0])
-    tangential, moment, place = np.array([across, 0.0, down]), np.array([0.0, twist, 0.0]), np.array([x, 0.0, z])
+    tangential, moment, place = (
+        np.array([across, 0.0, down]),
+        np.array([0.0, twist, 0.0]),
+        np.array([x, 0.0, z]),
+    )
     first = wrench_on_pad(n, place, tangential - press * n, moment)
     second = wrench_on_pad(-n, place, tangential + press * n, moment)
     f_n, f_t, tau_n = pad_loads(np.array([first, second]))

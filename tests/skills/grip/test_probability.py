@@ -37,11 +37,15 @@ CONTACT = SoftContact(mu=0.6)
 TABLE = surface_table(CONTACT)
 
 
-def follow(loads: Float64, state: LoadState | None = None, is_carried: bool = True, **changes: float) -> LoadState:
+def follow(
+    loads: Float64, state: LoadState | None = None, is_carried: bool = True, **changes: float
+) -> LoadState:
     """Let the filter take measured loads, shape (n, 3)."""
     state = unknown_load() if state is None else state
     for load in loads:
-        state = advance_load(state, load, NOISE_VARIANCE, PERIOD, is_carried, SETTINGS._replace(**changes))
+        state = advance_load(
+            state, load, NOISE_VARIANCE, PERIOD, is_carried, SETTINGS._replace(**changes)
+        )
     return state
 
 
@@ -54,7 +58,11 @@ def standing(force: float, moment: float = 0.0, variance: float = 0.0) -> LoadSt
 
 
 def force_for(state: LoadState, s_mu: float = 0.0, reserve: float = 0.0, **changes: float) -> float:
-    return float(smallest_force(state, TABLE, (s_mu, 1e-9, 0.0), reserve, SETTINGS._replace(**changes), 80.0)[1])
+    return float(
+        smallest_force(
+            state, TABLE, (s_mu, 1e-9, 0.0), reserve, SETTINGS._replace(**changes), 80.0
+        )[1]
+    )
 
 
 def test_there_are_at_most_25_constants() -> None:
@@ -103,12 +111,16 @@ def test_a_rising_load_is_extrapolated() -> None:
 def test_the_minimum_force_is_that_of_the_limit_surface() -> None:
     state = standing(2.4, 0.006)
     expected = 2.0 * float(least_force(1.2, 0.003, CONTACT))
-    assert least_distribution(state, 0.0, TABLE, SETTINGS)[CALM] == pytest.approx([expected, 0.0], abs=1e-9)
+    assert least_distribution(state, 0.0, TABLE, SETTINGS)[CALM] == pytest.approx(
+        [expected, 0.0], abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("s_mu", [0.0, 0.08])
 @pytest.mark.parametrize("eps", [0.001, 0.01, 0.1])
-def test_the_force_for_a_known_load_is_the_quantile_of_the_friction(s_mu: float, eps: float) -> None:
+def test_the_force_for_a_known_load_is_the_quantile_of_the_friction(
+    s_mu: float, eps: float
+) -> None:
     state = standing(2.4)
     least = 2.4 / CONTACT.mu
     quantile = 1.0 + float(norm.ppf(1.0 - eps)) * math.hypot(s_mu, SETTINGS.s_model)
@@ -116,7 +128,11 @@ def test_the_force_for_a_known_load_is_the_quantile_of_the_friction(s_mu: float,
 
 
 def test_errors_of_the_load_cost_force() -> None:
-    assert force_for(standing(2.4, variance=0.01)) > force_for(standing(2.4, variance=0.001)) > force_for(standing(2.4))
+    assert (
+        force_for(standing(2.4, variance=0.01))
+        > force_for(standing(2.4, variance=0.001))
+        > force_for(standing(2.4))
+    )
 
 
 def test_a_reserve_that_the_load_has_used_up_costs_nothing_more() -> None:
@@ -125,7 +141,9 @@ def test_a_reserve_that_the_load_has_used_up_costs_nothing_more() -> None:
     assert force_for(standing(1.0), reserve=5.0 / CONTACT.mu) == pytest.approx(alone, rel=1e-4)
 
 
-def carry(reference: ProbabilityReference, load: float, until: float, longest: float = 8.0) -> float:
+def carry(
+    reference: ProbabilityReference, load: float, until: float, longest: float = 8.0
+) -> float:
     """Carry a load [N] with the reference's force until that is below a bound [N]; return the time [s]."""
     least = load / CONTACT.mu
     for count in range(round(longest / PERIOD)):
@@ -174,7 +192,9 @@ def test_a_light_fruit_is_lifted_and_held_near_its_minimum() -> None:
     task = next(task for task in draw_tasks(20, 7)[0] if 0.2 < task.fruit.mass < 0.3)
     settings = settings_for(task, PatchGrasp, ForceLaw.SLIP_AVOIDANCE, False, 0.0)
     lifting = Lifting(acceleration=task.acceleration)
-    result = run_trial(task.fruit, settings, lifting, NOISE, task.seed, control=ProbabilityController)
+    result = run_trial(
+        task.fruit, settings, lifting, NOISE, task.seed, control=ProbabilityController
+    )
     assert result.held
     assert 1.0 < result.steady / result.least < 1.3
     assert result.slip < 1e-3

@@ -16,7 +16,9 @@ PERIOD = 0.002
 MARGIN = 1.1
 
 
-def load(coulomb: float, share: float = 1.0, noise: float = 0.0, rise: float = 0.0, **changes: Any) -> GripEstimate:
+def load(
+    coulomb: float, share: float = 1.0, noise: float = 0.0, rise: float = 0.0, **changes: Any
+) -> GripEstimate:
     """Estimate of a fruit whose moment makes the minimum force `share` times Coulomb's."""
     least, f_t = coulomb * share, 0.6 * coulomb
     estimate = GripEstimate(
@@ -122,7 +124,9 @@ def test_a_frozen_reference_never_falls() -> None:
     assert reference.f_ref >= MARGIN * 2.0 - 1e-6
 
 
-def test_fingers_that_contradict_themselves_raise_the_force_to_twice_the_holding_force_at_most() -> None:
+def test_fingers_that_contradict_themselves_raise_the_force_to_twice_the_holding_force_at_most() -> (
+    None
+):
     reference = carrying()
     before = reference.f_ref
     reference.distrust("because")
@@ -174,7 +178,9 @@ def test_a_fruit_that_is_hit_and_slides_is_pressed_harder_as_long_as_it_slides()
     first = reference.f_ref
     assert first > 2.0 * before
     assert reference.mode is GripMode.CATCHING
-    follow(reference, [load(4.0, push=0.5, f_n=4.0)] * 2)  # what friction bears grows with the force: it still slides
+    follow(
+        reference, [load(4.0, push=0.5, f_n=4.0)] * 2
+    )  # what friction bears grows with the force: it still slides
     assert reference.f_ref > first + 1.0
     follow(reference, [load(2.0, push=0.5, f_n=8.0)] * 10)  # held: nothing is added, nothing let go
     held = reference.f_ref
@@ -246,4 +252,6 @@ def test_doubt_about_the_sensors_ends_catching() -> None:
 def test_every_mode_belongs_to_the_phase_that_records_show() -> None:
     phases = {mode: mode.phase for mode in GripMode}
     assert {mode for mode, phase in phases.items() if phase is GripPhase.HOLDING} == set(HELD)
-    assert {phase for mode, phase in phases.items() if mode not in HELD} == set(GripPhase) - {GripPhase.HOLDING}
+    assert {phase for mode, phase in phases.items() if mode not in HELD} == set(GripPhase) - {
+        GripPhase.HOLDING
+    }

@@ -16,7 +16,14 @@ from pomona.executive.files import find_cell
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import GripPhase, UnfitSensor
-from pomona.skills.grip.sensor import GripSample, LowPass, SensorWatch, StreamGuard, Timer, check_bias
+from pomona.skills.grip.sensor import (
+    GripSample,
+    LowPass,
+    SensorWatch,
+    StreamGuard,
+    Timer,
+    check_bias,
+)
 from pomona.skills.grip.settings import RATES, BiasSettings, GripSettings
 from pomona.tools.mock import MockClock, MockForceSensor
 
@@ -63,7 +70,12 @@ def test_a_sample_carries_its_time_and_its_flags() -> None:
 
 def test_a_timer_counts_without_a_break() -> None:
     timer = Timer()
-    assert [timer.update(is_true, 0.5) for is_true in (True, True, False, True)] == [0.5, 1.0, 0.0, 0.5]
+    assert [timer.update(is_true, 0.5) for is_true in (True, True, False, True)] == [
+        0.5,
+        1.0,
+        0.0,
+        0.5,
+    ]
     assert timer.lasted == 0.5
 
 
@@ -108,19 +120,27 @@ def refused(samples: np.ndarray, rate: float = 500.0) -> UnfitSensor:
 @pytest.mark.parametrize("rate", [*RATES, 500.0])
 @pytest.mark.parametrize("std", [1e-4, 0.04, 0.2])
 @pytest.mark.parametrize("seed", range(20))
-def test_noisy_sensors_of_every_rate_that_a_grip_takes_pass(rate: float, std: float, seed: int) -> None:
+def test_noisy_sensors_of_every_rate_that_a_grip_takes_pass(
+    rate: float, std: float, seed: int
+) -> None:
     check_bias(noise(round(0.2 * rate), std, seed), rate, SETTINGS)
 
 
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("step", [0.02, 0.1])
 def test_steps_within_the_sensors_accuracy_pass(step: float, seed: int) -> None:
-    check_bias(stepped(stepped(noise(seed=seed, std=0.06), step), 0.01 * step, slice(3, 6)), 500.0, SETTINGS)
+    check_bias(
+        stepped(stepped(noise(seed=seed, std=0.06), step), 0.01 * step, slice(3, 6)),
+        500.0,
+        SETTINGS,
+    )
 
 
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("step", [0.3, 0.5, 1.0])
-def test_forces_in_coarse_steps_are_refused_whether_noise_crosses_a_step_or_not(step: float, seed: int) -> None:
+def test_forces_in_coarse_steps_are_refused_whether_noise_crosses_a_step_or_not(
+    step: float, seed: int
+) -> None:
     error = refused(stepped(noise(seed=seed), step))
     assert "finger's force" in str(error)
     assert ("in steps of" in str(error)) == (error.measured > SETTINGS.step)
@@ -137,7 +157,10 @@ def test_an_error_has_measured_value_expected_value_and_remedy() -> None:
     assert (error.measured, error.expected) == (pytest.approx(0.5), 0.2)
     samples = noise()
     samples[:, 0, 4] = np.where(np.arange(100) % 7, 0.0, 5e-3)
-    assert "the left finger's torque y changes in steps of 5 mN·m, at most 2 mN·m is expected" in str(refused(samples))
+    assert (
+        "the left finger's torque y changes in steps of 5 mN·m, at most 2 mN·m is expected"
+        in str(refused(samples))
+    )
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -156,7 +179,9 @@ def test_torques_that_a_sensor_does_not_measure_pass() -> None:
 
 @pytest.mark.parametrize(("held", "share", "fresh"), [(2, 50, 250), (10, 90, 50)])
 @pytest.mark.parametrize("side", [0, 1])
-def test_copies_are_refused_with_the_rate_that_is_behind_them(held: int, share: int, fresh: int, side: int) -> None:
+def test_copies_are_refused_with_the_rate_that_is_behind_them(
+    held: int, share: int, fresh: int, side: int
+) -> None:
     samples = noise(200)
     samples[:, side] = np.repeat(samples[::held, side], held, axis=0)[:200]
     error = refused(samples)
@@ -177,7 +202,9 @@ def test_the_simulated_the_mock_and_the_emulated_fingers_pass() -> None:
 
     cell = load_cell(find_cell("sim"), seed=3)
     taken: list[np.ndarray] = []
-    subscription = cell.device(ForceSensor).subscribe(lambda sample: taken.append(sample.wrenches.copy()))
+    subscription = cell.device(ForceSensor).subscribe(
+        lambda sample: taken.append(sample.wrenches.copy())
+    )
     cell.clock.advance(0.3)
     subscription.close()
     cell.close()
@@ -190,9 +217,14 @@ def test_the_simulated_the_mock_and_the_emulated_fingers_pass() -> None:
     folder = find_cell("sim").parent / "emulated_fingers"
     measured = []
     for seed, side in enumerate(("left", "right")):
-        pad, calibration = SunTouchEmulator(lambda: np.zeros(6), seed), FingerCalibration.load(folder / f"{side}.json")
+        pad, calibration = (
+            SunTouchEmulator(lambda: np.zeros(6), seed),
+            FingerCalibration.load(folder / f"{side}.json"),
+        )
         rng = np.random.default_rng(seed)
-        volts = np.array([decode(encode(pad.pad.rest + rng.normal(0.0, 4e-4, 25))).volts for _ in range(100)])
+        volts = np.array(
+            [decode(encode(pad.pad.rest + rng.normal(0.0, 4e-4, 25))).volts for _ in range(100)]
+        )
         measured.append(calibration.wrench(volts - volts.mean(axis=0)))
     check_bias(np.stack(measured, axis=1), 500.0, SETTINGS)
 
@@ -200,7 +232,9 @@ def test_the_simulated_the_mock_and_the_emulated_fingers_pass() -> None:
 def test_a_grip_with_an_unfit_sensor_fails_before_the_fingers_close() -> None:
     controller = GripController(GripSettings())
     controller.width = 0.09
-    speeds = [controller.step(0.002 * i, i, sample) for i, sample in enumerate(stepped(noise(400), 0.5))]
+    speeds = [
+        controller.step(0.002 * i, i, sample) for i, sample in enumerate(stepped(noise(400), 0.5))
+    ]
     assert controller.phase is GripPhase.FAILED
     assert controller.problem is not None
     assert controller.problem.code == "SENSOR_FAULT"
@@ -212,7 +246,9 @@ NOISE = np.array([1, 1, 1, 0.005, 0.005, 0.005])
 Change = Callable[[np.ndarray, np.ndarray], None]
 
 
-def carrying(noise: float = 0.04, load: float = 2.0, seconds: float = 3.2, **settings: float) -> tuple:
+def carrying(
+    noise: float = 0.04, load: float = 2.0, seconds: float = 3.2, **settings: float
+) -> tuple:
     """A controller that carries a fruit between noisy fingers: itself, the generator, the true wrenches, the count."""
     rng, controller = np.random.default_rng(0), GripController(GripSettings(**settings))
     controller.width = 0.08
@@ -222,7 +258,11 @@ def carrying(noise: float = 0.04, load: float = 2.0, seconds: float = 3.2, **set
         touched = touched or (i + 20 if controller.phase is GripPhase.CLOSING else 0)
         wrenches[:, 2] = -pressing if 0 < touched < i else 0.0
         wrenches[:, 0] = 0.5 * load if 0 < touched + 200 < i and touched else 0.0
-        pressing = min(pressing + 1000.0 * -controller.speed * 0.002, 8.0) if 0 < touched + 1 < i and touched else 2.0
+        pressing = (
+            min(pressing + 1000.0 * -controller.speed * 0.002, 8.0)
+            if 0 < touched + 1 < i and touched
+            else 2.0
+        )
         controller.step(0.002 * i, i, wrenches + noise * NOISE * rng.normal(0.0, 1.0, (2, 6)))
     assert controller.phase is GripPhase.HOLDING
     assert controller.is_carried
@@ -270,7 +310,9 @@ def zero(sample: np.ndarray, _before: np.ndarray) -> None:
     [stuck(slice(0, 1)), stuck(slice(1, 2)), stuck(slice(0, 2)), zero, clipped],
     ids=["left stuck", "right stuck", "both stuck", "both zero", "left clipped"],
 )
-def test_samples_that_say_nothing_are_found_within_fifty_milliseconds(change: Change, noise: float) -> None:
+def test_samples_that_say_nothing_are_found_within_fifty_milliseconds(
+    change: Change, noise: float
+) -> None:
     controller, samples = lie(change, noise)
     assert 0 < samples <= 25
     assert controller.phase is GripPhase.HOLDING
@@ -283,7 +325,13 @@ def test_samples_that_say_nothing_are_found_within_fifty_milliseconds(change: Ch
 @pytest.mark.parametrize(
     ("index", "sign"),
     [((0, 2), -1), ((1, 2), 1), ((slice(None), 2), -1), ((0, 0), 1), ((1, 1), -1)],
-    ids=["left presses more", "right presses less", "both press more", "left pulled", "right pulled aside"],
+    ids=[
+        "left presses more",
+        "right presses less",
+        "both press more",
+        "left pulled",
+        "right pulled aside",
+    ],
 )
 def test_an_offset_that_jumps_is_found_where_it_is_beyond_noise(
     index: tuple[object, int], sign: int, noise: float, by: float
@@ -307,14 +355,18 @@ def bouncing(side: int, share: float = 0.0, back: float = 1.35) -> Change:
 
 @pytest.mark.parametrize("noise", [0.0, 0.04])
 @pytest.mark.parametrize("side", [0, 1])
-def test_contacts_of_a_fruit_that_slides_break_and_form_and_no_finger_is_accused(side: int, noise: float) -> None:
+def test_contacts_of_a_fruit_that_slides_break_and_form_and_no_finger_is_accused(
+    side: int, noise: float
+) -> None:
     controller, samples = lie(bouncing(side), noise, most=500)
     assert samples == -1
     assert not controller.is_frozen
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_fruit_that_swings_between_the_pads_after_a_contact_broke_accuses_no_finger(side: int) -> None:
+def test_a_fruit_that_swings_between_the_pads_after_a_contact_broke_accuses_no_finger(
+    side: int,
+) -> None:
     count = [0]
 
     def swing(sample: np.ndarray, _before: np.ndarray) -> None:
@@ -342,7 +394,9 @@ def test_a_finger_that_swings_through_its_average_is_not_quiet() -> None:
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_finger_that_shows_half_of_its_load_from_now_on_is_found_within_fifty_milliseconds(side: int) -> None:
+def test_a_finger_that_shows_half_of_its_load_from_now_on_is_found_within_fifty_milliseconds(
+    side: int,
+) -> None:
     def change(sample: np.ndarray, _before: np.ndarray) -> None:
         sample[side] *= 0.5
 
@@ -397,7 +451,9 @@ def test_a_motor_that_presses_while_the_fingers_feel_nothing_ends_the_closing() 
     assert pressed < 8.0
 
 
-def motor_and_fingers(fingers: Callable[[float], float], motor: Callable[[float], float]) -> tuple[SensorWatch, float]:
+def motor_and_fingers(
+    fingers: Callable[[float], float], motor: Callable[[float], float]
+) -> tuple[SensorWatch, float]:
     """A watch after half a second of commands, and the time of its fault [s]; infinite without one."""
     watch, period = SensorWatch(GripSettings()), 0.02
     for n in range(25):
@@ -411,12 +467,16 @@ def motor_and_fingers(fingers: Callable[[float], float], motor: Callable[[float]
 def test_a_fruit_that_is_lost_at_once_is_no_fault_of_the_fingers(force: float) -> None:
     """The motor's force follows within a command; the average of 30 ms alone lasts longer."""
     lost = 0.2
-    watch, _ = motor_and_fingers(lambda t: 0.0 if t >= lost else force, lambda t: 0.0 if t > lost else force)
+    watch, _ = motor_and_fingers(
+        lambda t: 0.0 if t >= lost else force, lambda t: 0.0 if t > lost else force
+    )
     assert watch.reason == ""
 
 
 @pytest.mark.parametrize("force", [4.0, 7.0, 14.0])
-def test_fingers_that_read_nothing_while_the_motor_presses_on_are_found_within_two_commands(force: float) -> None:
+def test_fingers_that_read_nothing_while_the_motor_presses_on_are_found_within_two_commands(
+    force: float,
+) -> None:
     lost = 0.2
     watch, found = motor_and_fingers(lambda t: 0.0 if t >= lost else force, lambda _t: force)
     assert "motor presses" in watch.reason

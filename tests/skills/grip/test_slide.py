@@ -22,7 +22,11 @@ def slid(mu, f_n=(0.4, 0.6), way=1.0, load=0.0, bias=0.0, samples=60, noise=0.0,
         wrenches[:, finger, 0] = way * mu * f_n[finger] + 0.5 * load
     wrenches[:, 1] *= MIRROR
     noises = noise * np.array([1.0, 1.0, 1.0, 0.005, 0.005, 0.005])
-    return wrenches + bias * np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0]) + rng.normal(0.0, 1.0, wrenches.shape) * noises
+    return (
+        wrenches
+        + bias * np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+        + rng.normal(0.0, 1.0, wrenches.shape) * noises
+    )
 
 
 @given(
@@ -32,7 +36,9 @@ def slid(mu, f_n=(0.4, 0.6), way=1.0, load=0.0, bias=0.0, samples=60, noise=0.0,
     bias=st.floats(-0.01, 0.01),
 )
 def test_friction_is_found_at_any_forces_and_bias(mu, first, second, bias):
-    assume(abs(bias) < 0.15 * mu * min(first, second))  # beyond, the fruit counts as lifted by the pads
+    assume(
+        abs(bias) < 0.15 * mu * min(first, second)
+    )  # beyond, the fruit counts as lifted by the pads
     up, down = (slid(mu, (first, second), way, bias=bias) for way in (1.0, -1.0))
     found = friction_of_slides(up, down, CONTACT)
     assert found.mu == pytest.approx(mu, rel=1e-9)
@@ -62,7 +68,11 @@ def test_a_twist_takes_its_part_of_the_friction():
     ("up", "down", "words"),
     [
         (slid(0.7, samples=18), slid(0.7, way=-1.0), "only 18 and 60 samples"),
-        (slid(0.7, f_n=(0.05, 0.6)), slid(0.7, f_n=(0.05, 0.6), way=-1.0), "presses with 0.05 N, at least"),
+        (
+            slid(0.7, f_n=(0.05, 0.6)),
+            slid(0.7, f_n=(0.05, 0.6), way=-1.0),
+            "presses with 0.05 N, at least",
+        ),
         (
             np.concatenate([slid(0.3, samples=30), slid(0.7, samples=30)]),
             np.concatenate([slid(0.3, way=-1.0, samples=30), slid(0.7, way=-1.0, samples=30)]),
@@ -75,8 +85,15 @@ def test_where_the_pads_did_not_slide_nothing_is_said(up, down, words):
         friction_of_slides(up, down, CONTACT)
 
 
-@given(mu=st.floats(0.3, 1.2), tilt=st.floats(-0.04, 0.04), f_up=st.floats(0.3, 1.0), f_down=st.floats(0.3, 2.0))
-def test_pads_that_are_not_square_to_the_skin_cancel_whatever_presses_on_either_way(mu, tilt, f_up, f_down):
+@given(
+    mu=st.floats(0.3, 1.2),
+    tilt=st.floats(-0.04, 0.04),
+    f_up=st.floats(0.3, 1.0),
+    f_down=st.floats(0.3, 2.0),
+)
+def test_pads_that_are_not_square_to_the_skin_cancel_whatever_presses_on_either_way(
+    mu, tilt, f_up, f_down
+):
     up, down = slid(mu + tilt, (f_up, f_up)), slid(mu - tilt, (f_down, f_down), way=-1.0)
     found = friction_of_slides(up, down, CONTACT)
     assert found.mu == pytest.approx(mu, rel=1e-9)

@@ -63,7 +63,9 @@ def test_beyond_the_force_limit_nothing_closes() -> None:
 
 def test_the_finger_that_presses_harder_is_not_pressed_beyond_its_half_of_the_limit() -> None:
     assert finger_speed(9.0, 0.0, 5.0, SETTINGS, hardest=10.0) == 0.0
-    assert finger_speed(9.0, 0.0, 5.0, SETTINGS, hardest=9.99) == pytest.approx(-0.01 / 2000.0 / 0.02)
+    assert finger_speed(9.0, 0.0, 5.0, SETTINGS, hardest=9.99) == pytest.approx(
+        -0.01 / 2000.0 / 0.02
+    )
     assert finger_speed(3.0, 0.0, 5.0, SETTINGS, hardest=12.0) > 0.0
     assert finger_speed(9.0, 0.0, 5.0, SETTINGS, hardest=math.nan) == 0.0
 

@@ -20,7 +20,9 @@ def test_the_tool_stays_on_the_line_and_keeps_its_orientation():
     np.testing.assert_array_equal(line.q[0], OBSERVE)
     for share, q in zip(np.linspace(0.0, 1.0, len(line.q)), line.q, strict=True):
         T = ROBOT_MODEL.tcp(q)
-        np.testing.assert_allclose(T[:3, 3], T_start[:3, 3] + share * 0.12 * T_start[:3, 2], atol=1e-8)
+        np.testing.assert_allclose(
+            T[:3, 3], T_start[:3, 3] + share * 0.12 * T_start[:3, 2], atol=1e-8
+        )
         np.testing.assert_allclose(T[:3, :3], T_start[:3, :3], atol=1e-8)
 
 
@@ -55,7 +57,9 @@ def test_beyond_reach_the_failure_states_the_reached_distance():
 
 
 def test_a_joint_limit_ends_the_line():
-    model = ROBOT_MODEL.with_limits(ROBOT_MODEL.lower, np.where(np.arange(7) == 3, -0.2, ROBOT_MODEL.upper))
+    model = ROBOT_MODEL.with_limits(
+        ROBOT_MODEL.lower, np.where(np.arange(7) == 3, -0.2, ROBOT_MODEL.upper)
+    )
     line = straight_line(model, OBSERVE, goal_along_approach(-0.2))
     free = straight_line(ROBOT_MODEL, OBSERVE, goal_along_approach(-0.2))
     assert line.reason == "a joint is at its limit"

@@ -20,7 +20,9 @@ def test_a_plan_passes_through_the_files_of_the_table() -> None:
     request = PlanRequest(wall_with_gap(0.4), START, GOALS, LIMITS, improve="")
     files = files_visited(FOLDER, lambda: plan(request))
     # the discs of the test are a space without compiled trees, and let OMPL connect it
-    assert files - {"planning/ompl_planners.py"} == set(steps_of(PAGE, "Plan: `PlanRequest` → `PlanResult`"))
+    assert files - {"planning/ompl_planners.py"} == set(
+        steps_of(PAGE, "Plan: `PlanRequest` → `PlanResult`")
+    )
 
 
 def test_a_straight_motion_is_tried_before_the_planner_that_is_named() -> None:

@@ -21,7 +21,11 @@ def leaves(seed: int, count: int = 60, noise: float = 0.003) -> Frame:
     depth = np.full((HEIGHT, WIDTH), 2.5, np.float32)
     for z in np.sort(rng.uniform(0.8, 2.0, count))[::-1]:
         centre, axes = rng.uniform((0, 0), (WIDTH, HEIGHT)), rng.uniform(8, 30, 2) / z
-        ellipse = tuple(centre.astype(int).tolist()), tuple(axes.astype(int).tolist()), float(rng.uniform(0, 180))
+        ellipse = (
+            tuple(centre.astype(int).tolist()),
+            tuple(axes.astype(int).tolist()),
+            float(rng.uniform(0, 180)),
+        )
         cv2.ellipse(colour, *ellipse, 0, 360, rng.uniform(0, 255, 3).tolist(), -1)
         cv2.ellipse(depth, *ellipse, 0, 360, float(z), -1)
     for _ in range(20):
@@ -37,7 +41,9 @@ def with_depth(frame: Frame, depth: np.ndarray | None) -> Frame:
 
 
 def moved(depth: np.ndarray, right: int = 0, down: int = 0, scale: float = 1.0) -> np.ndarray:
-    M = np.array([[scale, 0, (1 - scale) * WIDTH / 2 + right], [0, scale, (1 - scale) * HEIGHT / 2 + down]])
+    M = np.array(
+        [[scale, 0, (1 - scale) * WIDTH / 2 + right], [0, scale, (1 - scale) * HEIGHT / 2 + down]]
+    )
     return cv2.warpAffine(depth, M, (WIDTH, HEIGHT), flags=cv2.INTER_NEAREST)
 
 

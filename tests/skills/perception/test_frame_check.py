@@ -11,7 +11,14 @@ from pomona.drivers.interfaces import Frame
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.perception.frame_check import DEPTH_MISMATCH, POSE_MISMATCH, frame_problem
 from tests.skills.perception.test_depth_registration import leaves
-from tests.skills.perception.test_table_view import T_BASE_CAMERA, TABLE_Z, WORKSPACE, a_frame, noisy, plane_depth
+from tests.skills.perception.test_table_view import (
+    T_BASE_CAMERA,
+    TABLE_Z,
+    WORKSPACE,
+    a_frame,
+    noisy,
+    plane_depth,
+)
 
 
 def looked(depth: np.ndarray) -> Frame:
@@ -19,11 +26,15 @@ def looked(depth: np.ndarray) -> Frame:
 
 
 def test_a_true_frame_has_no_problem() -> None:
-    assert frame_problem(looked(plane_depth(T_BASE_CAMERA, TABLE_Z)), T_BASE_CAMERA, WORKSPACE) is None
+    assert (
+        frame_problem(looked(plane_depth(T_BASE_CAMERA, TABLE_Z)), T_BASE_CAMERA, WORKSPACE) is None
+    )
 
 
 def test_a_table_elsewhere_is_the_poses_or_the_cell_files_error_with_the_remedy() -> None:
-    problem = frame_problem(looked(plane_depth(T_BASE_CAMERA, TABLE_Z - 0.018)), T_BASE_CAMERA, WORKSPACE)
+    problem = frame_problem(
+        looked(plane_depth(T_BASE_CAMERA, TABLE_Z - 0.018)), T_BASE_CAMERA, WORKSPACE
+    )
     assert problem is not None
     assert problem.code == POSE_MISMATCH
     assert "18 mm below" in problem.message
@@ -67,10 +78,15 @@ def test_depth_of_an_earlier_pose_is_named_with_its_age() -> None:
 
 @pytest.mark.parametrize("scale", [1.3, 1.5, 2.0])
 def test_a_table_far_below_its_height_is_depth_that_is_too_long(scale: float) -> None:
-    problem = frame_problem(looked(scale * plane_depth(T_BASE_CAMERA, TABLE_Z)), T_BASE_CAMERA, WORKSPACE)
+    problem = frame_problem(
+        looked(scale * plane_depth(T_BASE_CAMERA, TABLE_Z)), T_BASE_CAMERA, WORKSPACE
+    )
     assert problem is not None
     assert problem.code == DEPTH_MISMATCH
-    assert f"depth is {scale:.2f} times as long as the table's height and the camera's pose make it" in problem.message
+    assert (
+        f"depth is {scale:.2f} times as long as the table's height and the camera's pose make it"
+        in problem.message
+    )
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.67])

@@ -25,14 +25,22 @@ def by_rays(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
                 a, b, c = points[face]
                 z, share_b, share_c = np.linalg.solve(np.column_stack([ray, a - b, a - c]), a)
                 if min(share_b, share_c, 1.0 - share_b - share_c) >= 0.0 and 0.0 < z < depth[v, u]:
-                    depth[v, u], index[v, u], shares[v, u] = z, k, (1.0 - share_b - share_c, share_b)
+                    depth[v, u], index[v, u], shares[v, u] = (
+                        z,
+                        k,
+                        (1.0 - share_b - share_c, share_b),
+                    )
     return depth, index, shares
 
 
 def test_every_pixel_shows_the_first_surface_on_its_ray() -> None:
     points, faces = triangles(0, 12)
     depth, index, shares = by_rays(points, faces)
-    nearest, shown, parts = np.zeros(SHAPE), np.full(SHAPE, -1, np.int32), np.zeros((*SHAPE, 2), np.float32)
+    nearest, shown, parts = (
+        np.zeros(SHAPE),
+        np.full(SHAPE, -1, np.int32),
+        np.zeros((*SHAPE, 2), np.float32),
+    )
     u, v, nearness = project(points, CAMERA)
     draw(u, v, nearness, faces, np.ones(len(faces), np.bool_), nearest, shown, parts)
     assert (index >= 0).sum() > 100
@@ -45,7 +53,9 @@ def test_triangles_that_are_left_out_are_not_drawn_and_areas_show_the_visible_si
     points, faces = triangles(1, 8)
     u, v, nearness = project(points, CAMERA)
     towards = signed_areas(u, v, faces) < 0.0
-    normals = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    normals = np.cross(
+        points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
+    )
     assert np.array_equal(towards, (normals * points[faces[:, 0]]).sum(axis=1) < 0.0)
     nearest, shown = np.zeros(SHAPE), np.full(SHAPE, -1, np.int32)
     draw(u, v, nearness, faces, towards, nearest, shown)
@@ -60,5 +70,7 @@ def test_neighbours_leave_no_crack_and_triangles_outside_the_picture_draw_nothin
     draw(*project(corners, CAMERA), faces, np.ones(2, np.bool_), nearest)
     assert np.allclose(nearest, 2.0)
     nearest = np.zeros(SHAPE)
-    draw(*project(corners + np.array([9.0, 0.0, 0.0]), CAMERA), faces, np.ones(2, np.bool_), nearest)
+    draw(
+        *project(corners + np.array([9.0, 0.0, 0.0]), CAMERA), faces, np.ones(2, np.bool_), nearest
+    )
     assert not nearest.any()

@@ -17,7 +17,8 @@ def test_a_refined_frame_passes_through_the_files_of_the_table(scene, apple) -> 
     seen = scene((70.0, 65.0, 72.0), 40.0)
     look = DepthLook(seen.depth, seen.intrinsics, SIMULATED, renderer="zbuffer")
     files = files_visited(
-        FOLDER, lambda: refine(look, seen.T_camera_detected, apple, known=FruitContext(support=seen.table))
+        FOLDER,
+        lambda: refine(look, seen.T_camera_detected, apple, known=FruitContext(support=seen.table)),
     )
     table = set(steps_of(PAGE, "Refine: `Detection` → `MeasuredFruit`"))
     assert len(table) == 6

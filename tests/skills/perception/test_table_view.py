@@ -58,7 +58,9 @@ def test_a_camera_that_is_turned_shows_the_table_tilted_by_that_angle(turn, angl
 
 @pytest.mark.parametrize("height", [-0.05, -0.015, 0.015, 0.05])
 def test_a_table_at_another_height_is_measured_and_unsound(height: float) -> None:
-    view = frame_view(a_frame(noisy(plane_depth(T_BASE_CAMERA, TABLE_Z + height))), T_BASE_CAMERA, WORKSPACE)
+    view = frame_view(
+        a_frame(noisy(plane_depth(T_BASE_CAMERA, TABLE_Z + height))), T_BASE_CAMERA, WORKSPACE
+    )
     assert view is not None
     assert not view.sound
     assert view.height == pytest.approx(height, abs=3e-4)
@@ -99,9 +101,19 @@ def test_objects_of_the_cell_file_and_fruit_in_them_are_not_compared_with_the_ta
     known_as: str, layer: float
 ) -> None:
     tray = plane_depth(T_BASE_CAMERA, TABLE_Z + 0.03 + layer)
-    corners = np.array([[x, y, z] for x in (-0.7, 0.7) for y in (-0.8, 0.4) for z in (TABLE_Z, TABLE_Z + 0.03)])
-    box = Box("tray", transform(None, corners.mean(axis=0)), tuple((np.ptp(corners, axis=0) / 2.0).tolist()))
-    known = {"obstacles": (box,)} if known_as == "box" else {"hulls": (Hull("tray", corners, np.eye(3)),)}
+    corners = np.array(
+        [[x, y, z] for x in (-0.7, 0.7) for y in (-0.8, 0.4) for z in (TABLE_Z, TABLE_Z + 0.03)]
+    )
+    box = Box(
+        "tray",
+        transform(None, corners.mean(axis=0)),
+        tuple((np.ptp(corners, axis=0) / 2.0).tolist()),
+    )
+    known = (
+        {"obstacles": (box,)}
+        if known_as == "box"
+        else {"hulls": (Hull("tray", corners, np.eye(3)),)}
+    )
     workspace = replace(WORKSPACE, **known)  # type: ignore[arg-type]
     assert should_show_table(a_frame(tray), T_BASE_CAMERA, WORKSPACE)
     assert not should_show_table(a_frame(tray), T_BASE_CAMERA, workspace)
@@ -135,7 +147,9 @@ def test_the_tolerances_are_those_of_a_calibrated_cell() -> None:
 
 
 def test_both_planes_are_those_of_the_seen_and_of_the_expected_table() -> None:
-    view = frame_view(a_frame(noisy(plane_depth(T_BASE_CAMERA, TABLE_Z - 0.005))), T_BASE_CAMERA, WORKSPACE)
+    view = frame_view(
+        a_frame(noisy(plane_depth(T_BASE_CAMERA, TABLE_Z - 0.005))), T_BASE_CAMERA, WORKSPACE
+    )
     assert view is not None
     seen, stated = view.planes
     np.testing.assert_allclose(stated, [*T_BASE_CAMERA[2, :3], T_BASE_CAMERA[2, 3] - TABLE_Z])

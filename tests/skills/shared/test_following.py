@@ -106,7 +106,11 @@ def test_a_watched_path_keeps_the_feedback_of_its_skill():
     devices, camera = watched(scene)
     messages: list[str] = []
     outcome = drive(
-        skill, {}, devices, clock=scene.clock, each_tick=lambda _tick: messages.append(skill.feedback_message)
+        skill,
+        {},
+        devices,
+        clock=scene.clock,
+        each_tick=lambda _tick: messages.append(skill.feedback_message),
     )
     assert outcome.reason is None
     assert camera.frames > 3

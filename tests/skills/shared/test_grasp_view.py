@@ -15,11 +15,15 @@ def test_a_measured_apple_is_drawn_with_its_size_its_cavity_and_its_stem() -> No
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     volume = abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
     x, y, z = fruit.dimensions
-    assert 0.75 * np.pi / 6.0 * x * y * z < volume < 1.2 * np.pi / 6.0 * x * y * z  # closed, all faces outwards
+    assert (
+        0.75 * np.pi / 6.0 * x * y * z < volume < 1.2 * np.pi / 6.0 * x * y * z
+    )  # closed, all faces outwards
     points = fruit_points(fruit)
     assert np.abs(mesh.vertices.min(axis=0) - points.min(axis=0)).max() < 4e-3
     assert np.abs(mesh.vertices.max(axis=0)[:2] - points.max(axis=0)[:2]).max() < 4e-3
     assert mesh.vertices[:, 2].max() > points[:, 2].max() + 2e-3  # the stem
     assert len(mesh.vertices) < 600
     axis = np.hypot(*(mesh.vertices[:, :2] - fruit.T_base_fruit[:2, 3]).T) < 0.09 * x
-    assert mesh.vertices[axis, 2].min() > points[:, 2].min() + 2e-3  # the basin below, which a convex hull would close
+    assert (
+        mesh.vertices[axis, 2].min() > points[:, 2].min() + 2e-3
+    )  # the basin below, which a convex hull would close

@@ -38,10 +38,19 @@ class Hand:
 
     def feel(self, _now: float) -> np.ndarray:
         wrench = np.zeros((1, 6))
-        wrench[0, :3] = OFFSET + ROBOT_MODEL.tcp(self.scene.arm.q)[:3, :3].T @ [0.0, 0.0, -self.weighs()]
+        wrench[0, :3] = OFFSET + ROBOT_MODEL.tcp(self.scene.arm.q)[:3, :3].T @ [
+            0.0,
+            0.0,
+            -self.weighs(),
+        ]
         return wrench
 
-    def run(self, skill: Any, inputs: dict[str, Any], each_tick: Callable[[int], None] = lambda tick: None) -> Any:
+    def run(
+        self,
+        skill: Any,
+        inputs: dict[str, Any],
+        each_tick: Callable[[int], None] = lambda tick: None,
+    ) -> Any:
         return drive(skill, inputs, self.devices, clock=self.scene.clock, each_tick=each_tick)
 
 
@@ -213,13 +222,17 @@ def test_without_a_load_sensor_the_same_press_is_not_felt() -> None:
 
 
 def test_the_inertia_of_the_hand_ends_no_way_down() -> None:
-    hand = beside_fingers(lambda scene: 0.9 * MockLoadSensor.mass if 0.1 < scene.clock.now() < 0.3 else 0.0)
+    hand = beside_fingers(
+        lambda scene: 0.9 * MockLoadSensor.mass if 0.1 < scene.clock.now() < 0.3 else 0.0
+    )
     assert hand.run(Release(), {"depth": 0.05}).reason.code == "NO_CONTACT"
 
 
 def test_an_arm_that_brakes_harder_than_its_set_points_ends_no_way_down() -> None:
     """In the crates of the simulation each way down met 2.1 N in its first 0.1 s, by inertia alone."""
-    hand = beside_fingers(lambda scene: 1.4 * MockLoadSensor.mass if 0.1 < scene.clock.now() < 0.3 else 0.0)
+    hand = beside_fingers(
+        lambda scene: 1.4 * MockLoadSensor.mass if 0.1 < scene.clock.now() < 0.3 else 0.0
+    )
     assert hand.run(Release(), {"depth": 0.05}).reason.code == "NO_CONTACT"
 
 

@@ -14,7 +14,9 @@ from pomona.skills.motion.collision import RobotShape
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.robot_watch import RobotWatch, hull, solid
 
-ROBOT = RobotModel.load(Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml")
+ROBOT = RobotModel.load(
+    Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
+)
 
 
 class Standing:
@@ -62,7 +64,9 @@ def test_a_hull_of_random_points_contains_them() -> None:
     corners, faces = hull(points)
     a, b, c = (corners[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
-    assert (np.einsum("ij,nj->ni", normals, points) <= np.einsum("ij,ij->i", normals, a) + 1e-9).all()
+    assert (
+        np.einsum("ij,nj->ni", normals, points) <= np.einsum("ij,ij->i", normals, a) + 1e-9
+    ).all()
 
 
 def test_parts_stand_where_planning_has_them() -> None:
@@ -80,8 +84,12 @@ def test_parts_stand_where_planning_has_them() -> None:
         geoms = [n for n, name in enumerate(shape.geom_bodies) if name == body.label]
         if geoms:
             spheres = np.vstack([shape.spheres_of(geom, arm.q, arm.width) for geom in geoms])
-            away = np.linalg.norm(drawn[:, None] - spheres[None, :, :3], axis=2) - spheres[None, :, 3]
-            assert away.min(axis=1).max() < 2e-4  # every corner lies in the cover that planning uses
+            away = (
+                np.linalg.norm(drawn[:, None] - spheres[None, :, :3], axis=2) - spheres[None, :, 3]
+            )
+            assert (
+                away.min(axis=1).max() < 2e-4
+            )  # every corner lies in the cover that planning uses
 
 
 def test_a_standing_device_is_reported_once() -> None:

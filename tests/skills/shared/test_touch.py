@@ -7,7 +7,10 @@ from tests.skills.picking_scene import PickingScene
 
 
 def feel(
-    scene: PickingScene, left: tuple[float, float, float], right: tuple[float, float, float], time: float = 0.02
+    scene: PickingScene,
+    left: tuple[float, float, float],
+    right: tuple[float, float, float],
+    time: float = 0.02,
 ) -> None:
     wrenches = np.zeros((2, 6))
     wrenches[0, :3], wrenches[1, :3] = left, right
@@ -87,7 +90,9 @@ def test_nothing_is_heard_after_the_end():
 
 def test_load_feels_weight_and_is_blind_to_the_pressing_force():
     scene = PickingScene()
-    feel(scene, (0.4, 0.1, -2.0), (0.4, -0.1, -2.0))  # 0.8 N along x, 0.2 N along y, squeezed by 2 N
+    feel(
+        scene, (0.4, 0.1, -2.0), (0.4, -0.1, -2.0)
+    )  # 0.8 N along x, 0.2 N along y, squeezed by 2 N
     with Touch(scene.fingers, load) as touch:
         feel(scene, (0.4, 0.1, -5.0), (0.4, -0.1, -5.0))
         assert touch.change == pytest.approx(0.0)

@@ -8,8 +8,12 @@ from pomona.skills.shared.yielding import MOST, RELIEVES, YieldingFingers
 from pomona.tools.mock import MockClock, MockGripper
 
 
-@pytest.mark.parametrize(("force", "expected"), [(None, 0.06), (-5.0, 0.06), (-20.0, -RELIEVES), (20.0, 0.06)])
-def test_fingers_that_press_outwards_on_something_close(force: float | None, expected: float) -> None:
+@pytest.mark.parametrize(
+    ("force", "expected"), [(None, 0.06), (-5.0, 0.06), (-20.0, -RELIEVES), (20.0, 0.06)]
+)
+def test_fingers_that_press_outwards_on_something_close(
+    force: float | None, expected: float
+) -> None:
     gripper = MockGripper(MockClock(), width=0.08)
     gripper.motor_force = force
     YieldingFingers(gripper, relax=True).set_speed(0.06)

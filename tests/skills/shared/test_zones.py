@@ -89,7 +89,9 @@ def test_a_straight_lift_does_not_enter_a_zone() -> None:
     scene = over_ground(None)
     top = scene.tcp[:3, 3] + [0.0, 0.0, 0.2]
     with_zone(scene, zone(top))
-    reason = drive(Lift(), {"height": 0.15, "grasp": grasp}, scene.devices, clock=scene.clock).reason
+    reason = drive(
+        Lift(), {"height": 0.15, "grasp": grasp}, scene.devices, clock=scene.clock
+    ).reason
     assert reason is not None
     assert reason.code == "LIFT_BLOCKED"
     assert "zone window" in reason.message

@@ -69,7 +69,10 @@ class LoopArm(PathArm):
     def __init__(self, name: str, clock: Clock, robot: Path) -> None:
         limits = read_limits(robot)
         super().__init__(name, clock, robot, limits, Supervision(), PERIOD)
-        self._controller, self._streaming = LoopController(0.5 * (limits.lower + limits.upper)), False
+        self._controller, self._streaming = (
+            LoopController(0.5 * (limits.lower + limits.upper)),
+            False,
+        )
         self._problem = None
 
     def step(self) -> None:
@@ -137,7 +140,10 @@ class Nod(MovingSkill):
 
     def run(self, turn: Angle = ANGLE("10 deg"), duration: Time = TIME("2 s")) -> Work[Outputs]:
         t = np.linspace(0.0, duration, 101)
-        phase, rate = 2.0 * np.pi * t / duration, 2.0 * np.pi / duration  # (1 - cos)² begins and ends without a jerk
+        phase, rate = (
+            2.0 * np.pi * t / duration,
+            2.0 * np.pi / duration,
+        )  # (1 - cos)² begins and ends without a jerk
         one, sin, cos = 1.0 - np.cos(phase), np.sin(phase), np.cos(phase)
         q = self.device(Arm).state().q
         last = np.eye(len(q))[-1]

@@ -5,7 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pomona.executive import Event, NodeChanged, RunEnded, RunStarted, RunView, SafeStopped, UsageError, ViewedRun
+from pomona.executive import (
+    Event,
+    NodeChanged,
+    RunEnded,
+    RunStarted,
+    RunView,
+    SafeStopped,
+    UsageError,
+    ViewedRun,
+)
 
 
 class StatusFile(RunView):
@@ -15,7 +24,9 @@ class StatusFile(RunView):
     _tree = ""
 
     def add(self, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("--status-file", type=Path, metavar="PATH", help="keep the run's state in this file")
+        parser.add_argument(
+            "--status-file", type=Path, metavar="PATH", help="keep the run's state in this file"
+        )
 
     def open(self, options: argparse.Namespace, run: ViewedRun) -> bool:
         if options.status_file is None:

@@ -31,17 +31,34 @@ SIA5_VELOCITY = np.radians([200.0, 200.0, 200.0, 200.0, 200.0, 230.0, 350.0])
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("emulate", help="emulate the protocol of a gripper, of fingers or of an arm")
+    parser = subparsers.add_parser(
+        "emulate", help="emulate the protocol of a gripper, of fingers or of an arm"
+    )
     kinds = parser.add_subparsers(metavar="DEVICE", required=True)
     wsg = kinds.add_parser("wsg", help="WSG gripper on TCP or CAN")
     wsg.add_argument("--tcp", default="127.0.0.1:1000", help="HOST:PORT (default: 127.0.0.1:1000)")
     wsg.add_argument(
-        "--can", metavar="INTERFACE:CHANNEL", help="CAN bus of python-can in place of TCP, for instance socketcan:vcan0"
+        "--can",
+        metavar="INTERFACE:CHANNEL",
+        help="CAN bus of python-can in place of TCP, for instance socketcan:vcan0",
     )
-    wsg.add_argument("--reply-id", type=int, default=2, help="CAN id of the gripper's replies (default: 2)")
-    wsg.add_argument("--not-referenced", action="store_true", help="start without a reference: moves are refused")
-    wsg.add_argument("--no-script", action="store_true", help="start without the finger script for streamed speeds")
-    wsg.add_argument("--obstacle", type=Measure(LENGTH, "0 mm").option, metavar="WIDTH", help="part between the jaws")
+    wsg.add_argument(
+        "--reply-id", type=int, default=2, help="CAN id of the gripper's replies (default: 2)"
+    )
+    wsg.add_argument(
+        "--not-referenced", action="store_true", help="start without a reference: moves are refused"
+    )
+    wsg.add_argument(
+        "--no-script",
+        action="store_true",
+        help="start without the finger script for streamed speeds",
+    )
+    wsg.add_argument(
+        "--obstacle",
+        type=Measure(LENGTH, "0 mm").option,
+        metavar="WIDTH",
+        help="part between the jaws",
+    )
     wsg.set_defaults(main=lambda options: serve(_wsg, options))
     suntouch = kinds.add_parser("suntouch", help="one force/tactile finger on a pseudo terminal")
     suntouch.add_argument("--link", type=Path, help="symbolic link to make to the terminal")
@@ -53,15 +70,27 @@ def add(subparsers: Any) -> None:
         metavar="FORCE",
         help="peak of a slow periodic force",
     )
-    suntouch.add_argument("--record", type=Path, help="write a recording for `pomona calibrate fingers`, then exit")
-    suntouch.add_argument("--samples", type=int, default=20000, help="number of samples of the recording")
-    suntouch.set_defaults(main=lambda options: _record(options) if options.record else serve(_suntouch, options))
+    suntouch.add_argument(
+        "--record", type=Path, help="write a recording for `pomona calibrate fingers`, then exit"
+    )
+    suntouch.add_argument(
+        "--samples", type=int, default=20000, help="number of samples of the recording"
+    )
+    suntouch.set_defaults(
+        main=lambda options: _record(options) if options.record else serve(_suntouch, options)
+    )
     motoman = kinds.add_parser("motoman", help="Yaskawa controller with MotoROS on three TCP ports")
     motoman.add_argument("--host", default="127.0.0.1")
-    motoman.add_argument("--port", type=int, default=50240, help="motion port; state: the next one (default: 50240)")
-    motoman.add_argument("--controller", choices=tuple(ORDERS), default="fs100", help="the byte order")
+    motoman.add_argument(
+        "--port", type=int, default=50240, help="motion port; state: the next one (default: 50240)"
+    )
+    motoman.add_argument(
+        "--controller", choices=tuple(ORDERS), default="fs100", help="the byte order"
+    )
     motoman.add_argument("--teach", action="store_true", help="start in teach mode")
-    motoman.add_argument("--e-stop", action="store_true", help="start with the emergency stop pressed")
+    motoman.add_argument(
+        "--e-stop", action="store_true", help="start with the emergency stop pressed"
+    )
     motoman.add_argument(
         "--queue",
         type=Measure(TIME, "0 s").option,
@@ -77,7 +106,9 @@ def add(subparsers: Any) -> None:
 def _wsg(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     fingers = FreeGripper(time.monotonic)
     fingers.obstacle = options.obstacle
-    device = WsgEmulator(fingers, referenced=not options.not_referenced, has_script=not options.no_script)
+    device = WsgEmulator(
+        fingers, referenced=not options.not_referenced, has_script=not options.no_script
+    )
     if options.can:
         import can
 
@@ -108,7 +139,10 @@ def _motoman(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     return ports, [controller]
 
 
-def serve(build: Callable[[argparse.Namespace], tuple[list[Endpoint], list[Any]]], options: argparse.Namespace) -> int:
+def serve(
+    build: Callable[[argparse.Namespace], tuple[list[Endpoint], list[Any]]],
+    options: argparse.Namespace,
+) -> int:
     """Serve a device until Ctrl-C; `build` gives its ports and the function that steps it. Returns an exit status."""
     try:
         ports, devices = build(options)

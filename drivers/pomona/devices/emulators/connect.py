@@ -104,7 +104,9 @@ class PacedClock:
 class EmulatedWorld(Device):
     """The process with the simulated world; gives the cell's clock and the world's score."""
 
-    def __init__(self, process: subprocess.Popen[bytes], pace: float = 1.0, name: str = "world") -> None:
+    def __init__(
+        self, process: subprocess.Popen[bytes], pace: float = 1.0, name: str = "world"
+    ) -> None:
         super().__init__(name)
         self.clock: Clock = SystemClock() if pace == 1.0 else PacedClock(pace)
         self._process = process
@@ -124,7 +126,9 @@ class EmulatedWorld(Device):
 
     def check(self) -> None:
         if self._process.poll() is not None:
-            raise DeviceLost(self.name, f"the emulated world ended with status {self._process.returncode}")
+            raise DeviceLost(
+                self.name, f"the emulated world ended with status {self._process.returncode}"
+            )
 
     def close(self) -> None:
         assert self._process.stdin is not None
@@ -145,15 +149,23 @@ class EmulatedWorldFile:
 
     cell: Path = value(PathTo("file"), help="the simulated cell")
     options: Mapping[str, str] = value(MappingOf(Text()), {}, "of that cell")
-    time: str = value(Text("virtual", "wall"), "virtual", "virtual time in this process, or wall-clock time")
+    time: str = value(
+        Text("virtual", "wall"), "virtual", "virtual time in this process, or wall-clock time"
+    )
     arm: str = value(Text(), help="address at which the arm's driver finds the controller")
     controller: str = value(Text(*kinds()), help="emulator of the arm's controller")
     gripper: str = value(Text(), help="address of the gripper: HOST:PORT or a serial port")
     hand: str = value(Text(*kinds()), "wsg", "emulator of the gripper")
-    fingers: str = value(Text(), "", "folder with the links finger_left and finger_right; by default there are none")
+    fingers: str = value(
+        Text(), "", "folder with the links finger_left and finger_right; by default there are none"
+    )
     camera: str = value(Text(), help="HOST:PORT of the camera")
-    others: Mapping[str, str] = value(MappingOf(Text()), {}, "addresses of more emulators, by their names")
-    pace: float = value(Number(0.01, 1.0), "1", "share of wall-clock speed; below 1 the cell's time runs slower")
+    others: Mapping[str, str] = value(
+        MappingOf(Text()), {}, "addresses of more emulators, by their names"
+    )
+    pace: float = value(
+        Number(0.01, 1.0), "1", "share of wall-clock speed; below 1 the cell's time runs slower"
+    )
 
     @property
     def inner_wires(self) -> tuple[str, ...]:
@@ -171,7 +183,12 @@ class EmulatedWorldFile:
         """Emulator and address of each device, by its role."""
         fingers = {"fingers": ("suntouch", self.fingers)} if self.fingers else {}
         others = {name: (name, address) for name, address in self.others.items() if name in kinds()}
-        return {"arm": (self.controller, self.arm), "gripper": (self.hand, self.gripper), **fingers, **others}
+        return {
+            "arm": (self.controller, self.arm),
+            "gripper": (self.hand, self.gripper),
+            **fingers,
+            **others,
+        }
 
     def problems(self) -> Iterator[Problem]:
         for name in self.others:
@@ -179,25 +196,37 @@ class EmulatedWorldFile:
                 yield Problem("others", f"there is no emulator '{name}'", choose(name, kinds()))
         try:
             simulated = read_cell_file(self.cell, self.options).interfaces()
-            lacking = [role for role in self.choices if role in PLAYED and PLAYED[role] not in simulated]
+            lacking = [
+                role for role in self.choices if role in PLAYED and PLAYED[role] not in simulated
+            ]
             for role in lacking:
                 words = f"{self.cell.name} has no {PLAYED[role].__name__}, which these wires would lead to"
-                yield Problem(role, words, f"leave `{role}` out, or name a simulated cell that has one")
+                yield Problem(
+                    role, words, f"leave `{role}` out, or name a simulated cell that has one"
+                )
         except CellFileError as error:
             for finding in (found for found in error.findings if found.severity == "error"):
                 place = f"{finding.path}:{finding.line}:{finding.column}: " if finding.line else ""
-                words = f"{self.cell.name} cannot be used with these options: {place}{finding.message}"
+                words = (
+                    f"{self.cell.name} cannot be used with these options: {place}{finding.message}"
+                )
                 yield Problem("cell", words, finding.hint)
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         """A device at another address would not be this world's: perhaps the real one, which would move."""
         emulated = self.emulated
         for name, said in around.options.items():
-            for wire in (said.wire,) if isinstance(said, EmulatedCameraFile) else getattr(said, "wires", ()):
+            for wire in (
+                (said.wire,) if isinstance(said, EmulatedCameraFile) else getattr(said, "wires", ())
+            ):
                 if wire not in emulated:
-                    words = f"the device '{name}' is reached at {wire}, where this world emulates none"
+                    words = (
+                        f"the device '{name}' is reached at {wire}, where this world emulates none"
+                    )
                     advice = f'give both the same address: an option, such as "{{{name}}}", in its section and here'
-                    yield Problem(name if name in self.choices or name == "camera" else "", words, advice)
+                    yield Problem(
+                        name if name in self.choices or name == "camera" else "", words, advice
+                    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,9 +236,13 @@ class EmulatedCameraFile:
     address: tuple[str, int] = value(Address(41001), help="HOST:PORT")
     robot: Path = value(PathTo("file"), help="MJCF with the site `camera`")
     rate: float = value(Measure(RATE, "0.5 Hz", "60 Hz"), "5 Hz", "frames per second")
-    silence: float = value(Measure(TIME, "50 ms", "10 s"), "1 s", "without a frame for this long the camera is lost")
+    silence: float = value(
+        Measure(TIME, "50 ms", "10 s"), "1 s", "without a frame for this long the camera is lost"
+    )
     depth_model: DepthModelSection | None = value(
-        Section(DepthModelSection), None, "error model of the depth; by default a simulated camera's"
+        Section(DepthModelSection),
+        None,
+        "error model of the depth; by default a simulated camera's",
     )
 
     @property
@@ -220,9 +253,15 @@ class EmulatedCameraFile:
 
 
 @driver(EmulatedWorld, EmulatedWorldFile)
-def connect_world(settings: Settings[EmulatedWorldFile], context: ConnectContext) -> EmulatedWorld | VirtualWorld:
+def connect_world(
+    settings: Settings[EmulatedWorldFile], context: ConnectContext
+) -> EmulatedWorld | VirtualWorld:
     """`driver: emulated-world`"""
-    return _open_virtual(settings, context) if settings.values.time == "virtual" else _start_process(settings, context)
+    return (
+        _open_virtual(settings, context)
+        if settings.values.time == "virtual"
+        else _start_process(settings, context)
+    )
 
 
 def _open_virtual(settings: Settings[EmulatedWorldFile], context: ConnectContext) -> VirtualWorld:
@@ -239,7 +278,13 @@ def _open_virtual(settings: Settings[EmulatedWorldFile], context: ConnectContext
 
 def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContext) -> EmulatedWorld:
     said = settings.values
-    command = [sys.executable, "-m", "pomona.devices.emulators.world_process", "--cell", str(said.cell)]
+    command = [
+        sys.executable,
+        "-m",
+        "pomona.devices.emulators.world_process",
+        "--cell",
+        str(said.cell),
+    ]
     command += ["--seed", str(context.seed)]
     for name, text in said.options.items():
         command += ["--set", f"{name}={text}"]
@@ -249,14 +294,20 @@ def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContex
     command += ["--camera", said.camera]
     # A session of its own: Ctrl-C reaches the run, which stops safely, before the world ends.
     process = subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
     )
     line = read_line(process, START)
     if line.strip() != b"ready":
         process.kill()
         _, complaint = process.communicate()
         words = complaint.decode(errors="replace").strip()
-        raise settings.error(f"the emulated world did not start: {words or 'it gave no reason'}", "cell")
+        raise settings.error(
+            f"the emulated world did not start: {words or 'it gave no reason'}", "cell"
+        )
     assert process.stderr is not None
     process.stderr.close()
     context.hand = HandMemory(None, HandRecord())  # of a new world, which ends with this process
@@ -305,7 +356,9 @@ class WireSource:
     def _take(self) -> Pair | None:
         if len(self._buffer) < FRAME_HEADER.size:
             return None
-        magic, width, height, fx, fy, cx, cy, stamp, age, number = FRAME_HEADER.unpack_from(self._buffer)
+        magic, width, height, fx, fy, cx, cy, stamp, age, number = FRAME_HEADER.unpack_from(
+            self._buffer
+        )
         if magic != FRAME_MAGIC:
             raise DeviceLost("camera", "the emulated camera sent no frame")
         pixels = width * height
@@ -324,7 +377,9 @@ class WireSource:
 
 
 @driver(StreamingCamera, EmulatedCameraFile)
-def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectContext) -> StreamingCamera:
+def connect_camera(
+    settings: Settings[EmulatedCameraFile], context: ConnectContext
+) -> StreamingCamera:
     """`driver: emulated-camera`"""
     said = settings.values
     host, port = said.address

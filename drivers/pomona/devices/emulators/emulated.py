@@ -89,8 +89,14 @@ class SimJoints:
     def __init__(self, world: SimWorld) -> None:
         model = world.model
         self._state, self._actuators = world.state, world.arm_actuators
-        self._qpos, self._qvel = model.jnt_qposadr[world.arm_joints], model.jnt_dofadr[world.arm_joints]
-        kp, kv = model.actuator_gainprm[self._actuators, 0], -model.actuator_biasprm[self._actuators, 2]
+        self._qpos, self._qvel = (
+            model.jnt_qposadr[world.arm_joints],
+            model.jnt_dofadr[world.arm_joints],
+        )
+        kp, kv = (
+            model.actuator_gainprm[self._actuators, 0],
+            -model.actuator_biasprm[self._actuators, 2],
+        )
         self._feed_forward = kv / kp
 
     def measured(self) -> tuple[Float64, Float64]:

@@ -17,7 +17,9 @@ class FreeGripper:
         self._now, self._then = now, now()
         self._width, self._speed = width, 0.0
         self._motion: GripperMotion | None = None
-        self.obstacle: float | None = None  # width that the jaws cannot close below [m]: a part between them, or a hand
+        self.obstacle: float | None = (
+            None  # width that the jaws cannot close below [m]: a part between them, or a hand
+        )
 
     def state(self) -> GripperState:
         """Where the fingers are now [m], as they move by themselves."""
@@ -47,18 +49,29 @@ class FreeGripper:
 
     def _advance(self) -> None:
         now = self._now()
-        low = self.limits.width_min if self.obstacle is None else max(self.obstacle, self.limits.width_min)
+        low = (
+            self.limits.width_min
+            if self.obstacle is None
+            else max(self.obstacle, self.limits.width_min)
+        )
         reached = self._width + self._speed * (now - self._then)
         self._then = now
         motion = self._motion if self._motion is not None and not self._motion.ended else None
-        if motion is not None and (reached - motion.width) * self._speed >= 0.0 and motion.width >= low:
+        if (
+            motion is not None
+            and (reached - motion.width) * self._speed >= 0.0
+            and motion.width >= low
+        ):
             self._width, self._speed = motion.width, 0.0
             motion.end(MotionState.DONE)
             motion.settled = True
         elif low <= reached <= self.limits.width_max:
             self._width = reached
         elif self._speed != 0.0:
-            self._width, self._speed = min(max(reached, min(low, self._width)), self.limits.width_max), 0.0
+            self._width, self._speed = (
+                min(max(reached, min(low, self._width)), self.limits.width_max),
+                0.0,
+            )
             if motion is not None:
                 motion.end(MotionState.FAILED, "blocked")
                 motion.settled = True

@@ -9,7 +9,13 @@ from typing import Protocol
 
 import numpy as np
 
-from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind, SimJoints, world_of
+from pomona.devices.emulators.emulated import (
+    EmulatedDevice,
+    EmulatedWire,
+    EmulatorKind,
+    SimJoints,
+    world_of,
+)
 from pomona.devices.emulators.server import Peer
 from pomona.devices.motoman.codec import (
     Body,
@@ -100,7 +106,12 @@ class MotomanEmulator(FaultSwitch):
     )
 
     def __init__(
-        self, joints: Joints, velocity: Float64, order: Order = "<", buffer: float = 0.8, drives_on: bool = False
+        self,
+        joints: Joints,
+        velocity: Float64,
+        order: Order = "<",
+        buffer: float = 0.8,
+        drives_on: bool = False,
     ) -> None:
         super().__init__()
         self.drives_on, self.trajectory_mode = drives_on, drives_on
@@ -225,7 +236,10 @@ class MotomanEmulator(FaultSwitch):
         s = (self._played - a.time) / h
         v0, v1, step = a.qd * h, b.qd * h, b.q - a.q
         cubic, square = v0 + v1 - 2.0 * step, 3.0 * step - 2.0 * v0 - v1
-        self._drive(a.q + s * (v0 + s * (square + s * cubic)), (v0 + s * (2.0 * square + s * 3.0 * cubic)) / h)
+        self._drive(
+            a.q + s * (v0 + s * (square + s * cubic)),
+            (v0 + s * (2.0 * square + s * 3.0 * cubic)) / h,
+        )
 
     def _halt(self) -> None:
         self._knots.clear()
@@ -296,7 +310,9 @@ class MotomanEmulator(FaultSwitch):
                 self._played = point.time
             self._sequence = point.sequence
             dof = self._dof
-            self._knots.append(_Knot(point.time, np.array(point.position[:dof]), np.array(point.velocity[:dof])))
+            self._knots.append(
+                _Knot(point.time, np.array(point.position[:dof]), np.array(point.velocity[:dof]))
+            )
         self._answer(peer, point, result, subcode)
 
     def _readiness(self) -> tuple[Result, int]:
@@ -321,17 +337,25 @@ class MotomanEmulator(FaultSwitch):
         last = self._knots[-1]
         if point.time <= last.time:
             return Result.INVALID, 3016
-        if np.any(np.abs(q - last.q) > OVERSPEED * self._velocity * (point.time - last.time) + 1e-6):
+        if np.any(
+            np.abs(q - last.q) > OVERSPEED * self._velocity * (point.time - last.time) + 1e-6
+        ):
             return Result.INVALID, 3013
         full = last.time - self._played > self.buffer or self.fault == "busy"
         return (Result.BUSY, 0) if full else (Result.SUCCESS, 0)
 
     def _answer(
-        self, peer: Peer, request: MotionControl | TrajectoryPoint, result: Result = Result.SUCCESS, subcode: int = 0
+        self,
+        peer: Peer,
+        request: MotionControl | TrajectoryPoint,
+        result: Result = Result.SUCCESS,
+        subcode: int = 0,
     ) -> None:
         command = request.command if isinstance(request, MotionControl) else TrajectoryPoint.TYPE
         reply = MotionReply(request.group, request.sequence, command, int(result), subcode)
-        self.motion.say(peer, Message(reply, Communication.REPLY, 1 if result is Result.SUCCESS else 2))
+        self.motion.say(
+            peer, Message(reply, Communication.REPLY, 1 if result is Result.SUCCESS else 2)
+        )
 
 
 class _Port:
@@ -401,5 +425,7 @@ def _make(cell: Cell, addresses: tuple[str, ...], order: Order) -> EmulatedDevic
     return EmulatedDevice(wires, controller.advance, {"": controller})
 
 
-FS100, DX100, DX200, YRC1000 = (EmulatorKind(_addresses, partial(_make, order=order)) for order in ORDERS.values())
+FS100, DX100, DX200, YRC1000 = (
+    EmulatorKind(_addresses, partial(_make, order=order)) for order in ORDERS.values()
+)
 """Of each controller, which differ by their byte order."""

@@ -77,7 +77,9 @@ class _TcpPeer:
 class TcpPort:
     """A listening TCP port; `clients` at most are served at a time, more are turned away."""
 
-    def __init__(self, emulator: Emulator, host: str = "127.0.0.1", port: int = 0, clients: int = 1) -> None:
+    def __init__(
+        self, emulator: Emulator, host: str = "127.0.0.1", port: int = 0, clients: int = 1
+    ) -> None:
         self._emulator, self._clients = emulator, clients
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._listener = socket.create_server((host, port), family=family)
@@ -172,7 +174,9 @@ class PtyPort:
 class CanPort:
     """A CAN bus: the device listens to one id and answers with another, eight bytes a frame."""
 
-    def __init__(self, emulator: Emulator, bus: can.BusABC, request_id: int = 0x01, reply_id: int = 0x02) -> None:
+    def __init__(
+        self, emulator: Emulator, bus: can.BusABC, request_id: int = 0x01, reply_id: int = 0x02
+    ) -> None:
         self._emulator, self._bus = emulator, bus
         self._request_id, self._reply_id = request_id, reply_id
         emulator.connected(self)
@@ -185,7 +189,9 @@ class CanPort:
         for at in range(0, len(chunk), 8):
             data = chunk[at : at + 8]
             with contextlib.suppress(can.CanError):
-                self._bus.send(can.Message(arbitration_id=self._reply_id, data=data, is_extended_id=False))
+                self._bus.send(
+                    can.Message(arbitration_id=self._reply_id, data=data, is_extended_id=False)
+                )
 
     def readable(self) -> list[int]:
         return []
@@ -203,7 +209,9 @@ class CanPort:
 class Server:
     """Serves ports and steps the emulators, until `running` returns False."""
 
-    def __init__(self, ports: Sequence[Endpoint], emulators: Sequence[Emulator], now: Callable[[], float]) -> None:
+    def __init__(
+        self, ports: Sequence[Endpoint], emulators: Sequence[Emulator], now: Callable[[], float]
+    ) -> None:
         self.ports, self.emulators = tuple(ports), tuple(emulators)
         self._now = now
 

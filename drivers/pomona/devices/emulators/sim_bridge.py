@@ -89,7 +89,9 @@ class StatePort:
         self._pipe.close()
 
 
-def serve_camera(cell_file: Path, seed: int, overrides: dict[str, str], host: str, port: int, pipe: Connection) -> None:
+def serve_camera(
+    cell_file: Path, seed: int, overrides: dict[str, str], host: str, port: int, pipe: Connection
+) -> None:
     """Render the world's state in a process of its own, for clients on a TCP port, until the pipe ends."""
     cell = load_cell(cell_file, seed=seed, overrides=overrides)
     world = cast(SimWorld, cell.devices["world"])

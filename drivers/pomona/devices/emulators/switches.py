@@ -21,7 +21,12 @@ RESTLESS = 0.2  # jump of a restless taxel [V]: four times the threshold of a sp
 
 GRIPPER: dict[str, dict[str, object]] = {
     "lost": {"silent": True},
-    "faulty": {"faults": SystemState.TEMPERATURE | SystemState.POWER | SystemState.CURRENT | SystemState.FINGER_FAULT},
+    "faulty": {
+        "faults": SystemState.TEMPERATURE
+        | SystemState.POWER
+        | SystemState.CURRENT
+        | SystemState.FINGER_FAULT
+    },
     "busy": {"busy": True},
     "frozen": {"frozen": True},
     "opens": {"runaway": RUNAWAY},
@@ -93,7 +98,8 @@ def _make_suntouch(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
     fingers.latest()  # its first sample compiles code; later samples must not wait for that
     sides = ("left", "right")
     wires = (
-        EmulatedWire(f"{side}_wire", address, pad) for side, address, pad in zip(sides, addresses, pads, strict=True)
+        EmulatedWire(f"{side}_wire", address, pad)
+        for side, address, pad in zip(sides, addresses, pads, strict=True)
     )
     switches = {side: finger_switch(pad) for side, pad in zip(sides, pads, strict=True)}
     return EmulatedDevice(tuple(wires), lambda now: None, switches)

@@ -39,14 +39,20 @@ class VirtualWorld(Device):
         self._world = emulated.world
         self.clock = VirtualTime(self._world.clock, TIMESTEP)
         self.pipes: dict[str, Pipe] = {}
-        simulated = {name: device for name, device in cell.devices.items() if isinstance(device, FaultSwitch)}
+        simulated = {
+            name: device for name, device in cell.devices.items() if isinstance(device, FaultSwitch)
+        }
         self.hand = HandMemory(None, HandRecord())
         self.switches: dict[str, FaultSwitch] = dict(simulated)
         for role, device in emulated.devices.items():
-            self.switches |= {f"{role}.{name}".rstrip("."): switch for name, switch in device.switches.items()}
+            self.switches |= {
+                f"{role}.{name}".rstrip("."): switch for name, switch in device.switches.items()
+            }
             for wire in device.wires:
                 self._lay(f"{role}.{wire.name}", wire.address, Pipe(wire.emulator, self.clock))
-        self._lay("camera.wire", camera, Pipe(SightEmulator(cell.device(Camera)), self.clock, LATENCY))
+        self._lay(
+            "camera.wire", camera, Pipe(SightEmulator(cell.device(Camera)), self.clock, LATENCY)
+        )
 
     def _lay(self, name: str, address: str, pipe: Pipe) -> None:
         self.pipes[address] = self.switches[name] = pipe

@@ -60,7 +60,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     overrides = dict(setting.split("=", 1) for setting in options.set)
     here, there = multiprocessing.Pipe()
     eye = multiprocessing.get_context("spawn").Process(
-        target=serve_camera, args=(options.cell, options.seed, overrides, *_address(options.camera), there), daemon=True
+        target=serve_camera,
+        args=(options.cell, options.seed, overrides, *_address(options.camera), there),
+        daemon=True,
     )
     eye.start()
     there.close()
@@ -81,18 +83,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cell", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--set", action="append", default=[])
-    parser.add_argument("--device", action="append", nargs=3, required=True, metavar=("ROLE", "EMULATOR", "ADDRESS"))
+    parser.add_argument(
+        "--device", action="append", nargs=3, required=True, metavar=("ROLE", "EMULATOR", "ADDRESS")
+    )
     parser.add_argument("--camera", required=True, help="HOST:PORT")
-    parser.add_argument("--pace", type=float, default=1.0, help="of the world's time; 1 is real time")
+    parser.add_argument(
+        "--pace", type=float, default=1.0, help="of the world's time; 1 is real time"
+    )
     return parser.parse_args(arguments)
 
 
-def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[Server, _Control, SimWorld]:
-    emulated = EmulatedDevices(cell, {role: (kind, address) for role, kind, address in options.device})
+def _set_up(
+    cell: Cell, pipe: Connection, options: argparse.Namespace
+) -> tuple[Server, _Control, SimWorld]:
+    emulated = EmulatedDevices(
+        cell, {role: (kind, address) for role, kind, address in options.device}
+    )
     control = _Control(cell)
     wires = [wire for device in emulated.devices.values() for wire in device.wires]
     ports: list[Endpoint] = [*map(_port, wires), StatePort(emulated.world, pipe), control]
@@ -115,7 +127,9 @@ def _run(server: Server, control: _Control, world: SimWorld, pace: float) -> Non
         due = began + (world.clock.now() + TIMESTEP) / pace
         server.turn(max(due - time.monotonic(), 0.0))
         behind = time.monotonic() - due
-        if behind > 0.2 / pace:  # a world that falls behind real time by more than this lets the time go [s]
+        if (
+            behind > 0.2 / pace
+        ):  # a world that falls behind real time by more than this lets the time go [s]
             began += behind
         if behind >= 0.0:
             world.clock.advance(TIMESTEP)

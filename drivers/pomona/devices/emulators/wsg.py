@@ -43,7 +43,11 @@ class WsgEmulator:
     """
 
     def __init__(
-        self, fingers: Gripper, finger_offset: float = 0.0, referenced: bool = True, has_script: bool = True
+        self,
+        fingers: Gripper,
+        finger_offset: float = 0.0,
+        referenced: bool = True,
+        has_script: bool = True,
     ) -> None:
         self.referenced, self.has_script, self.silent = referenced, has_script, False
         self.faults = SystemState(0)
@@ -151,9 +155,13 @@ class WsgEmulator:
                 self._bits &= ~SystemState.FAST_STOP
                 self._reply(Command.ACKNOWLEDGE)
             case Plain(Command.GET_ACCELERATION):
-                self._reply(Command.GET_ACCELERATION, values=(self._settings[Command.SET_ACCELERATION],))
+                self._reply(
+                    Command.GET_ACCELERATION, values=(self._settings[Command.SET_ACCELERATION],)
+                )
             case Plain(Command.GET_FORCE_LIMIT):
-                self._reply(Command.GET_FORCE_LIMIT, values=(self._settings[Command.SET_FORCE_LIMIT],))
+                self._reply(
+                    Command.GET_FORCE_LIMIT, values=(self._settings[Command.SET_FORCE_LIMIT],)
+                )
             case Plain(Command.GET_SOFT_LIMITS):
                 if self._soft_limits is None:
                     self._reply(Command.GET_SOFT_LIMITS, Status.NOT_AVAILABLE)
@@ -209,7 +217,11 @@ class WsgEmulator:
             else:
                 self._speed = 0.0
                 self._motion = (command, motion)
-                self._bits &= ~(SystemState.AXIS_STOPPED | SystemState.TARGET_REACHED | SystemState.BLOCKED_MINUS)
+                self._bits &= ~(
+                    SystemState.AXIS_STOPPED
+                    | SystemState.TARGET_REACHED
+                    | SystemState.BLOCKED_MINUS
+                )
         self._reply(command, Status.CMD_PENDING if refusal is None else refusal)
 
     def _refusal(self, command: Command) -> Status | None:
@@ -281,7 +293,9 @@ class WsgEmulator:
         bits |= SystemState.SCRIPT_RUNNING if self.has_script else SystemState(0)
         return bits
 
-    def _reply(self, command: Command, status: Status = Status.SUCCESS, values: tuple[float, ...] = ()) -> None:
+    def _reply(
+        self, command: Command, status: Status = Status.SUCCESS, values: tuple[float, ...] = ()
+    ) -> None:
         self._send(encode_reply(Reply(command, status, values)))
 
     def _send(self, chunk: bytes) -> None:

@@ -26,7 +26,10 @@ def autosend(period_ms: int) -> bytes:
 
 def packet(taxels: Sequence[Sequence[int]]) -> bytes:
     """Return a packet with the taxels of both fingers, 28 numbers of 16 bits each."""
-    body = b"".join(bytes([PRESSED | side << 2]) + struct.pack(f">{TAXELS}H", *row) for side, row in enumerate(taxels))
+    body = b"".join(
+        bytes([PRESSED | side << 2]) + struct.pack(f">{TAXELS}H", *row)
+        for side, row in enumerate(taxels)
+    )
     return bytes([START, 0, READ, len(body)]) + body
 
 
@@ -40,7 +43,9 @@ def take_packets(buffer: bytearray) -> tuple[list[Mapping[int, Float64]], int]:
     dropped = 0
     while len(buffer) >= 4:
         size = 4 + buffer[3]
-        fields = _fields(bytes(buffer[4:size])) if buffer[0] == START and buffer[2] == READ else None
+        fields = (
+            _fields(bytes(buffer[4:size])) if buffer[0] == START and buffer[2] == READ else None
+        )
         if buffer[0] == START and buffer[2] == READ and len(buffer) < size:
             break
         if fields is None:

@@ -11,7 +11,10 @@ from pomona.devices.wrist_sensors.sensor import StreamingSensor
 from pomona.drivers import SIDES, Link, Malformed, Nonsense, PressSensor
 from pomona.executive import Clock, Float64
 
-TAKEN, DEADLINE = 20, 2.0  # packets whose mean is the zero, and the time in which they must come [s]
+TAKEN, DEADLINE = (
+    20,
+    2.0,
+)  # packets whose mean is the zero, and the time in which they must come [s]
 MOST = 600  # bytes without a packet after which the peer is no such sensor
 
 
@@ -19,7 +22,13 @@ class TsfSession:
     """The stream of both fingertips on a serial line."""
 
     def __init__(
-        self, device: str, link: Link, clock: Clock, period: float, count: float, zero: tuple[float, float] | None
+        self,
+        device: str,
+        link: Link,
+        clock: Clock,
+        period: float,
+        count: float,
+        zero: tuple[float, float] | None,
     ) -> None:
         """Start the stream; without a `zero` take it from the next packets: nothing may press then.
 
@@ -40,7 +49,9 @@ class TsfSession:
         while len(taken) < TAKEN:
             taken += self._read(0.01)
             if clock.now() > end:
-                raise TimeoutError(f"only {len(taken)} packets of both fingers within {DEADLINE:g} s")
+                raise TimeoutError(
+                    f"only {len(taken)} packets of both fingers within {DEADLINE:g} s"
+                )
         mean: Float64 = np.mean(taken, axis=0)
         return mean
 
@@ -50,7 +61,9 @@ class TsfSession:
         packets, dropped = take_packets(self._buffer)
         self._dropped = 0 if packets else self._dropped + dropped
         if self._dropped > MOST:
-            raise Nonsense(self._device, Malformed(bytes(self._buffer), "has no packet of a TSF-85"))
+            raise Nonsense(
+                self._device, Malformed(bytes(self._buffer), "has no packet of a TSF-85")
+            )
         found = []
         for fingers in packets:
             for finger, taxels in fingers.items():

@@ -41,7 +41,9 @@ from pomona.executive import Clock, Float64, Problem, Section, Text, Whole, valu
 
 logger = logging.getLogger(__name__)
 
-LEVEL = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+LEVEL = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
 """T_base_camera of a camera that looks level along the base's y: image x is base x, image down is base down."""
 
 
@@ -135,17 +137,23 @@ class FramesCamera(Device):
         depth = self._depth_model.corrected(depth)
         colour.setflags(write=False)
         depth.setflags(write=False)
-        return Frame(0.0, position, colour, depth, self.intrinsics, None, self._T_base_camera, recorded.label)
+        return Frame(
+            0.0, position, colour, depth, self.intrinsics, None, self._T_base_camera, recorded.label
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FramesFile:
     """A folder of recorded colour and depth images; intrinsics that lie in it come before those of the cell file."""
 
-    folder: str = value(Text(), help="the folder with the recorded frames, or a video: --set folder=PATH")
+    folder: str = value(
+        Text(), help="the folder with the recorded frames, or a video: --set folder=PATH"
+    )
     every: int = value(Whole(1, 1_000_000), 1, "number of frames of which one is shown")
     intrinsics: IntrinsicsSection | None = value(
-        Section(IntrinsicsSection), None, f"of the camera, unless {INTRINSICS_FILE} lies in the folder"
+        Section(IntrinsicsSection),
+        None,
+        f"of the camera, unless {INTRINSICS_FILE} lies in the folder",
     )
     depth_model: DepthModelSection | None = value(
         Section(DepthModelSection),
@@ -156,7 +164,9 @@ class FramesFile:
     def problems(self) -> Iterator[Problem]:
         if "://" in self.folder:
             yield Problem(
-                "folder", f"'{self.folder}' is an address: recorded frames lie on this machine", "save them first"
+                "folder",
+                f"'{self.folder}' is an address: recorded frames lie on this machine",
+                "save them first",
             )
 
 
@@ -176,11 +186,15 @@ def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCa
                 raise settings.error("the camera's intrinsics are missing", "", hint)
             intrinsics = said.intrinsics.intrinsics()
             words = "%s: no %s there, using the cell file's intrinsics (fx %g px at %d x %d), which scale all sizes"
-            logger.warning(words, folder, INTRINSICS_FILE, intrinsics.fx, intrinsics.width, intrinsics.height)
+            logger.warning(
+                words, folder, INTRINSICS_FILE, intrinsics.fx, intrinsics.width, intrinsics.height
+            )
         frames[0].read(intrinsics)
         poses = folder_poses(folder, [frame.label for frame in listed])
     except UnusableFrames as error:
-        hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
+        hint = (
+            f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
+        )
         raise settings.error(str(error), "folder", hint) from error
     depth_model = folder_depth_model(folder) or depth_model_of(said.depth_model)
     return FramesCamera(frames, intrinsics, context.clock, depth_model=depth_model, poses=poses)

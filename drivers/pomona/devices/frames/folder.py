@@ -48,7 +48,9 @@ class UnusableFrames(DriverError):
         super().__init__(f"{path}: {message}")
 
 
-Images = tuple[NDArray[np.uint8], NDArray[np.float32]]  # colour RGB (h, w, 3) and depth (h, w) [m], 0: no measurement
+Images = tuple[
+    NDArray[np.uint8], NDArray[np.float32]
+]  # colour RGB (h, w, 3) and depth (h, w) [m], 0: no measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +73,12 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
     another colour image.
     """
     if not folder.is_dir():
-        raise UnusableFrames(folder, "is not a folder" if folder.exists() else "there is no such folder")
-    names = sorted(entry.name for entry in os.scandir(folder) if not entry.name.startswith("."))  # ._a: of a Mac
+        raise UnusableFrames(
+            folder, "is not a folder" if folder.exists() else "there is no such folder"
+        )
+    names = sorted(
+        entry.name for entry in os.scandir(folder) if not entry.name.startswith(".")
+    )  # ._a: of a Mac
     there = set(names)
     frames: list[RecordedFrame] = []
     for name in names:
@@ -83,14 +89,20 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
         depth = f"{label}{DEPTH_SUFFIX}"
         if depth not in there:
             raise UnusableFrames(
-                folder / name, f"has no depth image beside it ({depth} is missing{_other(depth, there)})"
+                folder / name,
+                f"has no depth image beside it ({depth} is missing{_other(depth, there)})",
             )
         if frames and frames[-1].label == label:
-            raise UnusableFrames(folder / name, f"is a second colour image of {depth}, beside {frames[-1].colour.name}")
+            raise UnusableFrames(
+                folder / name,
+                f"is a second colour image of {depth}, beside {frames[-1].colour.name}",
+            )
         frames.append(RecordedFrame(label, folder / name, folder / depth))
     if not frames:
         words = f"holds no frame: no file ends with {', '.join(COLOUR_SUFFIXES)}"
-        raise UnusableFrames(folder, f"{words}; `pomona detect` finds fruit in photographs without depth")
+        raise UnusableFrames(
+            folder, f"{words}; `pomona detect` finds fruit in photographs without depth"
+        )
     return tuple(frames)
 
 
@@ -108,13 +120,17 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
         raise UnusableFrames(path, str(error)) from error
     if colour.shape[:2] != (intrinsics.height, intrinsics.width):
         expected = f"{intrinsics.width} x {intrinsics.height}"
-        raise UnusableFrames(frame.colour, f"is {_size(colour)} pixels, the intrinsics are for {expected}")
+        raise UnusableFrames(
+            frame.colour, f"is {_size(colour)} pixels, the intrinsics are for {expected}"
+        )
     if depth.shape[:2] != colour.shape[:2]:
         words = f"is {_size(depth)} pixels, and its colour {_size(colour)}: depth must be registered to colour"
         raise UnusableFrames(frame.depth, f"{words}, pixel by pixel")
     if depth.dtype != np.uint16 or depth.ndim != 2:
         channels = 1 if depth.ndim == 2 else depth.shape[2]
-        raise UnusableFrames(frame.depth, f"holds {channels} x {depth.dtype}, depth in mm is one channel of uint16")
+        raise UnusableFrames(
+            frame.depth, f"holds {channels} x {depth.dtype}, depth in mm is one channel of uint16"
+        )
     return colour, metres(depth, frame.depth)
 
 
@@ -126,11 +142,13 @@ def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
     furthest = int(depth.max(initial=0))
     if 0 < furthest < NEAREST_MM:
         raise UnusableFrames(
-            path, f"holds depths up to {furthest} mm, nearer than any camera measures: is it in metres?"
+            path,
+            f"holds depths up to {furthest} mm, nearer than any camera measures: is it in metres?",
         )
     if are_swapped(depth):
         raise UnusableFrames(
-            path, "its depth is smooth only in the other byte order: it was written with bytes exchanged"
+            path,
+            "its depth is smooth only in the other byte order: it was written with bytes exchanged",
         )
     return depth.astype(np.float32) * np.float32(1e-3)
 
@@ -151,7 +169,9 @@ def _other(depth: str, there: Collection[str]) -> str:
         name
         for name in there
         if name.endswith(DEPTH_SUFFIX)
-        and not any(f"{name.removesuffix(DEPTH_SUFFIX)}{suffix}" in there for suffix in COLOUR_SUFFIXES)
+        and not any(
+            f"{name.removesuffix(DEPTH_SUFFIX)}{suffix}" in there for suffix in COLOUR_SUFFIXES
+        )
     )
     near = difflib.get_close_matches(depth, alone, 1, 0.0)
     return f"; {near[0]} has no colour and is of another moment" if near else ""
@@ -203,11 +223,14 @@ def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
             raise ValueError("two entries have the same label")
         poses = {label: np.array(T, np.float64) for label, T in said.items() if T is not None}
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise UnusableFrames(path, f"is no list of frames with label and T_base_camera: {error}") from error
+        raise UnusableFrames(
+            path, f"is no list of frames with label and T_base_camera: {error}"
+        ) from error
     if said and not any(label in said for label in labels):
         words = f"names none of the frames of the folder. Its first label is '{next(iter(said))}'"
         raise UnusableFrames(
-            path, f"{words}, the first frame is '{next(iter(labels), '')}': correct the labels or remove the file"
+            path,
+            f"{words}, the first frame is '{next(iter(labels), '')}': correct the labels or remove the file",
         )
     for label, T in poses.items():
         if T.shape != (4, 4) or not is_rigid(T):

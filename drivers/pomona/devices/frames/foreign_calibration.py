@@ -37,14 +37,18 @@ def foreign_calibration(text: str) -> tuple[str, str] | None:
         return name, "a value in it is missing or is no number"
 
 
-def _intrinsics(K: Any, size: _Size, distortion: Any, rectified: Any = None, model: Any = "") -> str:
+def _intrinsics(
+    K: Any, size: _Size, distortion: Any, rectified: Any = None, model: Any = ""
+) -> str:
     K, (width, height) = np.asarray(K, np.float64).reshape(3, 3), (int(number) for number in size)
     bent = model in FISHEYE or bool(np.any(np.abs(np.asarray(distortion, np.float64)) > 1e-9))
     if bent and rectified is not None:
         K = np.asarray(rectified, np.float64).reshape(3, 4)[:, :3]
     if not (min(K[0, 0], K[1, 1]) >= 1.0 and 0.0 < K[0, 2] < width and 0.0 < K[1, 2] < height):
         return "its matrix is that of no camera: calibrate it"
-    values = ", ".join(f"{key}: {K[at]:g} px" for key, at in zip(("fx", "fy", "cx", "cy"), PLACES, strict=True))
+    values = ", ".join(
+        f"{key}: {K[at]:g} px" for key, at in zip(("fx", "fy", "cx", "cy"), PLACES, strict=True)
+    )
     values = f"{{{values}, width: {width}, height: {height}}}"
     where = "into intrinsics.yaml beside the frames, or as 'intrinsics:' of the cell's camera"
     if not bent:
@@ -54,7 +58,11 @@ def _intrinsics(K: Any, size: _Size, distortion: Any, rectified: Any = None, mod
     return f"its lens distorts: rectify the pictures, then write the values of rectified ones {where}; before: {values}"
 
 
-FISHEYE = ("equidistant", "fisheye", "kannala_brandt")  # models of a lens that bends without any coefficient
+FISHEYE = (
+    "equidistant",
+    "fisheye",
+    "kannala_brandt",
+)  # models of a lens that bends without any coefficient
 PLACES = ((0, 0), (1, 1), (0, 2), (1, 2))  # of fx, fy, cx and cy in a camera matrix
 
 
@@ -80,7 +88,9 @@ def _pose(content: Mapping[str, Any]) -> str:
     on_hand = said.get("eye_on_hand", said.get("calibration_type") == "eye_in_hand")
     mount = said["robot_effector_frame"] if on_hand else said["robot_base_frame"]
     camera = f"if {mount} is {'the flange' if on_hand else 'the base'} and {said['tracking_base_frame']} is optical"
-    write = f'write {{"T_mount_camera": [{matrix}]}} into a file and name it as the camera\'s hand_eye'
+    write = (
+        f'write {{"T_mount_camera": [{matrix}]}} into a file and name it as the camera\'s hand_eye'
+    )
     return f"{write} ({camera}); or repeat it: pomona calibrate hand-eye LOOKS --square 24.5mm --out hand_eye.json"
 
 
@@ -88,13 +98,24 @@ def _ros(content: Mapping[str, Any]) -> str:
     size = content["image_width"], content["image_height"]
     distortion = content.get("distortion_coefficients", {"data": ()})["data"]
     rectified = content.get("projection_matrix", {}).get("data")
-    return _intrinsics(content["camera_matrix"]["data"], size, distortion, rectified, content.get("distortion_model"))
+    return _intrinsics(
+        content["camera_matrix"]["data"],
+        size,
+        distortion,
+        rectified,
+        content.get("distortion_model"),
+    )
 
 
 def _echoed(content: Mapping[str, Any]) -> str:
     values = {key.lower(): value for key, value in content.items()}
-    if max(values.get("binning_x", 0), values.get("binning_y", 0)) > 1 or values.get("roi", {}).get("width", 0) > 0:
-        return "it is that of the whole sensor, and the pictures are binned or cut: record whole ones"
+    if (
+        max(values.get("binning_x", 0), values.get("binning_y", 0)) > 1
+        or values.get("roi", {}).get("width", 0) > 0
+    ):
+        return (
+            "it is that of the whole sensor, and the pictures are binned or cut: record whole ones"
+        )
     size = values["width"], values["height"]
     return _intrinsics(values["k"], size, values["d"], values.get("p"), values["distortion_model"])
 
@@ -109,7 +130,9 @@ def _kalibr(content: Mapping[str, Any]) -> str:
 
 def _open3d(content: Mapping[str, Any]) -> str:
     K = np.asarray(content["intrinsic_matrix"], np.float64)
-    return _intrinsics(K.reshape(3, 3).T if K.ndim == 1 else K, (content["width"], content["height"]), ())
+    return _intrinsics(
+        K.reshape(3, 3).T if K.ndim == 1 else K, (content["width"], content["height"]), ()
+    )
 
 
 def _realsense(content: Mapping[str, Any]) -> str:
@@ -119,9 +142,7 @@ def _realsense(content: Mapping[str, Any]) -> str:
 
 def _depthai(content: Mapping[str, Any]) -> str:
     del content
-    return (
-        "take the values of the colour socket at the size of your pictures: getCameraIntrinsics(socket, width, height)"
-    )
+    return "take the values of the colour socket at the size of your pictures: getCameraIntrinsics(socket, width, height)"
 
 
 FORMATS: tuple[tuple[str, tuple[str, ...], Callable[[Mapping[str, Any]], str]], ...] = (

@@ -36,7 +36,9 @@ class Video:
         self.path, self._raw = path, raw
         self._next = 0
         self._capture = self._open()
-        self.count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))  # number of pictures in its header
+        self.count = max(
+            0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        )  # number of pictures in its header
 
     def read(self, index: int) -> NDArray[Any]:
         """One picture, counted from 0, of shape (height, width, 3) or (height, width).
@@ -51,7 +53,8 @@ class Video:
         there, image = self._capture.read() if self._next == index else (False, None)
         if not there or image is None:
             raise UnusableFrames(
-                self.path, f"picture {index + 1} of {self.count} cannot be read: the video is shorter, or damaged"
+                self.path,
+                f"picture {index + 1} of {self.count} cannot be read: the video is shorter, or damaged",
             )
         self._next += 1
         return np.asarray(image)
@@ -83,12 +86,15 @@ class VideoFrame:
         colour, depth = self.colour.read(self.index), self.depth.read(self.index)
         expected = (intrinsics.width, intrinsics.height)
         if depth.ndim == 2 and depth.size == expected[0] * expected[1]:
-            depth = depth.reshape(expected[::-1])  # OpenCV hands rows of one channel on in a row of its own
+            depth = depth.reshape(
+                expected[::-1]
+            )  # OpenCV hands rows of one channel on in a row of its own
         for video, image in ((self.colour, colour), (self.depth, depth)):
             if image.shape[1::-1] != expected:
                 got = f"{image.shape[1]} x {image.shape[0]}"
                 raise UnusableFrames(
-                    video.path, f"is {got} pixels, the intrinsics are for {expected[0]} x {expected[1]}"
+                    video.path,
+                    f"is {got} pixels, the intrinsics are for {expected[0]} x {expected[1]}",
                 )
         if depth.dtype != np.uint16 or depth.squeeze().ndim != 2:
             words = f"holds {depth.dtype} of {depth.shape[2] if depth.ndim == 3 else 1} channels"
@@ -105,7 +111,9 @@ def list_video(path: Path) -> Sequence[VideoFrame]:
     beside = path.with_name(f"{_name(path)}{DEPTH_SUFFIX}")
     if not beside.is_file():
         words = f"has no depth beside it ({beside.name} is missing), and without depth nothing is measured"
-        raise UnusableFrames(path, f"{words}: `pomona detect` finds fruit in single pictures that are taken from it")
+        raise UnusableFrames(
+            path, f"{words}: `pomona detect` finds fruit in single pictures that are taken from it"
+        )
     depth = Video(beside, raw=True)
     if colour.count != depth.count:
         words = f"holds {colour.count} pictures and {beside.name} {depth.count}"

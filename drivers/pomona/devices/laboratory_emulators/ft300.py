@@ -58,7 +58,9 @@ def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
         return np.zeros(6) if sample is None else sample.wrenches[0]
 
     emulator = Ft300Emulator(wrench)
-    return EmulatedDevice((EmulatedWire("wire", addresses[0], emulator),), emulator.advance, {"controller": emulator})
+    return EmulatedDevice(
+        (EmulatedWire("wire", addresses[0], emulator),), emulator.advance, {"controller": emulator}
+    )
 
 
 FT300 = EmulatorKind(lambda address: (address,), _make)

@@ -7,7 +7,16 @@ from collections.abc import Callable, Iterable, Mapping
 
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
-from pomona.devices.plc.codec import BITS, MOST, READS, REFUSED, frame, packed_bits, take_frame, unpacked_bits
+from pomona.devices.plc.codec import (
+    BITS,
+    MOST,
+    READS,
+    REFUSED,
+    frame,
+    packed_bits,
+    take_frame,
+    unpacked_bits,
+)
 from pomona.devices.plc.signals import Signals
 from pomona.drivers import Cell, DriverError, FaultSwitch, Malformed
 
@@ -41,7 +50,9 @@ class PlcEmulator(FaultSwitch):
 
     known_faults = ("silent", "stopped", "garbage", "busy", "overwriting", "other_unit", "owned")
 
-    def __init__(self, size: int = 64, unit: int | None = 1, owned: Iterable[tuple[str, int]] = ()) -> None:
+    def __init__(
+        self, size: int = 64, unit: int | None = 1, owned: Iterable[tuple[str, int]] = ()
+    ) -> None:
         """`unit` is the only one that it answers as; with None it answers as any."""
         super().__init__()
         self.memory: dict[str, list[int]] = {area: [0] * size for area in READS}
@@ -124,7 +135,11 @@ class PlcEmulator(FaultSwitch):
             data = request[6:]
             if len(data) != size or request[5] != size:
                 raise _ModbusException(COUNT)
-            self._write(area, first, unpacked_bits(data, count) if area in BITS else struct.unpack(f">{count}H", data))
+            self._write(
+                area,
+                first,
+                unpacked_bits(data, count) if area in BITS else struct.unpack(f">{count}H", data),
+            )
             return request[:5]
         values = self._cells(area, first, count)
         data = packed_bits(values) if area in BITS else struct.pack(f">{count}H", *values)
@@ -152,7 +167,9 @@ class _ModbusException(DriverError):
 
 
 def mirror(
-    plc: PlcEmulator, inputs: Mapping[str, Callable[[], bool]], outputs: Mapping[str, Callable[[bool], None]]
+    plc: PlcEmulator,
+    inputs: Mapping[str, Callable[[], bool]],
+    outputs: Mapping[str, Callable[[bool], None]],
 ) -> None:
     """Let the program hand on signals: inputs become discrete inputs 1, 2, …, coils 1, 2, … become outputs."""
 
@@ -172,9 +189,14 @@ def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
     mirror(
         plc,
         {name: lambda name=name: bool(signals.read(name).value) for name in signals.names.inputs},  # type: ignore[misc]
-        {name: lambda value, name=name: signals.write(name, value) for name in signals.names.outputs},  # type: ignore[misc]
+        {
+            name: lambda value, name=name: signals.write(name, value)
+            for name in signals.names.outputs
+        },  # type: ignore[misc]
     )
-    return EmulatedDevice((EmulatedWire("wire", addresses[0], plc, clients=4),), plc.advance, {"": plc})
+    return EmulatedDevice(
+        (EmulatedWire("wire", addresses[0], plc, clients=4),), plc.advance, {"": plc}
+    )
 
 
 MODBUS_PLC = EmulatorKind(lambda address: (address,), _make)

@@ -75,4 +75,6 @@ class SensorLine(FaultSwitch, ControllerPort):
             self._sent = self.measured()
         if self.fault != "silent":
             whole = self.fault in (None, "stuck")
-            self.send(self._sent if whole else self._sent[: self.intact].ljust(len(self._sent), b"\0"))
+            self.send(
+                self._sent if whole else self._sent[: self.intact].ljust(len(self._sent), b"\0")
+            )

@@ -105,7 +105,9 @@ class RobotiqEmulator(FaultSwitch):
         return self._fingers.limits.width_max - (position - OPEN) * self._step
 
     def _position(self) -> int:
-        position = OPEN + (self._fingers.limits.width_max - self._fingers.state().width) / self._step
+        position = (
+            OPEN + (self._fingers.limits.width_max - self._fingers.state().width) / self._step
+        )
         return min(max(round(position), 0), 255)
 
     # ------------------------------------------------------------------------------------------ registers
@@ -172,7 +174,9 @@ class _RtuPort(_LinePort):
     def answers(self, buffer: bytearray) -> list[tuple[bytes, float]]:
         found = []
         while len(buffer) >= 8:
-            size = {16: 9 + buffer[6], 23: 13 + buffer[10] if len(buffer) > 10 else 99}.get(buffer[1], 8)
+            size = {16: 9 + buffer[6], 23: 13 + buffer[10] if len(buffer) > 10 else 99}.get(
+                buffer[1], 8
+            )
             if buffer[0] not in self._gripper.units or buffer[1] not in (3, 4, 6, 16, 23):
                 del buffer[0]
                 continue
@@ -247,7 +251,9 @@ class _UrcapPort(_LinePort):
 def _make(cell: Cell, addresses: tuple[str, ...], model: str) -> EmulatedDevice:
     gripper = RobotiqEmulator(cell.device(Gripper), model)
     port = gripper.rtu if "/" in addresses[0] else gripper.urcap
-    return EmulatedDevice((EmulatedWire("wire", addresses[0], port),), gripper.advance, {"controller": gripper})
+    return EmulatedDevice(
+        (EmulatedWire("wire", addresses[0], port),), gripper.advance, {"controller": gripper}
+    )
 
 
 HAND_E, ROBOTIQ_2F_85, ROBOTIQ_2F_140 = (

@@ -69,7 +69,9 @@ class SimLoadSensor(FaultyDevice):
         step = self._world.clock.steps
         if step % STEPS or self.fault == "lost":
             return
-        wrench = self._before if self.fault == "stuck" and self._before is not None else self._measure()
+        wrench = (
+            self._before if self.fault == "stuck" and self._before is not None else self._measure()
+        )
         if self.fault == "zero":
             wrench = np.zeros(6)
         self._before = wrench
@@ -80,11 +82,15 @@ class SimLoadSensor(FaultyDevice):
         world = self._world
         world.mujoco.mj_rnePostConstraint(world.model, world.state)
         axes = world.state.xmat[self._hand].reshape(3, 3)
-        spatial = np.array(world.state.cfrc_int[self._hand])  # torque about the subtree's centre of mass, force
+        spatial = np.array(
+            world.state.cfrc_int[self._hand]
+        )  # torque about the subtree's centre of mass, force
         force = -spatial[3:]
         centre = world.state.subtree_com[world.model.body_rootid[self._hand]]
         torque = -spatial[:3] + np.cross(centre - world.state.xpos[self._hand], force)
-        errors = self._rng.normal(0.0, self._noise, 6) * np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
+        errors = self._rng.normal(0.0, self._noise, 6) * np.array(
+            [1.0, 1.0, 1.0, LEVER, LEVER, LEVER]
+        )
         measured: Float64 = np.concatenate([axes.T @ force, axes.T @ torque]) + errors
         return measured
 
@@ -94,12 +100,18 @@ class LoadOptions:
     """The simulated load sensor between flange and hand."""
 
     noise: float = value(Measure(FORCE, "0 N", "10 N"), "0.1 N", "white, per sample")
-    mass: float = value(Measure(MASS, "10 g", "30 kg"), "1.5 kg", "mass that it carries: hand, camera and fruit")
-    least: float = value(Measure(FORCE, "0 N", "50 N"), "0.5 N", "smallest lasting change that is no error of it")
+    mass: float = value(
+        Measure(MASS, "10 g", "30 kg"), "1.5 kg", "mass that it carries: hand, camera and fruit"
+    )
+    least: float = value(
+        Measure(FORCE, "0 N", "50 N"), "0.5 N", "smallest lasting change that is no error of it"
+    )
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not around.has(PhysicsWorld):
-            yield Problem("driver", "it needs the simulated world above it", "world: {driver: mujoco, …}")
+            yield Problem(
+                "driver", "it needs the simulated world above it", "world: {driver: mujoco, …}"
+            )
 
 
 @driver(SimLoadSensor, LoadOptions)

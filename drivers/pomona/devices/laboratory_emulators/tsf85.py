@@ -13,7 +13,10 @@ from pomona.devices.laboratory_emulators.ports import SensorLine
 from pomona.drivers import Cell, ForceSensor
 
 COUNT = 2e-4  # force of one count of a finger's sum [N]
-IDLE, NOISE = 900, 2.0  # counts of a taxel without contact, and their standard deviation: plausible, not measured
+IDLE, NOISE = (
+    900,
+    2.0,
+)  # counts of a taxel without contact, and their standard deviation: plausible, not measured
 
 
 class Tsf85Emulator(SensorLine):
@@ -47,10 +50,16 @@ def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
 
     def pressing() -> tuple[float, float]:
         sample = fingers.latest()
-        return (0.0, 0.0) if sample is None else (-float(sample.wrenches[0, 2]), -float(sample.wrenches[1, 2]))
+        return (
+            (0.0, 0.0)
+            if sample is None
+            else (-float(sample.wrenches[0, 2]), -float(sample.wrenches[1, 2]))
+        )
 
     emulator = Tsf85Emulator(pressing)
-    return EmulatedDevice((EmulatedWire("wire", addresses[0], emulator),), emulator.advance, {"controller": emulator})
+    return EmulatedDevice(
+        (EmulatedWire("wire", addresses[0], emulator),), emulator.advance, {"controller": emulator}
+    )
 
 
 TSF85 = EmulatorKind(lambda address: (address,), _make)

@@ -10,7 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind, SimJoints, world_of
+from pomona.devices.emulators.emulated import (
+    EmulatedDevice,
+    EmulatedWire,
+    EmulatorKind,
+    SimJoints,
+    world_of,
+)
 from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
@@ -30,9 +36,7 @@ JUMP = 0.6
 """Step of the first joint's feedback by the fault `jump` [rad]."""
 POWERING = 0.2
 """Time of each of power and brakes [s]; a real arm takes some seconds."""
-WAIT = (
-    "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of protective stop before unlocking"
-)
+WAIT = "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of protective stop before unlocking"
 _NUMBERS = """timestamp speed_scaling target_speed_fraction speed_slider_fraction actual_momentum actual_main_voltage
 actual_robot_voltage actual_robot_current standard_analog_input0 standard_analog_input1 standard_analog_output0
 standard_analog_output1 tool_analog_input0 tcp_force_scalar payload actual_execution_time standard_analog_output_0
@@ -79,13 +83,40 @@ class UrEmulator(FaultSwitch):
     """
 
     known_faults = (
-        *("protective", "e_stop", "safeguard", "reduced", "freedrive", "slider", "paused", "no_script", "replaced"),
-        *("killed", "silent", "slow", "stuck", "frozen", "nan", "wild", "jump", "other_model", "old", "local", "owned"),
+        *(
+            "protective",
+            "e_stop",
+            "safeguard",
+            "reduced",
+            "freedrive",
+            "slider",
+            "paused",
+            "no_script",
+            "replaced",
+        ),
+        *(
+            "killed",
+            "silent",
+            "slow",
+            "stuck",
+            "frozen",
+            "nan",
+            "wild",
+            "jump",
+            "other_model",
+            "old",
+            "local",
+            "owned",
+        ),
     )
 
     def __init__(self, joints: Joints, velocity: Float64, model: str = "UR5") -> None:
         super().__init__()
-        self.rtde, self.dashboard, self.script = _RtdePort(self), _DashboardPort(self), _ScriptPort(self)
+        self.rtde, self.dashboard, self.script = (
+            _RtdePort(self),
+            _DashboardPort(self),
+            _ScriptPort(self),
+        )
         self.model, self.version, self.remote = model, (5, 23, 0, 0), True
         self.safety, self.mode, self.runtime, self.slider, self.status = 1, 7, 1, 1.0, 1
         self.inputs: dict[str, float] = {}
@@ -193,7 +224,10 @@ class UrEmulator(FaultSwitch):
             if self.now >= due:
                 self.mode = max(self.mode, mode)
                 self._mode_due.remove((due, mode))
-        if self._watch is not None and self.now - self._written_at.get(self._watch[0], self.now) > self._watch[1]:
+        if (
+            self._watch is not None
+            and self.now - self._written_at.get(self._watch[0], self.now) > self._watch[1]
+        ):
             self.end_program()
         for thread in tuple(self._threads) if self.runtime == 2 else ():
             if thread in self._threads and next(thread, thread) is thread:
@@ -254,10 +288,21 @@ class UrEmulator(FaultSwitch):
 
     def _functions(self) -> dict[str, Any]:
         """Return the functions of a script; those that take time are generators."""
-        return {**dict.fromkeys(_INERT.split(), lambda *_a, **_k: 0), **self._motions(), **self._registers()}
+        return {
+            **dict.fromkeys(_INERT.split(), lambda *_a, **_k: 0),
+            **self._motions(),
+            **self._registers(),
+        }
 
     def _motions(self) -> dict[str, Any]:
-        def servoj(q: Any, a: float = 0, v: float = 0, t: float = CYCLE, lookahead_time: float = 0.1, gain: float = 0):  # type: ignore[no-untyped-def]
+        def servoj(
+            q: Any,
+            a: float = 0,
+            v: float = 0,
+            t: float = CYCLE,
+            lookahead_time: float = 0.1,
+            gain: float = 0,
+        ):  # type: ignore[no-untyped-def]
             for _ in range(max(round(t / CYCLE), 1)):
                 self.servo(np.array(q, dtype=np.float64), lookahead_time)
                 yield
@@ -270,7 +315,9 @@ class UrEmulator(FaultSwitch):
             for i in range(1, math.ceil(whole / CYCLE) + 1 if way > 1e-9 else 0):
                 t = min(i * CYCLE, whole)
                 up, down = min(t, rise), max(t - (whole - rise), 0.0)
-                done = a * (rise * t - 0.5 * rise**2 - 0.5 * down**2) if t > rise else 0.5 * a * up**2
+                done = (
+                    a * (rise * t - 0.5 * rise**2 - 0.5 * down**2) if t > rise else 0.5 * a * up**2
+                )
                 q_next = start + (end - start) * (done / way)
                 self._qd, self._q, self._moved = (q_next - self._q) / CYCLE, q_next, True
                 yield
@@ -292,7 +339,9 @@ class UrEmulator(FaultSwitch):
         def sync():  # type: ignore[no-untyped-def]
             yield
 
-        moves = dict.fromkeys(("movej", "movel"), movej) | dict.fromkeys(("speedj", "speedl"), speedj)
+        moves = dict.fromkeys(("movej", "movel"), movej) | dict.fromkeys(
+            ("speedj", "speedl"), speedj
+        )
         stops = dict.fromkeys(("stopj", "stopl"), stopj)
         return {**moves, **stops, "servoj": servoj, "servoc": servoj, "sleep": sleep, "sync": sync}
 
@@ -328,10 +377,18 @@ class UrEmulator(FaultSwitch):
             "get_actual_tcp_pose": lambda: [0.0] * 6,
             "get_target_tcp_pose": lambda: [0.0] * 6,
             "protective_stop": lambda: self._stop_safely(3),
-            "read_input_integer_register": lambda i: int(self.inputs.get(f"input_int_register_{i}", 0)),
-            "read_input_float_register": lambda i: self.inputs.get(f"input_double_register_{i}", 0.0),
-            "write_output_integer_register": lambda i, value: self.out_int.__setitem__(i, int(value)),
-            "write_output_float_register": lambda i, value: self.out_float.__setitem__(i, float(value)),
+            "read_input_integer_register": lambda i: int(
+                self.inputs.get(f"input_int_register_{i}", 0)
+            ),
+            "read_input_float_register": lambda i: self.inputs.get(
+                f"input_double_register_{i}", 0.0
+            ),
+            "write_output_integer_register": lambda i, value: self.out_int.__setitem__(
+                i, int(value)
+            ),
+            "write_output_float_register": lambda i, value: self.out_float.__setitem__(
+                i, float(value)
+            ),
         }
 
     # --------------------------------------------------------------------------------------- variables
@@ -374,7 +431,11 @@ def _kind(name: str, direction: str) -> str | None:
         most = 128 if register[1] == "bit" else 48
         kind = {"int": "INT32", "double": "DOUBLE", "bit": "BOOL"}[register[1]]
         return kind if int(register[2]) < most else None
-    if direction == "input" and re.fullmatch(r".*_(mask|output|type)|.*_bits\w*", name) and name not in TYPES:
+    if (
+        direction == "input"
+        and re.fullmatch(r".*_(mask|output|type)|.*_bits\w*", name)
+        and name not in TYPES
+    ):
         return "UINT8"
     return TYPES.get(name)
 
@@ -395,9 +456,13 @@ class _DashboardPort(ControllerPort):
     def _answer(self, line: str) -> str:
         robot = self._robot
         mode = {3: "POWER_OFF", 5: "IDLE", 7: "RUNNING"}.get(robot.mode, "BOOTING")
-        safety = {1: "NORMAL", 2: "REDUCED", 3: "PROTECTIVE_STOP", 5: "SAFEGUARD_STOP"}.get(robot.safety, "FAULT")
+        safety = {1: "NORMAL", 2: "REDUCED", 3: "PROTECTIVE_STOP", 5: "SAFEGUARD_STOP"}.get(
+            robot.safety, "FAULT"
+        )
         told: dict[str, Callable[[], str]] = {
-            "polyscopeversion": lambda: f"URSoftware {'.'.join(map(str, robot.version))} (Jan 01 2026)",
+            "polyscopeversion": lambda: (
+                f"URSoftware {'.'.join(map(str, robot.version))} (Jan 01 2026)"
+            ),
             "get robot model": lambda: robot.model,
             "get serial number": lambda: "20225500001",
             "is in remote control": lambda: "true" if robot.remote else "false",
@@ -427,7 +492,10 @@ class _ScriptPort(ControllerPort):
     def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
         text = buffer.decode("utf-8", "replace")
         opened = len(re.findall(r"(?m)^\s*(?:def|thread|if|while)\b", text))
-        if text.rstrip().endswith("end") and len(re.findall(r"(?m)^\s*end\s*(?:#.*)?$", text)) >= opened:
+        if (
+            text.rstrip().endswith("end")
+            and len(re.findall(r"(?m)^\s*end\s*(?:#.*)?$", text)) >= opened
+        ):
             buffer.clear()
             self._robot.load(text)
 
@@ -501,16 +569,27 @@ class _RtdePort(ControllerPort):
         client.every = max(round(1.0 / CYCLE / struct.unpack_from(">d", body)[0]), 1)
         client.outputs = [name for name, kind in zip(names, kinds, strict=True) if kind]
         client.layout = struct.Struct(">B" + "".join(LAYOUTS[kind] for kind in kinds if kind))
-        client.peer.send(encode(RtdeKind.OUTPUTS, b"\x01" + ",".join(kind or "NOT_FOUND" for kind in kinds).encode()))
+        client.peer.send(
+            encode(
+                RtdeKind.OUTPUTS, b"\x01" + ",".join(kind or "NOT_FOUND" for kind in kinds).encode()
+            )
+        )
 
     def _take_recipe(self, client: _Client, names: list[str]) -> None:
         others = (other for other in self._clients.values() if other is not client)
-        owned = self._robot.bus.union(*(names for other in others for names, _ in other.inputs.values()))
-        kinds = ["IN_USE" if name in owned else _kind(name, "input") or "NOT_FOUND" for name in names]
+        owned = self._robot.bus.union(
+            *(names for other in others for names, _ in other.inputs.values())
+        )
+        kinds = [
+            "IN_USE" if name in owned else _kind(name, "input") or "NOT_FOUND" for name in names
+        ]
         number = 0
         if all(kind in LAYOUTS for kind in kinds):
             number = len(client.inputs) + 1
-            client.inputs[number] = names, struct.Struct(">" + "".join(LAYOUTS[kind] for kind in kinds))
+            client.inputs[number] = (
+                names,
+                struct.Struct(">" + "".join(LAYOUTS[kind] for kind in kinds)),
+            )
         client.peer.send(encode(RtdeKind.INPUTS, bytes([number]) + ",".join(kinds).encode()))
 
 
@@ -522,7 +601,9 @@ def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
     controller = UrEmulator(SimJoints(world_of(cell)), cell.device(Arm).limits.velocity)
     if LoadSensor in cell.interfaces():
         sensor = cell.device(LoadSensor)
-        controller.tcp_force = lambda: [0.0] * 6 if (s := sensor.latest()) is None else s.wrenches[0].tolist()
+        controller.tcp_force = lambda: (
+            [0.0] * 6 if (s := sensor.latest()) is None else s.wrenches[0].tolist()
+        )
     wires = (
         EmulatedWire(f"{name}_wire", address, getattr(controller, name), clients=4)
         for name, address in zip(PORTS, addresses, strict=True)

@@ -96,7 +96,9 @@ class _Weave(ast.NodeTransformer):
 
 def _assigned(nodes: Iterable[ast.AST]) -> set[str]:
     """Return the names that statements assign."""
-    targets = (t for top in nodes for n in ast.walk(top) if isinstance(n, ast.Assign) for t in n.targets)
+    targets = (
+        t for top in nodes for n in ast.walk(top) if isinstance(n, ast.Assign) for t in n.targets
+    )
     return {target.id for target in targets if isinstance(target, ast.Name)}
 
 
@@ -115,10 +117,14 @@ def compile_script(text: str, functions: Mapping[str, Any]) -> tuple[str, dict[s
     inner = [node for node in program.body if isinstance(node, ast.FunctionDef)]
     main = [node for node in program.body if not isinstance(node, ast.FunctionDef)]
     _Weave(function.name for function in inner).visit(tree)
-    shared = _assigned(main)  # a function assigns the program's variables where they exist, else its own
+    shared = _assigned(
+        main
+    )  # a function assigns the program's variables where they exist, else its own
     for function in inner:
         own = _assigned(function.body)
-        theirs = (own & shared) - {a.arg for a in function.args.args} | {n for n in own if n.endswith("_thrd")}
+        theirs = (own & shared) - {a.arg for a in function.args.args} | {
+            n for n in own if n.endswith("_thrd")
+        }
         if theirs:
             function.body.insert(0, ast.Global(names=sorted(theirs)))
     entry = ast.parse("def __main():\n    if False: yield").body[0]

@@ -9,7 +9,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind, SimJoints, world_of
+from pomona.devices.emulators.emulated import (
+    EmulatedDevice,
+    EmulatedWire,
+    EmulatorKind,
+    SimJoints,
+    world_of,
+)
 from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
@@ -52,14 +58,29 @@ class XArmEmulator(FaultSwitch):
     """
 
     known_faults = (
-        *("collision", "e_stop", "motor", "stopped", "paused", "replaced", "moved", "killed", "silent", "no_report"),
+        *(
+            "collision",
+            "e_stop",
+            "motor",
+            "stopped",
+            "paused",
+            "replaced",
+            "moved",
+            "killed",
+            "silent",
+            "no_report",
+        ),
         *("stuck", "frozen", "nan", "wild", "jump", "other_model", "old", "by_hand"),
     )
 
     def __init__(self, joints: Joints, velocity: Float64, kind: int = 6) -> None:
         super().__init__()
         self.command = _CommandPort(self)
-        self.normal, self.rich, self.report = ControllerPort(self), ControllerPort(self), ControllerPort(self)
+        self.normal, self.rich, self.report = (
+            ControllerPort(self),
+            ControllerPort(self),
+            ControllerPort(self),
+        )
         self.axes, self.kind, self.firmware = len(velocity), kind, (2, 5, 0)
         self.state, self.mode, self.error, self.warning = 4, 0, 0, 0
         self.enabled = self.pressed = False
@@ -146,12 +167,18 @@ class XArmEmulator(FaultSwitch):
     def flags(self) -> int:
         """The flags of each answer."""
         not_ready = self.state == 4 or not self.enabled or self.error
-        return (ERROR if self.error else 0) | (WARNING if self.warning else 0) | (NOT_READY if not_ready else 0)
+        return (
+            (ERROR if self.error else 0)
+            | (WARNING if self.warning else 0)
+            | (NOT_READY if not_ready else 0)
+        )
 
     def answer(self, register: int, body: bytes) -> bytes:
         """Carry a request out, and return the parameters of its answer."""
         orders: dict[int, Callable[[], None]] = {
-            Register.MOTION_ENABLE: lambda: setattr(self, "enabled", bool(body[1]) and not self.pressed),
+            Register.MOTION_ENABLE: lambda: setattr(
+                self, "enabled", bool(body[1]) and not self.pressed
+            ),
             Register.SET_STATE: lambda: self.set_state(body[0]),
             Register.SET_MODE: lambda: self.set_mode(body[0]),
             Register.CLEAN_ERROR: self.clean_error,
@@ -193,7 +220,9 @@ class XArmEmulator(FaultSwitch):
             self._target = self._q if self._target is None else self._target
             self._way.clear()
             steps = round(SET_POINTS / CYCLE)
-            self._way.extend(self._target + (q - self._target) * k / steps for k in range(1, steps + 1))
+            self._way.extend(
+                self._target + (q - self._target) * k / steps for k in range(1, steps + 1)
+            )
 
     def _move(self, body: bytes) -> None:
         values = struct.unpack_from(f"<{PLACES + 2}f", body)
@@ -219,7 +248,9 @@ class XArmEmulator(FaultSwitch):
     def _cycle(self, now: float) -> None:
         wanted, most = np.zeros_like(self._qd), MOST
         if self.fault == "moved":
-            self._target = self._q + np.clip(self._stray - self._q, -FILTER * STRAY_SPEED, FILTER * STRAY_SPEED)
+            self._target = self._q + np.clip(
+                self._stray - self._q, -FILTER * STRAY_SPEED, FILTER * STRAY_SPEED
+            )
         if self.state in (1, 2):
             if self.mode == 1 and self._target is not None:
                 self._target = self._way.popleft() if self._way else self._target
@@ -281,12 +312,18 @@ class XArmEmulator(FaultSwitch):
     def _more(self) -> bytes:
         """Brakes, motors, error, warning, and settings of the tool."""
         motors = (1 << self.axes) - 1 if self.enabled else 0
-        settings = struct.pack("<10f", *([0.0] * 10)) + bytes([3, 3]) + struct.pack("<3f", 0.0, 0.0, -1.0)
+        settings = (
+            struct.pack("<10f", *([0.0] * 10)) + bytes([3, 3]) + struct.pack("<3f", 0.0, 0.0, -1.0)
+        )
         return bytes([motors, motors, self.error, self.warning]) + settings
 
     def _robot(self) -> bytes:
         version = "v" + ".".join(map(str, self.firmware))
-        return bytes([self.kind, self.axes, 1, 1, 1, 1]) + version.encode().ljust(30, b"\0") + bytes(4 * 10)
+        return (
+            bytes([self.kind, self.axes, 1, 1, 1, 1])
+            + version.encode().ljust(30, b"\0")
+            + bytes(4 * 10)
+        )
 
 
 def _wire(values: Float64) -> bytes:

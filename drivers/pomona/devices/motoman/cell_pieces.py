@@ -20,5 +20,7 @@ supervision: {lag: 200 ms}   # of the network and the controller's servos
     emulator="fs100",
     twin_address="127.0.0.1:50240",
     workspace="sim.yaml#workspace",
-    due=("`devices.arm.supervision.lag` in cell.yaml: delay of the network and the controller's servos.",),
+    due=(
+        "`devices.arm.supervision.lag` in cell.yaml: delay of the network and the controller's servos.",
+    ),
 )

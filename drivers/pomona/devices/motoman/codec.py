@@ -169,7 +169,9 @@ def encode(message: Message, order: Order) -> bytes:
         else:
             numbers.append(value)
     size = _SIZES[body.TYPE] - 4
-    return struct.pack(f"{order}4i{body.LAYOUT}", size, body.TYPE, message.communication, message.reply, *numbers)
+    return struct.pack(
+        f"{order}4i{body.LAYOUT}", size, body.TYPE, message.communication, message.reply, *numbers
+    )
 
 
 class MessageDecoder:
@@ -188,7 +190,9 @@ class MessageDecoder:
         self._order: Order = order
         self._header = struct.Struct(f"{order}4i")
         self._buffer = bytearray()
-        self._taken = 0  # bytes of the last message, which stay at the buffer's beginning for `_look_back`
+        self._taken = (
+            0  # bytes of the last message, which stay at the buffer's beginning for `_look_back`
+        )
 
     def decode(self, chunk: bytes) -> list[Message]:
         """Return the messages that are complete with these bytes, in order."""
@@ -243,7 +247,9 @@ class MessageDecoder:
         """Return the size of the message whose header is at this position; None without a header."""
         length, kind, communication, reply = self._header.unpack_from(self._buffer, position)
         size = _SIZES.get(kind)
-        right = size is not None and length + 4 == size and 1 <= communication <= 3 and 0 <= reply <= 2
+        right = (
+            size is not None and length + 4 == size and 1 <= communication <= 3 and 0 <= reply <= 2
+        )
         return size if right else None
 
     def _discard(self, position: int) -> int:

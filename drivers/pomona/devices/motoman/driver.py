@@ -55,12 +55,16 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
 
     def _open(self, open_link: Callable[[str], Link]) -> ControllerSession:
         state, motion = open_link("state"), open_link("motion")
-        session = ControllerSession(self.name, state, motion, self._clock, self.options.order, self.options.group)
+        session = ControllerSession(
+            self.name, state, motion, self._clock, self.options.order, self.options.group
+        )
         end = self._clock.now() + FIRST_STATE
         while session.feedback is None or session.status is None:
             session.listen(0.02)
             if self._clock.now() > end:
-                raise DeviceLost(self.name, f"the controller pushed no state within {FIRST_STATE:g} s")
+                raise DeviceLost(
+                    self.name, f"the controller pushed no state within {FIRST_STATE:g} s"
+                )
         self._take(session)
         return session
 
@@ -88,7 +92,9 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
             self._doubt(error)
         if not session.awaiting:
             session.reply()  # a motion connection that breaks while nothing moves is lost now, not with the next motion
-        if self._points is None or not self._doubted:  # else the motion's connection still brakes the arm
+        if (
+            self._points is None or not self._doubted
+        ):  # else the motion's connection still brakes the arm
             self._watch_silence(session)
         if self._starting:
             self._start_again(session)
@@ -103,7 +109,9 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
 
     def _watch_silence(self, session: ControllerSession) -> None:
         silent = self._clock.now() - session.feedback_at
-        if silent > self.options.silence and not session.listen(0.0):  # unless this thread itself was held up
+        if silent > self.options.silence and not session.listen(
+            0.0
+        ):  # unless this thread itself was held up
             raise DeviceLost(self.name, f"no feedback for {1e3 * silent:.0f} ms")
 
     def _take(self, session: ControllerSession) -> None:
@@ -136,11 +144,15 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
             self._abandon(error.message)
             session.ask(Control.STOP)
             ready = session.ask(Control.CHECK_READY)
-            if ready.result == Result.NOT_READY:  # an operator holds it at the pendant: nothing may move after that
+            if (
+                ready.result == Result.NOT_READY
+            ):  # an operator holds it at the pendant: nothing may move after that
                 self._blame(DeviceFault(self.name, refusal(ready)))
 
     def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
-        self._points = PointStream(motion, q_arm, self._clock, self.options, self._supervisor.command)
+        self._points = PointStream(
+            motion, q_arm, self._clock, self.options, self._supervisor.command
+        )
 
     def _halt(self, problem: str) -> None:
         """Send the controller's own stop command."""

@@ -28,10 +28,15 @@ def stop(host: str, port: int, order: Order, group: int) -> None:
     """
     link = TcpLink(host, port, ANSWER)
     try:
-        link.send(encode(Message(MotionControl(group, -1, Control.STOP), Communication.REQUEST), order))
+        link.send(
+            encode(Message(MotionControl(group, -1, Control.STOP), Communication.REQUEST), order)
+        )
         decoder, end = MessageDecoder(order), time.monotonic() + ANSWER
         while time.monotonic() < end:
-            if any(isinstance(message.body, MotionReply) for message in decoder.decode(link.receive(0.05))):
+            if any(
+                isinstance(message.body, MotionReply)
+                for message in decoder.decode(link.receive(0.05))
+            ):
                 goodbye = MotionControl(group, -1, Control.DISCONNECT)
                 with contextlib.suppress(OSError):
                     link.send(encode(Message(goodbye, Communication.REQUEST), order))

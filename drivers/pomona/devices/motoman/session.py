@@ -34,7 +34,9 @@ class ControllerSession:
         feedback_at, status_at: when the newest of each came, on the cell's clock [s].
     """
 
-    def __init__(self, device: str, state: Link, motion: Link, clock: Clock, order: Order, group: int) -> None:
+    def __init__(
+        self, device: str, state: Link, motion: Link, clock: Clock, order: Order, group: int
+    ) -> None:
         self.device = device
         self.feedback: JointFeedback | None = None
         self.status: RobotStatus | None = None
@@ -92,11 +94,16 @@ class ControllerSession:
                 self._asked_at = None
                 return message.body
         if self._asked_at is not None and self._clock.now() - self._asked_at > deadline:
-            raise DeviceLost(self.device, f"the controller did not answer within {1e3 * deadline:.0f} ms")
+            raise DeviceLost(
+                self.device, f"the controller did not answer within {1e3 * deadline:.0f} ms"
+            )
         return None
 
     def ask(
-        self, command: Control, deadline: float = ANSWER, meanwhile: Callable[[], None] = lambda: None
+        self,
+        command: Control,
+        deadline: float = ANSWER,
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> MotionReply:
         """Send a command and wait for its answer. Raises OSError, Nonsense, DeviceLost: as `reply`."""
         self.send(MotionControl(self._group, -1, command))

@@ -18,8 +18,13 @@ from pomona.devices.motoman.words import refusal
 from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion, Supervision
 from pomona.executive import Clock, Float64
 
-INTERPOLATION = 0.004  # period of the controller's own interpolation, and of stepping the path here [s]
-SLOW, SHORT = 0.05, 1.0 / 3.0  # speed of each joint up to which the queue is short [rad/s], as a share of `lead`
+INTERPOLATION = (
+    0.004  # period of the controller's own interpolation, and of stepping the path here [s]
+)
+SLOW, SHORT = (
+    0.05,
+    1.0 / 3.0,
+)  # speed of each joint up to which the queue is short [rad/s], as a share of `lead`
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
@@ -38,9 +43,13 @@ class MotomanOptions:
     # whether the servos are switched on at the connection; else the operator does it at the pendant
     servo_on: bool = True
     point_period: float = 0.02  # time between points that are sent [s]
-    lead: float = 0.15  # how far ahead of the arm points are sent [s]: a stop takes effect behind them
+    lead: float = (
+        0.15  # how far ahead of the arm points are sent [s]: a stop takes effect behind them
+    )
     silence: float = 0.09  # time without feedback after which the arm is lost [s]
-    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
+    supervision: Supervision = field(
+        default_factory=Supervision
+    )  # how closely the arm must follow its commands
 
 
 class PointStream(KnotMaker):
@@ -80,7 +89,11 @@ class PointStream(KnotMaker):
     @property
     def played(self) -> bool:
         """Whether the controller must have played everything that was sent."""
-        return self._point is None and self._began is not None and self._clock.now() >= self._began + self._time
+        return (
+            self._point is None
+            and self._began is not None
+            and self._clock.now() >= self._began + self._time
+        )
 
     @property
     def ahead(self) -> float:
@@ -102,7 +115,9 @@ class PointStream(KnotMaker):
                 return
             if reply.result == Result.BUSY:
                 self.busy += 1
-                self._resend_at = now + 0.01  # wait before a point that was answered BUSY is sent again [s]
+                self._resend_at = (
+                    now + 0.01
+                )  # wait before a point that was answered BUSY is sent again [s]
             elif reply.result == Result.SUCCESS:
                 self._accepted(now)
             else:
@@ -115,7 +130,9 @@ class PointStream(KnotMaker):
                 raise RanDryError(session.device, f"ran out of points for {-ahead:.2f} s: {why}")
             self._point = self._following()
             if self._point is not None and ahead < 0.0:
-                self._began = now - time  # the queue has run dry: at rest, after a pause, or because this came late
+                self._began = (
+                    now - time
+                )  # the queue has run dry: at rest, after a pause, or because this came late
                 self.dry += int(moved)
         if self._point is not None and now >= self._resend_at:
             session.send(self._point)
@@ -143,5 +160,10 @@ class PointStream(KnotMaker):
         valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
         q_wire, qd_wire = q[self._joint_of_place], qd[self._joint_of_place]
         return TrajectoryPoint(
-            self._group, self.sent, valid, self._time, tuple(q_wire.tolist()), tuple(qd_wire.tolist())
+            self._group,
+            self.sent,
+            valid,
+            self._time,
+            tuple(q_wire.tolist()),
+            tuple(qd_wire.tolist()),
         )

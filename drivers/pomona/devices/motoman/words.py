@@ -52,7 +52,11 @@ def refusal(reply: MotionReply) -> str:
     if reply.result == Result.ALARM:
         return f"the controller is in alarm {reply.subcode}; clear it on the pendant or acknowledge here"
     if words is None:
-        words = _RESULTS.get(Result(reply.result), "refused") if reply.result in list(Result) else "refused"
+        words = (
+            _RESULTS.get(Result(reply.result), "refused")
+            if reply.result in list(Result)
+            else "refused"
+        )
         return f"{words} (result {reply.result}, subcode {reply.subcode})"
     return f"{words} ({reply.subcode})"
 

@@ -30,7 +30,9 @@ class ModbusRefused(DeviceFault):
 
     def __init__(self, device: str, code: int) -> None:
         self.code = code
-        super().__init__(device, f"refuses the request: {REASONS.get(code, f'Modbus exception {code}')}")
+        super().__init__(
+            device, f"refuses the request: {REASONS.get(code, f'Modbus exception {code}')}"
+        )
 
 
 class ModbusClient:
@@ -39,7 +41,9 @@ class ModbusClient:
     Areas are `coil`, `discrete`, `holding` and `input`. Addresses count from 0, as on the wire.
     """
 
-    def __init__(self, device: str, link: Link, clock: Clock, unit: int = 1, deadline: float = 0.2) -> None:
+    def __init__(
+        self, device: str, link: Link, clock: Clock, unit: int = 1, deadline: float = 0.2
+    ) -> None:
         """
         Args:
             device: name for messages.
@@ -62,7 +66,9 @@ class ModbusClient:
             ValueError: the span is longer than a request may be.
         """
         if not 1 <= span.count <= MOST[READS[span.area]]:
-            raise ValueError(f"a request reads 1 to {MOST[READS[span.area]]} values of an area, not {span.count}")
+            raise ValueError(
+                f"a request reads 1 to {MOST[READS[span.area]]} values of an area, not {span.count}"
+            )
         answer = self._exchange(read_request(span))
         try:
             return read_answer(span, answer)
@@ -75,7 +81,9 @@ class ModbusClient:
         Raises ModbusRefused, Nonsense, DeviceLost, OSError, ValueError: as `read`.
         """
         if not 1 <= len(values) <= MOST[WRITES[area]]:
-            raise ValueError(f"a request writes 1 to {MOST[WRITES[area]]} values of an area, not {len(values)}")
+            raise ValueError(
+                f"a request writes 1 to {MOST[WRITES[area]]} values of an area, not {len(values)}"
+            )
         request = write_request(area, first, values)
         answer = self._exchange(request)
         try:

@@ -78,7 +78,9 @@ class ModbusSignals(Device):
             one: bool(place.safe) if place.is_bit else place.safe for one, place in outputs.items()
         }
         self._commanded = dict(self._safe)
-        self._taken: Mapping[str, tuple[bool | float, float]] = {}  # of all signals: value and stamp
+        self._taken: Mapping[
+            str, tuple[bool | float, float]
+        ] = {}  # of all signals: value and stamp
         self._client: ModbusClient | None = None
         self._problem: DeviceError | None = None
         self._latched = ""
@@ -98,7 +100,11 @@ class ModbusSignals(Device):
         """
         client = self._client = self._open_client()
         try:
-            for name, place in {**self._inputs, **self._outputs, "heartbeat": self._heartbeat.input}.items():
+            for name, place in {
+                **self._inputs,
+                **self._outputs,
+                "heartbeat": self._heartbeat.input,
+            }.items():
                 with self._judging(name, place, writing=False):
                     client.read(place.span)
             self._require_own()
@@ -117,8 +123,18 @@ class ModbusSignals(Device):
             if refused.code not in (1, 2, 3, 4):
                 raise
             words = f"its signal '{name}' ({place.area} {place.first}) cannot be {'written' if writing else 'read'}"
-            remedy = "does a field bus or the PLC's program own it" if writing else "does its address count from 0"
-            key = "outputs" if name in self._outputs else "inputs" if name in self._inputs else "heartbeat"
+            remedy = (
+                "does a field bus or the PLC's program own it"
+                if writing
+                else "does its address count from 0"
+            )
+            key = (
+                "outputs"
+                if name in self._outputs
+                else "inputs"
+                if name in self._inputs
+                else "heartbeat"
+            )
             raise UnfitSignal(self.name, f"{words}: {refused.message}; {remedy}?", key) from refused
 
     def _require_own(self) -> None:
@@ -143,7 +159,8 @@ class ModbusSignals(Device):
         while client.read(place.span) == first:
             if self._clock.now() > end:
                 raise DeviceFault(
-                    self.name, f"its heartbeat ({place.area} {place.first}) stands still: start its program"
+                    self.name,
+                    f"its heartbeat ({place.area} {place.first}) stands still: start its program",
                 )
             self._clock.advance(self._period)
         self._pulse_at = self._clock.now()
@@ -171,13 +188,17 @@ class ModbusSignals(Device):
         if now - self._looked_at > STALL and self._commanded != self._safe:
             self._commanded = dict(self._safe)
             self._blame(
-                DeviceFault(self.name, f"the run stood still for {STALL:g} s: all outputs went to their safe values")
+                DeviceFault(
+                    self.name,
+                    f"the run stood still for {STALL:g} s: all outputs went to their safe values",
+                )
             )
         self._serve(self._client)
         if self._clock.now() - self._pulse_at > self._heartbeat.deadline:
             silent = self._clock.now() - self._pulse_at
             raise DeviceFault(
-                self.name, f"its heartbeat stands still for {1e3 * silent:.0f} ms: its program has stopped"
+                self.name,
+                f"its heartbeat stands still for {1e3 * silent:.0f} ms: its program has stopped",
             )
 
     def _serve(self, client: ModbusClient) -> None:
@@ -211,7 +232,11 @@ class ModbusSignals(Device):
 
     def _lose(self, error: BaseException) -> None:
         """The outputs are safe from now on; the connection is opened again, and nothing more is written by itself."""
-        told = f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
+        told = (
+            f"the connection failed: {error}"
+            if isinstance(error, OSError)
+            else f"the driver failed: {error!r}"
+        )
         self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, told))
         if not isinstance(error, DeviceFault):
             self._leave()
@@ -236,7 +261,9 @@ class ModbusSignals(Device):
         place = self._inputs.get(name) or self._outputs[name]
         value, stamp = self._taken[name]
         age = self._clock.now() - stamp
-        return SignalValue(value if age <= place.deadline and self._problem is None else None, stamp, age)
+        return SignalValue(
+            value if age <= place.deadline and self._problem is None else None, stamp, age
+        )
 
     def write(self, name: str, value: bool | float) -> None:
         place = self._outputs[name]
@@ -246,7 +273,9 @@ class ModbusSignals(Device):
         try:
             place.encode(value)
         except ValueError as error:
-            raise MotionRefused(self.name, f"the output '{name}' cannot be written: {error}") from error
+            raise MotionRefused(
+                self.name, f"the output '{name}' cannot be written: {error}"
+            ) from error
         self._owner.post(lambda: self._command(name, bool(value) if place.is_bit else value))
 
     def _command(self, name: str, value: bool | float) -> None:
@@ -319,5 +348,7 @@ def writes(
         most = MOST[WRITES[span.area]] - 1
         for first in range(span.first, span.first + span.count, most):
             end = min(first + most, span.first + span.count)
-            found.append((span.area, first, tuple(words[span.area, at] for at in range(first, end))))
+            found.append(
+                (span.area, first, tuple(words[span.area, at] for at in range(first, end)))
+            )
     return found

@@ -60,9 +60,13 @@ class SignalPlace:
             return (int(value),)
         counts = value / self.scale
         try:
-            data = struct.pack(f">{NUMBERS[self.kind]}", counts if self.kind == "float32" else round(counts))
+            data = struct.pack(
+                f">{NUMBERS[self.kind]}", counts if self.kind == "float32" else round(counts)
+            )
         except (struct.error, OverflowError, ValueError) as error:
-            raise ValueError(f"{value:g} does not fit into {self.kind} with the scale {self.scale:g}") from error
+            raise ValueError(
+                f"{value:g} does not fit into {self.kind} with the scale {self.scale:g}"
+            ) from error
         words = struct.unpack(f">{len(data) // 2}H", data)
         return words[::-1] if self.low_word_first else words
 
@@ -82,7 +86,9 @@ def spans_of(places: Iterable[SignalPlace]) -> tuple[MemorySpan, ...]:
     return tuple(joined)
 
 
-def image(places: Mapping[str, SignalPlace], values: Mapping[str, bool | float]) -> dict[tuple[str, int], int]:
+def image(
+    places: Mapping[str, SignalPlace], values: Mapping[str, bool | float]
+) -> dict[tuple[str, int], int]:
     """Return the bits and registers of values, by area and address."""
     return {
         (place.area, place.first + i): word

@@ -41,9 +41,15 @@ class SignalNames:
     numbers: frozenset[str] = frozenset()
     counts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def lacking(self, key: str, name: str, *, output: bool = False, number: bool = False) -> Iterator[Problem]:
+    def lacking(
+        self, key: str, name: str, *, output: bool = False, number: bool = False
+    ) -> Iterator[Problem]:
         """Yield the problem of a driver's option `key` that names a signal of another kind, or none."""
-        known = [each for each in (self.outputs if output else self.inputs) if (each in self.numbers) is number]
+        known = [
+            each
+            for each in (self.outputs if output else self.inputs)
+            if (each in self.numbers) is number
+        ]
         if name not in known:
             kind = "output" if output else "input"
             words = f"the PLC has no {kind} '{name}' that is a {'number' if number else 'switch'}"
@@ -75,9 +81,13 @@ class Signals(Protocol):
         """
 
 
-def fit_signals(around: Surroundings, unfit: Callable[[SignalNames], Iterable[Problem]]) -> Iterator[Problem]:
+def fit_signals(
+    around: Surroundings, unfit: Callable[[SignalNames], Iterable[Problem]]
+) -> Iterator[Problem]:
     """Yield the conflicts of a driver's signals with those of the PLC above it, by `unfit`; without a PLC that one."""
-    plc = next((name for name, device in around.above.items() if Signals in device.interfaces), None)
+    plc = next(
+        (name for name, device in around.above.items() if Signals in device.interfaces), None
+    )
     if plc is None:
         yield Problem("driver", "it needs a PLC above it", "plc: {driver: modbus-signals, …}")
     for fact in getattr(around.options.get(plc or ""), "known", tuple)():

@@ -16,7 +16,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from pomona.devices.plc.signals import SignalNames, Signals, SignalValue
-from pomona.drivers import ConnectContext, Device, DeviceFault, FaultSwitch, MotionRefused, Settings, driver
+from pomona.drivers import (
+    ConnectContext,
+    Device,
+    DeviceFault,
+    FaultSwitch,
+    MotionRefused,
+    Settings,
+    driver,
+)
 from pomona.executive import (
     TIME,
     Clock,
@@ -55,7 +63,12 @@ class SimInputFile:
     number: float | None = value(Number(), None, "a number that stays")
 
     def problems(self) -> Iterator[Problem]:
-        rules = [bool(self.follows), self.during is not None, bool(self.counts), self.number is not None]
+        rules = [
+            bool(self.follows),
+            self.during is not None,
+            bool(self.counts),
+            self.number is not None,
+        ]
         if sum(rules) > 1:
             yield Problem("", "it has one rule: 'follows', 'during', 'counts' or 'number'")
 
@@ -75,7 +88,9 @@ class SimSignalsFile:
         for name, rule in self.inputs.items():
             for used in filter(None, (rule.follows, rule.counts, rule.cleared_by)):
                 if used not in self.outputs:
-                    yield Problem("inputs", f"'{name}' needs the output '{used}'", choose(used, self.outputs))
+                    yield Problem(
+                        "inputs", f"'{name}' needs the output '{used}'", choose(used, self.outputs)
+                    )
 
     def known(self) -> Iterator[object]:
         """Yield the names of the signals, which a check of a tree needs."""
@@ -133,21 +148,29 @@ class LocalSignals(FaultSwitch, Device):
         if name not in self.names.inputs:
             raise KeyError(name)
         stamp = now if self._stopped_at is None else self._stopped_at
-        return SignalValue(self.input_at(name, stamp) if now - stamp <= self.deadline else None, stamp, now - stamp)
+        return SignalValue(
+            self.input_at(name, stamp) if now - stamp <= self.deadline else None, stamp, now - stamp
+        )
 
     def write(self, name: str, value: bool | float) -> None:
         changes = self._written[name]
         if self._latched:
-            raise MotionRefused(self.name, f"the output '{name}' stays at its safe value ({self._latched})")
+            raise MotionRefused(
+                self.name, f"the output '{name}' stays at its safe value ({self._latched})"
+            )
         if name not in self.names.numbers and value not in (0, 1):
-            raise MotionRefused(self.name, f"the output '{name}' cannot be written: {value:g} is no value of a switch")
+            raise MotionRefused(
+                self.name,
+                f"the output '{name}' cannot be written: {value:g} is no value of a switch",
+            )
         if self.fault != "deaf" and value != changes[-1][1]:
             changes.append((self._clock.now(), value))
 
     def check(self) -> None:
         if self._stopped_at is not None and self._clock.now() - self._stopped_at > HEARTBEAT:
             raise DeviceFault(
-                self.name, f"its heartbeat stands still for {1e3 * HEARTBEAT:.0f} ms: its program has stopped"
+                self.name,
+                f"its heartbeat stands still for {1e3 * HEARTBEAT:.0f} ms: its program has stopped",
             )
 
     def safe_stop(self, reason: str) -> None:
@@ -202,7 +225,9 @@ class MockSignals(LocalSignals):
         values: of the inputs.
     """
 
-    def __init__(self, clock: Clock, inputs: Mapping[str, bool | float], outputs: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, clock: Clock, inputs: Mapping[str, bool | float], outputs: tuple[str, ...] = ()
+    ) -> None:
         numbers = frozenset(name for name, value in inputs.items() if not isinstance(value, bool))
         super().__init__(clock, SignalNames(tuple(inputs), outputs, numbers))
         self.values = dict(inputs)

@@ -20,11 +20,17 @@ class RealSenseFile(MountedCameraFile):
 
     serial: str = value(Text(), "", "of the camera; any camera without it")
     bag: Path | None = value(PathTo("file"), None, "a recording instead of a camera")
-    size: tuple[int, ...] = value(Counts(2, 1, 10_000), (640, 480), "width and height of both images")
+    size: tuple[int, ...] = value(
+        Counts(2, 1, 10_000), (640, 480), "width and height of both images"
+    )
     rate: float = value(Measure(RATE, "1 Hz", "300 Hz"), "30 Hz", "frames per second")
     preset: str = value(Text(), "", "of depth: High Accuracy, High Density …")
-    filters: tuple[str, ...] = value(Words(*FILTERS), (), "of depth, in their order: " + ", ".join(FILTERS))
-    options: Mapping[str, float] = value(MappingOf(Number()), {}, "of the depth sensor, by their names in the library")
+    filters: tuple[str, ...] = value(
+        Words(*FILTERS), (), "of depth, in their order: " + ", ".join(FILTERS)
+    )
+    options: Mapping[str, float] = value(
+        MappingOf(Number()), {}, "of the depth sensor, by their names in the library"
+    )
 
 
 @driver(StreamingCamera, RealSenseFile)
@@ -43,12 +49,18 @@ def connect(settings: Settings[RealSenseFile], context: ConnectContext) -> Strea
     )
     mount = CameraMount(context.find(Arm), read_hand_eye(said.hand_eye))
     camera = StreamingCamera(
-        lambda: PipelineSource(wanted), mount, context.clock, silence=said.silence, depth_model=said.depth_errs
+        lambda: PipelineSource(wanted),
+        mount,
+        context.clock,
+        silence=said.silence,
+        depth_model=said.depth_errs,
     )
     try:
         camera.connect()
     except DeviceLost as error:
-        raise settings.error(error.message, "serial", f"cameras here: {', '.join(_found()) or 'none'}") from error
+        raise settings.error(
+            error.message, "serial", f"cameras here: {', '.join(_found()) or 'none'}"
+        ) from error
     camera.start()
     return camera
 

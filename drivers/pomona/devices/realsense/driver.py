@@ -14,11 +14,23 @@ from numpy.typing import NDArray
 from pomona.devices.realsense.camera_mount import CameraMount
 from pomona.devices.realsense.source import Pair
 from pomona.devices.realsense.stamps import Stamps
-from pomona.drivers import D4XX, Camera, DepthModel, Device, DeviceError, DeviceLost, Frame, FrameGuard, Owner
+from pomona.drivers import (
+    D4XX,
+    Camera,
+    DepthModel,
+    Device,
+    DeviceError,
+    DeviceLost,
+    Frame,
+    FrameGuard,
+    Owner,
+)
 from pomona.executive import Clock, UInt8
 
 RECONNECT = 1.0  # pause between attempts to open a lost camera again [s]
-PIXELS = 16  # stride in rows and columns of the colour pixels that are compared with the previous frame
+PIXELS = (
+    16  # stride in rows and columns of the colour pixels that are compared with the previous frame
+)
 
 
 class ImageSource(Protocol):
@@ -142,7 +154,9 @@ class StreamingCamera(Device):
         if pair is not None:
             self._last_seen = now
             stamp = self._stamps.stamp(pair)
-            if self._guard.judge(stamp, pair.number, _some_pixels(pair.colour), pair.depth.tobytes()):
+            if self._guard.judge(
+                stamp, pair.number, _some_pixels(pair.colour), pair.depth.tobytes()
+            ):
                 self._newest = self._frame(pair, min(stamp, now))
             self._guard.check(self.name)
         elif now - self._last_seen > self._silence:
@@ -165,7 +179,9 @@ class StreamingCamera(Device):
 
     def _lose(self, error: BaseException) -> None:
         if self._source is not None:
-            self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, repr(error))
+            self._problem = (
+                error if isinstance(error, DeviceError) else DeviceLost(self.name, repr(error))
+            )
         self._retry_at = self._clock.now() + RECONNECT
         self._close_source()
 

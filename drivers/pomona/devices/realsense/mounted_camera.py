@@ -10,7 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from pomona.drivers import DepthModel, DepthModelSection, depth_model_of
-from pomona.executive import TIME, Float64, Measure, PathTo, Problem, Section, is_rigid, read_plain_text, value
+from pomona.executive import (
+    TIME,
+    Float64,
+    Measure,
+    PathTo,
+    Problem,
+    Section,
+    is_rigid,
+    read_plain_text,
+    value,
+)
 
 
 class UnusableHandEye(ValueError):
@@ -29,7 +39,9 @@ class MountedCameraFile:
         Section(DepthModelSection), None, "how the depth errs; without it as a RealSense D4xx"
     )
     silence: float = value(
-        Measure(TIME, "50 ms", "10 s"), "500 ms", "without an image for this long the camera is lost"
+        Measure(TIME, "50 ms", "10 s"),
+        "500 ms",
+        "without an image for this long the camera is lost",
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -57,5 +69,7 @@ def read_hand_eye(path: Path) -> Float64:
         raise UnusableHandEye(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform")
     # A camera is within this distance of the flange or base that carries it [m]; in millimetres it would be far beyond
     if np.linalg.norm(T[:3, 3]) > 5.0:
-        raise UnusableHandEye(f"'T_mount_camera' in {path} is {np.linalg.norm(T[:3, 3]):.3g} m long: it is in metres")
+        raise UnusableHandEye(
+            f"'T_mount_camera' in {path} is {np.linalg.norm(T[:3, 3]):.3g} m long: it is in metres"
+        )
     return T

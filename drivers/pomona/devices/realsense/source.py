@@ -55,8 +55,12 @@ class Pair:
     colour: NDArray[np.uint8]
     depth: NDArray[np.float32]
     intrinsics: Intrinsics
-    taken: float | None  # the camera's own time [s], in the clock domain given by `on_host_clock`; None for a recording
-    on_host_clock: bool  # whether `taken` is the host's wall clock; else the camera's hardware counter
+    taken: (
+        float | None
+    )  # the camera's own time [s], in the clock domain given by `on_host_clock`; None for a recording
+    on_host_clock: (
+        bool  # whether `taken` is the host's wall clock; else the camera's hardware counter
+    )
     number: int  # the camera's frame number
 
 
@@ -163,7 +167,9 @@ def _configure(rs: ModuleType, sensor: Any, settings: CameraSettings) -> None:
             for i in range(int(span.min), int(span.max) + 1)
         }
         if settings.preset not in names:
-            raise DeviceFault("camera", f"has no preset '{settings.preset}', it has {', '.join(names)}")
+            raise DeviceFault(
+                "camera", f"has no preset '{settings.preset}', it has {', '.join(names)}"
+            )
         sensor.set_option(rs.option.visual_preset, names[settings.preset])
     for name, value in settings.options.items():
         option = getattr(rs.option, name, None)

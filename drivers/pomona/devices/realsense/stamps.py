@@ -38,7 +38,9 @@ class Stamps:
             return now - (self._host_time() - pair.taken)
         difference = now - pair.taken
         offset = difference if self._offset is None else self._offset + DRIFT * (now - self._then)
-        if difference > offset - STARTING:  # else the counter jumped ahead, and its frames seem to be of the future
+        if (
+            difference > offset - STARTING
+        ):  # else the counter jumped ahead, and its frames seem to be of the future
             offset = min(offset, difference)
         self._offset, self._then = offset, now
         return pair.taken + offset - LATENCY

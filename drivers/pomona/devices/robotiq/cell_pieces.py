@@ -5,7 +5,9 @@ from __future__ import annotations
 from pomona.tools.kit.cell_piece import CellPiece
 
 
-def _piece(model: str, offset: str, due: tuple[str, ...], settings: tuple[str, ...] = ()) -> CellPiece:
+def _piece(
+    model: str, offset: str, due: tuple[str, ...], settings: tuple[str, ...] = ()
+) -> CellPiece:
     """Return a gripper on a serial line; `offset` is the opening between its pads when it is closed."""
     force = '--set force="40 N"'
     return CellPiece(
@@ -32,7 +34,9 @@ watchdog: 100 ms
 HAND_E = _piece(
     "hand-e",
     "53 mm",
-    ("`devices.gripper.finger_offset` in cell.yaml: opening between the pads' faces when the gripper is closed.",),
+    (
+        "`devices.gripper.finger_offset` in cell.yaml: opening between the pads' faces when the gripper is closed.",
+    ),
 )
 ROBOTIQ_2F_85 = _piece(
     "2f-85",

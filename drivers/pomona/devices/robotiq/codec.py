@@ -8,11 +8,19 @@ from dataclasses import dataclass
 from pomona.drivers import Malformed
 
 SLAVE = 9  # the grippers' address on the bus when they are delivered
-WRITTEN, READ, REGISTERS = 0x03E8, 0x07D0, 3  # first register of commands, of the status; three of each
+WRITTEN, READ, REGISTERS = (
+    0x03E8,
+    0x07D0,
+    3,
+)  # first register of commands, of the status; three of each
 BOTH = 23  # function: write and read registers
 HEAD = struct.Struct(">BBHHHHB")
 ACTIVE = 3  # activation status of a gripper that takes commands
-OPENING, CLOSING, THERE = 1, 2, 3  # object detection: stopped by something while it opened, closed; at its position
+OPENING, CLOSING, THERE = (
+    1,
+    2,
+    3,
+)  # object detection: stopped by something while it opened, closed; at its position
 
 FAULTS = {
     5: "waits for its activation to end",
@@ -76,7 +84,9 @@ def request(command: RobotiqCommand | None, slave: int = SLAVE) -> bytes:
         frame = struct.pack(">BBHH", slave, 4, READ, REGISTERS)
     else:
         registers = command.encode()
-        frame = HEAD.pack(slave, BOTH, READ, REGISTERS, WRITTEN, REGISTERS, len(registers)) + registers
+        frame = (
+            HEAD.pack(slave, BOTH, READ, REGISTERS, WRITTEN, REGISTERS, len(registers)) + registers
+        )
     return frame + crc(frame)
 
 
@@ -89,7 +99,11 @@ def answer(buffer: bytearray, slave: int = SLAVE) -> RobotiqStatus | None:
         return None
     refused = buffer[1] & 0x80
     size = 5 if refused else 5 + buffer[2]
-    if buffer[0] != slave or buffer[1] & 0x7F not in (4, BOTH) or (not refused and buffer[2] != 2 * REGISTERS):
+    if (
+        buffer[0] != slave
+        or buffer[1] & 0x7F not in (4, BOTH)
+        or (not refused and buffer[2] != 2 * REGISTERS)
+    ):
         raise Malformed(bytes(buffer), f"is no answer of a gripper at the Modbus address {slave}")
     if len(buffer) < size:
         return None

@@ -28,9 +28,19 @@ def connect(settings: Settings[RobotiqFile], context: ConnectContext) -> Robotiq
     said = settings.values
     options = replace(said, activate=said.activate and context.cleared)
     gripper = RobotiqGripper(opener(said, context), context.clock, options)
-    where: tuple[Any, ...] = (said.port, None, 0, said.unit) if said.urcap is None else (None, *said.urcap)
+    where: tuple[Any, ...] = (
+        (said.port, None, 0, said.unit) if said.urcap is None else (None, *said.urcap)
+    )
     gripper.outside_stop = "pomona.devices.robotiq.outside:stop", where
-    silent = "port", f"{serial_ports()}; is the gripper powered, with the Modbus address {said.unit} ('unit')?"
+    silent = (
+        "port",
+        f"{serial_ports()}; is the gripper powered, with the Modbus address {said.unit} ('unit')?",
+    )
     if said.urcap is not None:
-        silent = "urcap", "is the Robotiq URCap installed, and no other client connected? is the gripper powered?"
-    return settings.opened(gripper, {OSError: silent, DeviceLost: silent, DeviceError: (silent[0], "")})
+        silent = (
+            "urcap",
+            "is the Robotiq URCap installed, and no other client connected? is the gripper powered?",
+        )
+    return settings.opened(
+        gripper, {OSError: silent, DeviceLost: silent, DeviceError: (silent[0], "")}
+    )

@@ -10,7 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from pomona.devices.robotiq.codec import ACTIVE, CLOSING, FAULTS, OPENING, RobotiqCommand, RobotiqStatus
+from pomona.devices.robotiq.codec import (
+    ACTIVE,
+    CLOSING,
+    FAULTS,
+    OPENING,
+    RobotiqCommand,
+    RobotiqStatus,
+)
 from pomona.devices.robotiq.options import MODELS, RobotiqFile
 from pomona.devices.robotiq.session import RobotiqSession
 from pomona.drivers import (
@@ -28,11 +35,16 @@ from pomona.executive import Clock
 
 PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
 AHEAD = 3  # most steps by which a position that advances precedes the measured one, beside its way in DELAY
-DELAY = 0.04  # time from a command to the width that shows it [s]: two exchanges and the fingers' own
+DELAY = (
+    0.04  # time from a command to the width that shows it [s]: two exchanges and the fingers' own
+)
 CATCH_UP = 1.5  # speed of the fingers towards a position that advances, as a multiple of its own
 SPEED_WINDOW = 0.04  # window of a speed by differences [s]: positions are counts
 ACCELERATION = 1.0  # assumed acceleration for the supervisor [m/s²]
-CONNECT, ACTIVATION = 1.0, 8.0  # deadlines of the first status, and of the activation, which moves the fingers [s]
+CONNECT, ACTIVATION = (
+    1.0,
+    8.0,
+)  # deadlines of the first status, and of the activation, which moves the fingers [s]
 RECONNECT = 0.5  # pause between attempts to open a lost wire again [s]
 
 
@@ -42,7 +54,11 @@ class RobotiqGripper(ParallelGripper):
     outlives = True
 
     def __init__(
-        self, open_session: Callable[[], RobotiqSession], clock: Clock, options: RobotiqFile, name: str = "gripper"
+        self,
+        open_session: Callable[[], RobotiqSession],
+        clock: Clock,
+        options: RobotiqFile,
+        name: str = "gripper",
     ) -> None:
         self.model, self.options = MODELS[options.model], options
         super().__init__(
@@ -57,7 +73,9 @@ class RobotiqGripper(ParallelGripper):
         self._session: RobotiqSession | None = None
         self._retry_at = self._heard_at = clock.now()
         self._status: RobotiqStatus | None = None
-        self._command: RobotiqCommand | None = None  # None: nothing was commanded yet, or the last is no longer known
+        self._command: RobotiqCommand | None = (
+            None  # None: nothing was commanded yet, or the last is no longer known
+        )
         self._set_point: float | None = None  # that advances [m]
         self._stepped_at = clock.now()
         self._widths: list[tuple[float, float]] = []
@@ -79,7 +97,9 @@ class RobotiqGripper(ParallelGripper):
             before, status = status, self._await(lambda status: True, CONNECT, "does not answer")
             self._check_fault(status)
             if abs(status.position - before.position) > 1:
-                raise DeviceFault(self.name, "moves without a command of this run: another program moves it")
+                raise DeviceFault(
+                    self.name, "moves without a command of this run: another program moves it"
+                )
             self._take(status)
             if self._problem is not None:
                 raise self._problem
@@ -89,16 +109,24 @@ class RobotiqGripper(ParallelGripper):
 
     def _activate(self) -> None:
         if not self.options.activate:
-            words = "is not activated, and its activation moves the fingers through their whole stroke"
+            words = (
+                "is not activated, and its activation moves the fingers through their whole stroke"
+            )
             remedy = "activate it at the pendant, or set 'activate: yes' and start with --cleared"
             raise DeviceFault(self.name, f"{words}: {remedy}")
         for active in (False, True):
             self._command = RobotiqCommand(active=active)
             wanted = ACTIVE if active else 0
-            self._await(lambda status, wanted=wanted: status.activation == wanted, ACTIVATION, "was not activated")  # type: ignore[misc]
+            self._await(
+                lambda status, wanted=wanted: status.activation == wanted,
+                ACTIVATION,
+                "was not activated",
+            )  # type: ignore[misc]
         self._command = None
 
-    def _await(self, until: Callable[[RobotiqStatus], bool], seconds: float, problem: str) -> RobotiqStatus:
+    def _await(
+        self, until: Callable[[RobotiqStatus], bool], seconds: float, problem: str
+    ) -> RobotiqStatus:
         assert self._session is not None
         end, nonsense = self._clock.now() + seconds, ""
         while self._clock.now() < end:
@@ -161,7 +189,9 @@ class RobotiqGripper(ParallelGripper):
         self._widths = [*(recent or self._widths[-1:]), (now, width)]
         then, before = self._widths[0]
         speed = (width - before) / (now - then) if now - then > 0.5 * SPEED_WINDOW else 0.0
-        limit = 2.0 * self.limits.force_max  # reached when the fingers were stopped; below it the force is unknown
+        limit = (
+            2.0 * self.limits.force_max
+        )  # reached when the fingers were stopped; below it the force is unknown
         self._measured(now, width, speed, {CLOSING: limit, OPENING: -limit}.get(status.object))
 
     # ------------------------------------------------------------------------------------------- counts
@@ -196,23 +226,34 @@ class RobotiqGripper(ParallelGripper):
     def _start_rest(self) -> None:
         holds = self._status is not None and self._status.object in (OPENING, CLOSING)
         self._set_point = None
-        if self._command is not None and not holds:  # fingers that hold something keep their command, and press on
+        if (
+            self._command is not None and not holds
+        ):  # fingers that hold something keep their command, and press on
             command = self._command
-            self._command = RobotiqCommand(True, False, command.position, command.speed, command.force)
+            self._command = RobotiqCommand(
+                True, False, command.position, command.speed, command.force
+            )
 
     def _go_to(self, width: float, speed: float) -> None:
         least, most = self.model.forces
         force = round((self.limits.force_max - least) / (most - least) * 255.0)
-        self._command = RobotiqCommand(True, True, self.position_of(width), self._speed_code(speed), force)
+        self._command = RobotiqCommand(
+            True, True, self.position_of(width), self._speed_code(speed), force
+        )
 
     def _watch(self, state: GripperState) -> None:
         now, move = self._clock.now(), self._move
-        elapsed, self._stepped_at = min(max(now - self._stepped_at, 0.0), 0.02), now  # no jump after a stall
+        elapsed, self._stepped_at = (
+            min(max(now - self._stepped_at, 0.0), 0.02),
+            now,
+        )  # no jump after a stall
         if self._set_point is None:
             return
         running = move is not None and move.state is MotionState.RUNNING
         if self._speed or (running and move is not None and self._set_point != move.width):
-            target = move.width if running and move is not None else math.copysign(math.inf, self._speed)
+            target = (
+                move.width if running and move is not None else math.copysign(math.inf, self._speed)
+            )
             speed = move.speed if running and move is not None else abs(self._speed)
             self._advance(target, speed, elapsed, state.width)
         self._judge_move(state, self._set_point, 1.5 * self.limits.step)

@@ -23,8 +23,12 @@ class Linkage:
     def angle(self, width: float) -> float:
         """Return the crank's angle at an opening [m], in [rad]. Raises ValueError: it opens less far."""
         if not 0.0 <= width <= self.width_max:
-            raise ValueError(f"an opening of {1e3 * width:.1f} mm is none of 0 to {1e3 * self.width_max:.0f} mm")
-        return float(np.arccos(np.cos(self.open_angle) - (self.width_max - width) / (2.0 * self.crank)))
+            raise ValueError(
+                f"an opening of {1e3 * width:.1f} mm is none of 0 to {1e3 * self.width_max:.0f} mm"
+            )
+        return float(
+            np.arccos(np.cos(self.open_angle) - (self.width_max - width) / (2.0 * self.crank))
+        )
 
     def forward(self, width: float) -> float:
         """Return how much further along the approach the fingertips are than at the largest opening [m]."""
@@ -42,7 +46,9 @@ class Linkage:
 LINKAGES = {
     "2f-85": Linkage(float(np.hypot(0.0376, 0.0430)), float(np.arctan2(0.0430, 0.0376)), 0.085),
     "2f-140": Linkage(
-        float(np.hypot(0.09998, 0.00222)), float(np.pi / 2.0 - 0.725 + np.arctan2(0.00222, 0.09998)), 0.140
+        float(np.hypot(0.09998, 0.00222)),
+        float(np.pi / 2.0 - 0.725 + np.arctan2(0.00222, 0.09998)),
+        0.140,
     ),
 }
 """By model. Ends of the crank: origins of the joints `outer_finger` and `inner_finger`, fingers open, in the public

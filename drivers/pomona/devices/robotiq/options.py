@@ -7,7 +7,19 @@ from dataclasses import dataclass
 
 from pomona.devices.robotiq.codec import SLAVE
 from pomona.drivers import Address, GripperLimits, GripperSupervision, Surroundings
-from pomona.executive import FORCE, LENGTH, TIME, Counts, Flag, Measure, Problem, Section, Text, Whole, value
+from pomona.executive import (
+    FORCE,
+    LENGTH,
+    TIME,
+    Counts,
+    Flag,
+    Measure,
+    Problem,
+    Section,
+    Text,
+    Whole,
+    value,
+)
 from pomona.tools.calibration.described_hand import STROKES, other_fingers
 
 URCAP_PORT = 63352
@@ -35,29 +47,45 @@ class RobotiqFile:
     """A Robotiq gripper on a serial line (Modbus RTU), or behind the URCap of a Universal Robots controller."""
 
     model: str = value(Text(*MODELS), help="which gripper it is")
-    port: str | None = value(Text(), None, "its serial port, of a USB adapter for RS-485; alternatively 'urcap'")
+    port: str | None = value(
+        Text(), None, "its serial port, of a USB adapter for RS-485; alternatively 'urcap'"
+    )
     urcap: tuple[str, int] | None = value(
         Address(URCAP_PORT), None, "HOST of the robot's controller; too slow for closed-loop grips"
     )
     unit: int = value(Whole(1, 247), str(SLAVE), "its Modbus address on the serial line")
     finger_offset: float = value(
-        Measure(LENGTH, "0 mm", "500 mm"), "0 mm", "opening between the pads' faces when the gripper is closed"
+        Measure(LENGTH, "0 mm", "500 mm"),
+        "0 mm",
+        "opening between the pads' faces when the gripper is closed",
     )
-    counts: tuple[int, ...] = value(Counts(2, 0, 255), (3, 230), "positions of the open and of the closed gripper")
+    counts: tuple[int, ...] = value(
+        Counts(2, 0, 255), (3, 230), "positions of the open and of the closed gripper"
+    )
     force: float | None = value(
-        Measure(FORCE, "1 N", "300 N"), None, "limit of one finger's force while it moves; default: the least"
+        Measure(FORCE, "1 N", "300 N"),
+        None,
+        "limit of one finger's force while it moves; default: the least",
     )
     activate: bool = value(
-        Flag(), False, "activate it in a start with --cleared: the fingers move through their stroke"
+        Flag(),
+        False,
+        "activate it in a start with --cleared: the fingers move through their stroke",
     )
     watchdog: float = value(
-        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
+        Measure(TIME, "30 ms", "1 s"),
+        "100 ms",
+        "a streamed speed that is not renewed within this time becomes zero",
     )
     silence: float | None = value(
-        Measure(TIME, "20 ms", "2 s"), None, "without a status for this long it is lost; default: 60 ms, URCap 300 ms"
+        Measure(TIME, "20 ms", "2 s"),
+        None,
+        "without a status for this long it is lost; default: 60 ms, URCap 300 ms",
     )
     supervision: GripperSupervision = value(
-        Section(GripperSupervision), GripperSupervision(), "how closely the gripper must follow its commands"
+        Section(GripperSupervision),
+        GripperSupervision(),
+        "how closely the gripper must follow its commands",
     )
 
     @property
@@ -78,13 +106,17 @@ class RobotiqFile:
         opening = self.finger_offset, self.finger_offset + model.stroke
         step = model.stroke / (self.counts[1] - self.counts[0])
         least, most = model.forces
-        return GripperLimits(*opening, model.speeds[1], min(max(self.force or least, least), most), least, step)
+        return GripperLimits(
+            *opening, model.speeds[1], min(max(self.force or least, least), most), least, step
+        )
 
     def problems(self) -> Iterator[Problem]:
         if (self.port is None) == (self.urcap is None):
             yield Problem("port", "the gripper needs either 'port' or 'urcap'")
         if self.unit != SLAVE and self.urcap is not None:
-            yield Problem("unit", "behind the URCap a gripper has no Modbus address", "remove 'unit'")
+            yield Problem(
+                "unit", "behind the URCap a gripper has no Modbus address", "remove 'unit'"
+            )
         least, most = MODELS[self.model].forces
         if self.force is not None and not least <= self.force <= most:
             words = f"the fingers of a {self.model} press with {least:g} N at least and {most:g} N at most"

@@ -54,7 +54,13 @@ class RtuSession:
         self._link.close()
 
 
-QUESTIONS = {"STA": "activation", "OBJ": "object", "FLT": "fault", "PRE": "requested", "POS": "position"}
+QUESTIONS = {
+    "STA": "activation",
+    "OBJ": "object",
+    "FLT": "fault",
+    "PRE": "requested",
+    "POS": "position",
+}
 """Questions of the URCap by the field of the status that each answers."""
 
 
@@ -97,14 +103,23 @@ class UrcapSession:
         ours = [position, *self._ours[1:]] if self._ours[0] is None else self._ours
         self._ours = ours[ours.index(position) :] if position in ours else [position]
         if position not in ours:
-            raise DeviceFault(self._device, "another program commands it: only one may, so stop the other one")
+            raise DeviceFault(
+                self._device, "another program commands it: only one may, so stop the other one"
+            )
 
     def _ask(self, command: RobotiqCommand | None) -> None:
         if command is not None and command != self._sent:
             self._sent, self._asked = command, "SET"
             self._ours.append(command.position)
-            values = {"ACT": command.active, "POS": command.position, "SPE": command.speed, "FOR": command.force}
-            told = " ".join(f"{name} {int(number)}" for name, number in (values | {"GTO": command.go}).items())
+            values = {
+                "ACT": command.active,
+                "POS": command.position,
+                "SPE": command.speed,
+                "FOR": command.force,
+            }
+            told = " ".join(
+                f"{name} {int(number)}" for name, number in (values | {"GTO": command.go}).items()
+            )
             self._link.send(f"SET {told}\n".encode())
         else:
             self._asked = next(name for name, field in QUESTIONS.items() if field not in self._told)

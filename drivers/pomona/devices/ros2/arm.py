@@ -36,7 +36,18 @@ from pomona.drivers import (
     read_limits,
     words,
 )
-from pomona.executive import TIME, Clock, Float64, Measure, PathTo, Problem, Section, Text, Words, value
+from pomona.executive import (
+    TIME,
+    Clock,
+    Float64,
+    Measure,
+    PathTo,
+    Problem,
+    Section,
+    Text,
+    Words,
+    value,
+)
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
 from pomona.tools.ros2.rosbridge import WAY, open_peer
 from pomona.tools.ros2.types import coder
@@ -57,7 +68,9 @@ class Ros2ArmOptions:
     commands: str = "/joint_trajectory_controller/joint_trajectory"
     lead: float = 0.15  # time by which set-points precede the arm [s]
     silence: float = 0.1  # without joint states for this long the arm is lost [s]
-    supervision: Supervision = field(default_factory=Supervision)  # how closely the arm must follow its commands
+    supervision: Supervision = field(
+        default_factory=Supervision
+    )  # how closely the arm must follow its commands
 
 
 class Ros2Arm(PathArm):
@@ -76,7 +89,9 @@ class Ros2Arm(PathArm):
         super().__init__(name, clock, description, limits, options.supervision, POINT_PERIOD)
         self.options = options
         self._wire, self._host_time = wire, host_time
-        self._feed = JointFeed(name, wire, options.states, options.joints, clock, options.silence, host_time)
+        self._feed = JointFeed(
+            name, wire, options.states, options.joints, clock, options.silence, host_time
+        )
         self._coder = coder(TRAJECTORY)
         self._path: RollingPath | None = None
         self._say_at, self._rested = -np.inf, False
@@ -93,7 +108,9 @@ class Ros2Arm(PathArm):
                 self._believe(sample.stamp, sample.q, sample.qd)
             elif self._clock.now() > end:
                 self._feed.check()
-                raise DeviceLost(self.name, f"no joints on {self.options.states} within {deadline:g} s")
+                raise DeviceLost(
+                    self.name, f"no joints on {self.options.states} within {deadline:g} s"
+                )
         self._problem = None
 
     def step(self) -> None:
@@ -114,7 +131,11 @@ class Ros2Arm(PathArm):
 
     def _failed(self, error: BaseException) -> None:
         """Handle a defect of the driver itself: the last message brings the arm to rest."""
-        found = error if isinstance(error, DeviceError) else DeviceFault(self.name, f"the driver failed: {error!r}")
+        found = (
+            error
+            if isinstance(error, DeviceError)
+            else DeviceFault(self.name, f"the driver failed: {error!r}")
+        )
         self._blame(found)
         self._abandon(found.message)
 
@@ -126,7 +147,9 @@ class Ros2Arm(PathArm):
 
     def _begin_stream(self, motion: PathMotion, q_arm: Float64) -> None:
         self._say_at, self._rested, self._offset = -np.inf, False, self._read_offset()
-        self._path = RollingPath(self.name, motion, q_arm, self._clock, self.options.lead, self._supervisor.command)
+        self._path = RollingPath(
+            self.name, motion, q_arm, self._clock, self.options.lead, self._supervisor.command
+        )
 
     def _end_stream(self) -> None:
         self._path = None
@@ -149,7 +172,9 @@ class Ros2Arm(PathArm):
         stepped = self._read_offset() - self._offset
         if abs(stepped) > STEPPED:
             self._brake()
-            raise DeviceLost(self.name, f"the clock of this computer was stepped by {stepped:+.3g} s in a motion")
+            raise DeviceLost(
+                self.name, f"the clock of this computer was stepped by {stepped:+.3g} s in a motion"
+            )
 
     def _tell(self, path: RollingPath) -> None:
         now = self._clock.now()
@@ -165,9 +190,15 @@ class Ros2Arm(PathArm):
         # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
         self._say_at = now + 0.03
         points = path.window()
-        if path.braking_now or path.played:  # a plan that has ended would be played again if a clock stepped back
+        if (
+            path.braking_now or path.played
+        ):  # a plan that has ended would be played again if a clock stepped back
             left = points[-1].due - now
-            self._send([point for point in points if point.due > now + min(REJOIN, left / 2.0)] or points[-1:], 0.0)
+            self._send(
+                [point for point in points if point.due > now + min(REJOIN, left / 2.0)]
+                or points[-1:],
+                0.0,
+            )
         else:
             self._send(points, points[0].due + self._offset)
 
@@ -189,7 +220,12 @@ class Ros2Arm(PathArm):
         ]
         header = {"stamp": stamped(stamp), "frame_id": ""}
         fields = {"header": header, "joint_names": list(self.options.joints), "points": told}
-        self._wire.publish(self.options.commands, TRAJECTORY, self._coder.coded(fields), round(self._host_time() * 1e9))
+        self._wire.publish(
+            self.options.commands,
+            TRAJECTORY,
+            self._coder.coded(fields),
+            round(self._host_time() * 1e9),
+        )
 
     def _halt(self, problem: str) -> None:
         """Brake from the present set-point within the limits; where the arm truly is, no joint shows."""
@@ -234,15 +270,27 @@ class Ros2ArmFile:
 
     address: str = value(WAY, ADDRESS, WAY.words)
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
-    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
-    joints: tuple[str, ...] = value(Words(), help="the description's joints, by their names in ROS 2")
+    robot: Path = value(
+        PathTo("file"), help="the robot's description (MJCF or URDF), with its limits"
+    )
+    joints: tuple[str, ...] = value(
+        Words(), help="the description's joints, by their names in ROS 2"
+    )
     states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
     commands: str = value(
-        Text(), "/joint_trajectory_controller/joint_trajectory", "topic of trajectory_msgs/JointTrajectory"
+        Text(),
+        "/joint_trajectory_controller/joint_trajectory",
+        "topic of trajectory_msgs/JointTrajectory",
     )
-    lead: float = value(Measure(TIME, "40 ms", "700 ms"), "150 ms", "how far ahead in time points are sent to the arm")
+    lead: float = value(
+        Measure(TIME, "40 ms", "700 ms"),
+        "150 ms",
+        "how far ahead in time points are sent to the arm",
+    )
     silence: float = value(
-        Measure(TIME, "20 ms", "1 s"), "100 ms", "without joint states for this long the arm is lost"
+        Measure(TIME, "20 ms", "1 s"),
+        "100 ms",
+        "without joint states for this long the arm is lost",
     )
     supervision: Supervision = value(
         Section(Supervision), Supervision(), "how closely the arm must follow its commands"
@@ -266,7 +314,9 @@ class Ros2ArmFile:
 def connect(settings: Settings[Ros2ArmFile], context: ConnectContext) -> Ros2Arm:
     """Listen to the arm that a cell file describes; nothing moves."""
     said = settings.values
-    options = Ros2ArmOptions(said.joints, said.states, said.commands, said.lead, said.silence, said.supervision)
+    options = Ros2ArmOptions(
+        said.joints, said.states, said.commands, said.lead, said.silence, said.supervision
+    )
     limits = read_limits(said.robot, len(said.joints))
     wire = open_peer(said.address, "pomona_arm", said.distribution)
     arm = Ros2Arm(wire, context.clock, said.robot, limits, options)

@@ -83,14 +83,18 @@ class Bag:
         """Return all messages of a topic. Raises UnusableFrames: the bag is damaged."""
         with self._opened() as reader:
             found = reader.messages(_of(reader, topic))
-            return [reader.deserialize(raw, connection.msgtype) for connection, _written, raw in found]
+            return [
+                reader.deserialize(raw, connection.msgtype) for connection, _written, raw in found
+            ]
 
     def _one(self, reader: Any, place: BagMessage) -> Any:
         found = reader.messages(_of(reader, place.topic), place.written, place.written + 1)
         for number, (connection, _written, raw) in enumerate(found):
             if number == place.nth:
                 return reader.deserialize(raw, connection.msgtype)
-        raise KeyError(f"the message of {place.topic} at {place.written} ns is missing; the bag has changed")
+        raise KeyError(
+            f"the message of {place.topic} at {place.written} ns is missing; the bag has changed"
+        )
 
     def _without_index(self) -> str:
         for path in [self.path] if self.path.is_file() else sorted(self.path.glob("*.mcap")):
@@ -122,12 +126,16 @@ def _check_kind(path: Path) -> None:
     if path.is_file():
         _check_file(path)
         if path.suffix != path.suffix.lower():
-            raise UnusableFrames(path, f"ends with {path.suffix}: rename it to end with {path.suffix.lower()}")
+            raise UnusableFrames(
+                path, f"ends with {path.suffix}: rename it to end with {path.suffix.lower()}"
+            )
         return
     parts = sorted(part for part in path.iterdir() if part.suffix.lower() in FILES)
     if parts and not (path / "metadata.yaml").is_file():
         remedy = f"`ros2 bag reindex` writes it; or name one of its files, such as {parts[0].name}"
-        raise UnusableFrames(path, f"is a bag without metadata.yaml, of a recorder that was cut off: {remedy}")
+        raise UnusableFrames(
+            path, f"is a bag without metadata.yaml, of a recorder that was cut off: {remedy}"
+        )
     for part in parts:
         _check_file(part)
 

@@ -35,12 +35,17 @@ from pomona.drivers import (
 )
 from pomona.executive import TIME, Measure, Section, Text, UnusablePicture, Whole, value
 
-APART_K = 1e-3  # intrinsics that differ by more than this ratio are of another zoom, focus or profile
+APART_K = (
+    1e-3  # intrinsics that differ by more than this ratio are of another zoom, focus or profile
+)
 
 VIEWER = re.compile(r"(/device_\d+/sensor_\d+/)(\w+/)image/data")
 """An image topic of RealSense's viewer: the sensor's topics begin with the first part, the stream's with both."""
 
-UNITS = ("option/Depth_Units/value", "option/Depth Units/value")  # of a sensor of the viewer: metres per count
+UNITS = (
+    "option/Depth_Units/value",
+    "option/Depth Units/value",
+)  # of a sensor of the viewer: metres per count
 REGISTER = "play it through realsense2_camera with align_depth, and record that"
 
 
@@ -66,12 +71,16 @@ class BagFrame:
             place = self.depth
             depth = depth_of(taken[1], self.bag.topics[place.topic], self.unit)
         except (UnusablePicture, *NOT_ROS) as error:
-            raise UnusableFrames(self.bag.path, f"{place.topic} at {place.written} ns: {why(error)}") from error
+            raise UnusableFrames(
+                self.bag.path, f"{place.topic} at {place.written} ns: {why(error)}"
+            ) from error
         size = (intrinsics.width, intrinsics.height)
         for name, image in (("colour", colour), ("depth", depth)):
             if image.shape[1::-1] != size:
                 got = f"{image.shape[1]} x {image.shape[0]}"
-                raise UnusableFrames(self.bag.path, f"{name} is {got}, the intrinsics are for {size[0]} x {size[1]}")
+                raise UnusableFrames(
+                    self.bag.path, f"{name} is {got}, the intrinsics are for {size[0]} x {size[1]}"
+                )
         return colour, depth
 
 
@@ -81,11 +90,17 @@ class BagFile:
 
     bag: str = value(Text(), help="a bag's folder or file: --set bag=PATH")
     every: int = value(Whole(1, 1_000_000), 1, "number of frames of which one is shown")
-    colour: str = value(Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image or CompressedImage")
+    colour: str = value(
+        Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image or CompressedImage"
+    )
     depth: str = value(Text(), "/camera/aligned_depth_to_color/image_raw", "topic of its depth")
-    info: str = value(Text(), "", "topic of sensor_msgs/CameraInfo; without it camera_info beside colour")
+    info: str = value(
+        Text(), "", "topic of sensor_msgs/CameraInfo; without it camera_info beside colour"
+    )
     apart: float = value(
-        Measure(TIME, "0 s", "1 s"), "20 ms", "colour and depth further apart than this do not belong together"
+        Measure(TIME, "0 s", "1 s"),
+        "20 ms",
+        "colour and depth further apart than this do not belong together",
     )
     intrinsics: IntrinsicsSection | None = value(
         Section(IntrinsicsSection), None, "of the camera, instead of the bag's"
@@ -115,12 +130,16 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
         frames = _pairs(bag, said)[:: said.every]
         key = "info"
         info = said.info or _info_beside(said.colour)
-        intrinsics = said.intrinsics.intrinsics() if said.intrinsics else _intrinsics(bag, info, said.colour)
+        intrinsics = (
+            said.intrinsics.intrinsics() if said.intrinsics else _intrinsics(bag, info, said.colour)
+        )
         key = "bag"
         frames[0].read(intrinsics)
     except UnusableFrames as error:
         raise settings.error(str(error), key) from error
-    return FramesCamera(frames, intrinsics, context.clock, depth_model=depth_model_of(said.depth_model))
+    return FramesCamera(
+        frames, intrinsics, context.clock, depth_model=depth_model_of(said.depth_model)
+    )
 
 
 def _info_beside(colour: str) -> str:
@@ -131,9 +150,13 @@ def _info_beside(colour: str) -> str:
 def _check_type(bag: Bag, topic: str, kinds: Sequence[str], key: str = "info") -> None:
     found = bag.topics.get(topic)
     if found is None:
-        seen = {name: kind for name, kind in bag.topics.items() if kind in (IMAGE, COMPRESSED, INFO)} or bag.topics
+        seen = {
+            name: kind for name, kind in bag.topics.items() if kind in (IMAGE, COMPRESSED, INFO)
+        } or bag.topics
         there = ", ".join(f"{name} ({kind})" for name, kind in sorted(seen.items())) or "nothing"
-        raise UnusableFrames(bag.path, f"has no topic {topic}; it has {there}; name it with the option '{key}'")
+        raise UnusableFrames(
+            bag.path, f"has no topic {topic}; it has {there}; name it with the option '{key}'"
+        )
     if found not in kinds:
         raise UnusableFrames(bag.path, f"{topic} is {found}, not {' or '.join(kinds)}")
 
@@ -151,15 +174,22 @@ def _pairs(bag: Bag, said: BagFile) -> tuple[BagFrame, ...]:
     nearest: dict[int, BagMessage] = {}  # by the number of a depth
     for colour in colours:
         at = bisect_left(times, when(colour))
-        near = min(range(max(at - 1, 0), min(at + 1, len(times))), key=lambda k: abs(times[k] - when(colour)))
+        near = min(
+            range(max(at - 1, 0), min(at + 1, len(times))),
+            key=lambda k: abs(times[k] - when(colour)),
+        )
         apart = abs(times[near] - when(colour))
         before = nearest.get(near)
-        if apart <= said.apart * 1e9 and (before is None or apart < abs(times[near] - when(before))):
+        if apart <= said.apart * 1e9 and (
+            before is None or apart < abs(times[near] - when(before))
+        ):
             nearest[near] = colour
     frames = [BagFrame(bag, nearest[k], depths[k], unit) for k in sorted(nearest)]
     if not frames:
         by = "their headers" if stamped else "the time of writing"
-        raise UnusableFrames(bag.path, f"no depth lies within {said.apart:g} s of a colour image, by {by}")
+        raise UnusableFrames(
+            bag.path, f"no depth lies within {said.apart:g} s of a colour image, by {by}"
+        )
     return tuple(frames)
 
 
@@ -167,9 +197,15 @@ def _check_viewer(bag: Bag, said: BagFile) -> None:
     """Refuse a bag of RealSense's viewer, unless its topics are named and both streams are of one imager."""
     viewer = sorted(topic for topic in bag.topics if VIEWER.fullmatch(topic))
     if viewer and said.colour not in bag.topics:
-        words = f"is of RealSense's viewer ({', '.join(viewer)}): its depth is not registered to colour"
+        words = (
+            f"is of RealSense's viewer ({', '.join(viewer)}): its depth is not registered to colour"
+        )
         raise UnusableFrames(bag.path, f"{words}: {REGISTER}")
-    streams = [match[1] + match[2] for topic in (said.colour, said.depth) if (match := VIEWER.fullmatch(topic))]
+    streams = [
+        match[1] + match[2]
+        for topic in (said.colour, said.depth)
+        if (match := VIEWER.fullmatch(topic))
+    ]
     for part, numbers in (("tf/0", _place), ("info/camera_info", _camera_matrix)):
         topics = [stream + part for stream in streams if stream + part in bag.topics]
         try:
@@ -199,7 +235,9 @@ def _unit(bag: Bag, depth: str) -> float:
     units = {float(message.data) for message in bag.read_all(topic)}
     unit = units.pop() if len(units) == 1 else float("nan")
     if not 1e-6 <= unit <= 1e-2:
-        raise UnusableFrames(bag.path, f"{topic} holds no single unit of depth between 1 µm and 10 mm")
+        raise UnusableFrames(
+            bag.path, f"{topic} holds no single unit of depth between 1 µm and 10 mm"
+        )
     return unit
 
 
@@ -215,7 +253,10 @@ def _intrinsics(bag: Bag, topic: str, colour: str) -> Intrinsics:
     for place, other in zip(places, found, strict=True):
         if not np.allclose(_parts(other), _parts(found[0]), rtol=APART_K):
             words = f"fx is {found[0].fx:g} px at first, {other.fx:g} px in the message at {place.written} ns"
-            raise UnusableFrames(bag.path, f"{topic} changes: {words}: cut the bag there, or write 'intrinsics:' here")
+            raise UnusableFrames(
+                bag.path,
+                f"{topic} changes: {words}: cut the bag there, or write 'intrinsics:' here",
+            )
     return found[0]
 
 

@@ -59,7 +59,9 @@ class Ros2Images:
     def __init__(self, peer: Topics, topics: CameraTopics, name: str = "camera") -> None:
         self._peer, self._topics, self._name = peer, topics, name
         self._arrived = threading.Condition()
-        self._raw: dict[str, deque[bytes]] = {kind: deque(maxlen=KEPT) for kind in ("colour", "depth", "info")}
+        self._raw: dict[str, deque[bytes]] = {
+            kind: deque(maxlen=KEPT) for kind in ("colour", "depth", "info")
+        }
         self._intrinsics: Any = None
         self._depths: deque[tuple[int, Any]] = deque(maxlen=KEPT)
         self._colours: deque[tuple[int, Any]] = deque(maxlen=KEPT)
@@ -87,11 +89,15 @@ class Ros2Images:
 
     def _pair(self, taken: Mapping[str, list[bytes]]) -> Pair | None:
         for raw in taken["info"][-1:]:
-            self._intrinsics = intrinsics_of(_message(raw, INFO), is_rectified(self._topics.colour[0]))
+            self._intrinsics = intrinsics_of(
+                _message(raw, INFO), is_rectified(self._topics.colour[0])
+            )
         for kind, kept in (("colour", self._colours), ("depth", self._depths)):
             for raw in taken[kind]:
                 message = _message(raw, getattr(self._topics, kind)[1])
-                kept.append((message.header.stamp.sec * 10**9 + message.header.stamp.nanosec, message))
+                kept.append(
+                    (message.header.stamp.sec * 10**9 + message.header.stamp.nanosec, message)
+                )
         if self._intrinsics is None:
             return None
         while self._colours:
@@ -110,7 +116,9 @@ class Ros2Images:
         metres = depth_of(depth, self._topics.depth[1])
         size = (self._intrinsics.height, self._intrinsics.width)
         if pixels.shape[:2] != size or metres.shape != size:
-            raise UnusablePicture(f"colour is {pixels.shape[:2]}, depth {metres.shape}, but the CameraInfo {size}")
+            raise UnusablePicture(
+                f"colour is {pixels.shape[:2]}, depth {metres.shape}, but the CameraInfo {size}"
+            )
         return Pair(pixels, metres, self._intrinsics, stamp / 1e9, True, stamp)
 
     def close(self) -> None:
@@ -131,11 +139,17 @@ class Ros2CameraFile(MountedCameraFile):
 
     address: str = value(WAY, ADDRESS, WAY.words)
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
-    colour: str = value(Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image; …/compressed: CompressedImage")
+    colour: str = value(
+        Text(),
+        "/camera/color/image_raw",
+        "topic of sensor_msgs/Image; …/compressed: CompressedImage",
+    )
     depth: str = value(Text(), "/camera/aligned_depth_to_color/image_raw", "topic of its depth")
     info: str = value(Text(), "/camera/color/camera_info", "topic of sensor_msgs/CameraInfo")
     apart: float = value(
-        Measure(TIME, "0 s", "1 s"), "20 ms", "colour and depth further apart than this do not belong together"
+        Measure(TIME, "0 s", "1 s"),
+        "20 ms",
+        "colour and depth further apart than this do not belong together",
     )
 
 
@@ -144,7 +158,10 @@ def connect(settings: Settings[Ros2CameraFile], context: ConnectContext) -> Stre
     """Subscribe to the topics and wait for the first pair."""
     said = settings.values
     topics = CameraTopics(
-        (said.colour, _kind(said.colour)), (said.depth, _kind(said.depth)), (said.info, INFO), said.apart
+        (said.colour, _kind(said.colour)),
+        (said.depth, _kind(said.depth)),
+        (said.info, INFO),
+        said.apart,
     )
     mount = CameraMount(context.find(Arm), read_hand_eye(said.hand_eye))
     camera = StreamingCamera(

@@ -29,7 +29,20 @@ from pomona.drivers import (
     Settings,
     driver,
 )
-from pomona.executive import FORCE, LENGTH, SPEED, TIME, Clock, Measure, Number, Problem, Section, Span, Text, value
+from pomona.executive import (
+    FORCE,
+    LENGTH,
+    SPEED,
+    TIME,
+    Clock,
+    Measure,
+    Number,
+    Problem,
+    Section,
+    Span,
+    Text,
+    value,
+)
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
 from pomona.tools.ros2.rosbridge import SCHEMES, WAY, RosbridgePeer, open_peer
 from pomona.tools.ros2.types import coder
@@ -38,11 +51,17 @@ COMMAND, ACTION = "std_msgs/msg/Float64MultiArray", "control_msgs/action/Gripper
 PATIENCE = 0.004  # receive timeout [s]
 SET_POINT_PERIOD = 0.01  # period of the set-points while anything moves [s]
 ARRIVED = 1e-3  # position tolerance: fingers this close to their target have arrived [m]
-BLOCKED = 0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
+BLOCKED = (
+    0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
+)
 GOAL_PERIOD = 0.05  # shortest time between goals of an action [s]: each ends the one before
-SPEED_WINDOW = 0.04  # window of a speed by differences [s], without velocities: positions are quantised
+SPEED_WINDOW = (
+    0.04  # window of a speed by differences [s], without velocities: positions are quantised
+)
 FIRST_STATE = 3.0  # deadline for the first joint state [s]
-ACCELERATION = 1.0  # assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
+ACCELERATION = (
+    1.0  # assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +72,17 @@ class Ros2GripperOptions:
     # scale, finger_offset: opening = finger_offset + scale · position; scale 2 where two fingers each move by it
     scale: float = 1.0
     finger_offset: float = 0.0
-    states: str = "/joint_states"  # states, commands: topics of joint states and of position commands
+    states: str = (
+        "/joint_states"  # states, commands: topics of joint states and of position commands
+    )
     commands: str = "/gripper_controller/commands"
     ahead: float = 0.01  # how far the set-point may lead the measured opening [m]
     watchdog: float = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
     silence: float = 0.1  # without a joint state for this long the gripper is lost [s]
     supervision: GripperSupervision = field(default_factory=GripperSupervision)
-    action: str = ""  # name of an action GripperCommand that takes the set-points instead of `commands`
+    action: str = (
+        ""  # name of an action GripperCommand that takes the set-points instead of `commands`
+    )
 
 
 class Ros2Gripper(ParallelGripper):
@@ -86,10 +109,14 @@ class Ros2Gripper(ParallelGripper):
         )
         self.options = options
         self._wire, self._host_time = wire, host_time
-        self._feed = JointFeed(name, wire, options.states, (options.joint,), clock, options.silence, host_time)
+        self._feed = JointFeed(
+            name, wire, options.states, (options.joint,), clock, options.silence, host_time
+        )
         self._coder = coder(COMMAND)
         self._widths: list[tuple[float, float]] = []
-        self._set_point: float | None = None  # None: nothing was commanded yet, or the last command is no longer known
+        self._set_point: float | None = (
+            None  # None: nothing was commanded yet, or the last command is no longer known
+        )
         self._stepped_at = self._sent_at = clock.now()
         self._sent: float | None = None
 
@@ -103,7 +130,9 @@ class Ros2Gripper(ParallelGripper):
                 self._believe(sample)
             elif self._clock.now() > end:
                 self._feed.check()
-                raise DeviceLost(self.name, f"no joints on {self.options.states} within {deadline:g} s")
+                raise DeviceLost(
+                    self.name, f"no joints on {self.options.states} within {deadline:g} s"
+                )
         if self._problem is not None:
             raise self._problem
 
@@ -192,25 +221,49 @@ class Ros2GripperFile:
     address: str = value(WAY, ADDRESS, WAY.words)
     distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
     joint: str = value(Text(), help="name of the gripper's joint in ROS 2")
-    scale: float = value(Number(-1e3, 1e3), 1.0, "metres of opening per unit of the joint; two fingers: 2")
-    finger_offset: float = value(Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening with the joint at zero")
-    opening: tuple[float, float] = value(Span(Measure(LENGTH, "0 mm", "500 mm")), help="least and largest opening")
-    speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "50 mm/s", "largest speed of the opening")
-    force_max: float = value(Measure(FORCE, "0.1 N", "500 N"), "20 N", "force of one finger, as set in its controller")
+    scale: float = value(
+        Number(-1e3, 1e3), 1.0, "metres of opening per unit of the joint; two fingers: 2"
+    )
+    finger_offset: float = value(
+        Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening with the joint at zero"
+    )
+    opening: tuple[float, float] = value(
+        Span(Measure(LENGTH, "0 mm", "500 mm")), help="least and largest opening"
+    )
+    speed_max: float = value(
+        Measure(SPEED, "1 mm/s", "1 m/s"), "50 mm/s", "largest speed of the opening"
+    )
+    force_max: float = value(
+        Measure(FORCE, "0.1 N", "500 N"), "20 N", "force of one finger, as set in its controller"
+    )
     states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
-    commands: str = value(Text(), "/gripper_controller/commands", "topic of std_msgs/Float64MultiArray: a position")
-    action: str = value(Text(), "", "action of control_msgs/GripperCommand in the place of 'commands', over rosbridge")
+    commands: str = value(
+        Text(), "/gripper_controller/commands", "topic of std_msgs/Float64MultiArray: a position"
+    )
+    action: str = value(
+        Text(),
+        "",
+        "action of control_msgs/GripperCommand in the place of 'commands', over rosbridge",
+    )
     ahead: float = value(
-        Measure(LENGTH, "1 mm", "50 mm"), "10 mm", "how far the set-point may lead the measured opening"
+        Measure(LENGTH, "1 mm", "50 mm"),
+        "10 mm",
+        "how far the set-point may lead the measured opening",
     )
     watchdog: float = value(
-        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
+        Measure(TIME, "30 ms", "1 s"),
+        "100 ms",
+        "a streamed speed that is not renewed within this time becomes zero",
     )
     silence: float = value(
-        Measure(TIME, "20 ms", "1 s"), "100 ms", "without a joint state for this long the gripper is lost"
+        Measure(TIME, "20 ms", "1 s"),
+        "100 ms",
+        "without a joint state for this long the gripper is lost",
     )
     supervision: GripperSupervision = value(
-        Section(GripperSupervision), GripperSupervision(), "how closely the gripper must follow its commands"
+        Section(GripperSupervision),
+        GripperSupervision(),
+        "how closely the gripper must follow its commands",
     )
 
     @property
@@ -222,7 +275,11 @@ class Ros2GripperFile:
             yield Problem("scale", "it cannot be zero")
         if self.action and not self.address.startswith(SCHEMES):
             words = "an action is reached over rosbridge alone: address ws://HOST:9090"
-            yield Problem("action", words, "over rmw_zenoh, give the topic of a position controller as 'commands'")
+            yield Problem(
+                "action",
+                words,
+                "over rmw_zenoh, give the topic of a position controller as 'commands'",
+            )
         if self.opening[0] >= self.opening[1]:
             yield Problem("opening", "it must be a range", "opening: [0 mm, 80 mm]")
 

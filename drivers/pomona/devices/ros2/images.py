@@ -12,7 +12,11 @@ from pomona.devices.frames.folder import are_swapped
 from pomona.drivers import Intrinsics
 from pomona.executive import UnusablePicture, decode_picture, decode_plane
 
-IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
+IMAGE, COMPRESSED, INFO = (
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CompressedImage",
+    "sensor_msgs/msg/CameraInfo",
+)
 
 MOST_PIXELS = 50_000_000  # of an image that is decoded
 
@@ -36,7 +40,9 @@ def colour_of(message: Any, kind: str) -> NDArray[np.uint8]:
         content = np.ascontiguousarray(message.data).tobytes()
         return decode_picture(content, as_taken=True)
     if message.encoding not in _COLOUR:
-        raise UnusablePicture(f"its encoding is '{message.encoding}', known are {', '.join(_COLOUR)}")
+        raise UnusablePicture(
+            f"its encoding is '{message.encoding}', known are {', '.join(_COLOUR)}"
+        )
     channels, order = _COLOUR[message.encoding]
     pixels = _rows(message, np.dtype("u1"), channels)
     return np.ascontiguousarray(pixels[..., list(order)])
@@ -50,7 +56,9 @@ def depth_of(message: Any, kind: str, unit: float = MILLIMETRE) -> NDArray[np.fl
     if kind == COMPRESSED:
         return _decompressed(message, unit)
     if message.encoding not in _DEPTH:
-        raise UnusablePicture(f"its encoding is '{message.encoding}', depth has {', '.join(_DEPTH)}")
+        raise UnusablePicture(
+            f"its encoding is '{message.encoding}', depth has {', '.join(_DEPTH)}"
+        )
     order, of = ">" if message.is_bigendian else "<", _DEPTH[message.encoding]
     counts = _rows(message, np.dtype(order + of), 1)[..., 0]
     if are_swapped(counts):
@@ -66,7 +74,9 @@ def _decompressed(message: Any, unit: float) -> NDArray[np.float32]:
     encoding, a, b = said.partition(";")[0].strip(), 0.0, 0.0
     if "compressedDepth" in said:
         if "rvl" in said.lower() or len(content) < COMPRESSED_DEPTH.size:
-            raise UnusablePicture(f"its format is '{said}', which is not read: publish it as png or raw")
+            raise UnusablePicture(
+                f"its format is '{said}', which is not read: publish it as png or raw"
+            )
         _format, a, b = COMPRESSED_DEPTH.unpack_from(content)
         content = content[COMPRESSED_DEPTH.size :]
     image = decode_plane(content)
@@ -83,7 +93,9 @@ def _measured(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     depth[~np.isfinite(depth) | (depth < 0.0)] = 0.0
     middle = float(np.median(depth[depth > 0.0])) if depth.any() else 0.0
     if middle > FARTHEST:
-        raise UnusablePicture(f"its depth is {middle:g} m in the middle: 32FC1 has metres, 16UC1 has millimetres")
+        raise UnusablePicture(
+            f"its depth is {middle:g} m in the middle: 32FC1 has metres, 16UC1 has millimetres"
+        )
     return depth
 
 
@@ -97,14 +109,24 @@ def intrinsics_of(info: Any, rectified: bool = False) -> Intrinsics:
 
     Raises UnusablePicture: they are none, or the lens distorts.
     """
-    k, d, p = (np.asarray(getattr(info, name, getattr(info, name.upper(), None)), float) for name in "kdp")
+    k, d, p = (
+        np.asarray(getattr(info, name, getattr(info, name.upper(), None)), float) for name in "kdp"
+    )
     by_p = rectified and p.size == 12 and p[0] > 0.0
     fx, fy, cx, cy = (float(value) for value in (p[[0, 5, 2, 6]] if by_p else k[[0, 4, 2, 5]]))
-    if not (np.isfinite([fx, fy, cx, cy]).all() and fx > 0 and fy > 0 and info.width > 0 and info.height > 0):
+    if not (
+        np.isfinite([fx, fy, cx, cy]).all()
+        and fx > 0
+        and fy > 0
+        and info.width > 0
+        and info.height > 0
+    ):
         raise UnusablePicture("it has no focal length, or no size: the camera was not calibrated")
     if not by_p and np.any(d != 0.0):
         remedy = "use the topic image_rect… of image_proc, or write 'intrinsics:' if the image is rectified"
-        raise UnusablePicture(f"its lens distorts (D is not zero), and only rectified images can be used: {remedy}")
+        raise UnusablePicture(
+            f"its lens distorts (D is not zero), and only rectified images can be used: {remedy}"
+        )
     return Intrinsics(fx, fy, cx, cy, int(info.width), int(info.height))
 
 
@@ -114,6 +136,8 @@ def _rows(message: Any, dtype: np.dtype[Any], channels: int) -> NDArray[Any]:
     row = width * channels * dtype.itemsize
     data = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8)
     if not 0 < height * width <= MOST_PIXELS or step < row or len(data) < height * step:
-        raise UnusablePicture(f"it has {len(data)} bytes, its header {width} x {height} pixels in rows of {step} bytes")
+        raise UnusablePicture(
+            f"it has {len(data)} bytes, its header {width} x {height} pixels in rows of {step} bytes"
+        )
     rows = data[: height * step].reshape(height, step)[:, :row]
     return np.ascontiguousarray(rows).view(dtype).reshape(height, width, channels)

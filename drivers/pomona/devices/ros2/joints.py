@@ -69,11 +69,19 @@ class JointFeed:
             silence: time without a new sample after which the joints are lost [s].
             host_time: with which the topic's stamps are compared [s since 1970].
         """
-        self._device, self._topic, self._joints, self._silence = device, topic, tuple(joints), silence
+        self._device, self._topic, self._joints, self._silence = (
+            device,
+            topic,
+            tuple(joints),
+            silence,
+        )
         self._clock, self._host_time = clock, host_time
         self._arrived = threading.Condition()
         self._raw: deque[bytes] = deque(maxlen=KEPT)
-        self._last_taken, self._last_stamp = -1, -np.inf  # nanoseconds since 1970; seconds of the cell's clock
+        self._last_taken, self._last_stamp = (
+            -1,
+            -np.inf,
+        )  # nanoseconds since 1970; seconds of the cell's clock
         self._believed_at = clock.now()
         self._instead = ""
         self.went_back = False
@@ -110,7 +118,10 @@ class JointFeed:
         """Look whether samples come. Raises DeviceLost: none came for too long that could be used."""
         if self.silent_for > self._silence:
             instead = f": the newest message {self._instead}" if self._instead else ""
-            raise DeviceLost(self._device, f"no joints on {self._topic} for {1e3 * self.silent_for:.0f} ms{instead}")
+            raise DeviceLost(
+                self._device,
+                f"no joints on {self._topic} for {1e3 * self.silent_for:.0f} ms{instead}",
+            )
 
     def _sample(self, raw: bytes) -> JointSample | None:
         try:
@@ -130,15 +141,25 @@ class JointFeed:
         taken = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         age = self._host_time() - taken / 1e9
         self.went_back = taken < self._last_taken
-        if not -0.02 <= age <= self._silence:  # stamps ahead of this machine's clock by more than this are wrong [s]
-            self._instead = f"was taken {age:.3g} s ago" if age > 0.0 else f"is of the future, by {-age:.3g} s"
+        if (
+            not -0.02 <= age <= self._silence
+        ):  # stamps ahead of this machine's clock by more than this are wrong [s]
+            self._instead = (
+                f"was taken {age:.3g} s ago" if age > 0.0 else f"is of the future, by {-age:.3g} s"
+            )
             return None
         if taken <= self._last_taken:
             self._instead = "is not new"
             return None
         self._last_taken = taken
-        self._last_stamp = max(self._clock.now() - age, self._last_stamp)  # two clocks are read one after the other
-        rates = np.array(message.velocity, float)[at] if len(message.velocity) == len(message.name) else None
+        self._last_stamp = max(
+            self._clock.now() - age, self._last_stamp
+        )  # two clocks are read one after the other
+        rates = (
+            np.array(message.velocity, float)[at]
+            if len(message.velocity) == len(message.name)
+            else None
+        )
         if rates is not None and not np.isfinite(rates).all():
             rates = None  # NaN: joint_state_broadcaster, for a joint without an interface of its velocity
         return JointSample(self._last_stamp, np.array(message.position, float)[at], rates)

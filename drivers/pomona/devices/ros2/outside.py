@@ -18,7 +18,9 @@ DEADLINE = 2.5  # seconds within which the joints must be seen at rest
 STILL = 0.1  # time without motion after which the joints count as resting [s]
 
 
-def see_rest(address: str, states: str, joints: Sequence[str], slow: float, distribution: str = "jazzy") -> None:
+def see_rest(
+    address: str, states: str, joints: Sequence[str], slow: float, distribution: str = "jazzy"
+) -> None:
     """Wait until the joints are slower than `slow` [rad/s or m/s]; the other arguments are those of the cell file.
 
     Raises TimeoutError: they go on moving, or no message arrives; UsageError: there is no peer at the address.
@@ -37,6 +39,8 @@ def see_rest(address: str, states: str, joints: Sequence[str], slow: float, dist
             if sample.stamp - seen[0][0] >= STILL:
                 return
         words = "they go on moving" if seen else "no message arrives"
-        raise TimeoutError(f"joints on {states} were not measured at rest within {DEADLINE:g} s: {words}")
+        raise TimeoutError(
+            f"joints on {states} were not measured at rest within {DEADLINE:g} s: {words}"
+        )
     finally:
         wire.close()

@@ -56,13 +56,21 @@ class FingerCalibration(ReadOnly):
         for weights, offsets in self.layers[:-1]:
             x = np.tanh(x @ weights.T + offsets)
         weights, offsets = self.layers[-1]
-        y: Float64 = (x @ weights.T + offsets + 1.0) * (0.5 * (self.out_high - self.out_low)) + self.out_low
+        y: Float64 = (x @ weights.T + offsets + 1.0) * (
+            0.5 * (self.out_high - self.out_low)
+        ) + self.out_low
         return y
 
     @property
     def fingerprint(self) -> str:
         """Of its numbers: a bias belongs to one finger and its calibration."""
-        arrays = (self.mean, self.components, self.out_low, self.out_high, *(w for layer in self.layers for w in layer))
+        arrays = (
+            self.mean,
+            self.components,
+            self.out_low,
+            self.out_high,
+            *(w for layer in self.layers for w in layer),
+        )
         return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()[:16]
 
     def other_than(self, side: str) -> bool:
@@ -81,12 +89,16 @@ class FingerCalibration(ReadOnly):
             "in_low": _rounded(self.in_low),
             "in_high": _rounded(self.in_high),
             "layers": [
-                {"weights": _rounded(weights), "offsets": _rounded(offsets)} for weights, offsets in self.layers
+                {"weights": _rounded(weights), "offsets": _rounded(offsets)}
+                for weights, offsets in self.layers
             ],
             "out_low": _rounded(self.out_low),
             "out_high": _rounded(self.out_high),
         }
-        path.write_text(json.dumps(content, separators=(",", ":")).replace('],"', '],\n"') + "\n", encoding="utf-8")
+        path.write_text(
+            json.dumps(content, separators=(",", ":")).replace('],"', '],\n"') + "\n",
+            encoding="utf-8",
+        )
 
     @classmethod
     def load(cls, path: Path) -> FingerCalibration:
@@ -100,7 +112,9 @@ class FingerCalibration(ReadOnly):
         except (OSError, ValueError, RecursionError) as error:
             raise UnusableCalibration(path, f"cannot be read: {error}") from error
         if not isinstance(content, dict) or content.get("format") != FORMAT:
-            raise UnusableCalibration(path, f"is no calibration of a finger (its 'format' must be '{FORMAT}')")
+            raise UnusableCalibration(
+                path, f"is no calibration of a finger (its 'format' must be '{FORMAT}')"
+            )
         try:
             calibration = cls(
                 str(content["finger"]),
@@ -108,7 +122,10 @@ class FingerCalibration(ReadOnly):
                 _array(content["components"]),
                 _array(content["in_low"]),
                 _array(content["in_high"]),
-                tuple((_array(layer["weights"]), _array(layer["offsets"])) for layer in content["layers"]),
+                tuple(
+                    (_array(layer["weights"]), _array(layer["offsets"]))
+                    for layer in content["layers"]
+                ),
                 _array(content["out_low"]),
                 _array(content["out_high"]),
                 float(content["error_n"]),

@@ -11,7 +11,16 @@ from pomona.devices.suntouch.calibration import FingerCalibration, UnusableCalib
 from pomona.devices.suntouch.driver import SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
 from pomona.devices.suntouch.transport import serial_opener, serial_ports
-from pomona.drivers import Belief, ConnectContext, DeviceError, DeviceLost, Gripper, SampleRate, Settings, driver
+from pomona.drivers import (
+    Belief,
+    ConnectContext,
+    DeviceError,
+    DeviceLost,
+    Gripper,
+    SampleRate,
+    Settings,
+    driver,
+)
 from pomona.executive import RATE, TIME, Measure, PathTo, Problem, Section, Text, value
 
 BAUDS = ("1000000", "500000", "115200")  # baud rates of the fingers [bit/s]
@@ -23,7 +32,8 @@ class FingerFile:
 
     port: str = value(Text(), help="its serial port")
     calibration: Path = value(
-        PathTo("file", "make it with `pomona calibrate fingers`"), help="from `pomona calibrate fingers`"
+        PathTo("file", "make it with `pomona calibrate fingers`"),
+        help="from `pomona calibrate fingers`",
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -58,7 +68,9 @@ class SunTouchFile:
 
     def problems(self) -> Iterator[Problem]:
         if self.left.port == self.right.port:
-            yield Problem("right", f"both fingers are at {self.left.port}: each has a port of its own")
+            yield Problem(
+                "right", f"both fingers are at {self.left.port}: each has a port of its own"
+            )
         for side, finger in (("left", self.left), ("right", self.right)):
             made_for = FingerCalibration.load(finger.calibration)
             if made_for.other_than(side):

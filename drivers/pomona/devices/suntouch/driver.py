@@ -249,13 +249,18 @@ class SunTouchFingers(Device):
 
     def _flaw(self, readings: tuple[FingerReading, FingerReading]) -> str:
         """Return why the readings are rejected; empty for valid ones."""
-        believed = [f.spikes.accept(reading.volts) for f, reading in zip(self.fingers, readings, strict=True)]
+        believed = [
+            f.spikes.accept(reading.volts)
+            for f, reading in zip(self.fingers, readings, strict=True)
+        ]
         for side, reading in zip(SIDES, readings, strict=True):
             if reading.dead:
                 return f"{side} has every taxel at the end of its range"
         for side, good in zip(SIDES, believed, strict=True):
             if not good:
-                return f"{side} reports only spikes: a taxel jumps by more than {JUMP:g} V each time"
+                return (
+                    f"{side} reports only spikes: a taxel jumps by more than {JUMP:g} V each time"
+                )
         return ""
 
     def _await_period(self) -> None:
@@ -272,17 +277,26 @@ class SunTouchFingers(Device):
             self._due += missed * self._period
 
     def _deliver(self, stamp: float, left: FingerReading, right: FingerReading) -> None:
-        wrenches = np.stack([f.wrench(reading) for f, reading in zip(self.fingers, (left, right), strict=True)])
-        self._stream.deliver(WrenchSample(stamp, self._sequence, wrenches, (left.saturated, right.saturated)))
+        wrenches = np.stack(
+            [f.wrench(reading) for f, reading in zip(self.fingers, (left, right), strict=True)]
+        )
+        self._stream.deliver(
+            WrenchSample(stamp, self._sequence, wrenches, (left.saturated, right.saturated))
+        )
 
     def _take_bias(self, left: FingerReading, right: FingerReading) -> None:
         taken = self._biasing
         assert taken is not None
         taken.append((left, right))
         if len(taken) == DROPPED + AVERAGED:
-            for finger, readings in zip(self.fingers, zip(*taken[DROPPED:], strict=True), strict=True):
+            for finger, readings in zip(
+                self.fingers, zip(*taken[DROPPED:], strict=True), strict=True
+            ):
                 finger.bias = np.mean([reading.volts for reading in readings], axis=0)
-            bias = {finger.calibration.fingerprint: tuple(finger.bias.tolist()) for finger in self.fingers}
+            bias = {
+                finger.calibration.fingerprint: tuple(finger.bias.tolist())
+                for finger in self.fingers
+            }
             width = None if self._gripper is None else self._gripper.state().width
             self.hand_memory.keep_bias(bias, width)
             self._biasing, self._measures = None, True
@@ -292,8 +306,14 @@ class SunTouchFingers(Device):
         self._streaming = False
         self._retry_at = self._clock.now() + RECONNECT
         if first:
-            words = f"a line failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
-            self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, words)
+            words = (
+                f"a line failed: {error}"
+                if isinstance(error, OSError)
+                else f"the driver failed: {error!r}"
+            )
+            self._problem = (
+                error if isinstance(error, DeviceError) else DeviceLost(self.name, words)
+            )
             self._stream.on_lost()
         self._close_lines()
 

@@ -23,7 +23,9 @@ class Finger:
         resynchronised: how often the line was out of step.
     """
 
-    def __init__(self, open_link: Callable[[], Link], calibration: FingerCalibration, clock: Clock) -> None:
+    def __init__(
+        self, open_link: Callable[[], Link], calibration: FingerCalibration, clock: Clock
+    ) -> None:
         self.calibration = calibration
         self.bias: Float64 = np.zeros(TAXELS)
         self.resynchronised = 0

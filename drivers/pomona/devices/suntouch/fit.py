@@ -57,7 +57,10 @@ def read_recording(path: Path) -> tuple[Float64, Float64]:
     try:
         if path.suffix == ".npz":
             arrays = read_plain_arrays(path)
-            volts, wrenches = np.asarray(arrays["volts"], float), np.asarray(arrays["wrenches"], float)
+            volts, wrenches = (
+                np.asarray(arrays["volts"], float),
+                np.asarray(arrays["wrenches"], float),
+            )
         else:
             text = read_plain_text(path, MOST_BYTES)
             if not text.strip():
@@ -97,11 +100,15 @@ def fit_calibration(
     not explain.
     """
     if len(volts) < 500 or volts.shape[1:] != (TAXELS,) or wrenches.shape != (len(volts), 6):
-        raise UnusableRecording(f"needs at least 500 samples of 25 voltages and 6 components, not {volts.shape}")
+        raise UnusableRecording(
+            f"needs at least 500 samples of 25 voltages and 6 components, not {volts.shape}"
+        )
     if not (np.isfinite(volts).all() and np.isfinite(wrenches).all()):
         raise UnusableRecording("the recording holds values that are not finite")
     if np.ptp(wrenches, axis=0).min() == 0.0 or np.ptp(volts, axis=0).max() == 0.0:
-        raise UnusableRecording("a component of the wrench, or every voltage, never changes in the recording")
+        raise UnusableRecording(
+            "a component of the wrench, or every voltage, never changes in the recording"
+        )
     aside = _kept_aside(len(volts), seed)
     mean = volts[~aside].mean(axis=0)
     _, _, directions = np.linalg.svd(volts[~aside] - mean, full_matrices=False)
@@ -112,7 +119,9 @@ def fit_calibration(
     scaled_x = 2.0 * (x - in_low) / (in_high - in_low) - 1.0
     scaled_y = 2.0 * (wrenches - out_low) / (out_high - out_low) - 1.0
     layers = _train(scaled_x, scaled_y, aside, hidden, epochs, seed)
-    calibration = FingerCalibration(finger, mean, basis, in_low, in_high, layers, out_low, out_high, 0.0)
+    calibration = FingerCalibration(
+        finger, mean, basis, in_low, in_high, layers, out_low, out_high, 0.0
+    )
     error = np.abs(calibration.wrench(volts[aside]) - wrenches[aside])
     rms = np.sqrt((error**2).mean(axis=0))
     unexplained = (rms / (wrenches[aside] - wrenches[~aside].mean(axis=0)).std(axis=0))[:3] ** 2
@@ -122,10 +131,14 @@ def fit_calibration(
             f"the voltages explain {max(0.0, 1.0 - unexplained[worst]):.0%} of the variance of f_{'xyz'[worst]}, "
             f"{1.0 - UNEXPLAINED:.0%} are needed: they belong to another sensor or time, or the fit ended too early"
         )
-    report = FitReport(len(volts), rms, error.max(axis=0), float((error[:, :3].max(axis=1) < 0.2).mean()))
+    report = FitReport(
+        len(volts), rms, error.max(axis=0), float((error[:, :3].max(axis=1) < 0.2).mean())
+    )
     force_error = float(np.sqrt((rms[:3] ** 2).mean()))
     return (
-        FingerCalibration(finger, mean, basis, in_low, in_high, layers, out_low, out_high, force_error),
+        FingerCalibration(
+            finger, mean, basis, in_low, in_high, layers, out_low, out_high, force_error
+        ),
         report,
     )
 
@@ -139,7 +152,12 @@ def _kept_aside(count: int, seed: int) -> NDArray[np.bool_]:
 
 
 def _train(
-    x: Float64, y: Float64, aside: NDArray[np.bool_], hidden: tuple[int, ...], epochs: int, seed: int
+    x: Float64,
+    y: Float64,
+    aside: NDArray[np.bool_],
+    hidden: tuple[int, ...],
+    epochs: int,
+    seed: int,
 ) -> tuple[tuple[Float64, Float64], ...]:
     """Return weights (outputs, inputs) and biases of each layer, by L-BFGS on the mean squared error."""
     from scipy.optimize import minimize  # a third of a second to import, and no driver needs it
@@ -168,7 +186,13 @@ def _train(
         jac=True,
         method="L-BFGS-B",
         callback=watch,
-        options={"maxiter": epochs * STEPS, "maxfun": 2 * epochs * STEPS, "maxcor": 30, "ftol": 0.0, "gtol": 1e-9},
+        options={
+            "maxiter": epochs * STEPS,
+            "maxfun": 2 * epochs * STEPS,
+            "maxcor": 30,
+            "ftol": 0.0,
+            "gtol": 1e-9,
+        },
     )
     return tuple(_layers(best_parameters, shapes))
 
@@ -177,7 +201,9 @@ def _layers(parameters: Float64, shapes: list[tuple[int, int]]) -> list[tuple[Fl
     layers, begin = [], 0
     for fan_in, fan_out in shapes:
         end = begin + fan_in * fan_out
-        layers.append((parameters[begin:end].reshape(fan_out, fan_in), parameters[end : end + fan_out]))
+        layers.append(
+            (parameters[begin:end].reshape(fan_out, fan_in), parameters[end : end + fan_out])
+        )
         begin = end + fan_out
     return layers
 

@@ -44,7 +44,9 @@ class SerialLink:
         self._port.close()
 
 
-def serial_opener(port: str, baud: int, wires: Mapping[str, Callable[[], Link]]) -> Callable[[], Link]:
+def serial_opener(
+    port: str, baud: int, wires: Mapping[str, Callable[[], Link]]
+) -> Callable[[], Link]:
     """How to open a serial line, unless one of `wires` leads to this port."""
     return wires.get(port) or (lambda: SerialLink(port, baud))
 

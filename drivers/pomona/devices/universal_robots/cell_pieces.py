@@ -15,7 +15,9 @@ least: 4 N                # smallest lasting change that is no error; from 1 N o
 mass: 1.5 kg
 least: 4 N
 """,
-    due=("`devices.load` in cell.yaml: `mass` of hand, camera and fruit; `least`, measured on your arm.",),
+    due=(
+        "`devices.load` in cell.yaml: `mass` of hand, camera and fruit; `least`, measured on your arm.",
+    ),
 )
 UR5E = CellPiece(
     role="arm",

@@ -14,13 +14,19 @@ def connect(settings: Settings[UrFile], context: ConnectContext) -> UrArm:
     said = settings.values
     openers = {name: tcp_opener(said.address, port, context.wires) for name, port in PORTS.items()}
     arm = UrArm(lambda name: openers[name](), context.clock, said.limits, said)
-    arm.outside_stop = "pomona.devices.universal_robots.outside:stop", (said.address, PORTS["dashboard"])
+    arm.outside_stop = (
+        "pomona.devices.universal_robots.outside:stop",
+        (said.address, PORTS["dashboard"]),
+    )
     ports = ", ".join(map(str, PORTS.values()))
     return settings.opened(
         arm,
         {
             WrongArmError: ("model", "is the address that of the right robot?"),
-            DeviceLost: ("address", f"is the controller on, and do ports {ports} answer at {said.address}?"),
+            DeviceLost: (
+                "address",
+                f"is the controller on, and do ports {ports} answer at {said.address}?",
+            ),
             DeviceError: ("address", ""),
         },
     )

@@ -30,7 +30,9 @@ class UrDashboard:
             link = self._open()
         except OSError as error:
             hint = "is the dashboard server enabled in the pendant's settings, under security and services?"
-            raise DeviceLost(self._device, f"its dashboard server cannot be reached: {error}; {hint}") from error
+            raise DeviceLost(
+                self._device, f"its dashboard server cannot be reached: {error}; {hint}"
+            ) from error
         try:
             return self._answer(link, command)
         except OSError as error:
@@ -43,7 +45,9 @@ class UrDashboard:
         text, end = b"", self._clock.now() + ANSWER
         while self._clock.now() < end:
             text += link.receive(0.02)
-            *whole, _ = text.decode("ascii", "replace").split("\n")  # greeting and answer may come in one chunk
+            *whole, _ = text.decode("ascii", "replace").split(
+                "\n"
+            )  # greeting and answer may come in one chunk
             lines = [line.strip() for line in whole if not line.startswith(GREETING)]
             if lines:
                 return lines[0]
@@ -61,19 +65,29 @@ class UrDashboard:
         major, minor = version[:2]
         told = f"runs PolyScope {major}.{minor}"
         if major not in OLDEST:
-            raise DeviceFault(self._device, f"{told}, which this driver does not support: it needs PolyScope 3 or 5")
+            raise DeviceFault(
+                self._device,
+                f"{told}, which this driver does not support: it needs PolyScope 3 or 5",
+            )
         if minor < OLDEST[major]:
-            raise DeviceFault(self._device, f"{told}, which is too old: update it to {major}.{OLDEST[major]} at least")
+            raise DeviceFault(
+                self._device,
+                f"{told}, which is too old: update it to {major}.{OLDEST[major]} at least",
+            )
         answer = self.ask("get robot model").lower()
         series = "e" if major == 5 and answer in ("ur3", "ur5", "ur10", "ur16") else ""
         if answer + series != model:
-            raise WrongArmError(self._device, f"is a {answer + series}, not the {model} of the cell file")
+            raise WrongArmError(
+                self._device, f"is a {answer + series}, not the {model} of the cell file"
+            )
 
     def require_remote_control(self, version: tuple[int, ...]) -> None:
         """Check that the controller accepts programs from outside. Raises DeviceFault: it does not; DeviceLost."""
         if version[0] >= 5 and self.ask("is in remote control").lower() != "true":
             why = "it takes no program from outside"
-            raise DeviceFault(self._device, f"is in local control, so {why}: switch it to Remote at the pendant")
+            raise DeviceFault(
+                self._device, f"is in local control, so {why}: switch it to Remote at the pendant"
+            )
 
     def demand(self, command: str, answer: str) -> None:
         """As `ask`, for a command that must be answered by these words. Raises DeviceFault: it was refused."""

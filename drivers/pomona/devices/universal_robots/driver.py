@@ -47,7 +47,10 @@ OUTPUTS = (
     *("actual_q", "actual_qd", "robot_mode", "safety_mode", "runtime_state", "robot_status_bits"),
     *("target_speed_fraction", TAKEN, ENDED, ECHO, PLAYED),
 )
-INPUTS = (*(f"input_int_register_{i}" for i in (24, 25, 26)), *(f"input_double_register_{i}" for i in range(24, 38)))
+INPUTS = (
+    *(f"input_int_register_{i}" for i in (24, 25, 26)),
+    *(f"input_double_register_{i}" for i in range(24, 38)),
+)
 """For the script: command, number of a knot, beat; its time, six joints, six speeds, the time of the knot before it.
 RTDE clients own 24 to 47."""
 FOLLOW, STOP = 1, 2  # commands to the script
@@ -89,7 +92,9 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     # ---------------------------------------------------------------------------------------- connection
 
     def _open(self, open_link: Callable[[str], Link]) -> RtdeSession:
-        session = RtdeSession(self.name, open_link("rtde"), self._clock, OUTPUTS, INPUTS, self.options.rate)
+        session = RtdeSession(
+            self.name, open_link("rtde"), self._clock, OUTPUTS, INPUTS, self.options.rate
+        )
         self._take(session)
         return session
 
@@ -101,12 +106,23 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         self._dashboard.require_arm(self.options.model, session.version)
         self._end_own_script(session)
         mode = session.whole("robot_mode")
-        if self.options.power_on and mode in (POWER_OFF, IDLE) and session.whole("safety_mode") in (1, 2):
+        if (
+            self.options.power_on
+            and mode in (POWER_OFF, IDLE)
+            and session.whole("safety_mode") in (1, 2)
+        ):
             self._dashboard.require_remote_control(session.version)
             self._dashboard.demand("power on", "Powering on")
-            self._await(session, lambda: session.whole("robot_mode") >= IDLE, POWERED, "was not powered on")
+            self._await(
+                session, lambda: session.whole("robot_mode") >= IDLE, POWERED, "was not powered on"
+            )
             self._dashboard.demand("brake release", "Brake releasing")
-            self._await(session, lambda: session.whole("robot_mode") == RUNNING, POWERED, "kept its brakes on")
+            self._await(
+                session,
+                lambda: session.whole("robot_mode") == RUNNING,
+                POWERED,
+                "kept its brakes on",
+            )
         trouble = self._trouble(session)
         if trouble:
             raise DeviceFault(self.name, trouble)
@@ -144,7 +160,9 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         """Return by how many beats the script is behind."""
         return (self._beat - session.whole(ECHO)) % LAST
 
-    def _await(self, session: RtdeSession, until: Callable[[], bool], seconds: float, problem: str) -> None:
+    def _await(
+        self, session: RtdeSession, until: Callable[[], bool], seconds: float, problem: str
+    ) -> None:
         end = self._clock.now() + seconds
         while not until():
             session.receive(0.01)
@@ -168,7 +186,9 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     def _serve(self, session: RtdeSession) -> None:
         fresh = session.receive(0.002)
         silent = self._clock.now() - session.heard_at
-        if silent > self.options.silence and not session.receive(0.0):  # unless this thread itself was held up
+        if silent > self.options.silence and not session.receive(
+            0.0
+        ):  # unless this thread itself was held up
             raise DeviceLost(self.name, f"no package for {1e3 * silent:.0f} ms")
         if self._starting:
             self._start_again(session)
@@ -187,7 +207,9 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         if session.whole("safety_mode") == PROTECTIVE_STOP:
             self._dashboard.demand("unlock protective stop", "Protective stop releasing")
             locked = "stays in its protective stop"
-            self._await(session, lambda: session.whole("safety_mode") != PROTECTIVE_STOP, UNLOCKED, locked)
+            self._await(
+                session, lambda: session.whole("safety_mode") != PROTECTIVE_STOP, UNLOCKED, locked
+            )
         if session.whole("runtime_state") == PAUSED:
             self._dashboard.demand("stop", "Stopped")
 

@@ -9,7 +9,9 @@ from pomona.drivers import Address, ArmFile, ArmLimits, read_limits
 from pomona.executive import RATE, TIME, Flag, Measure, Problem, Text, value
 from pomona.tools.calibration.described_arm import other_model
 
-HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
+HOST = Text(
+    pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed"
+)
 SURE = 0.02  # a knot is in the script within this time [s]: two cycles of a CB3, and the network
 SERVO_LAG = 0.03  # of servoj: its lookahead time in the script [s]
 PORTS = {"rtde": 30004, "script": 30002, "dashboard": 29999}
@@ -39,10 +41,18 @@ class UrFile(ArmFile):
     address: str = value(HOST, help="HOST of the controller")
     model: str = value(Text(*MODELS), help="which robot must be there")
     power_on: bool = value(Flag(), True, "power the arm and release its brakes when the run starts")
-    rate: float = value(Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "packages per second from the controller")
-    point_period: float = value(Measure(TIME, "8 ms", "100 ms"), "20 ms", "time between points that are sent")
-    lead: float = value(Measure(TIME, "60 ms", "500 ms"), "120 ms", "how far ahead of the arm points are sent")
-    silence: float = value(Measure(TIME, "20 ms", "1 s"), "50 ms", "without a package for this long the arm is lost")
+    rate: float = value(
+        Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "packages per second from the controller"
+    )
+    point_period: float = value(
+        Measure(TIME, "8 ms", "100 ms"), "20 ms", "time between points that are sent"
+    )
+    lead: float = value(
+        Measure(TIME, "60 ms", "500 ms"), "120 ms", "how far ahead of the arm points are sent"
+    )
+    silence: float = value(
+        Measure(TIME, "20 ms", "1 s"), "50 ms", "without a package for this long the arm is lost"
+    )
 
     @property
     def wires(self) -> tuple[str, ...]:
@@ -51,10 +61,15 @@ class UrFile(ArmFile):
     @property
     def limits(self) -> ArmLimits:
         """Limits of the joints. Raises UnusableRobotFile."""
-        return replace(read_limits(self.robot, self.dof), reaction=SURE + self.point_period + SERVO_LAG)
+        return replace(
+            read_limits(self.robot, self.dof), reaction=SURE + self.point_period + SERVO_LAG
+        )
 
     def problems(self) -> Iterator[Problem]:
         unusable = list(ArmFile.problems(self))
         yield from unusable or other_model(self.robot, LENGTHS, self.model)
         if self.lead >= 30 * self.point_period:
-            yield Problem("lead", "the controller keeps 30 points: a longer 'point_period' or a shorter 'lead' fits")
+            yield Problem(
+                "lead",
+                "the controller keeps 30 points: a longer 'point_period' or a shorter 'lead' fits",
+            )

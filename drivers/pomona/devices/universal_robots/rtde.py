@@ -15,7 +15,15 @@ ANSWER = 1.0  # deadline of an answer in the handshake [s]
 LARGEST = 4096  # longest message of a controller [bytes]
 HEADER = struct.Struct(">HB")
 """Size of the message with this header [bytes], and its kind."""
-FORMATS = {"DOUBLE": "d", "INT32": "i", "UINT32": "I", "UINT64": "Q", "BOOL": "?", "UINT8": "B", "VECTOR6D": "6d"}
+FORMATS = {
+    "DOUBLE": "d",
+    "INT32": "i",
+    "UINT32": "I",
+    "UINT64": "Q",
+    "BOOL": "?",
+    "UINT8": "B",
+    "VECTOR6D": "6d",
+}
 
 
 class RtdeKind(IntEnum):
@@ -72,7 +80,10 @@ class RtdeRecipe:
             raise Malformed(body, f"is no package of {self._layout.size} bytes")
         values = iter(self._layout.unpack(body)[1:])
         sizes = (6 if form == "6d" else 1 for form in self._formats)
-        return {name: tuple(next(values) for _ in range(size)) for name, size in zip(self.names, sizes, strict=True)}
+        return {
+            name: tuple(next(values) for _ in range(size))
+            for name, size in zip(self.names, sizes, strict=True)
+        }
 
 
 class RtdeSession:
@@ -84,7 +95,13 @@ class RtdeSession:
     """
 
     def __init__(
-        self, device: str, link: Link, clock: Clock, outputs: Sequence[str], inputs: Sequence[str], rate: float
+        self,
+        device: str,
+        link: Link,
+        clock: Clock,
+        outputs: Sequence[str],
+        inputs: Sequence[str],
+        rate: float,
     ) -> None:
         """Shake hands, start, and wait for the first package; `rate` is of packages [1/s].
 
@@ -98,10 +115,14 @@ class RtdeSession:
         self._outputs: RtdeRecipe | None = None
         self.heard_at = clock.now()
         if self._ask(RtdeKind.VERSION, struct.pack(">H", 2)) != b"\x01":
-            raise DeviceFault(device, "its RTDE has no version 2: update PolyScope to 3.12 or 5.6 at least")
+            raise DeviceFault(
+                device, "its RTDE has no version 2: update PolyScope to 3.12 or 5.6 at least"
+            )
         self.version = struct.unpack(">4I", self._whole(self._ask(RtdeKind.CONTROLLER, b""), 16))
         _, self._outputs = self._agree(RtdeKind.OUTPUTS, struct.pack(">d", rate), outputs)
-        self._number, self._inputs = self._agree(RtdeKind.INPUTS, b"", inputs) if inputs else (0, RtdeRecipe((), ()))
+        self._number, self._inputs = (
+            self._agree(RtdeKind.INPUTS, b"", inputs) if inputs else (0, RtdeRecipe((), ()))
+        )
         if self._ask(RtdeKind.START, b"") != b"\x01":
             raise DeviceFault(device, "its RTDE refuses to start")
         end = clock.now() + ANSWER
@@ -150,7 +171,11 @@ class RtdeSession:
         kinds = answer[1:].decode("ascii", "replace").split(",")
         if len(kinds) != len(names):
             raise Nonsense(self._device, Malformed(answer, f"has no types for {len(names)} fields"))
-        wrong = [f"{name} ({kind})" for name, kind in zip(names, kinds, strict=True) if kind not in FORMATS]
+        wrong = [
+            f"{name} ({kind})"
+            for name, kind in zip(names, kinds, strict=True)
+            if kind not in FORMATS
+        ]
         if wrong:
             other = "another run, another RTDE client or a field bus writes them"
             who = other if "IN_USE" in kinds else "this controller lacks them"

@@ -63,7 +63,9 @@ class KnotStream(KnotMaker):
         self._lead, self._commanded = options.lead, commanded
         self._time = 0.0  # of the newest knot [s]
         self._braked = False
-        self._began: float | None = None  # when the script plays the time 0; None until it has taken that knot
+        self._began: float | None = (
+            None  # when the script plays the time 0; None until it has taken that knot
+        )
         self._waiting: deque[Knot] = deque()
         self._taken: deque[Knot] = deque()  # by the script, which has not passed them all
 
@@ -131,7 +133,9 @@ class KnotStream(KnotMaker):
             self._append(0.0, before, np.zeros_like(before), braking)
         self._append(sum(elapsed for elapsed, _, _ in knots), *knots[-1][1:], self._braking())
 
-    def _append(self, elapsed: float, q: Float64, qd: Float64, braking: PathFollower | None = None) -> None:
+    def _append(
+        self, elapsed: float, q: Float64, qd: Float64, braking: PathFollower | None = None
+    ) -> None:
         before, self._time = self._time, self._time + elapsed
         self._waiting.append(Knot(self._time, before, q, qd, braking))
 

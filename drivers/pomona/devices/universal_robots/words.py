@@ -40,13 +40,19 @@ _RUNTIME = {
 def stopped(safety: int, mode: int) -> str:
     """Return why the controller itself does not let the arm move, as the rest of a sentence; empty when it does."""
     if safety not in (1, 2):
-        return _SAFETY.get(safety, f"is in the safety mode {safety}, which this driver has no name for")
+        return _SAFETY.get(
+            safety, f"is in the safety mode {safety}, which this driver has no name for"
+        )
     return "" if mode == RUNNING else _MODES.get(mode, f"is in the robot mode {mode}")
 
 
 def interrupted(runtime: int) -> str:
     """Return why the resident script does not run; empty when a program runs."""
-    return "" if runtime == PLAYING else _RUNTIME.get(runtime, f"its program is in the state {runtime}")
+    return (
+        ""
+        if runtime == PLAYING
+        else _RUNTIME.get(runtime, f"its program is in the state {runtime}")
+    )
 
 
 def unfit(safety: int, status: int, slider: float) -> str:

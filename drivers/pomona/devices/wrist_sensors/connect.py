@@ -26,9 +26,13 @@ class Ft300File:
     port: str = value(Text(), help="its serial port, of a USB adapter for RS-485")
     mass: float = value(CARRIED, help="mass that it carries: hand, camera and fruit")
     least: float = value(
-        Measure(FORCE, "0.1 N", "50 N"), "0.5 N", "smallest lasting change that is no error: measure it"
+        Measure(FORCE, "0.1 N", "50 N"),
+        "0.5 N",
+        "smallest lasting change that is no error: measure it",
     )
-    silence: float = value(Measure(TIME, "40 ms", "1 s"), "100 ms", "without a sample for this long it is lost")
+    silence: float = value(
+        Measure(TIME, "40 ms", "1 s"), "100 ms", "without a sample for this long it is lost"
+    )
 
     @property
     def wires(self) -> tuple[str, ...]:
@@ -41,9 +45,15 @@ class UrForceFile:
 
     address: str = value(HOST, help="HOST of the controller")
     mass: float = value(CARRIED, help="mass that it carries: hand, camera and fruit")
-    least: float = value(Measure(FORCE, "0.1 N", "50 N"), "4 N", "smallest lasting change that is no error: measure it")
+    least: float = value(
+        Measure(FORCE, "0.1 N", "50 N"),
+        "4 N",
+        "smallest lasting change that is no error: measure it",
+    )
     rate: float = value(Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "samples per second")
-    silence: float = value(Measure(TIME, "20 ms", "1 s"), "60 ms", "without a sample for this long it is lost")
+    silence: float = value(
+        Measure(TIME, "20 ms", "1 s"), "60 ms", "without a sample for this long it is lost"
+    )
 
     @property
     def wires(self) -> tuple[str, ...]:

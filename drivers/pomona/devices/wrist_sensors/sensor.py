@@ -61,7 +61,11 @@ class StreamingSensor(Device):
     sides: tuple[str, ...] = ("the load sensor",)
 
     def __init__(
-        self, open_session: Callable[[], WristSession], clock: Clock, options: StreamOptions, name: str
+        self,
+        open_session: Callable[[], WristSession],
+        clock: Clock,
+        options: StreamOptions,
+        name: str,
     ) -> None:
         """`open_session` opens the wire. Raises OSError, DeviceError."""
         super().__init__(name)
@@ -122,12 +126,18 @@ class StreamingSensor(Device):
             self._sequence += 1
             stamp = self._heard_at = self._clock.now()
             full = np.abs(wrench[:, :3]).max(axis=1) >= self._options.range
-            sample = WrenchSample(stamp - behind * 1e-6, self._sequence, wrench, (bool(full[0]), bool(full[-1])))
+            sample = WrenchSample(
+                stamp - behind * 1e-6, self._sequence, wrench, (bool(full[0]), bool(full[-1]))
+            )
             self._stream.deliver(sample)
         return bool(wrenches)
 
     def _lose(self, error: BaseException) -> None:
-        told = f"the wire failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
+        told = (
+            f"the wire failed: {error}"
+            if isinstance(error, OSError)
+            else f"the driver failed: {error!r}"
+        )
         self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, told)
         self._close_session()
         self._retry_at = self._clock.now() + RECONNECT

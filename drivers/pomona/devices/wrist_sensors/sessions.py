@@ -35,7 +35,9 @@ class Ft300Session:
         found, dropped = take_frames(self._buffer)
         self._dropped = 0 if found else self._dropped + dropped
         if self._dropped > MOST:
-            raise Nonsense(self._device, Malformed(bytes(self._buffer), "has no frame of an FT 300"))
+            raise Nonsense(
+                self._device, Malformed(bytes(self._buffer), "has no frame of an FT 300")
+            )
         return [wrench[None, :] for wrench in found]
 
     def close(self) -> None:

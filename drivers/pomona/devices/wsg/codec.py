@@ -212,7 +212,13 @@ _PLAIN = {
     Command.INFO,
     Command.LIMITS,
 }
-_OBSERVABLE = {Command.SYSTEM_STATE, Command.GRASP_STATE, Command.WIDTH, Command.SPEED, Command.FORCE}
+_OBSERVABLE = {
+    Command.SYSTEM_STATE,
+    Command.GRASP_STATE,
+    Command.WIDTH,
+    Command.SPEED,
+    Command.FORCE,
+}
 _SCRIPT = {Command.SCRIPT_READ, Command.SCRIPT_POSITION, Command.SCRIPT_SPEED}
 
 
@@ -229,17 +235,27 @@ def encode(request: Request) -> bytes:
             return encode_frame(WireFrame(Command.HOMING, bytes([direction])))
         case Move(width, speed, relative, stop_on_block):
             flags = int(relative) | int(stop_on_block) << 1
-            return encode_frame(WireFrame(Command.MOVE, struct.pack("<Bff", flags, width * _MM, speed * _MM)))
+            return encode_frame(
+                WireFrame(Command.MOVE, struct.pack("<Bff", flags, width * _MM, speed * _MM))
+            )
         case GraspCommand(width, speed, command):
             return encode_frame(WireFrame(command, struct.pack("<ff", width * _MM, speed * _MM)))
         case SetValue(command, value):
-            return encode_frame(WireFrame(command, struct.pack("<f", value * _VALUE_SCALE[command])))
+            return encode_frame(
+                WireFrame(command, struct.pack("<f", value * _VALUE_SCALE[command]))
+            )
         case SetSoftLimits(minus, plus):
-            return encode_frame(WireFrame(Command.SET_SOFT_LIMITS, struct.pack("<ff", minus * _MM, plus * _MM)))
+            return encode_frame(
+                WireFrame(Command.SET_SOFT_LIMITS, struct.pack("<ff", minus * _MM, plus * _MM))
+            )
         case Observe(command, auto, period):
-            return encode_frame(WireFrame(command, struct.pack("<BH", auto, round(period * 1000.0))))
+            return encode_frame(
+                WireFrame(command, struct.pack("<BH", auto, round(period * 1000.0)))
+            )
         case Script(command, width, speed):
-            return encode_frame(WireFrame(command, struct.pack("<Bff", 0, width * _MM, speed * _MM)))
+            return encode_frame(
+                WireFrame(command, struct.pack("<Bff", 0, width * _MM, speed * _MM))
+            )
 
 
 def decode_request(frame: WireFrame) -> Request:
@@ -310,7 +326,9 @@ def encode_reply(reply: Reply) -> bytes:
     body = reply.payload
     if reply.status is Status.SUCCESS and reply.command in _REPLY_LAYOUT:
         layout, scales = _REPLY_LAYOUT[reply.command]
-        body = struct.pack(layout, *(value * scale for value, scale in zip(reply.values, scales, strict=True)))
+        body = struct.pack(
+            layout, *(value * scale for value, scale in zip(reply.values, scales, strict=True))
+        )
     return encode_frame(WireFrame(reply.command, struct.pack("<H", reply.status) + body))
 
 
@@ -326,18 +344,24 @@ def decode_reply(frame: WireFrame) -> Reply:
     try:
         status = Status(code)
     except ValueError:
-        raise Malformed(encode_frame(frame), f"a reply to {command.name} with the unknown status {code}") from None
+        raise Malformed(
+            encode_frame(frame), f"a reply to {command.name} with the unknown status {code}"
+        ) from None
     if command is Command.LOOP:
         return Reply(command, status, payload=body)
     if status is not Status.SUCCESS:
         return Reply(command, status)
     layout, scales = _REPLY_LAYOUT.get(command, ("<", ()))
     if len(body) != struct.calcsize(layout):
-        raise Malformed(encode_frame(frame), f"a reply to {command.name} with {len(body)} bytes of values")
+        raise Malformed(
+            encode_frame(frame), f"a reply to {command.name} with {len(body)} bytes of values"
+        )
     return Reply(command, status, _unpack(frame, layout, body, scales))
 
 
-def _unpack(frame: WireFrame, layout: str, body: bytes, scales: tuple[float, ...]) -> tuple[float, ...]:
+def _unpack(
+    frame: WireFrame, layout: str, body: bytes, scales: tuple[float, ...]
+) -> tuple[float, ...]:
     values = struct.unpack(layout, body)
     if not all(map(math.isfinite, values)):
         raise Malformed(encode_frame(frame), "a message with a value that is not a number")

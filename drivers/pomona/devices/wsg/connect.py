@@ -53,32 +53,56 @@ class CanFile:
 class WsgFile:
     """A Weiss WSG gripper on TCP or CAN."""
 
-    tcp: tuple[str, int] | None = value(Address(TCP_PORT), None, "HOST or HOST:PORT; alternatively 'can'")
+    tcp: tuple[str, int] | None = value(
+        Address(TCP_PORT), None, "HOST or HOST:PORT; alternatively 'can'"
+    )
     can: CanFile | None = value(Section(CanFile), None, "the CAN bus; alternatively 'tcp'")
     finger_offset: float = value(
-        Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening between the pads' faces when the jaws are closed"
+        Measure(LENGTH, "-200 mm", "500 mm"),
+        "0 mm",
+        "opening between the pads' faces when the jaws are closed",
     )
-    soft_limits: tuple[float, float] | None = value(Span(Measure(LENGTH)), None, "least and largest opening")
+    soft_limits: tuple[float, float] | None = value(
+        Span(Measure(LENGTH)), None, "least and largest opening"
+    )
     acceleration: float | None = value(
         Measure(ACCELERATION, "0.1 mm/s²", "50 m/s²"), None, "default: the gripper's own"
     )
-    force_limit: float | None = value(Measure(FORCE, "0.1 mN", "500 N"), None, "default: the gripper's own")
-    speed_max: float | None = value(Measure(SPEED, "0.1 mm/s", "1 m/s"), None, "default: the gripper's own")
-    home: bool = value(Flag(), False, "home a gripper without a reference in a start with --cleared: the fingers move")
+    force_limit: float | None = value(
+        Measure(FORCE, "0.1 mN", "500 N"), None, "default: the gripper's own"
+    )
+    speed_max: float | None = value(
+        Measure(SPEED, "0.1 mm/s", "1 m/s"), None, "default: the gripper's own"
+    )
+    home: bool = value(
+        Flag(),
+        False,
+        "home a gripper without a reference in a start with --cleared: the fingers move",
+    )
     tare: bool = value(Flag(), False, "zero the gripper's force sensor when the run starts")
     watchdog: float = value(
-        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
+        Measure(TIME, "30 ms", "1 s"),
+        "100 ms",
+        "a streamed speed that is not renewed within this time becomes zero",
     )
-    silence: float = value(Measure(TIME, "15 ms", "1 s"), "45 ms", "without a reply for this long the gripper is lost")
+    silence: float = value(
+        Measure(TIME, "15 ms", "1 s"), "45 ms", "without a reply for this long the gripper is lost"
+    )
     supervision: GripperSupervision = value(
-        Section(GripperSupervision), GripperSupervision(), "how closely the gripper must follow its commands"
+        Section(GripperSupervision),
+        GripperSupervision(),
+        "how closely the gripper must follow its commands",
     )
 
     @property
     def wires(self) -> tuple[str, ...]:
         if self.tcp is not None:
             return (f"{self.tcp[0]}:{self.tcp[1]}",)
-        return () if self.can is None else (f"{self.can.interface} {self.can.channel}, id {self.can.send_id}",)
+        return (
+            ()
+            if self.can is None
+            else (f"{self.can.interface} {self.can.channel}, id {self.can.send_id}",)
+        )
 
     def problems(self) -> Iterator[Problem]:
         if (self.tcp is None) == (self.can is None):
@@ -117,11 +141,17 @@ def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper:
     return gripper
 
 
-def _link(said: WsgFile, context: ConnectContext) -> tuple[Callable[[], Link], str, tuple[str, tuple[Any, ...]]]:
+def _link(
+    said: WsgFile, context: ConnectContext
+) -> tuple[Callable[[], Link], str, tuple[str, tuple[Any, ...]]]:
     """How to open the wire, the setting's name, and how another process stops the gripper over a wire of its own."""
     if said.tcp is not None:
         host, port = said.tcp
-        return tcp_opener(host, port, context.wires), "tcp", ("pomona.devices.wsg.outside:stop", (host, port))
+        return (
+            tcp_opener(host, port, context.wires),
+            "tcp",
+            ("pomona.devices.wsg.outside:stop", (host, port)),
+        )
     can = said.can or CanFile()
     where = (can.interface, can.channel, can.bitrate, can.send_id, can.reply_id)
     return (lambda: CanLink.open(*where)), "can", ("pomona.devices.wsg.outside:stop_on_can", where)

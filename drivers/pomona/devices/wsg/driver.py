@@ -29,11 +29,18 @@ from pomona.drivers import (
 from pomona.executive import Clock
 
 RECONNECT = 0.5  # pause between attempts to reconnect [s]
-STREAM_PERIOD = 0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
+STREAM_PERIOD = (
+    0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
+)
 PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
-STOPPING = 0.2  # deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
+STOPPING = (
+    0.2  # deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
+)
 
-ARRIVED, ARRIVAL = 2e-3, 0.1  # tolerance at the end of a move [m], and deadline for measuring it [s]
+ARRIVED, ARRIVAL = (
+    2e-3,
+    0.1,
+)  # tolerance at the end of a move [m], and deadline for measuring it [s]
 
 UPDATES = (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE)
 """Automatic updates of the gripper; their absence is a fault."""
@@ -59,12 +66,20 @@ class WsgGripper(ParallelGripper):
     outlives = True
 
     def __init__(
-        self, open_link: Callable[[], Link], clock: Clock, options: WsgOptions | None = None, name: str = "gripper"
+        self,
+        open_link: Callable[[], Link],
+        clock: Clock,
+        options: WsgOptions | None = None,
+        name: str = "gripper",
     ) -> None:
         self.options = options or WsgOptions()
         # the handshake reports the limits and the acceleration
         super().__init__(
-            name, clock, GripperLimits(0.0, 0.0, 0.0, 0.0), acceleration=1.0, watchdog=self.options.watchdog
+            name,
+            clock,
+            GripperLimits(0.0, 0.0, 0.0, 0.0),
+            acceleration=1.0,
+            watchdog=self.options.watchdog,
         )
         self.identity: WsgIdentity | None = None
         self._problem = DeviceLost(name, "was never connected")
@@ -74,9 +89,13 @@ class WsgGripper(ParallelGripper):
         self._retry_at = 0.0
         self._rate = 0.0
         self._updated: dict[Command, float] = {}
-        self._waiting: GripperMotion | None = None  # to be started when the stop before it is answered
+        self._waiting: GripperMotion | None = (
+            None  # to be started when the stop before it is answered
+        )
         self._sent_at, self._sent = -math.inf, 0.0  # newest speed set-point
-        self._arriving: float | None = None  # the gripper reports arrival; deadline for its width to confirm it
+        self._arriving: float | None = (
+            None  # the gripper reports arrival; deadline for its width to confirm it
+        )
         self._grace_until = -math.inf
         self._obey_by: float | None = None  # deadline for coming to rest after a stop
 
@@ -121,7 +140,9 @@ class WsgGripper(ParallelGripper):
             raise
         now, options = self._clock.now(), self.options
         self.identity, self.limits = identity, identity.limits(options)
-        self._supervisor = GripperSupervisor(identity.reach(options), identity.acceleration, options.supervision)
+        self._supervisor = GripperSupervisor(
+            identity.reach(options), identity.acceleration, options.supervision
+        )
         self._supervisor.rest(now)
         self._updated = dict.fromkeys(UPDATES, now)
         self._speed = self._sent = 0.0
@@ -158,7 +179,8 @@ class WsgGripper(ParallelGripper):
         if not self._lost and not self._lost_since_ack:
             if self.identity is None or not self.identity.has_script:
                 raise DeviceFault(
-                    self.name, "has no finger script for streamed speeds: load drivers/pomona/devices/wsg/velocity.lua"
+                    self.name,
+                    "has no finger script for streamed speeds: load drivers/pomona/devices/wsg/velocity.lua",
                 )
             if self._bits & SystemState.FAST_STOP:
                 raise DeviceFault(self.name, FAULTS[SystemState.FAST_STOP])
@@ -197,7 +219,9 @@ class WsgGripper(ParallelGripper):
     def _set_stream(self, speed: float) -> None:
         """Set the speed; it is sent no sooner than the finger script takes it."""
         self._speed = speed
-        if self._clock.now() - self._sent_at >= STREAM_PERIOD or (speed == 0.0 and self._sent != 0.0):
+        if self._clock.now() - self._sent_at >= STREAM_PERIOD or (
+            speed == 0.0 and self._sent != 0.0
+        ):
             self._start_stream(speed)
 
     def _start_stream(self, speed: float) -> None:
@@ -240,7 +264,9 @@ class WsgGripper(ParallelGripper):
             raise DeviceLost(self.name, f"no answer for {1e3 * (now - session.last_heard):.0f} ms")
         command, came_at = min(self._updated.items(), key=lambda item: item[1])
         if now - came_at > 2.0 * self.options.silence:
-            raise DeviceLost(self.name, f"has not sent its {command.name} for {1e3 * (now - came_at):.0f} ms")
+            raise DeviceLost(
+                self.name, f"has not sent its {command.name} for {1e3 * (now - came_at):.0f} ms"
+            )
 
     def _patience(self) -> float:
         """Receive timeout [s]: at most until the next set-point is due."""
@@ -257,12 +283,16 @@ class WsgGripper(ParallelGripper):
                 self._obey_by = None
             elif state.stamp > self._obey_by:  # not the clock: this thread may have stalled
                 width = 1e3 * state.width
-                self._disobeyed(f"was not measured at rest {1e3 * STOPPING:.0f} ms after a stop, at {width:.1f} mm")
+                self._disobeyed(
+                    f"was not measured at rest {1e3 * STOPPING:.0f} ms after a stop, at {width:.1f} mm"
+                )
         if self._move is not None:
             self._arrive(self._move)
 
     def _keep_streaming(self, now: float) -> None:
-        changed = self._speed != self._sent and (self._speed == 0.0 or now - self._sent_at >= STREAM_PERIOD)
+        changed = self._speed != self._sent and (
+            self._speed == 0.0 or now - self._sent_at >= STREAM_PERIOD
+        )
         # Renewing feeds the finger script's own watchdog.
         if changed or (self._speed != 0.0 and now - self._sent_at >= 2.0 * STREAM_PERIOD):
             self._start_stream(self._speed)
@@ -298,7 +328,9 @@ class WsgGripper(ParallelGripper):
             self._problem = StopFailed(self.name, words, self._problem)
 
     def _fail(self, words: str) -> None:
-        if self._problem is None or self._obey_by is None:  # else it was stopped for a problem already
+        if (
+            self._problem is None or self._obey_by is None
+        ):  # else it was stopped for a problem already
             super()._fail(words)
 
     def _take(self, reply: Reply) -> None:
@@ -316,7 +348,9 @@ class WsgGripper(ParallelGripper):
                 self._rate = reply.values[1]
                 self._take_width(reply.values[0])
             case Command.SCRIPT_SPEED:
-                self._blame(DeviceFault(self.name, f"refused a streamed speed: {reply.status.name}"))
+                self._blame(
+                    DeviceFault(self.name, f"refused a streamed speed: {reply.status.name}")
+                )
             case Command.STOP | Command.FAST_STOP:
                 self._take_stop(reply)
             case Command.MOVE:

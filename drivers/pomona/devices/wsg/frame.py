@@ -9,7 +9,9 @@ import struct
 from dataclasses import dataclass, field
 
 PREAMBLE = b"\xaa\xaa\xaa"
-MAX_PAYLOAD = 64  # longest payload [bytes]; the longest known has 34. Bounds the damage of a wrong length
+MAX_PAYLOAD = (
+    64  # longest payload [bytes]; the longest known has 34. Bounds the damage of a wrong length
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,11 @@ class FrameDecoder:
                 break
             self.discarded += start - position
             position = start
-            length = int.from_bytes(buffer[start + 4 : start + 6], "little") if len(buffer) >= start + 6 else 0
+            length = (
+                int.from_bytes(buffer[start + 4 : start + 6], "little")
+                if len(buffer) >= start + 6
+                else 0
+            )
             end = start + 8 + length
             if length <= MAX_PAYLOAD and end > len(buffer) and not final:
                 break

@@ -33,7 +33,9 @@ class WsgOptions:
     acceleration: float | None = None  # of moves [m/s²], or None for the gripper's own
     force_limit: float | None = None  # of moves [N], or None
     soft_limits: tuple[float, float] | None = None  # least and most opening [m], or None
-    speed_max: float | None = None  # of moves and streamed speeds [m/s], or None for the gripper's own
+    speed_max: float | None = (
+        None  # of moves and streamed speeds [m/s], or None for the gripper's own
+    )
     # find the reference at the first connection; the fingers move and would drop a held object. Never done at a
     # reconnection.
     home: bool = False
@@ -62,8 +64,13 @@ class WsgIdentity:
 
     def limits(self, options: WsgOptions) -> GripperLimits:
         """Return the narrower of the hardware's and the cell file's limits, as openings between the pads."""
-        low, high = options.soft_limits or (options.finger_offset, options.finger_offset + self.stroke)
-        return GripperLimits(low, high, min(options.speed_max or self.speed_max, self.speed_max), self.force_max)
+        low, high = options.soft_limits or (
+            options.finger_offset,
+            options.finger_offset + self.stroke,
+        )
+        return GripperLimits(
+            low, high, min(options.speed_max or self.speed_max, self.speed_max), self.force_max
+        )
 
     def reach(self, options: WsgOptions) -> GripperLimits:
         """Return the hardware's limits, as openings between the pads."""

@@ -66,7 +66,11 @@ class GripperSession:
         return command in self._awaited
 
     def ask(
-        self, request: Request, command: Command, others: Callable[[Reply], None], deadline: float = ANSWER
+        self,
+        request: Request,
+        command: Command,
+        others: Callable[[Reply], None],
+        deadline: float = ANSWER,
     ) -> Reply:
         """Send a request and wait for its final reply; `others` gets everything else that comes meanwhile.
 
@@ -77,7 +81,11 @@ class GripperSession:
         while True:
             final: Reply | None = None
             for reply in self.receive(0.005):
-                if reply.command is command and reply.status is not Status.CMD_PENDING and final is None:
+                if (
+                    reply.command is command
+                    and reply.status is not Status.CMD_PENDING
+                    and final is None
+                ):
                     final = reply
                 else:
                     others(reply)
@@ -87,7 +95,11 @@ class GripperSession:
                 self._complain(f"{command.name} did not end within {deadline:g} s")
 
     def demand(
-        self, request: Request, command: Command, others: Callable[[Reply], None], deadline: float = ANSWER
+        self,
+        request: Request,
+        command: Command,
+        others: Callable[[Reply], None],
+        deadline: float = ANSWER,
     ) -> Reply:
         """As `ask`, for a request that must succeed. Raises DeviceFault: the gripper refused it; and as `ask`."""
         reply = self.ask(request, command, others, deadline)

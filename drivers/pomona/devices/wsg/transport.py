@@ -19,12 +19,16 @@ class CanLink:
         self._bus, self._send_id, self._reply_id = bus, send_id, reply_id
 
     @classmethod
-    def open(cls, interface: str, channel: str, bitrate: int, send_id: int, reply_id: int) -> CanLink:
+    def open(
+        cls, interface: str, channel: str, bitrate: int, send_id: int, reply_id: int
+    ) -> CanLink:
         """Open any of python-can's interfaces: socketcan, virtual, udp_multicast, pcan, slcan …
 
         Raises OSError: the bus cannot be opened.
         """
-        options: dict[str, Any] = {} if interface in ("virtual", "udp_multicast") else {"bitrate": bitrate}
+        options: dict[str, Any] = (
+            {} if interface in ("virtual", "udp_multicast") else {"bitrate": bitrate}
+        )
         filters: list[Any] = [{"can_id": reply_id, "can_mask": 0x7FF, "extended": False}]
         try:
             bus = can.Bus(channel, interface=interface, can_filters=filters, **options)
@@ -34,7 +38,9 @@ class CanLink:
 
     def send(self, chunk: bytes) -> None:
         for at in range(0, len(chunk), 8):
-            message = can.Message(arbitration_id=self._send_id, data=chunk[at : at + 8], is_extended_id=False)
+            message = can.Message(
+                arbitration_id=self._send_id, data=chunk[at : at + 8], is_extended_id=False
+            )
             try:
                 self._bus.send(message, timeout=0.05)
             except can.CanError as error:

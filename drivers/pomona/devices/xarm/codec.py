@@ -63,7 +63,9 @@ class Report:
 
 def encode(transaction: int, register: int, parameters: bytes = b"") -> bytes:
     """Return a request."""
-    return HEADER.pack(transaction, PROTOCOLS[0], 1 + len(parameters)) + bytes([register]) + parameters
+    return (
+        HEADER.pack(transaction, PROTOCOLS[0], 1 + len(parameters)) + bytes([register]) + parameters
+    )
 
 
 def decode_answers(buffer: bytearray) -> list[XArmAnswer]:
@@ -77,7 +79,9 @@ def decode_answers(buffer: bytearray) -> list[XArmAnswer]:
         if len(buffer) < whole:
             break
         register, flags = buffer[HEADER.size : HEADER.size + 2]
-        found.append(XArmAnswer(transaction, register, flags, bytes(buffer[HEADER.size + 2 : whole])))
+        found.append(
+            XArmAnswer(transaction, register, flags, bytes(buffer[HEADER.size + 2 : whole]))
+        )
         del buffer[:whole]
     return found
 

@@ -19,7 +19,10 @@ def connect(settings: Settings[XArmFile], context: ConnectContext) -> XArm:
         arm,
         {
             WrongModelError: ("model", "is the address that of the right robot?"),
-            DeviceLost: ("address", f"is the controller on, and do ports {ports} answer at {said.address}?"),
+            DeviceLost: (
+                "address",
+                f"is the controller on, and do ports {ports} answer at {said.address}?",
+            ),
             DeviceError: ("address", ""),
         },
     )

@@ -75,10 +75,15 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         except Malformed as error:
             raise Nonsense(self.name, error) from error
         if model != self.options.model:
-            raise WrongModelError(self.name, f"is a {model}, not the {self.options.model} of the cell file")
+            raise WrongModelError(
+                self.name, f"is a {model}, not the {self.options.model} of the cell file"
+            )
         if version < OLDEST:
             old, least = (".".join(map(str, each)) for each in (version, OLDEST))
-            raise DeviceFault(self.name, f"has the firmware {old}, which is too old: update it to {least} at least")
+            raise DeviceFault(
+                self.name,
+                f"has the firmware {old}, which is too old: update it to {least} at least",
+            )
 
     def _make_ready(self, session: XArmSession) -> None:
         """Enable the motors where the options allow it, and switch to servo mode; nothing moves.
@@ -89,12 +94,22 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         if error:
             raise DeviceFault(self.name, error_words(error))
         if session.report.mode == BY_HAND:
-            raise DeviceFault(self.name, "is in manual mode, in which it is guided by hand; end it in UFACTORY Studio")
+            raise DeviceFault(
+                self.name,
+                "is in manual mode, in which it is guided by hand; end it in UFACTORY Studio",
+            )
         held = not self._starting and session.report.mode == SERVO and session.report.state in READY
         moves = self._state is not None and float(np.abs(self._state.qd).max()) > MOVES
-        if held or moves or session.report.state == 1 or int.from_bytes(session.ask(Register.QUEUED), "big"):
+        if (
+            held
+            or moves
+            or session.report.state == 1
+            or int.from_bytes(session.ask(Register.QUEUED), "big")
+        ):
             why = "another program moves it, holds it in servo mode, or has queued motions"
-            raise DeviceFault(self.name, f"{why}; end that one, or stop the arm in UFACTORY Studio, first")
+            raise DeviceFault(
+                self.name, f"{why}; end that one, or stop the arm in UFACTORY Studio, first"
+            )
         if self.options.enable:
             session.ask(Register.MOTION_ENABLE, bytes([ALL, 1]), SLOW)
         session.ask(Register.CLEAN_WARNING)
@@ -104,7 +119,9 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         while session.report.mode != SERVO or session.report.state not in READY:
             if self._clock.now() > end:
                 idle = "does not become ready; enable it in UFACTORY Studio"
-                raise DeviceFault(self.name, error_words(session.error()) if session.flags & ERROR else idle)
+                raise DeviceFault(
+                    self.name, error_words(session.error()) if session.flags & ERROR else idle
+                )
             session.listen(0.01)
         self._rests_at = None
 
@@ -114,7 +131,9 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         now = self._clock.now()
         session.listen(min(max(self._next - now, 0.0), 0.002))
         silent = self._clock.now() - session.reported_at
-        if silent > self.options.silence and not session.listen(0.0):  # unless this thread itself was held up
+        if silent > self.options.silence and not session.listen(
+            0.0
+        ):  # unless this thread itself was held up
             raise DeviceLost(self.name, f"no report for {1e3 * silent:.0f} ms")
         if self._starting:
             self._start_again(session)

@@ -9,7 +9,9 @@ from pomona.drivers import Address, ArmFile, ArmLimits, read_limits
 from pomona.executive import TIME, Flag, Measure, Problem, Text, value
 from pomona.tools.calibration.described_arm import other_model
 
-HOST = Text(pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed")
+HOST = Text(
+    pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed"
+)
 PORTS = {"command": 502, "report": 30003}
 LENGTHS = {
     "xarm5": (0.0, 0.2895, 0.3512, 0.076),
@@ -28,11 +30,17 @@ class XArmFile(ArmFile):
 
     address: str = value(HOST, help="HOST of the controller")
     model: str = value(Text(*JOINTS), help="which robot must be there")
-    enable: bool = value(Flag(), True, "enable the motors and release the brakes when the run starts")
-    silence: float = value(
-        Measure(TIME, "20 ms", "1 s"), "40 ms", "without an answer, a report or a set-point for this long it is lost"
+    enable: bool = value(
+        Flag(), True, "enable the motors and release the brakes when the run starts"
     )
-    servo_lag: float = value(Measure(TIME, "0 s", "300 ms"), "0 s", "delay of servo mode behind set-points: measure it")
+    silence: float = value(
+        Measure(TIME, "20 ms", "1 s"),
+        "40 ms",
+        "without an answer, a report or a set-point for this long it is lost",
+    )
+    servo_lag: float = value(
+        Measure(TIME, "0 s", "300 ms"), "0 s", "delay of servo mode behind set-points: measure it"
+    )
 
     @property
     def wires(self) -> tuple[str, ...]:

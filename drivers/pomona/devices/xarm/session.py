@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import contextlib
 
-from pomona.devices.xarm.codec import INVALID, Register, Report, decode_answers, decode_reports, encode
+from pomona.devices.xarm.codec import (
+    INVALID,
+    Register,
+    Report,
+    decode_answers,
+    decode_reports,
+    encode,
+)
 from pomona.drivers import DeviceFault, DeviceLost, Link, Malformed, Nonsense
 from pomona.executive import Clock
 
@@ -19,7 +26,9 @@ class XArmSession:
         report: the newest; reported_at: when it came, on the cell's clock [s].
     """
 
-    def __init__(self, device: str, command: Link, reports: Link, clock: Clock, silence: float) -> None:
+    def __init__(
+        self, device: str, command: Link, reports: Link, clock: Clock, silence: float
+    ) -> None:
         """`silence`: deadline of an answer [s]. Read version and first report. Raises DeviceLost, Nonsense, OSError."""
         self._device, self._command, self._reports, self._clock = device, command, reports, clock
         self._silence = silence
@@ -39,7 +48,9 @@ class XArmSession:
         self._command.send(encode(self._transaction, register, parameters))
         return self._transaction
 
-    def ask(self, register: Register, parameters: bytes = b"", deadline: float | None = None) -> bytes:
+    def ask(
+        self, register: Register, parameters: bytes = b"", deadline: float | None = None
+    ) -> bytes:
         """Send a request and return the body of its answer.
 
         Raises:
@@ -53,16 +64,24 @@ class XArmSession:
             late = self._clock.now() - sent_at > deadline
             self._answered += self._command.receive(0.0 if late else 0.002)
             try:
-                answers = [answer for answer in decode_answers(self._answered) if answer.transaction == number]
+                answers = [
+                    answer
+                    for answer in decode_answers(self._answered)
+                    if answer.transaction == number
+                ]
             except Malformed as error:
                 raise Nonsense(self._device, error) from error
             if answers:
                 self.flags = answers[-1].flags
                 if self.flags & INVALID:
-                    raise DeviceFault(self._device, f"its controller refuses the request {register.name}")
+                    raise DeviceFault(
+                        self._device, f"its controller refuses the request {register.name}"
+                    )
                 return answers[-1].body
             if late:
-                raise DeviceLost(self._device, f"no answer for {1e3 * (self._clock.now() - sent_at):.0f} ms")
+                raise DeviceLost(
+                    self._device, f"no answer for {1e3 * (self._clock.now() - sent_at):.0f} ms"
+                )
 
     def listen(self, patience: float) -> bool:
         """Take in reports, waiting up to `patience` [s]; whether one came. Raises OSError, Nonsense."""

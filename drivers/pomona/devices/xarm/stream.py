@@ -35,7 +35,12 @@ class ServoStream:
             commanded: called with each set-point and the time at which the arm shall pass it [s].
         """
         self.motion, self.sent, self.q_last, self.due = motion, 0, q_arm, clock.now()
-        self._device, self._clock, self._longest, self._commanded = device, clock, longest, commanded
+        self._device, self._clock, self._longest, self._commanded = (
+            device,
+            clock,
+            longest,
+            commanded,
+        )
         self._moves, self._settled_at = False, 0.0
 
     @property
@@ -59,7 +64,11 @@ class ServoStream:
         if rested and self.motion.set_point_rests:
             return None
         steps = 1
-        while steps < MOST and not self.motion.set_point_rests and self.due + (steps + 0.5) * PERIOD < now:
+        while (
+            steps < MOST
+            and not self.motion.set_point_rests
+            and self.due + (steps + 0.5) * PERIOD < now
+        ):
             q, qd = self.motion.step()
             steps += 1
         self.due = max(self.due + steps * PERIOD, now - PERIOD)

@@ -42,4 +42,8 @@ def interrupted(state: int, mode: int) -> str:
         return f"was switched to the mode of {name} by another program; one of them only can move the arm"
     if state == 3:
         return "was paused by another program or in UFACTORY Studio; acknowledge here to begin anew"
-    return "" if state in READY else "was stopped by another program or in UFACTORY Studio; acknowledge here"
+    return (
+        ""
+        if state in READY
+        else "was stopped by another program or in UFACTORY Studio; acknowledge here"
+    )

@@ -138,7 +138,9 @@ class ParallelGripper(Device, ABC):
         """Serve the gripper in a thread of its own from now on."""
         self._owner.start()
 
-    def _measured(self, stamp: float, width: float, speed: float, motor_force: float | None = None) -> None:
+    def _measured(
+        self, stamp: float, width: float, speed: float, motor_force: float | None = None
+    ) -> None:
         """Take a measurement: its time [s], the opening [m], its rate [m/s], and the motor's force [N], if reported."""
         moving = self._move is not None and not self._move.settled
         state = GripperState(stamp, width, speed, moving, motor_force, aim=self._aim)
@@ -173,7 +175,11 @@ class ParallelGripper(Device, ABC):
             self._set_stream(0.0)
 
     def _judge_move(
-        self, state: GripperState, set_point: float, arrived: float = ARRIVED, blocked: float = BLOCKED
+        self,
+        state: GripperState,
+        set_point: float,
+        arrived: float = ARRIVED,
+        blocked: float = BLOCKED,
     ) -> None:
         """End the running move by its measured rest: done at its width, blocked elsewhere.
 
@@ -193,7 +199,9 @@ class ParallelGripper(Device, ABC):
         else:
             self._off_target_since = min(self._off_target_since, state.stamp)
             if state.stamp - self._off_target_since > blocked:
-                self._end_move(MotionState.FAILED, f"the fingers are blocked at {1e3 * state.width:.1f} mm")
+                self._end_move(
+                    MotionState.FAILED, f"the fingers are blocked at {1e3 * state.width:.1f} mm"
+                )
 
     def _end_move(self, state: MotionState, problem: str = "") -> None:
         """Report the end of the present move, and let the fingers rest."""

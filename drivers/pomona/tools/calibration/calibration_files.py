@@ -31,7 +31,17 @@ class CalibrationKind:
         foreign = foreign_calibration(text)
         if foreign is not None:
             name, remedy = foreign
-            findings.add(Finding(str(path), 1, 1, "error", "foreign", f"this is {name}, and no file of Pomona", remedy))
+            findings.add(
+                Finding(
+                    str(path),
+                    1,
+                    1,
+                    "error",
+                    "foreign",
+                    f"this is {name}, and no file of Pomona",
+                    remedy,
+                )
+            )
             return
         try:
             if HAND_EYE in text:

@@ -28,37 +28,66 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("calibrate", help="make calibration files")
     kinds = parser.add_subparsers(metavar="KIND", required=True)
-    fingers = kinds.add_parser("fingers", help="fit a finger's network to recorded voltages and wrenches")
-    fingers.add_argument("recording", type=Path, help=".npz with volts and wrenches, or .csv with 31 columns")
+    fingers = kinds.add_parser(
+        "fingers", help="fit a finger's network to recorded voltages and wrenches"
+    )
+    fingers.add_argument(
+        "recording", type=Path, help=".npz with volts and wrenches, or .csv with 31 columns"
+    )
     fingers.add_argument("--out", type=Path, required=True, help="the calibration file to write")
     fingers.add_argument(
-        "--finger", default="", help="name of the finger; the calibration of a left finger is refused for the right one"
+        "--finger",
+        default="",
+        help="name of the finger; the calibration of a left finger is refused for the right one",
     )
-    fingers.add_argument("--hidden", type=Whole(1).option, nargs="+", default=[32], help="sizes of the hidden layers")
+    fingers.add_argument(
+        "--hidden", type=Whole(1).option, nargs="+", default=[32], help="sizes of the hidden layers"
+    )
     fingers.add_argument("--epochs", type=Whole(1).option, default=300)
     fingers.add_argument("--seed", type=Whole(0).option, default=0)
     fingers.set_defaults(main=lambda options: _guarded(_fingers, options))
     side = Measure(LENGTH, "1 mm", "1 m")
-    hand_eye = kinds.add_parser("hand-eye", help="estimate the camera's pose on the flange from images of a chessboard")
+    hand_eye = kinds.add_parser(
+        "hand-eye", help="estimate the camera's pose on the flange from images of a chessboard"
+    )
     hand_eye.add_argument("folder", type=Path, help="images, poses.json and intrinsics.yaml")
-    hand_eye.add_argument("--board", default="9x6", help="inner corners of the chessboard (default: 9x6)")
-    hand_eye.add_argument("--square", type=side.option, required=True, help="side of a square, such as 24.5mm")
+    hand_eye.add_argument(
+        "--board", default="9x6", help="inner corners of the chessboard (default: 9x6)"
+    )
+    hand_eye.add_argument(
+        "--square", type=side.option, required=True, help="side of a square, such as 24.5mm"
+    )
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
     depth = kinds.add_parser(
-        "depth", help="estimate the depth errors of a camera from balls or a wall in recorded frames"
+        "depth",
+        help="estimate the depth errors of a camera from balls or a wall in recorded frames",
     )
     recorded = "NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml; none with --cell"
     depth.add_argument("folder", type=Path, nargs="?", help=recorded)
     live = f"with --wall: look now, with this cell's camera, {LIVE_FRAMES} times; nothing moves"
     depth.add_argument("--cell", metavar="CELL", help=live)
-    depth.add_argument("--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm")
-    depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise only")
-    depth.add_argument("--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm")
-    depth.add_argument("--only", default="", metavar="BEGIN", help="only the rows whose name begins with BEGIN")
-    depth.add_argument("--intrinsics", type=Path, help="intrinsics of the camera, if the folder has no file")
-    depth.add_argument("--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)")
-    depth.add_argument("--plot", type=Path, help="plot of measured against true distance, before and after")
+    depth.add_argument(
+        "--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm"
+    )
+    depth.add_argument(
+        "--wall", action="store_true", help="the frames show a flat wall or board: noise only"
+    )
+    depth.add_argument(
+        "--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm"
+    )
+    depth.add_argument(
+        "--only", default="", metavar="BEGIN", help="only the rows whose name begins with BEGIN"
+    )
+    depth.add_argument(
+        "--intrinsics", type=Path, help="intrinsics of the camera, if the folder has no file"
+    )
+    depth.add_argument(
+        "--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)"
+    )
+    depth.add_argument(
+        "--plot", type=Path, help="plot of measured against true distance, before and after"
+    )
     depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
     depth.set_defaults(main=lambda options: _guarded(_depth, options))
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
@@ -115,7 +144,9 @@ def _look_now(name: str) -> list[NDArray[np.float32]]:
                 depths[frame.sequence] = frame.depth
             cell.clock.advance(0.01)
     if len(depths) < LIVE_FRAMES:
-        raise UnusableDepth(f"{len(depths)} depth images came in {LIVE_TIMEOUT:.0f} s, {LIVE_FRAMES} are needed")
+        raise UnusableDepth(
+            f"{len(depths)} depth images came in {LIVE_TIMEOUT:.0f} s, {LIVE_FRAMES} are needed"
+        )
     return list(depths.values())
 
 
@@ -138,22 +169,37 @@ def _depth(options: argparse.Namespace) -> str:
         read_images,
         read_intrinsics,
     )
-    from pomona.tools.calibration.depth_calibration import UnusableDepth, calibrate_balls, calibrate_wall, read_balls
+    from pomona.tools.calibration.depth_calibration import (
+        UnusableDepth,
+        calibrate_balls,
+        calibrate_wall,
+        read_balls,
+    )
 
     if (options.balls is None) == (not options.wall):
         raise UnusableDepth("the subject of the frames is missing: add --balls TABLE or --wall")
     if (options.folder is None) == (options.cell is None):
-        raise UnusableDepth("frames are missing: name a folder, or a cell with a live camera by --cell")
+        raise UnusableDepth(
+            "frames are missing: name a folder, or a cell with a live camera by --cell"
+        )
     if options.cell is not None:
         if not options.wall:
-            raise UnusableDepth("--cell needs --wall: balls need recorded frames, in which you draw boxes")
+            raise UnusableDepth(
+                "--cell needs --wall: balls need recorded frames, in which you draw boxes"
+            )
         found = calibrate_wall(_look_now(options.cell), options.sensor)
         found.save(options.out)
         return f"{found}\nwritten to {options.out}"
     frames = list_frames(options.folder)
-    intrinsics = read_intrinsics(options.intrinsics) if options.intrinsics else folder_intrinsics(options.folder)
+    intrinsics = (
+        read_intrinsics(options.intrinsics)
+        if options.intrinsics
+        else folder_intrinsics(options.folder)
+    )
     if intrinsics is None:
-        raise UnusableDepth(f"the camera's intrinsics are missing: put {INTRINSICS_FILE} into the folder")
+        raise UnusableDepth(
+            f"the camera's intrinsics are missing: put {INTRINSICS_FILE} into the folder"
+        )
     depths = {frame.label: read_images(frame, intrinsics)[1] for frame in frames}
     if options.wall:
         found = calibrate_wall(list(depths.values()), options.sensor)
@@ -183,7 +229,9 @@ def draw_calibration(calibration: DepthCalibration, path: Path) -> None:
     for axes, values, title in zip(
         figure.subplots(1, 2, sharey=True), (before, after), ("before", "after"), strict=True
     ):
-        axes.errorbar(true, 1e3 * values, 1e3 * np.array([s.deviation for s in seen]), fmt="o", capsize=3)
+        axes.errorbar(
+            true, 1e3 * values, 1e3 * np.array([s.deviation for s in seen]), fmt="o", capsize=3
+        )
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.set_title(title)
         axes.set_xlabel("distance from the outline [m]")

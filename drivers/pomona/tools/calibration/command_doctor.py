@@ -16,11 +16,21 @@ CELLS = installed_trees() / "cells"
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("doctor", help="check this machine and a cell before a run; nothing moves")
-    parser.add_argument("--cell", default="sim", help="a cell file, or the name of an installed cell (default: sim)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="an option of the cell")
+    parser = subparsers.add_parser(
+        "doctor", help="check this machine and a cell before a run; nothing moves"
+    )
     parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+        "--cell", default="sim", help="a cell file, or the name of an installed cell (default: sim)"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="an option of the cell"
+    )
+    parser.add_argument(
+        "--record",
+        type=Path,
+        default=Path("runs"),
+        metavar="DIR",
+        help="folder of records (default: runs)",
     )
     parser.set_defaults(main=main)
 

@@ -30,7 +30,10 @@ from pomona.executive.values.plain_text import NoTableError, read_table
 NAMES = ("name", "fruit_id", "id")  # columns of which one names the ball
 LEAST_BALLS = 3  # with fewer than this nothing can be held out
 
-LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3  # lower bounds of deviations of offset [m] and scale, without a measurement
+LEAST_OFFSET, LEAST_SCALE = (
+    5e-3,
+    1e-3,
+)  # lower bounds of deviations of offset [m] and scale, without a measurement
 DOUBT = 3.0  # limit of the learnt offset and scale, as a multiple of the prior's standard deviation
 AROUND = 15  # depth may lie so far beside the picture [px]
 LEAST_POINTS = 100  # a ball of fewer points has no sphere
@@ -71,7 +74,9 @@ class DepthCalibration:
 
     sensor: str  # name of the sensor that was the prior
     model: DepthModel  # the sensor's model with the learnt values
-    outline_growth: float  # outline_growth, outline_growth_deviation: excess width of drawn outlines [px]
+    outline_growth: (
+        float  # outline_growth, outline_growth_deviation: excess width of drawn outlines [px]
+    )
     outline_growth_deviation: float
     # before, after: root mean square of measured against true distance of balls that were held out, as the sensor was
     # and as it was learnt from the other balls [m]; NaN for a wall
@@ -126,12 +131,20 @@ def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> lis
         try:
             x, y, w, h, size = (float(row[key]) for key in ("x", "y", "w", "h", diameter))
         except (TypeError, ValueError):
-            raise UnusableDepth(f"{path}:{line}: x, y, w, h and {diameter} must be numbers") from None
-        if not (np.isfinite([x, y, w, h, size]).all() and min(w, h) >= 8.0 and 1.0 <= size <= 2000.0):
-            raise UnusableDepth(f"{path}:{line}: a box of 8 pixels or more and a diameter in mm are needed")
+            raise UnusableDepth(
+                f"{path}:{line}: x, y, w, h and {diameter} must be numbers"
+            ) from None
+        if not (
+            np.isfinite([x, y, w, h, size]).all() and min(w, h) >= 8.0 and 1.0 <= size <= 2000.0
+        ):
+            raise UnusableDepth(
+                f"{path}:{line}: a box of 8 pixels or more and a diameter in mm are needed"
+            )
         found.append(Ball(row["frame"], name, (x, y, w, h), 1e-3 * size))
     if not found:
-        raise UnusableDepth(f"{path}: holds no ball" + (f" with a name that begins with '{only}'" if only else ""))
+        raise UnusableDepth(
+            f"{path}: holds no ball" + (f" with a name that begins with '{only}'" if only else "")
+        )
     return found
 
 
@@ -145,7 +158,10 @@ def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics)
         raise UnusableDepth(f"{ball.name} in {ball.frame}: its box lies outside the image")
     # A ball off the axis is drawn out away from the middle of the picture: sqrt(1 + x²) wide, sqrt(1 + y²) high.
     tan = np.array(
-        [(x + 0.5 * w - 0.5 - intrinsics.cx) / intrinsics.fx, (y + 0.5 * h - 0.5 - intrinsics.cy) / intrinsics.fy]
+        [
+            (x + 0.5 * w - 0.5 - intrinsics.cx) / intrinsics.fx,
+            (y + 0.5 * h - 0.5 - intrinsics.cy) / intrinsics.fy,
+        ]
     )
     across = ball.diameter * np.array([intrinsics.fx, intrinsics.fy]) * np.sqrt(1.0 + tan**2)
     each = across / np.array([w, h])
@@ -177,7 +193,9 @@ def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -
     part = depth[top : y + h + AROUND, left : x + w + AROUND].astype(np.float64)
     core = part[y - top + h // 4 : y - top + 3 * h // 4, x - left + w // 4 : x - left + 3 * w // 4]
     core = core[core > 0.0]
-    nothing = UnusableDepth(f"{ball.name} in {ball.frame}: too little depth was measured on it; look from nearer")
+    nothing = UnusableDepth(
+        f"{ball.name} in {ball.frame}: too little depth was measured on it; look from nearer"
+    )
     if len(core) < LEAST_POINTS // 4:
         raise nothing
     near = (part > 0.0) & (np.abs(part - np.median(core)) < 0.5 * ball.diameter)
@@ -185,12 +203,17 @@ def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -
     inside = labels[y - top : y - top + h, x - left : x - left + w]
     largest = int(np.argmax(np.bincount(inside[inside > 0], minlength=2))) if inside.any() else 0
     # width of a ball's margin that is left out: its points are mixed with the background [px]
-    surface = ndimage.binary_erosion(labels == largest, iterations=2) if largest else np.zeros_like(near)
+    surface = (
+        ndimage.binary_erosion(labels == largest, iterations=2) if largest else np.zeros_like(near)
+    )
     rows, columns = np.nonzero(surface)
     if len(rows) < LEAST_POINTS:
         raise nothing
     z = part[rows, columns]
-    u, v = (columns + left - intrinsics.cx) / intrinsics.fx, (rows + top - intrinsics.cy) / intrinsics.fy
+    u, v = (
+        (columns + left - intrinsics.cx) / intrinsics.fx,
+        (rows + top - intrinsics.cy) / intrinsics.fy,
+    )
     return np.column_stack([u * z, v * z, z])
 
 
@@ -210,12 +233,17 @@ def _centre_of_sphere(points: Float64, radius: float, ball: Ball) -> Float64:
         if np.abs(step).max() < 1e-7:
             break
     if not np.isfinite(centre).all() or np.linalg.norm(centre - mean) > 2.0 * radius:
-        raise UnusableDepth(f"{ball.name} in {ball.frame}: its points lie on no sphere of {2e3 * radius:.0f} mm")
+        raise UnusableDepth(
+            f"{ball.name} in {ball.frame}: its points lie on no sphere of {2e3 * radius:.0f} mm"
+        )
     return np.asarray(centre, dtype=np.float64)
 
 
 def calibrate_balls(
-    balls: Sequence[Ball], depths: Mapping[str, NDArray[np.float32]], intrinsics: Intrinsics, sensor: str
+    balls: Sequence[Ball],
+    depths: Mapping[str, NDArray[np.float32]],
+    intrinsics: Intrinsics,
+    sensor: str,
 ) -> DepthCalibration:
     """Learn a sensor's depth model from balls of known size; the known `sensor` gives the prior.
 
@@ -242,7 +270,9 @@ def calibrate_balls(
     row = np.array([1.0, middle])
     known_before = math.sqrt(float(np.sum((_known_before(prior) * row) ** 2)))
     known = math.sqrt(row @ covariance[:2, :2] @ row)
-    if known > 0.8 * known_before:  # upper bound of the ratio of the learnt uncertainty to the prior's
+    if (
+        known > 0.8 * known_before
+    ):  # upper bound of the ratio of the learnt uncertainty to the prior's
         raise UnusableDepth(
             f"these balls give the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and "
             f"± {1e3 * known_before:.1f} mm was known before: show more or larger balls, "
@@ -265,7 +295,13 @@ def calibrate_balls(
         scale_deviation=float(np.sqrt(covariance[1, 1])),
     )
     return DepthCalibration(
-        sensor, model, float(solution[2]), float(np.sqrt(covariance[2, 2])), before, after, tuple(seen)
+        sensor,
+        model,
+        float(solution[2]),
+        float(np.sqrt(covariance[2, 2])),
+        before,
+        after,
+        tuple(seen),
     )
 
 
@@ -286,7 +322,9 @@ def _solve(seen: Sequence[Seen], prior: DepthModel) -> tuple[Float64, Float64]:
 
 def _known_before(prior: DepthModel) -> Float64:
     """Return the standard deviations of offset [m] and scale, (2,), as the sensor's maker lets expect them."""
-    return np.array([max(prior.offset_deviation, LEAST_OFFSET), max(prior.scale_deviation, LEAST_SCALE)])
+    return np.array(
+        [max(prior.offset_deviation, LEAST_OFFSET), max(prior.scale_deviation, LEAST_SCALE)]
+    )
 
 
 def _left_over(seen: Seen, solution: Float64) -> float:
@@ -314,12 +352,19 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
     for depth in depths:
         high, wide = (size // side * side for size in depth.shape)
         squares = (
-            depth[:high, :wide].reshape(high // side, side, wide // side, side).swapaxes(1, 2).reshape(-1, side**2)
+            depth[:high, :wide]
+            .reshape(high // side, side, wide // side, side)
+            .swapaxes(1, 2)
+            .reshape(-1, side**2)
         )
-        squares = squares[(squares > 0.0).all(axis=1) & np.isfinite(squares).all(axis=1)].astype(np.float64)
+        squares = squares[(squares > 0.0).all(axis=1) & np.isfinite(squares).all(axis=1)].astype(
+            np.float64
+        )
         inverse = 1.0 / squares  # a plane of any slant is linear in 1/z
         rest = inverse - inverse @ basis @ basis.T
-        noise.append(np.sqrt((rest**2).sum(axis=1) / (side**2 - 3)))  # deviation of 1/z is that of z over z²
+        noise.append(
+            np.sqrt((rest**2).sum(axis=1) / (side**2 - 3))
+        )  # deviation of 1/z is that of z over z²
     all_noise = np.concatenate(noise) if noise else np.empty(0)
     if len(all_noise) < LEAST_POINTS:
         raise UnusableDepth(
@@ -327,10 +372,14 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
         )
     growth = float(np.median(all_noise))
     if growth < 1e-5:  # lower bound of the noise at 1 m: every real depth sensor has more [m]
-        raise UnusableDepth("the wall has no noise: its depth was smoothed, or is not from a camera")
+        raise UnusableDepth(
+            "the wall has no noise: its depth was smoothed, or is not from a camera"
+        )
     flat = float(np.mean(all_noise < 2.0 * growth))
     if flat < 0.7:
-        raise UnusableDepth(f"only {flat:.0%} of the frames is flat: let a wall or a board fill them")
+        raise UnusableDepth(
+            f"only {flat:.0%} of the frames is flat: let a wall or a board fill them"
+        )
     wall = min(_share_of_plane(depth, growth) for depth in depths)
     if wall < LEAST_WALL:
         raise UnusableDepth(

@@ -35,11 +35,15 @@ def axis_distances(robot: Path, dof: int) -> Float64:
     normal = np.cross(along[:-1], along[1:])
     sine = np.linalg.norm(normal, axis=1)
     skew = np.abs(np.einsum("ij,ij->i", normal, between)) / np.maximum(sine, PARALLEL)
-    apart: Float64 = np.where(sine < PARALLEL, np.linalg.norm(np.cross(along[:-1], between), axis=1), skew)
+    apart: Float64 = np.where(
+        sine < PARALLEL, np.linalg.norm(np.cross(along[:-1], between), axis=1), skew
+    )
     return apart
 
 
-def other_model(robot: Path, lengths: Mapping[str, tuple[float, ...]], model: str) -> Iterator[Problem]:
+def other_model(
+    robot: Path, lengths: Mapping[str, tuple[float, ...]], model: str
+) -> Iterator[Problem]:
     """Yield the problem of a description that is not that of `model`; one without known lengths is not compared.
 
     Raises UnusableRobotFile.
@@ -49,7 +53,9 @@ def other_model(robot: Path, lengths: Mapping[str, tuple[float, ...]], model: st
     found = axis_distances(robot, len(lengths[model]) + 1)
     if not _alike(found, lengths[model], DOUBT):
         named = next((name for name, of in lengths.items() if _alike(found, of, DOUBT)), "")
-        shape = f"{_shown(found)} mm apart, as in a {named}" if named else f"{_shown(found)} mm apart"
+        shape = (
+            f"{_shown(found)} mm apart, as in a {named}" if named else f"{_shown(found)} mm apart"
+        )
         doubtful = _alike(found, lengths[model], OFF)
         words = f"{robot} {'may be' if doubtful else 'is'} no description of a {model}: its joints' axes are {shape}"
         hint = f"give that of a {model}" + (f", or 'model: {named}'" if named else "")

@@ -68,13 +68,21 @@ def other_fingers(around: Surroundings, own: str, closed: float) -> Iterator[Pro
             yield from _differences(robot, found, own, closed)
 
 
-def _differences(robot: Path, found: tuple[float, float], own: str, closed: float) -> Iterator[Problem]:
+def _differences(
+    robot: Path, found: tuple[float, float], own: str, closed: float
+) -> Iterator[Problem]:
     stroke = found[1] - found[0]
     near = [name for name, of in STROKES.items() if abs(stroke - of) <= OFF]
     if not any(name.startswith(own) for name in near):
-        words = f"the fingers in {robot} open by {1e3 * stroke:.0f} mm" + (f", as a {near[0]}'s" if near else "")
-        hint = "give the arm a description with this gripper" + (f", or take a {near[0]} here" if near else "")
-        ways = " or ".join(f"{1e3 * of:.0f}" for name, of in STROKES.items() if name.startswith(own))
+        words = f"the fingers in {robot} open by {1e3 * stroke:.0f} mm" + (
+            f", as a {near[0]}'s" if near else ""
+        )
+        hint = "give the arm a description with this gripper" + (
+            f", or take a {near[0]} here" if near else ""
+        )
+        ways = " or ".join(
+            f"{1e3 * of:.0f}" for name, of in STROKES.items() if name.startswith(own)
+        )
         yield Problem("", f"{words}; those of a {own} by {ways} mm", hint, warning=not near)
     elif abs(found[0] - closed) > OFF:
         words = f"the closed pads in {robot} are {1e3 * found[0]:.0f} mm apart, and here {1e3 * closed:.0f} mm"

@@ -58,7 +58,9 @@ def examine(
         judge_cell_file(path, doubts, overrides)
         for doubt in doubts.sorted():
             if doubt.severity == "warning":
-                yield ReportLine("cell file", False, f"{place_of(doubt)}: {doubt.message}", doubt.hint)
+                yield ReportLine(
+                    "cell file", False, f"{place_of(doubt)}: {doubt.message}", doubt.hint
+                )
         for name, refused in missing.items():
             yield from _refused(name, refused)
         rates = _watch(cell)
@@ -72,7 +74,10 @@ def examine(
 
 def _refused(name: str, error: DriverError) -> list[ReportLine]:
     if isinstance(error, CellFileError):
-        return [ReportLine(name, False, f"{place_of(found)}: {found.message}", found.hint) for found in error.findings]
+        return [
+            ReportLine(name, False, f"{place_of(found)}: {found.message}", found.hint)
+            for found in error.findings
+        ]
     return [ReportLine(name, False, str(error))]
 
 
@@ -134,7 +139,10 @@ def _newest_stamp(device: Device) -> float | None:
 def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterator[ReportLine]:
     link = device.link()
     yield ReportLine(
-        name, link == "ok", f"link {link}" if link == "ok" else link, "look at its cable, power and settings"
+        name,
+        link == "ok",
+        f"link {link}" if link == "ok" else link,
+        "look at its cable, power and settings",
     )
     identity = getattr(device, "identity", None)
     if is_dataclass(identity) and not isinstance(identity, type):
@@ -149,7 +157,12 @@ def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterato
             limits, state = device.limits, device.state()
             words = f"opens {1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
             inside = limits.width_min - 1e-3 <= state.width <= limits.width_max + 1e-3
-            yield ReportLine(f"{name} opening", inside, f"{1e3 * state.width:.1f} mm; {words}", "check finger_offset")
+            yield ReportLine(
+                f"{name} opening",
+                inside,
+                f"{1e3 * state.width:.1f} mm; {words}",
+                "check finger_offset",
+            )
         if isinstance(device, WrenchSensor) and set(FELT) & set(device.interfaces):
             yield from _wrenches(name, device, watched)
     except DriverError as error:
@@ -158,15 +171,22 @@ def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterato
 
 def _camera(name: str, frame: Frame | None, watched: _Watched, cell: Cell) -> Iterator[ReportLine]:
     if frame is None:
-        yield ReportLine(f"{name} image", False, "no image came", "look at the camera's cable (USB 3) and power")
+        yield ReportLine(
+            f"{name} image", False, "no image came", "look at the camera's cable (USB 3) and power"
+        )
         return
     if cell.kind != "frames":
         rate = watched.stamps / WATCHED
         advice = "use a USB 3 port of its own, or a lower rate"
-        yield ReportLine(f"{name} rate", rate >= SLOWEST_CAMERA, f"{rate:.1f} frames a second", advice)
+        yield ReportLine(
+            f"{name} rate", rate >= SLOWEST_CAMERA, f"{rate:.1f} frames a second", advice
+        )
         clock = "the camera's clock is off; its stamps cannot be trusted"
         yield ReportLine(
-            f"{name} clock", watched.age < 0.5, f"images are {1e3 * watched.age:.0f} ms old at most", clock
+            f"{name} clock",
+            watched.age < 0.5,
+            f"images are {1e3 * watched.age:.0f} ms old at most",
+            clock,
         )
     K = frame.intrinsics
     height, width = frame.colour.shape[:2]
@@ -178,22 +198,37 @@ def _camera(name: str, frame: Frame | None, watched: _Watched, cell: Cell) -> It
     else:
         share = float((frame.depth > 0.0).mean())
         yield ReportLine(
-            f"{name} depth", share > 0.05, f"{100.0 * share:.0f} % of the pixels", "is something in range?"
+            f"{name} depth",
+            share > 0.05,
+            f"{100.0 * share:.0f} % of the pixels",
+            "is something in range?",
         )
     if frame.q is not None:
         given = not np.allclose(frame.T_mount_camera, np.eye(4))
         words = "given" if given else "is the identity"
-        yield ReportLine(f"{name} hand-eye", given, f"transform {words}", "pomona calibrate hand-eye makes it")
+        yield ReportLine(
+            f"{name} hand-eye", given, f"transform {words}", "pomona calibrate hand-eye makes it"
+        )
 
 
 def _arm(name: str, arm: Arm, watched: _Watched) -> Iterator[ReportLine]:
     rate, limits, q = watched.stamps / WATCHED, arm.limits, arm.state().q
-    yield ReportLine(f"{name} rate", rate >= SLOWEST_ARM, f"{rate:.0f} states a second", "look at the network")
-    yield ReportLine(f"{name} description", arm.description.is_file(), str(arm.description), "the file is missing")
+    yield ReportLine(
+        f"{name} rate", rate >= SLOWEST_ARM, f"{rate:.0f} states a second", "look at the network"
+    )
+    yield ReportLine(
+        f"{name} description",
+        arm.description.is_file(),
+        str(arm.description),
+        "the file is missing",
+    )
     inside = bool(np.all((q >= limits.lower) & (q <= limits.upper)))
     words = " ".join(f"{np.degrees(angle):.1f}°" for angle in q)
     yield ReportLine(
-        f"{name} joints", inside, words, "outside the description's limits: is the order of 'joints' right?"
+        f"{name} joints",
+        inside,
+        words,
+        "outside the description's limits: is the order of 'joints' right?",
     )
 
 
@@ -201,22 +236,34 @@ def _wrenches(name: str, sensor: WrenchSensor, watched: _Watched) -> Iterator[Re
     rate = watched.stamps / WATCHED
     words = f"{rate:.0f} samples a second of {sensor.rate:.0f}, {watched.gaps} gaps"
     yield ReportLine(
-        f"{name} rate", rate >= ENOUGH * sensor.rate, words, "look at the baud rate and the computer's load"
+        f"{name} rate",
+        rate >= ENOUGH * sensor.rate,
+        words,
+        "look at the baud rate and the computer's load",
     )
     sample = sensor.latest()
     if sample is None:
         return
     force = float(np.abs(sample.wrenches[:, :3]).max())
     if isinstance(sensor, LoadSensor):
-        most = 2.0 * GRAVITY * sensor.mass  # the offset of a sensor that was not zeroed may have any direction
+        most = (
+            2.0 * GRAVITY * sensor.mass
+        )  # the offset of a sensor that was not zeroed may have any direction
         words = f"{force:.1f} N along an axis at rest; it carries {sensor.mass:g} kg, and {sensor.least:g} N count"
         yield ReportLine(
-            f"{name} force", force <= most, words, "is 'mass' right? zero the sensor, and look for contact"
+            f"{name} force",
+            force <= most,
+            words,
+            "is 'mass' right? zero the sensor, and look for contact",
         )
     else:
         words = f"{force:.2f} N without contact"
-        yield ReportLine(f"{name} bias", force < FREE, words, "take the bias with nothing touching the pads")
-    yield ReportLine(f"{name} range", not any(sample.saturated), "no channel at its end", "a value is at its end")
+        yield ReportLine(
+            f"{name} bias", force < FREE, words, "take the bias with nothing touching the pads"
+        )
+    yield ReportLine(
+        f"{name} range", not any(sample.saturated), "no channel at its end", "a value is at its end"
+    )
 
 
 def _short(value: object) -> str:

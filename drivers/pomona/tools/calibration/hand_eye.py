@@ -28,7 +28,9 @@ from pomona.executive.values.read_only import ReadOnly
 from pomona.executive.values.rotations import is_rigid
 
 LEAST_LOOKS = 5
-LEAST_TURN = np.radians(15.0)  # the flange must turn by at least this between some looks, about more than one axis
+LEAST_TURN = np.radians(
+    15.0
+)  # the flange must turn by at least this between some looks, about more than one axis
 LEVER = 0.1  # a rotation error counts as much as the distance that it makes at this lever [m]
 
 MOST_POSITION, MOST_ROTATION = 5e-3, np.radians(1.0)
@@ -70,14 +72,19 @@ class HandEye(ReadOnly):
 
     T_tool0_camera: Float64  # pose of the camera in the flange
     T_base_board: Float64  # where the board stood
-    position_error: Float64  # of each look, distance of the board's origin from where it stood, shape (n,) [m]
+    position_error: (
+        Float64  # of each look, distance of the board's origin from where it stood, shape (n,) [m]
+    )
     rotation_error: Float64  # of each look, shape (n,) [rad]
     names: tuple[str, ...]  # of the looks
 
     @property
     def rms(self) -> tuple[float, float]:
         """Residuals of all looks in position [m] and rotation [rad]."""
-        position, rotation = (float(np.sqrt((error**2).mean())) for error in (self.position_error, self.rotation_error))
+        position, rotation = (
+            float(np.sqrt((error**2).mean()))
+            for error in (self.position_error, self.rotation_error)
+        )
         return position, rotation
 
     def __str__(self) -> str:
@@ -85,9 +92,13 @@ class HandEye(ReadOnly):
         worst = int(self.position_error.argmax())
         residual = f"residual {1e3 * position:.2f} mm and {np.degrees(rotation):.3f}° rms"
         lines = [f"{len(self.names)} looks, {residual}"]
-        for name, distance, angle in zip(self.names, self.position_error, self.rotation_error, strict=True):
+        for name, distance, angle in zip(
+            self.names, self.position_error, self.rotation_error, strict=True
+        ):
             lines.append(f"  {name:24} {1e3 * distance:6.2f} mm  {np.degrees(angle):6.3f}°")
-        lines.append(f"worst: {self.names[worst]}; take it out if it stands out, and calibrate again")
+        lines.append(
+            f"worst: {self.names[worst]}; take it out if it stands out, and calibrate again"
+        )
         return "\n".join(lines)
 
     def save(self, path: Path) -> None:
@@ -102,7 +113,9 @@ class HandEye(ReadOnly):
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def find_board(image: NDArray[np.uint8], intrinsics: Intrinsics, board: Chessboard) -> Float64 | None:
+def find_board(
+    image: NDArray[np.uint8], intrinsics: Intrinsics, board: Chessboard
+) -> Float64 | None:
     """T_camera_board (4, 4) [m] of the board in an RGB image (h, w, 3), or None when it is not seen whole."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     found, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows))
@@ -119,7 +132,9 @@ def find_board(image: NDArray[np.uint8], intrinsics: Intrinsics, board: Chessboa
     return T
 
 
-def calibrate_hand_eye(T_base_tool0: Float64, T_camera_board: Float64, names: tuple[str, ...] = ()) -> HandEye:
+def calibrate_hand_eye(
+    T_base_tool0: Float64, T_camera_board: Float64, names: tuple[str, ...] = ()
+) -> HandEye:
     """Compute the camera's pose in the flange from poses of the flange and of the board, shape (n, 4, 4) each.
 
     Raises UnusableLooks: too few, the flange hardly turned between them, or they contradict each other.
@@ -135,7 +150,9 @@ def calibrate_hand_eye(T_base_tool0: Float64, T_camera_board: Float64, names: tu
     T_tool0_camera[:3, :3], T_tool0_camera[:3, 3] = R, t
     T_base_board = T_base_tool0[0] @ T_tool0_camera @ T_camera_board[0]
     start = np.concatenate([_vector(T_tool0_camera), _vector(T_base_board)])
-    fit = least_squares(lambda x: _residuals(x, T_base_tool0, T_camera_board).ravel(), start, method="lm")
+    fit = least_squares(
+        lambda x: _residuals(x, T_base_tool0, T_camera_board).ravel(), start, method="lm"
+    )
     residuals = _residuals(fit.x, T_base_tool0, T_camera_board)
     found = HandEye(
         _matrix(fit.x[:6]),
@@ -162,15 +179,25 @@ def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
     try:
         intrinsics = read_intrinsics(folder / INTRINSICS_FILE)
         poses = {
-            name: np.array(T, np.float64) for name, T in json.loads(read_plain_text(folder / "poses.json")).items()
+            name: np.array(T, np.float64)
+            for name, T in json.loads(read_plain_text(folder / "poses.json")).items()
         }
     except (OSError, ValueError, TypeError, AttributeError, RecursionError, CellFileError) as error:
         raise UnusableLooks(f"{folder}: {error}") from error
     seen: dict[str, Float64] = {}
     for name, T in poses.items():
         if T.shape != (4, 4) or not is_rigid(T):
-            raise UnusableLooks(f"{folder / 'poses.json'}: the pose of '{name}' is no rigid 4 × 4 transform")
-        path = next((p for suffix in (".png", ".jpg", ".jpeg") if (p := folder / f"{name}{suffix}").is_file()), None)
+            raise UnusableLooks(
+                f"{folder / 'poses.json'}: the pose of '{name}' is no rigid 4 × 4 transform"
+            )
+        path = next(
+            (
+                p
+                for suffix in (".png", ".jpg", ".jpeg")
+                if (p := folder / f"{name}{suffix}").is_file()
+            ),
+            None,
+        )
         if path is None:
             raise UnusableLooks(f"{folder}: there is no image of the look '{name}'")
         T_camera_board = find_board(_picture(path, intrinsics), intrinsics, board)
@@ -178,8 +205,12 @@ def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
             seen[name] = T_camera_board
     if len(seen) < LEAST_LOOKS:
         corners = f"{board.columns} × {board.rows} inner corners"
-        raise UnusableLooks(f"{folder}: the board ({corners}) is seen in {len(seen)} of {len(poses)} images")
-    return calibrate_hand_eye(np.stack([poses[name] for name in seen]), np.stack(list(seen.values())), tuple(seen))
+        raise UnusableLooks(
+            f"{folder}: the board ({corners}) is seen in {len(seen)} of {len(poses)} images"
+        )
+    return calibrate_hand_eye(
+        np.stack([poses[name] for name in seen]), np.stack(list(seen.values())), tuple(seen)
+    )
 
 
 def _picture(path: Path, intrinsics: Intrinsics) -> UInt8:
@@ -191,14 +222,19 @@ def _picture(path: Path, intrinsics: Intrinsics) -> UInt8:
     if picture.shape[1::-1] != (intrinsics.width, intrinsics.height):
         size = f"{picture.shape[1]} x {picture.shape[0]}"
         words = f"{size} pixels, the intrinsics are for {intrinsics.width} x {intrinsics.height}"
-        raise UnusableLooks(f"{path}: is {words}: use the pictures as the camera gave them, and their intrinsics")
+        raise UnusableLooks(
+            f"{path}: is {words}: use the pictures as the camera gave them, and their intrinsics"
+        )
     return picture
 
 
 def _starts_black(grey: NDArray[np.uint8], corners: Float64) -> bool:
     """Return True if the first inner square is darker than the next one, unlike on a board turned by 180°."""
     first, second = (corners[:2, i : i + 2].reshape(4, 2).mean(axis=0) for i in (0, 1))
-    dark, light = (float(cv2.getRectSubPix(grey, (3, 3), (float(x), float(y))).mean()) for x, y in (first, second))
+    dark, light = (
+        float(cv2.getRectSubPix(grey, (3, 3), (float(x), float(y))).mean())
+        for x, y in (first, second)
+    )
     return dark < light
 
 
@@ -206,7 +242,9 @@ def _check_turns(T: Float64) -> None:
     turns = Rotation.from_matrix(np.einsum("ji,njk->nik", T[0, :3, :3], T[:, :3, :3])).as_rotvec()
     strengths = np.linalg.svd(turns, compute_uv=False) / np.sqrt(len(T))
     if strengths[1] < LEAST_TURN / 2.0:
-        raise UnusableLooks("the flange hardly turned between the looks: turn it by 15° and more about two axes")
+        raise UnusableLooks(
+            "the flange hardly turned between the looks: turn it by 15° and more about two axes"
+        )
 
 
 def _inverse(T: Float64) -> Float64:
@@ -222,7 +260,10 @@ def _motions(T: Float64) -> Float64:
 
 def _park_martin(A: Float64, B: Float64) -> Float64:
     """R with R log(B) ≈ log(A), in the least-squares sense."""
-    alpha, beta = Rotation.from_matrix(A[:, :3, :3]).as_rotvec(), Rotation.from_matrix(B[:, :3, :3]).as_rotvec()
+    alpha, beta = (
+        Rotation.from_matrix(A[:, :3, :3]).as_rotvec(),
+        Rotation.from_matrix(B[:, :3, :3]).as_rotvec(),
+    )
     U, _, Vt = np.linalg.svd(alpha.T @ beta)
     R: Float64 = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return R

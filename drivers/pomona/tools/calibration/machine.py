@@ -57,8 +57,15 @@ def examine_machine(records: Path) -> Iterator[ReportLine]:
     yield from _extras()
     yield _graphics()
     yield from _checks()
-    found = next((name for name in ("chromium", "chromium-browser", "google-chrome") if shutil.which(name)), None)
-    yield ReportLine("browser for tests", True, found or "none; only tests of the page need one: apt install chromium")
+    found = next(
+        (name for name in ("chromium", "chromium-browser", "google-chrome") if shutil.which(name)),
+        None,
+    )
+    yield ReportLine(
+        "browser for tests",
+        True,
+        found or "none; only tests of the page need one: apt install chromium",
+    )
     yield _room(records)
 
 
@@ -68,7 +75,9 @@ def _packages() -> Iterator[ReportLine]:
         declared = requires("pomona") or []
     except PackageNotFoundError:
         declared = []
-        yield ReportLine("pomona", False, "is not installed in this Python", "make run, or pip install its wheel")
+        yield ReportLine(
+            "pomona", False, "is not installed in this Python", "make run, or pip install its wheel"
+        )
     for requirement in declared:
         name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
         if "extra ==" in requirement:
@@ -82,12 +91,20 @@ def _packages() -> Iterator[ReportLine]:
         try:
             if name in MODULES:
                 import_under(MODULES[name], **HEADLESS)
-        except ModuleNotFoundError as error:  # of another package, which has a line of its own if it is declared
+        except (
+            ModuleNotFoundError
+        ) as error:  # of another package, which has a line of its own if it is declared
             missing = (error.name or name).partition(".")[0]
-            yield ReportLine(name, False, f"cannot be imported: {error}", f"{pip()} install {missing}")
+            yield ReportLine(
+                name, False, f"cannot be imported: {error}", f"{pip()} install {missing}"
+            )
         except Exception as error:  # a missing system library shows in many ways
-            advice = f"a library of the system is missing, or: {pip()} install --force-reinstall {name}"
-            yield ReportLine(name, False, f"cannot be imported: {error}", EGL if name == "pyrender" else advice)
+            advice = (
+                f"a library of the system is missing, or: {pip()} install --force-reinstall {name}"
+            )
+            yield ReportLine(
+                name, False, f"cannot be imported: {error}", EGL if name == "pyrender" else advice
+            )
         else:
             yield ReportLine(name, True, found)
 
@@ -147,4 +164,6 @@ def _room(records: Path) -> ReportLine:
             free = shutil.disk_usage(there).free
     except OSError as error:
         return ReportLine(name, False, f"{where} cannot be written: {error.strerror}", advice)
-    return ReportLine(name, free > ROOM, f"{where}, {free / 1e9:.1f} GB free", f"too little room; {advice}")
+    return ReportLine(
+        name, free > ROOM, f"{where}, {free / 1e9:.1f} GB free", f"too little room; {advice}"
+    )

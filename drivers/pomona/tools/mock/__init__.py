@@ -18,4 +18,12 @@ from pomona.tools.mock.hand import (
     spring_fruit,
 )
 
-__all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "MockLoadSensor", "spring_fruit"]
+__all__ = [
+    "MockArm",
+    "MockCamera",
+    "MockClock",
+    "MockForceSensor",
+    "MockGripper",
+    "MockLoadSensor",
+    "spring_fruit",
+]

@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from pomona.drivers.errors import BadTrajectory, DeviceError, MotionRefused
-from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, SetPoints, StreamedArm, Trajectory
+from pomona.drivers.interfaces import (
+    Arm,
+    ArmLimits,
+    ArmState,
+    Motion,
+    SetPoints,
+    StreamedArm,
+    Trajectory,
+)
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
 from pomona.drivers.streamed_motion import StreamedMotion
@@ -104,7 +112,9 @@ class MockArm(Device):
     def stream(self, watchdog: float) -> SetPoints:
         self._need_ready()
         self._supervisor.end()
-        motion = self._motion = StreamedMotion(self.q, self.limits, PERIOD, watchdog, self._speed, self._clock.now)
+        motion = self._motion = StreamedMotion(
+            self.q, self.limits, PERIOD, watchdog, self._speed, self._clock.now
+        )
         return motion
 
     def _need_ready(self) -> None:

@@ -13,7 +13,14 @@ from pomona.executive.values.kinds import Measure, Text, choose
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import LENGTH
 from pomona.tools.mock.arm import SIA5F_LIMITS, MockArm
-from pomona.tools.mock.hand import MockCamera, MockClock, MockForceSensor, MockGripper, MockLoadSensor, spring_fruit
+from pomona.tools.mock.hand import (
+    MockCamera,
+    MockClock,
+    MockForceSensor,
+    MockGripper,
+    MockLoadSensor,
+    spring_fruit,
+)
 
 
 class MockWorld(Device):
@@ -33,7 +40,9 @@ class InMockWorld:
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not around.has(MockWorld):
-            yield Problem("driver", "a mock device needs the mock world above it", "world: {driver: mock}")
+            yield Problem(
+                "driver", "a mock device needs the mock world above it", "world: {driver: mock}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +69,11 @@ class MockArmOptions(InMockWorld):
 class MockFingersOptions(InMockWorld):
     """Fingers that feel a soft fruit, or nothing."""
 
-    fruit: float = value(Measure(LENGTH, "0 mm", "500 mm"), "0 mm", "width of a soft fruit between them, 0 mm for none")
+    fruit: float = value(
+        Measure(LENGTH, "0 mm", "500 mm"),
+        "0 mm",
+        "width of a soft fruit between them, 0 mm for none",
+    )
 
 
 @driver(MockWorld, NoOptions)
@@ -84,7 +97,9 @@ def connect_gripper(settings: Settings[InMockWorld], context: ConnectContext) ->
 
 
 @driver(MockForceSensor, MockFingersOptions)
-def connect_fingers(settings: Settings[MockFingersOptions], context: ConnectContext) -> MockForceSensor:
+def connect_fingers(
+    settings: Settings[MockFingersOptions], context: ConnectContext
+) -> MockForceSensor:
     """`driver: mock-fingers`"""
     gripper, width = context.find(MockGripper), settings.values.fruit
     feel = spring_fruit(gripper, width) if gripper is not None and width > 0.0 else None

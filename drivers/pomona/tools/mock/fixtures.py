@@ -53,7 +53,10 @@ def mock_camera(mock_clock: MockClock) -> MockCamera:
 
 @pytest.fixture
 def mock_devices(
-    mock_arm: MockArm, mock_gripper: MockGripper, mock_fingers: MockForceSensor, mock_camera: MockCamera
+    mock_arm: MockArm,
+    mock_gripper: MockGripper,
+    mock_fingers: MockForceSensor,
+    mock_camera: MockCamera,
 ) -> dict[type, object]:
     """Return all of them by interface, as `pomona.executive.skill_testing.drive` takes them."""
     return {Arm: mock_arm, Gripper: mock_gripper, ForceSensor: mock_fingers, Camera: mock_camera}
@@ -68,5 +71,10 @@ def mock_cell(
     mock_camera: MockCamera,
 ) -> Cell:
     """Return a whole cell of mock devices."""
-    devices = {"arm": mock_arm, "gripper": mock_gripper, "fingers": mock_fingers, "camera": mock_camera}
+    devices = {
+        "arm": mock_arm,
+        "gripper": mock_gripper,
+        "fingers": mock_fingers,
+        "camera": mock_camera,
+    }
     return Cell("mock", "mock", mock_clock, devices, RobotServices(devices))

@@ -75,7 +75,11 @@ class MockGripper(DirectGripper):
     """
 
     def __init__(
-        self, clock: MockClock, width: float = 0.10, limits: GripperLimits = LIMITS, blocked_at: float = 0.0
+        self,
+        clock: MockClock,
+        width: float = 0.10,
+        limits: GripperLimits = LIMITS,
+        blocked_at: float = 0.0,
     ) -> None:
         super().__init__("gripper", clock, limits, acceleration=ACCELERATION, watchdog=WATCHDOG)
         self.width, self.blocked_at = width, blocked_at
@@ -101,7 +105,9 @@ class MockGripper(DirectGripper):
 
     def state(self) -> GripperState:
         moving = not self.settled()
-        return GripperState(self._clock.now(), self.width, self._rate, moving, self.motor_force, aim=self._aim)
+        return GripperState(
+            self._clock.now(), self.width, self._rate, moving, self.motor_force, aim=self._aim
+        )
 
     def move(self, width: float, speed: float) -> GripperMotion:
         refusal, self._refused = self._refused, None
@@ -140,7 +146,9 @@ class MockGripper(DirectGripper):
         if abs(move.width - self.width) < 1e-6:
             self._end_move(MotionState.DONE)
         elif self._rate < 0.0 and self.width <= low:
-            self._end_move(MotionState.FAILED, f"the fingers are blocked at {1e3 * self.width:.1f} mm")
+            self._end_move(
+                MotionState.FAILED, f"the fingers are blocked at {1e3 * self.width:.1f} mm"
+            )
 
 
 Script = Callable[[float], Float64]  # wrenches of both fingers, shape (2, 6), at a time [s]
@@ -223,7 +231,9 @@ class MockForceSensor(Device):
         self._sequence += 1
         now = self._clock.now()
         if now > self._silent:
-            felt = np.array(self.feel(now), np.float64) + (RIPPLE if self._sequence % 2 else -RIPPLE)
+            felt = np.array(self.feel(now), np.float64) + (
+                RIPPLE if self._sequence % 2 else -RIPPLE
+            )
             self._stream.deliver(WrenchSample(now, self._sequence, felt, self.saturated))
 
 

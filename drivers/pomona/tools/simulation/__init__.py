@@ -18,7 +18,10 @@ if TYPE_CHECKING:
         read_model as read_model,
     )
     from pomona.tools.simulation.gl import load_mujoco as load_mujoco
-    from pomona.tools.simulation.intruder import IntruderSection as IntruderSection, add_intruder as add_intruder
+    from pomona.tools.simulation.intruder import (
+        IntruderSection as IntruderSection,
+        add_intruder as add_intruder,
+    )
     from pomona.tools.simulation.layout import (
         FINGERS as FINGERS,
         FRICTION as FRICTION,

@@ -7,7 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, SetPoints, StreamedArm, Trajectory
+from pomona.drivers.interfaces import (
+    Arm,
+    ArmLimits,
+    ArmState,
+    Motion,
+    MotionState,
+    SetPoints,
+    StreamedArm,
+    Trajectory,
+)
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion, Phase
 from pomona.drivers.streamed_motion import StreamedMotion
@@ -37,7 +46,9 @@ class SimArm(FaultyDevice):
     interfaces = (Arm, StreamedArm)
     known_faults = ("alarm", "lost", "nan", "wild", "jump", "frozen", "stuck", "stall")
 
-    def __init__(self, world: PhysicsWorld, description: Path, supervision: Supervision | None = None) -> None:
+    def __init__(
+        self, world: PhysicsWorld, description: Path, supervision: Supervision | None = None
+    ) -> None:
         super().__init__("arm")
         self.description = description
         self._world = world
@@ -45,13 +56,19 @@ class SimArm(FaultyDevice):
         self._actuators = world.arm_actuators
         self._qpos = model.jnt_qposadr[world.arm_joints]
         self._qvel = model.jnt_dofadr[world.arm_joints]
-        kp, kv = model.actuator_gainprm[self._actuators, 0], -model.actuator_biasprm[self._actuators, 2]
+        kp, kv = (
+            model.actuator_gainprm[self._actuators, 0],
+            -model.actuator_biasprm[self._actuators, 2],
+        )
         self._feed_forward = kv / kp
         ranges = model.jnt_range[world.arm_joints]
         self.limits = ArmLimits(
             ranges[:, 0].copy(),
             ranges[:, 1].copy(),
-            *(model.numeric(f"arm_{name}").data.copy() for name in ("velocity", "acceleration", "jerk")),
+            *(
+                model.numeric(f"arm_{name}").data.copy()
+                for name in ("velocity", "acceleration", "jerk")
+            ),
         )
         self._set_point: Float64 = world.state.ctrl[self._actuators].copy()
         self._motion: PathMotion | StreamedMotion | None = None
@@ -89,16 +106,22 @@ class SimArm(FaultyDevice):
         self._supervisor.end()
         self._gives_way = False
         now = self._world.clock.now
-        motion = self._motion = StreamedMotion(self._set_point, self.limits, TIMESTEP, watchdog, self._speed, now)
+        motion = self._motion = StreamedMotion(
+            self._set_point, self.limits, TIMESTEP, watchdog, self._speed, now
+        )
         return motion
 
     def _need_ready(self) -> None:
         if self._latched is not None:
             raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
         if self._problem is not None or self.fault in ("alarm", "lost"):
-            raise MotionRefused(self.name, f"not ready: {self._problem.message if self._problem else self.fault}")
+            raise MotionRefused(
+                self.name, f"not ready: {self._problem.message if self._problem else self.fault}"
+            )
         if self._motion is not None and not self._motion.settled:
-            raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
+            raise MotionRefused(
+                self.name, "still moves; stop the motion and wait until it has settled"
+            )
 
     def check(self) -> None:
         if self.fault == "lost":
@@ -122,7 +145,10 @@ class SimArm(FaultyDevice):
     def acknowledge(self) -> None:
         """Release the latch. Raises DeviceLost: the feedback is still implausible."""
         if self.fault in LIES:
-            raise DeviceLost(self.name, f"is still lost: {self._problem.message if self._problem else self.fault}")
+            raise DeviceLost(
+                self.name,
+                f"is still lost: {self._problem.message if self._problem else self.fault}",
+            )
         self._supervisor.forget()
         self._latched = self._problem = None
 

@@ -49,7 +49,9 @@ class Delivery:
             self._delivered = exposed
             return exposed
         if exposed.sequence != (self._coming[-1][1] if self._coming else self._delivered).sequence:
-            drawn = np.random.default_rng([self._seed, 19, exposed.sequence]).uniform(*self._latency)
+            drawn = np.random.default_rng([self._seed, 19, exposed.sequence]).uniform(
+                *self._latency
+            )
             before = self._coming[-1][0] if self._coming else 0.0
             self._coming.append((max(now + float(drawn), before), exposed))  # in order
         while self._coming and self._coming[0][0] <= now + 1e-9:
@@ -57,11 +59,16 @@ class Delivery:
         return self._delivered
 
 
-SILENCE = 0.5  # time without a valid or new frame after which the camera is lost [s]; as for a real one
+SILENCE = (
+    0.5  # time without a valid or new frame after which the camera is lost [s]; as for a real one
+)
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 
-SHOWN, ASKED = 1.0, 2.0  # shortest time between pictures for viewers, and rendering time after a request [s]
+SHOWN, ASKED = (
+    1.0,
+    2.0,
+)  # shortest time between pictures for viewers, and rendering time after a request [s]
 SILENT = ("freeze", "lost")  # faults of a camera that sends nothing new
 
 
@@ -109,7 +116,9 @@ class SimCamera(FaultyDevice):
         self._changer = FrameChanger()
         self._timing = Timing() if timing is None else timing
         self._moments = Moments(model)
-        self._pictures, self._depths = (Delivery(world.clock, self._timing.latency, world.seed) for _ in range(2))
+        self._pictures, self._depths = (
+            Delivery(world.clock, self._timing.latency, world.seed) for _ in range(2)
+        )
         self._fault_since, self._judged = 0.0, 0
         self._guard = FrameGuard(world.clock, SILENCE)
         self._asked = self._shown = -math.inf
@@ -139,12 +148,18 @@ class SimCamera(FaultyDevice):
             return None if self.fault == "lost" else self._watched
         stamp, sequence = self._next()
         if self._watched is None or self._watched.sequence != sequence:
-            half = scaled(self._intrinsics, self._intrinsics.width // 2, self._intrinsics.height // 2)
+            half = scaled(
+                self._intrinsics, self._intrinsics.width // 2, self._intrinsics.height // 2
+            )
             depth = in_gl_thread(lambda: self._render_depth(half))
             rng = np.random.default_rng([self._world.seed, 14, sequence])
-            stereo = replace(self._stereo, focal=half.fx, disparity_noise=self._stereo.disparity_noise / 2.0)
+            stereo = replace(
+                self._stereo, focal=half.fx, disparity_noise=self._stereo.disparity_noise / 2.0
+            )
             colour = np.broadcast_to(np.uint8(0), (half.height, half.width, 3))
-            self._watched = self._frame_of(stamp, sequence, colour, measure_depth(depth, stereo, rng), half, stereo)
+            self._watched = self._frame_of(
+                stamp, sequence, colour, measure_depth(depth, stereo, rng), half, stereo
+            )
         return self._watched
 
     def _next(self) -> tuple[float, int]:
@@ -177,7 +192,10 @@ class SimCamera(FaultyDevice):
         """Render for viewers in the tick's thread, since no other may read the world; never a look that is scored."""
         now = time.monotonic()
         if now - self._asked < ASKED and now - self._shown >= SHOWN:
-            self._picture = in_gl_thread(self._render_colour)[::2, ::2].copy(), self._world.clock.now()
+            self._picture = (
+                in_gl_thread(self._render_colour)[::2, ::2].copy(),
+                self._world.clock.now(),
+            )
             self._shown = time.monotonic()
 
     def check(self) -> None:
@@ -187,7 +205,9 @@ class SimCamera(FaultyDevice):
             self._judge()
             self._guard.check(self.name)
         elif self.fault in SILENT and self._world.clock.now() - self._fault_since > SILENCE:
-            raise DeviceLost(self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s")
+            raise DeviceLost(
+                self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s"
+            )
 
     def inject_fault(self, kind: str) -> None:
         before = () if kind not in CHANGES else (self._expose(*self._next()), self._newest_depth())
@@ -197,7 +217,9 @@ class SimCamera(FaultyDevice):
             return
         self._guard.restart()
         if self._frame is not None or kind == "depth_stale":
-            newest = self._next() if self._frame is None else (self._frame.stamp, self._frame.sequence)
+            newest = (
+                self._next() if self._frame is None else (self._frame.stamp, self._frame.sequence)
+            )
             self._guard.judge(*newest, depth=b"stale")
         self._fault_since = self._world.clock.now()
 
@@ -260,7 +282,9 @@ class SimCamera(FaultyDevice):
     def _render_depth(self, intrinsics: Intrinsics) -> NDArray[np.float32]:
         """Ideal z-depth [m] of an image of another size; 0 where nothing is near."""
         if self._depth_renderer is None:
-            self._depth_renderer = open_renderer(self._world.model, intrinsics.height, intrinsics.width)
+            self._depth_renderer = open_renderer(
+                self._world.model, intrinsics.height, intrinsics.width
+            )
             self._depth_renderer.enable_depth_rendering()
         self._aim(self._depth_renderer, intrinsics, self._timing.depth_after)
         depth: NDArray[np.float32] = self._depth_renderer.render().copy()
@@ -276,8 +300,12 @@ class SimCamera(FaultyDevice):
         renderer.update_scene(state)
         model, T = self._world.model, self.T_mount_camera
         near = float(model.vis.map.znear * model.stat.extent)
-        left, right = (near * (u - intrinsics.cx) / intrinsics.fx for u in (-0.5, intrinsics.width - 0.5))
-        top, bottom = (near * (intrinsics.cy - v) / intrinsics.fy for v in (-0.5, intrinsics.height - 0.5))
+        left, right = (
+            near * (u - intrinsics.cx) / intrinsics.fx for u in (-0.5, intrinsics.width - 0.5)
+        )
+        top, bottom = (
+            near * (intrinsics.cy - v) / intrinsics.fy for v in (-0.5, intrinsics.height - 0.5)
+        )
         for eye in renderer.scene.camera:
             eye.pos, eye.forward, eye.up = T[:3, 3], T[:3, 2], -T[:3, 1]
             eye.frustum_center, eye.frustum_width = (left + right) / 2.0, (right - left) / 2.0
@@ -286,7 +314,9 @@ class SimCamera(FaultyDevice):
 
     def _open_renderer(self) -> Any:
         if self._renderer is None:
-            self._renderer = open_renderer(self._world.model, self._intrinsics.height, self._intrinsics.width)
+            self._renderer = open_renderer(
+                self._world.model, self._intrinsics.height, self._intrinsics.width
+            )
         return self._renderer
 
 

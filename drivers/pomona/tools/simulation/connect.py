@@ -52,7 +52,9 @@ class OnTable(InWorld):
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not around.has(SimWorld):
-            yield Problem("driver", "it needs the simulated table above it", "world: {driver: mujoco, …}")
+            yield Problem(
+                "driver", "it needs the simulated table above it", "world: {driver: mujoco, …}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,13 +70,19 @@ class ArmOptions(InWorld):
 class GripperOptions(InWorld):
     """The simulated gripper."""
 
-    speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "200 mm/s", "fastest that the fingers move")
+    speed_max: float = value(
+        Measure(SPEED, "1 mm/s", "1 m/s"), "200 mm/s", "fastest that the fingers move"
+    )
     force_max: float = value(Measure(FORCE, "1 N", "50 N"), "20 N", "largest force of its drive")
     watchdog: float = value(
-        Measure(TIME, "20 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
+        Measure(TIME, "20 ms", "1 s"),
+        "100 ms",
+        "a streamed speed that is not renewed within this time becomes zero",
     )
     supervision: GripperSupervision = value(
-        Section(GripperSupervision), GripperSupervision(), "how closely the gripper must follow its commands"
+        Section(GripperSupervision),
+        GripperSupervision(),
+        "how closely the gripper must follow its commands",
     )
 
 
@@ -83,7 +91,9 @@ class FingersOptions(InWorld):
     """The simulated force fingers."""
 
     noise: float = value(Measure(FORCE, "0 N", "1 N"), "0.04 N", "white, per sample")
-    bias: float = value(Measure(FORCE, "0 N", "2 N"), "0.08 N", "largest of an axis, drawn for each run")
+    bias: float = value(
+        Measure(FORCE, "0 N", "2 N"), "0.08 N", "largest of an axis, drawn for each run"
+    )
     range: float = value(Measure(FORCE, "0.5 N", "100 N"), "8 N", "an axis saturates there")
     belief: Belief = value(Section(Belief), Belief(), "limits beyond which samples are not trusted")
 
@@ -92,15 +102,20 @@ class FingersOptions(InWorld):
 class FixedSection:
     """A camera that is fixed in the cell, its image upright."""
 
-    position: tuple[float, ...] = value(Row(Measure(LENGTH, "-10 m", "10 m"), 3), help="in the base frame")
+    position: tuple[float, ...] = value(
+        Row(Measure(LENGTH, "-10 m", "10 m"), 3), help="in the base frame"
+    )
     looks_at: tuple[float, ...] = value(
-        Row(Measure(LENGTH, "-10 m", "10 m"), 3), help="a point on its optical axis, in the base frame"
+        Row(Measure(LENGTH, "-10 m", "10 m"), 3),
+        help="a point on its optical axis, in the base frame",
     )
 
     def problems(self) -> Iterator[Problem]:
         ahead = np.subtract(self.looks_at, self.position)
         if np.linalg.norm(ahead) < NO_WAY:
-            yield Problem("looks_at", "it is where the camera itself is", "a point that it looks at")
+            yield Problem(
+                "looks_at", "it is where the camera itself is", "a point that it looks at"
+            )
 
     def pose(self) -> Float64:
         """T_base_camera, shape (4, 4): z along the optical axis, y down, or towards +y where it looks straight down."""
@@ -118,30 +133,50 @@ class CameraOptions(InWorld):
     """The simulated RGB-D camera, on the gripper or fixed in the cell: a stereo camera."""
 
     size: tuple[int, ...] | None = value(
-        Counts(2, 1, LARGEST), None, "width and height of the images; the intrinsics are scaled to it"
+        Counts(2, 1, LARGEST),
+        None,
+        "width and height of the images; the intrinsics are scaled to it",
     )
-    intrinsics: IntrinsicsSection = value(Section(IntrinsicsSection), help="of the camera, for the size in them")
-    baseline: float = value(Measure(LENGTH, "1 mm", "500 mm"), "50 mm", "distance of the two imagers")
+    intrinsics: IntrinsicsSection = value(
+        Section(IntrinsicsSection), help="of the camera, for the size in them"
+    )
+    baseline: float = value(
+        Measure(LENGTH, "1 mm", "500 mm"), "50 mm", "distance of the two imagers"
+    )
     disparity_noise: float = value(
-        Measure(PIXELS, "0 px", "2 px"), "0.08 px", "depth errs by z² · disparity_noise / (f · baseline)"
+        Measure(PIXELS, "0 px", "2 px"),
+        "0.08 px",
+        "depth errs by z² · disparity_noise / (f · baseline)",
     )
-    nearest: float = value(Measure(LENGTH, "0 mm", "1 m"), "180 mm", "distance below which there is no depth")
+    nearest: float = value(
+        Measure(LENGTH, "0 mm", "1 m"), "180 mm", "distance below which there is no depth"
+    )
     rate: float = value(Measure(RATE, "1 Hz", "1 kHz"), "30 Hz", "frames per second")
     latency: tuple[float, float] = value(
-        Span(Measure(TIME, "0 s", "500 ms")), "0 ms..0 ms", "time from an exposure to the delivery of its frame"
+        Span(Measure(TIME, "0 s", "500 ms")),
+        "0 ms..0 ms",
+        "time from an exposure to the delivery of its frame",
     )
     exposure: float = value(
-        Measure(TIME, "0 s", "50 ms"), "0 ms", "of the colour picture: what moves meanwhile is blurred"
+        Measure(TIME, "0 s", "50 ms"),
+        "0 ms",
+        "of the colour picture: what moves meanwhile is blurred",
     )
     depth_after: float = value(
-        Measure(TIME, "-50 ms", "50 ms"), "0 ms", "from the middle of the colour's exposure to that of the depth"
+        Measure(TIME, "-50 ms", "50 ms"),
+        "0 ms",
+        "from the middle of the colour's exposure to that of the depth",
     )
     fixed: FixedSection | None = value(
-        Section(FixedSection), None, "where it is fixed in the cell; without it, it rides on the gripper"
+        Section(FixedSection),
+        None,
+        "where it is fixed in the cell; without it, it rides on the gripper",
     )
 
     hand_eye: Path | None = value(
-        PathTo("file"), None, "file with the pose that its frames state, right or wrong; without it, the true pose"
+        PathTo("file"),
+        None,
+        "file with the pose that its frames state, right or wrong; without it, the true pose",
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -168,7 +203,9 @@ class CameraOptions(InWorld):
 def connect_world(settings: Settings[WorldOptions], context: ConnectContext) -> SimWorld:
     """`driver: mujoco`"""
     said = settings.values
-    layout = draw_layout(said, context.seed, context.workspace.obstacles if context.workspace else ())
+    layout = draw_layout(
+        said, context.seed, context.workspace.obstacles if context.workspace else ()
+    )
     assert context.workspace is not None, "judged when the cell file was read"
     try:
         scene = build_scene(layout, context.seed)
@@ -189,14 +226,22 @@ def connect_gripper(settings: Settings[GripperOptions], context: ConnectContext)
     """`driver: sim-gripper`"""
     said = settings.values
     limits = {"speed_max": said.speed_max, "force_max": said.force_max}
-    return SimGripper(_world(context), **limits, watchdog=said.watchdog, supervision=said.supervision)
+    return SimGripper(
+        _world(context), **limits, watchdog=said.watchdog, supervision=said.supervision
+    )
 
 
 @driver(SimFingers, FingersOptions)
 def connect_fingers(settings: Settings[FingersOptions], context: ConnectContext) -> SimFingers:
     """`driver: sim-fingers`"""
     said = settings.values
-    return SimFingers(_world(context), noise=said.noise, bias=said.bias, force_range=said.range, belief=said.belief)
+    return SimFingers(
+        _world(context),
+        noise=said.noise,
+        bias=said.bias,
+        force_range=said.range,
+        belief=said.belief,
+    )
 
 
 @driver(SimHands, OnTable)

@@ -108,7 +108,9 @@ def _drift(index: Any, sign: float = 1.0) -> Lie:
 
     def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
         wrenches = sample.wrenches.copy()
-        wrenches[index] += sign * 0.5 * (sample.stamp - before.stamp)  # how fast a channel drifts [N/s]
+        wrenches[index] += (
+            sign * 0.5 * (sample.stamp - before.stamp)
+        )  # how fast a channel drifts [N/s]
         return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
 
     return lie
@@ -178,7 +180,9 @@ _NOISE_ROWS = 8192
 
 
 @numba.njit(cache=True)
-def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64, wrench: Float64) -> None:
+def pad_wrench(
+    contact: Float64, site_position: Float64, site_rotation: Float64, wrench: Float64
+) -> None:
     """Compute the wrench of the fruit on a pad, (6,), in the pad's frame, from the engine's net contact.
 
     Args:
@@ -186,7 +190,11 @@ def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64,
         site_position, site_rotation: pad frame's origin, shape (3,) [m], and axes as columns, row-major, shape (9,).
     """
     fx, fy, fz = -contact[0], -contact[1], -contact[2]
-    px, py, pz = contact[6] - site_position[0], contact[7] - site_position[1], contact[8] - site_position[2]
+    px, py, pz = (
+        contact[6] - site_position[0],
+        contact[7] - site_position[1],
+        contact[8] - site_position[2],
+    )
     tx = -contact[3] + py * fz - pz * fy
     ty = -contact[4] + pz * fx - px * fz
     tz = -contact[5] + px * fy - py * fx
@@ -207,7 +215,12 @@ class SimFingers(FaultyDevice):
     rate = 1.0 / TIMESTEP
 
     def __init__(
-        self, world: PhysicsWorld, noise: float, bias: float, force_range: float, belief: Belief | None = None
+        self,
+        world: PhysicsWorld,
+        noise: float,
+        bias: float,
+        force_range: float,
+        belief: Belief | None = None,
     ) -> None:
         super().__init__("fingers")
         self._world, self._range = world, force_range
@@ -236,7 +249,10 @@ class SimFingers(FaultyDevice):
 
     def check(self) -> None:
         if self._lost is not None and self._world.clock.now() - self._lost.stamp > SILENCE:
-            raise DeviceLost(self.name, f"no sample for {1e3 * (self._world.clock.now() - self._lost.stamp):.0f} ms")
+            raise DeviceLost(
+                self.name,
+                f"no sample for {1e3 * (self._world.clock.now() - self._lost.stamp):.0f} ms",
+            )
         problem = self._passing.problem(self.name)
         if problem is not None:
             raise problem
@@ -262,7 +278,9 @@ class SimFingers(FaultyDevice):
         self._lost = None
 
     def _stream(self) -> None:
-        if self._passing.has_listeners or self.fault is not None:  # a fault is found whether or not anybody listens
+        if (
+            self._passing.has_listeners or self.fault is not None
+        ):  # a fault is found whether or not anybody listens
             self._pass_on()
 
     def _pass_on(self) -> None:

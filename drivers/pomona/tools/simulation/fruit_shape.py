@@ -68,7 +68,11 @@ def read_model(folder: Path) -> FruitMeshes:
     findings = Findings()
     written = read_value_file(folder / "fruit.yaml", findings, "a fruit file")
     try:
-        said = None if written is None else Section(_ModelSection, OF_PERCEPTION).read(written.root, written.reader)
+        said = (
+            None
+            if written is None
+            else Section(_ModelSection, OF_PERCEPTION).read(written.root, written.reader)
+        )
     except Refused:
         said = None
     if said is None:
@@ -114,7 +118,9 @@ class FruitShape:
     uv: Float64  # texture coordinates, (n, 2)
     dimensions: Float64  # cuboid (d_x, d_y, d_z) of the flesh [m]
     texture: NDArray[np.uint8]  # RGB, (rows, columns, 3), uint8
-    stem: tuple[Float64, NDArray[np.int32]] | None  # vertices (k, 3) [m] and faces of the stem, or None
+    stem: (
+        tuple[Float64, NDArray[np.int32]] | None
+    )  # vertices (k, 3) [m] and faces of the stem, or None
 
 
 def make_fruit(
@@ -146,7 +152,9 @@ def _deform(vertices: Float64, rng: np.random.Generator, shape_noise: float) -> 
     for k in (2, 3, 5):
         phase = rng.uniform(0.0, 2.0 * np.pi)
         radial += (
-            rng.normal(0.0, shape_noise * 0.012 / np.sqrt(k)) * np.cos(k * angle + phase) * (1.0 - 0.5 * height**2)
+            rng.normal(0.0, shape_noise * 0.012 / np.sqrt(k))
+            * np.cos(k * angle + phase)
+            * (1.0 - 0.5 * height**2)
         )
     deformed = vertices.copy()
     deformed[:, 0] *= radial
@@ -156,7 +164,9 @@ def _deform(vertices: Float64, rng: np.random.Generator, shape_noise: float) -> 
     return deformed
 
 
-def _unwrap(vertices: Float64, faces: NDArray[np.int32]) -> tuple[Float64, NDArray[np.int32], Float64]:
+def _unwrap(
+    vertices: Float64, faces: NDArray[np.int32]
+) -> tuple[Float64, NDArray[np.int32], Float64]:
     """Cylindrical texture coordinates; triangles across the seam get vertices of their own with u beyond 1."""
     u = np.arctan2(vertices[:, 2], vertices[:, 0]) / (2.0 * np.pi) + 0.5
     v = (vertices[:, 1] - vertices[:, 1].min()) / np.ptp(vertices[:, 1])
@@ -177,10 +187,14 @@ def _paint(skin: str, rng: np.random.Generator) -> NDArray[np.uint8]:
     v = np.linspace(0.0, 1.0, rows)[:, None]
     u = np.linspace(0.0, 2.0 * np.pi, columns, endpoint=False)[None, :]
     streaks = _wrapped_noise(rng, 0.8, 9.0) * 0.35 + _wrapped_noise(rng, 10.0, 8.0) * 0.5
-    sunny = np.cos(u - rng.uniform(0.0, 2.0 * np.pi)) * (1.0 - share) + 2.4 * (share - 0.5) + streaks
+    sunny = (
+        np.cos(u - rng.uniform(0.0, 2.0 * np.pi)) * (1.0 - share) + 2.4 * (share - 0.5) + streaks
+    )
     weight = 1.0 / (1.0 + np.exp(-3.5 * sunny))
     tint = 1.0 + rng.normal(0.0, 0.05, 3)
-    colour = (np.array(ground) * tint) * (1.0 - weight[..., None]) + (np.array(blush) * tint) * weight[..., None]
+    colour = (np.array(ground) * tint) * (1.0 - weight[..., None]) + (
+        np.array(blush) * tint
+    ) * weight[..., None]
     cavity = np.clip((0.07 - v) / 0.07, 0.0, 1.0) + np.clip((v - 0.95) / 0.05, 0.0, 1.0)
     colour += (np.array([0.42, 0.38, 0.16]) - colour) * (0.6 * cavity * np.ones_like(u))[..., None]
     dots = rng.random(_TEXTURE) < 0.006
@@ -193,6 +207,8 @@ def _paint(skin: str, rng: np.random.Generator) -> NDArray[np.uint8]:
 def _wrapped_noise(rng: np.random.Generator, across: float, along: float) -> Float64:
     """Smooth noise of unit deviation that closes around the axis; widths of the blur in texels."""
     noise = np.tile(rng.normal(size=_TEXTURE), (1, 3))
-    blurred = cv2.GaussianBlur(noise, (0, 0), sigmaX=across, sigmaY=along)[:, _TEXTURE[1] : 2 * _TEXTURE[1]]
+    blurred = cv2.GaussianBlur(noise, (0, 0), sigmaX=across, sigmaY=along)[
+        :, _TEXTURE[1] : 2 * _TEXTURE[1]
+    ]
     unit: Float64 = blurred / blurred.std()
     return unit

@@ -35,9 +35,13 @@ def open_renderer(model: Any, height: int, width: int) -> Any:
             _prepare_egl()
         # MuJoCo chose its backend when it was first imported, perhaps by a caller that renders nothing.
         gl_context = import_under("mujoco.rendering.classic.gl_context", MUJOCO_GL="disable")
-        gl_context.GLContext = import_module("mujoco.cgl" if sys.platform == "darwin" else "mujoco.egl").GLContext
+        gl_context.GLContext = import_module(
+            "mujoco.cgl" if sys.platform == "darwin" else "mujoco.egl"
+        ).GLContext
         return mujoco.Renderer(model, height, width)
-    except Exception as error:  # a missing library shows as ImportError, AttributeError, OSError or an EGL error
+    except (
+        Exception
+    ) as error:  # a missing library shows as ImportError, AttributeError, OSError or an EGL error
         raise DeviceFault(
             "camera",
             f"the simulated camera cannot render ({type(error).__name__}: {error}); install EGL: "

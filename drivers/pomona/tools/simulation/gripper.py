@@ -21,7 +21,10 @@ STANDING = 2e-3  # … that move slower than this [m/s] …
 PATIENCE = 0.05  # … for this long [s] are blocked …
 PATIENCE_NEAR = 0.2  # … as are fingers nearer to it, held by a branch that sways, that do not arrive in this time [s]
 STALE = 0.045  # a state that is older than this is none [s]; as of a WSG
-RUNAWAY, FAST_STOP = 0.03, 0.2  # speed of runaway fingers [m/s], and time from a safe stop to the fast stop [s]
+RUNAWAY, FAST_STOP = (
+    0.03,
+    0.2,
+)  # speed of runaway fingers [m/s], and time from a safe stop to the fast stop [s]
 MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
 
 
@@ -50,13 +53,25 @@ class SimGripper(DirectGripper, FaultyDevice):
         self._closed = _opening_when_closed(world)
         self._fingers = [model.joint(name) for name in ("finger_left", "finger_right")]
         stroke = float(self._fingers[0].range[1])
-        self._across = abs(float(self._fingers[0].axis[1]))  # part of a finger's way that opens; the rest is forward
-        limits = GripperLimits(self._closed, self._closed + 2.0 * stroke * self._across, speed_max, force_max)
+        self._across = abs(
+            float(self._fingers[0].axis[1])
+        )  # part of a finger's way that opens; the rest is forward
+        limits = GripperLimits(
+            self._closed, self._closed + 2.0 * stroke * self._across, speed_max, force_max
+        )
         super().__init__(
-            "gripper", world.clock, limits, acceleration=ACCELERATION, watchdog=watchdog, supervision=supervision
+            "gripper",
+            world.clock,
+            limits,
+            acceleration=ACCELERATION,
+            watchdog=watchdog,
+            supervision=supervision,
         )
         self._actuator = model.actuator("gripper").id
-        model.actuator_forcerange[self._actuator] = [-(drive := 2.0 * force_max * self._across), drive]
+        model.actuator_forcerange[self._actuator] = [
+            -(drive := 2.0 * force_max * self._across),
+            drive,
+        ]
         self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
         self._joints, self._stroke = [int(finger.id) for finger in self._fingers], stroke
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
@@ -76,12 +91,19 @@ class SimGripper(DirectGripper, FaultyDevice):
     def _measure(self) -> GripperState:
         state = self._world.state
         if self.fault == "sticks":
-            width, speed = self._frozen.width + self._noise[self._world.clock.steps % len(self._noise)], 0.0
+            width, speed = (
+                self._frozen.width + self._noise[self._world.clock.steps % len(self._noise)],
+                0.0,
+            )
         else:
             width = self._closed + self._across * float(sum(state.qpos[self._address]))
             speed = self._across * float(sum(state.qvel[self._dof]))
-        motor_force = MOTOR_STEP * round(-float(state.actuator_force[self._actuator]) / self._across / MOTOR_STEP)
-        return GripperState(self._clock.now(), width, speed, not self.settled(), motor_force, aim=self._aim)
+        motor_force = MOTOR_STEP * round(
+            -float(state.actuator_force[self._actuator]) / self._across / MOTOR_STEP
+        )
+        return GripperState(
+            self._clock.now(), width, speed, not self.settled(), motor_force, aim=self._aim
+        )
 
     def check(self) -> None:
         silent = self._clock.now() - self.state().stamp
@@ -113,14 +135,20 @@ class SimGripper(DirectGripper, FaultyDevice):
         if self.fault == "runaway" and self._runs_away():
             return False
         move = self._move
-        return move is None or move.settled or (move.state is MotionState.PAUSED and abs(self._rate) < 1e-6)
+        return (
+            move is None
+            or move.settled
+            or (move.state is MotionState.PAUSED and abs(self._rate) < 1e-6)
+        )
 
     def step(self) -> None:
         """Command the opening's rate for this step, shared between the fingers."""
         set_point = self._closed + 2.0 * self._across * float(self._world.state.act[0])
         self._end_stale_stream(self._clock.now())
         move = self._move
-        wanted = self._speed if move is None or move.settled else self._rate_of_move(move, set_point)
+        wanted = (
+            self._speed if move is None or move.settled else self._rate_of_move(move, set_point)
+        )
         if self.fault in ("jam", "lost", "busy"):
             wanted = 0.0
         elif self.fault == "runaway" and self._runs_away():
@@ -134,7 +162,9 @@ class SimGripper(DirectGripper, FaultyDevice):
         set_point = float(state.act[0])
         ahead = set_point - float(state.qpos[self._address[0]])
         rate = 0.5 * wanted / self._across
-        state.ctrl[self._actuator] = 0.0 if abs(ahead) >= self._gives and ahead * wanted > 0.0 else rate
+        state.ctrl[self._actuator] = (
+            0.0 if abs(ahead) >= self._gives and ahead * wanted > 0.0 else rate
+        )
         self._world.model.jnt_range[self._joints] = (
             max(set_point - self._gives, 0.0),
             min(set_point + self._gives, self._stroke),
@@ -155,7 +185,9 @@ class SimGripper(DirectGripper, FaultyDevice):
         near = abs(left) < ARRIVED / 4.0
         self._blocked_for = self._blocked_for + TIMESTEP if far or near else 0.0
         if self._blocked_for > (PATIENCE if far else PATIENCE_NEAR):
-            self._end_move(MotionState.FAILED, f"the fingers are blocked at {1e3 * measured:.1f} mm")
+            self._end_move(
+                MotionState.FAILED, f"the fingers are blocked at {1e3 * measured:.1f} mm"
+            )
             return 0.0
         if abs(left) < ARRIVED / 4.0 and abs(move.width - measured) < ARRIVED:
             self._end_move(MotionState.DONE)
@@ -171,5 +203,8 @@ class SimGripper(DirectGripper, FaultyDevice):
 
 def _opening_when_closed(world: PhysicsWorld) -> float:
     """Return the distance of the pads' faces when the fingers' joints are at 0, from the robot's own geometry [m]."""
-    left, right = (world.model.site(name).pos + world.model.body(name).pos for name in ("pad_left", "pad_right"))
+    left, right = (
+        world.model.site(name).pos + world.model.body(name).pos
+        for name in ("pad_left", "pad_right")
+    )
     return float(abs(left[1] - right[1]))

@@ -11,8 +11,15 @@ from pomona.tools.simulation.layout import PADS
 from pomona.tools.simulation.scene import TIMESTEP
 from pomona.tools.simulation.world import SimWorld
 
-STIFFNESS, TURNING_STIFFNESS = 1500.0, 0.5  # of a hand that holds on [N/m] and against turning [N·m/rad]
-PULL, TWIST, TWIST_PULL = 0.002, 0.08, 0.0003  # speeds of a pull [m/s], a twist [rad/s], and a pull in a twist [m/s]
+STIFFNESS, TURNING_STIFFNESS = (
+    1500.0,
+    0.5,
+)  # of a hand that holds on [N/m] and against turning [N·m/rad]
+PULL, TWIST, TWIST_PULL = (
+    0.002,
+    0.08,
+    0.0003,
+)  # speeds of a pull [m/s], a twist [rad/s], and a pull in a twist [m/s]
 FARTHEST = 0.005  # they do not pull farther than this: the fruit stays between the pads [m]
 GRAVITY = 9.81
 
@@ -81,7 +88,9 @@ class SimHands(Device):
         turning_damping = 2.0 * np.sqrt(TURNING_STIFFNESS * self._inertia)
         force = STIFFNESS * (self._p - p) - damping * speed + [0.0, 0.0, self._mass * GRAVITY]
         self._world.state.xfrc_applied[self._body, :3] = force
-        self._world.state.xfrc_applied[self._body, 3:] = TURNING_STIFFNESS * error - turning_damping * turning
+        self._world.state.xfrc_applied[self._body, 3:] = (
+            TURNING_STIFFNESS * error - turning_damping * turning
+        )
 
 
 def _turned(axis: Float64, angle: float) -> Float64:

@@ -28,13 +28,21 @@ FAR = 1.0  # distances are measured up to this [m]
 class IntruderSection:
     """A person's hand that comes into the cell."""
 
-    start: tuple[float, ...] = value(Row(Measure(LENGTH, "-3 m", "3 m"), 3), help="where it waits, in the base frame")
-    goal: tuple[float, ...] = value(Row(Measure(LENGTH, "-3 m", "3 m"), 3), help="where it reaches to")
+    start: tuple[float, ...] = value(
+        Row(Measure(LENGTH, "-3 m", "3 m"), 3), help="where it waits, in the base frame"
+    )
+    goal: tuple[float, ...] = value(
+        Row(Measure(LENGTH, "-3 m", "3 m"), 3), help="where it reaches to"
+    )
     speed: float = value(Measure(SPEED, "1 mm/s", "5 m/s"), "0.5 m/s", "at which it comes and goes")
     after: float | None = value(
-        OrWord(Measure(TIME, "0 s", "1 h"), "asked"), "asked", "when it comes; 'asked': when its switch is turned"
+        OrWord(Measure(TIME, "0 s", "1 h"), "asked"),
+        "asked",
+        "when it comes; 'asked': when its switch is turned",
     )
-    stays: float | None = value(OrWord(Measure(TIME, "0 s", "1 h"), "ever"), "2 s", "how long it stays there")
+    stays: float | None = value(
+        OrWord(Measure(TIME, "0 s", "1 h"), "ever"), "2 s", "how long it stays there"
+    )
 
     def problems(self) -> Iterator[Problem]:
         if np.linalg.norm(np.subtract(self.goal, self.start)) < 1e-3:
@@ -61,7 +69,9 @@ class Intruder(FaultSwitch):
 
     known_faults = ("reach",)
 
-    def __init__(self, mujoco: Any, model: Any, state: Any, arm_dofs: Any, said: IntruderSection) -> None:
+    def __init__(
+        self, mujoco: Any, model: Any, state: Any, arm_dofs: Any, said: IntruderSection
+    ) -> None:
         super().__init__()
         self._mujoco, self._model, self._state, self._dofs = mujoco, model, state, arm_dofs
         body = model.body(BODY)
@@ -117,10 +127,14 @@ class Intruder(FaultSwitch):
         distance, line = FAR, np.zeros(6)
         for own in self._geoms:
             for geom in self._robot:
-                away = self._mujoco.mj_geomDistance(self._model, self._state, own, geom, distance, line)
+                away = self._mujoco.mj_geomDistance(
+                    self._model, self._state, own, geom, distance, line
+                )
                 distance = min(distance, float(away))
         self.nearest = min(self.nearest, distance)
-        if np.abs(self._state.qvel[self._dofs]).max() > 0.02:  # speed of the joints below which the robot rests [rad/s]
+        if (
+            np.abs(self._state.qvel[self._dofs]).max() > 0.02
+        ):  # speed of the joints below which the robot rests [rad/s]
             self.nearest_moving = min(self.nearest_moving, distance)
 
     def truth(self) -> dict[str, object]:
@@ -145,7 +159,12 @@ def add_intruder(mujoco: Any, spec: Any) -> None:
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(PALM), **ghost)
     radius, half = FOREARM
     behind = -(PALM[2] + half)
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, half, 0.0], pos=[0.0, 0.0, behind], **ghost)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[radius, half, 0.0],
+        pos=[0.0, 0.0, behind],
+        **ghost,
+    )
 
 
 def _robot_geoms(model: Any) -> list[int]:
@@ -155,4 +174,8 @@ def _robot_geoms(model: Any) -> list[int]:
     for body in range(model.nbody):
         if int(model.body_parentid[body]) in robot:
             robot.add(body)
-    return [g for g in range(model.ngeom) if int(model.geom_bodyid[g]) in robot and model.geom_contype[g]]
+    return [
+        g
+        for g in range(model.ngeom)
+        if int(model.geom_bodyid[g]) in robot and model.geom_contype[g]
+    ]

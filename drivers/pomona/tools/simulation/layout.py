@@ -49,7 +49,9 @@ class Gathering:
     """Where fruit is brought together."""
 
     T_base_floor: Float64  # middle of the surface below the fruit, (4, 4)
-    inside: Float64 | None  # half of the crate's inside along x and y, (2,) [m]; None for a heap on the table
+    inside: (
+        Float64 | None
+    )  # half of the crate's inside along x and y, (2,) [m]; None for a heap on the table
     layers: int = 1  # with 2, a third of the fruit falls on the others
 
 
@@ -83,7 +85,10 @@ def gather(mujoco: Any, model: Any, state: Any, sizes: Float64, how: Gathering, 
         state.qpos[address : address + 3] = T[:3, :3] @ [*spot, height / 2.0 + bottom] + T[:3, 3]
     for k in range(round(LANDED / model.opt.timestep) if lower < len(sizes) else 0):
         mujoco.mj_step(model, state)
-        if k % 100 == 99 and np.abs(state.qvel[model.body_dofadr[bodies][:, None] + range(6)]).max() < STILL:
+        if (
+            k % 100 == 99
+            and np.abs(state.qvel[model.body_dofadr[bodies][:, None] + range(6)]).max() < STILL
+        ):
             break
     if how.inside is None:
         return
@@ -187,11 +192,15 @@ class Layout:
     table_z: float  # height of the table's surface in the base frame [m]
     fruits: tuple[FruitOnTable, ...]  # fruits, distractors: the objects on it
     distractors: tuple[Distractor, ...]
-    fixed: tuple[Box, ...]  # fixed obstacles of the cell file's workspace: the robot's pedestal, a crate
+    fixed: tuple[
+        Box, ...
+    ]  # fixed obstacles of the cell file's workspace: the robot's pedestal, a crate
     friction: float  # sliding friction of the pads
     torsion: float  # torsional friction of the pads [m]
     intruder: IntruderSection | None = None  # a person's hand that comes into the cell, or None
-    gathering: Gathering | None = None  # where fruit is brought together before the run; None: each at its place
+    gathering: Gathering | None = (
+        None  # where fruit is brought together before the run; None: each at its place
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,7 +208,9 @@ class CellFruitSection:
     """A fruit that may lie on the table."""
 
     model: Path = value(PathTo("folder"), help="folder with its fruit.yaml")
-    dimensions: tuple[float, ...] = value(Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="width, height, depth")
+    dimensions: tuple[float, ...] = value(
+        Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="width, height, depth"
+    )
     mass: float = value(Measure(MASS, "1 g", "5 kg"), help="its own; `weight` varies it")
     skin: str | None = value(Text(*SKINS), None, "how it looks; drawn without one")
     lies: bool = value(Flag(), False, "on its side, as a lemon does")
@@ -218,7 +229,9 @@ class WorldOptions:
     robot: Path = value(PathTo("file"), help="MJCF of the robot")
     table_z: float = value(Measure(LENGTH), help="height of the table's surface in the base frame")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
-    fruits: Mapping[str, CellFruitSection] = value(MappingOf(Section(CellFruitSection)), help="fruit for the table")
+    fruits: Mapping[str, CellFruitSection] = value(
+        MappingOf(Section(CellFruitSection)), help="fruit for the table"
+    )
     places: Mapping[str, tuple[float, ...]] = value(
         MappingOf(Row(Measure(LENGTH), 2)), help="where it may lie: x, y in the base frame"
     )
@@ -227,16 +240,28 @@ class WorldOptions:
     others: int = value(Whole(0, 100), "0", "how many other fruits lie at the other places")
     distractors: int = value(Whole(0, 20), "0", "objects that are no fruit")
     skin: str = value(Text("any", *SKINS), "any", "of the target; 'any' draws one")
-    mass: float | None = value(OrWord(Measure(MASS, "1 g", "5 kg"), "auto"), "auto", "of the target; 'auto' draws one")
+    mass: float | None = value(
+        OrWord(Measure(MASS, "1 g", "5 kg"), "auto"), "auto", "of the target; 'auto' draws one"
+    )
     friction: tuple[float, float] | None = value(
-        OrWord(Span(Number(0.01, 5.0)), "auto"), "auto", f"sliding friction of the pads; 'auto' draws from {FRICTION}"
+        OrWord(Span(Number(0.01, 5.0)), "auto"),
+        "auto",
+        f"sliding friction of the pads; 'auto' draws from {FRICTION}",
     )
-    torsion: float = value(Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding")
+    torsion: float = value(
+        Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding"
+    )
     weight: tuple[float, float] = value(
-        Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's, drawn from this range"
+        Span(Number(0.1, 10.0)),
+        "0.95..1.10",
+        "mass of a fruit beside its kind's, drawn from this range",
     )
-    spread: float = value(Number(0.0, 0.3), "0", "width and height differ from the kind's by up to this share")
-    shape_noise: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
+    spread: float = value(
+        Number(0.0, 0.3), "0", "width and height differ from the kind's by up to this share"
+    )
+    shape_noise: float = value(
+        Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form"
+    )
     tilt: float = value(Measure(ANGLE, "0 rad", "180 deg"), "0.1 rad", "largest tilt of a stem")
     jitter: float = value(Measure(LENGTH, "0 mm", "50 mm"), "0 mm", "of a place, in x and y")
     fruits_at: str = value(
@@ -244,20 +269,29 @@ class WorldOptions:
         "places",
         f"where the fruit is: at its places, pulled together among them, or in the crate '{SOURCE}' of the workspace",
     )
-    layers: int = value(Whole(1, 2), "1", "with 2, a third of the fruit of a heap or a crate falls on the others")
+    layers: int = value(
+        Whole(1, 2), "1", "with 2, a third of the fruit of a heap or a crate falls on the others"
+    )
     source_off: tuple[float, ...] = value(
         Row(Measure(LENGTH, "-100 mm", "100 mm"), 2),
         "0 0 mm",
         f"how far the crate '{SOURCE}' stands from its place in the workspace",
     )
-    intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
+    intruder: IntruderSection | None = value(
+        Section(IntruderSection), None, "a person's hand that comes into the cell"
+    )
 
     def problems(self) -> Iterator[Problem]:
-        for key, word, known in (("fruit", self.fruit, self.fruits), ("place", self.place, self.places)):
+        for key, word, known in (
+            ("fruit", self.fruit, self.fruits),
+            ("place", self.place, self.places),
+        ):
             if word not in known:
                 yield Problem(key, f"it cannot be '{word}'", choose(word, known))
         if self.fruits_at == "places" and self.others > len(self.places) - 1:
-            yield Problem("others", f"it is {self.others}, but must be between 0 and {len(self.places) - 1}")
+            yield Problem(
+                "others", f"it is {self.others}, but must be between 0 and {len(self.places) - 1}"
+            )
         try:
             read_robot(self.robot)
             read_limits(self.robot)
@@ -268,17 +302,29 @@ class WorldOptions:
         poses = around.workspace.poses if around.workspace else {}
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
-        elif len(q := poses[self.start]) == len(read_limits(self.robot).lower) and (way := sag(self.robot, q)) > 1e-3:
+        elif (
+            len(q := poses[self.start]) == len(read_limits(self.robot).lower)
+            and (way := sag(self.robot, q)) > 1e-3
+        ):
             words = f"its drives give way by {way:.4f} rad to the arm's weight: its motions do not come to rest"
             yield Problem("robot", words, 'write gravcomp="1" on each of its bodies')
         if self.fruits_at == "crate":
             obstacles = () if around.workspace is None else around.workspace.obstacles
-            crate, near = crate_of(obstacles), get_close_matches(SOURCE, {box.name for box in obstacles}, 1)
+            crate, near = (
+                crate_of(obstacles),
+                get_close_matches(SOURCE, {box.name for box in obstacles}, 1),
+            )
             if crate is None:
-                hint = f"name: {SOURCE}, wall: 8 mm" + (f" in the obstacle '{near[0]}'" if near else "")
+                hint = f"name: {SOURCE}, wall: 8 mm" + (
+                    f" in the obstacle '{near[0]}'" if near else ""
+                )
                 yield Problem("fruits_at", f"the workspace has no crate '{SOURCE}'", hint)
-            elif self.others >= (holds := int((2 * self.layers + 2) * np.array(crate.inside).prod() / ROOM)):
-                yield Problem("others", f"the crate holds {holds} fruit in all, not {self.others + 1}")
+            elif self.others >= (
+                holds := int((2 * self.layers + 2) * np.array(crate.inside).prod() / ROOM)
+            ):
+                yield Problem(
+                    "others", f"the crate holds {holds} fruit in all, not {self.others + 1}"
+                )
 
     def known(self) -> Iterator[object]:
         yield read_limits(self.robot)
@@ -293,7 +339,10 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
     """
     fixed = tuple(_shifted(box, said.source_off) if box.name == SOURCE else box for box in fixed)
     # One generator per subject, so that a changed option keeps the draws of the others.
-    drawn = {matter: np.random.default_rng([seed, 1, i]) for i, matter in enumerate(("places", "scatter", "friction"))}
+    drawn = {
+        matter: np.random.default_rng([seed, 1, i])
+        for i, matter in enumerate(("places", "scatter", "friction"))
+    }
     rng = drawn["places"]
     spots = [np.array(xy) for xy in said.places.values()]
     gathering, place = None, list(said.places).index(said.place)
@@ -305,7 +354,11 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         spots, place = [middle[:2, 3]] * (said.others + 1), 0
     free = [i for i in rng.permutation(len(spots)) if i != place][: said.others]
     target = said.fruits[said.fruit]
-    alike = [name for name, kind in said.fruits.items() if name != said.fruit and kind.model == target.model]
+    alike = [
+        name
+        for name, kind in said.fruits.items()
+        if name != said.fruit and kind.model == target.model
+    ]
     names = alike or [said.fruit]  # the other fruit are of the same kind
     picked = [said.fruit] + [
         names[i % len(names)] for i in rng.permutation(max(said.others, len(names)))[: said.others]
@@ -316,7 +369,9 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         rng = np.random.default_rng([seed, 2, i])
         drawn_mass = kind.mass * rng.uniform(*said.weight)
         skin = str(rng.choice(APPLES))  # drawn for every fruit, so that later draws stay the same
-        width, height = np.random.default_rng([seed, 6, i]).uniform(1.0 - said.spread, 1.0 + said.spread, 2)
+        width, height = np.random.default_rng([seed, 6, i]).uniform(
+            1.0 - said.spread, 1.0 + said.spread, 2
+        )
         fruits.append(
             FruitOnTable(
                 name=name,
@@ -363,6 +418,8 @@ def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tupl
             shape = str(rng.choice(["box", "ball", "cylinder"]))
             x, y, z = rng.uniform(0.012, 0.035, 3).tolist()
             alike = rng.random() < 0.5
-            r, g, b = rng.uniform((0.5, 0.05, 0.05) if alike else 0.05, (0.9, 0.6, 0.2) if alike else 0.9, 3).tolist()
+            r, g, b = rng.uniform(
+                (0.5, 0.05, 0.05) if alike else 0.05, (0.9, 0.6, 0.2) if alike else 0.9, 3
+            ).tolist()
             placed.append(Distractor(shape, (x, y, z), xy, rng.uniform(-np.pi, np.pi), (r, g, b)))
     return tuple(placed)

@@ -13,12 +13,23 @@ from pomona.executive.values.arrays import Float64
 from pomona.tools.simulation.fruit_shape import FruitShape, make_fruit
 from pomona.tools.simulation.gl import load_mujoco
 from pomona.tools.simulation.intruder import IntruderSection, add_intruder
-from pomona.tools.simulation.layout import PADS, Distractor, FruitOnTable, Gathering, Layout, read_robot
+from pomona.tools.simulation.layout import (
+    PADS,
+    Distractor,
+    FruitOnTable,
+    Gathering,
+    Layout,
+    read_robot,
+)
 
 TIMESTEP = 0.002  # step of the physics [s]; contact, sensing and force control share it
 
 TABLE_FRICTION = (0.6, 0.005, 0.0005)
-LINING = (0.8, 0.02, 0.01)  # friction of fixed objects: a crate is lined with foam, on which fruit does not roll
+LINING = (
+    0.8,
+    0.02,
+    0.01,
+)  # friction of fixed objects: a crate is lined with foam, on which fruit does not roll
 OFFSCREEN = (1280, 960)  # width and height of the largest image that can be drawn [px]
 
 
@@ -56,7 +67,9 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     shapes = []
     for i, fruit in enumerate(layout.fruits):
         drawn = np.random.default_rng([seed, 5, i])
-        shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, drawn, fruit.shape_noise))
+        shapes.append(
+            make_fruit(fruit.model, fruit.dimensions, fruit.skin, drawn, fruit.shape_noise)
+        )
         add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
@@ -103,7 +116,11 @@ def add_lights(spec: Any, rng: np.random.Generator) -> None:
         light.dir = [-0.5 * np.cos(azimuth), -0.5 * np.sin(azimuth), -0.8]
         light.castshadow = False
         warm = rng.uniform(0.92, 1.0)
-        light.diffuse = [share * strength, share * strength * (1.0 + warm) / 2.0, share * strength * warm]
+        light.diffuse = [
+            share * strength,
+            share * strength * (1.0 + warm) / 2.0,
+            share * strength * warm,
+        ]
         light.specular = [0.25 * share] * 3
     spec.visual.quality.offsamples = 0  # depth at pixel centres, not a mean over an edge
     spec.visual.global_.offwidth, spec.visual.global_.offheight = OFFSCREEN
@@ -112,7 +129,11 @@ def add_lights(spec: Any, rng: np.random.Generator) -> None:
 
 
 def _add_table(mujoco: Any, spec: Any, table_z: float, rng: np.random.Generator) -> None:
-    hue = np.array(((0.62, 0.58, 0.52), (0.45, 0.47, 0.50), (0.66, 0.52, 0.38), (0.72, 0.71, 0.68))[rng.integers(4)])
+    hue = np.array(
+        ((0.62, 0.58, 0.52), (0.45, 0.47, 0.50), (0.66, 0.52, 0.38), (0.72, 0.71, 0.68))[
+            rng.integers(4)
+        ]
+    )
     colour = hue * rng.uniform(0.85, 1.1)
     stretch = rng.uniform(1.0, 12.0)
     grain = cv2.GaussianBlur(rng.normal(size=(512, 512)), (0, 0), sigmaX=stretch, sigmaY=1.2)
@@ -162,14 +183,18 @@ def add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
         )
 
 
-def add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: FruitShape, table_z: float) -> None:
+def add_fruit(
+    mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: FruitShape, table_z: float
+) -> None:
     """A free body whose frame is the fruit's object frame; its convex hull touches, its skin is seen."""
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = shape.vertices.ravel(), shape.faces.ravel()
     mesh.usertexcoord, mesh.userfacetexcoord = shape.uv.ravel(), shape.faces.ravel()
     add_material(mujoco, spec, name, shape.texture / 255.0, (1.0, 1.0))
     T_base_fruit = standing_pose(fruit, table_z + fruit.dimensions[1] / 2.0 + 0.004)
-    body = spec.worldbody.add_body(name=name, pos=T_base_fruit[:3, 3], quat=quaternion(mujoco, T_base_fruit))
+    body = spec.worldbody.add_body(
+        name=name, pos=T_base_fruit[:3, 3], quat=quaternion(mujoco, T_base_fruit)
+    )
     body.add_freejoint(name=name)
     touch = {"contype": 1, "conaffinity": 3, "condim": 6, "friction": TABLE_FRICTION}
     shown = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 2}
@@ -180,17 +205,27 @@ def add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: Fru
         twig = spec.add_mesh(name=f"{name}_stem")
         twig.uservert, twig.userface = shape.stem[0].ravel(), shape.stem[1].ravel()
         twig.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-        body.add_geom(name=f"{name}_stem", type=kind, meshname=f"{name}_stem", rgba=[0.30, 0.20, 0.10, 1.0], **shown)
+        body.add_geom(
+            name=f"{name}_stem",
+            type=kind,
+            meshname=f"{name}_stem",
+            rgba=[0.30, 0.20, 0.10, 1.0],
+            **shown,
+        )
 
 
-def _add_distractor(mujoco: Any, spec: Any, name: str, distractor: Distractor, table_z: float) -> None:
+def _add_distractor(
+    mujoco: Any, spec: Any, name: str, distractor: Distractor, table_z: float
+) -> None:
     kinds = {
         "box": mujoco.mjtGeom.mjGEOM_BOX,
         "ball": mujoco.mjtGeom.mjGEOM_SPHERE,
         "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     }
     a, b, c = distractor.size
-    size, rest = {"box": ([a, b, c], c), "ball": ([b, 0.0, 0.0], b), "cylinder": ([a, c, 0.0], c)}[distractor.shape]
+    size, rest = {"box": ([a, b, c], c), "ball": ([b, 0.0, 0.0], b), "cylinder": ([a, c, 0.0], c)}[
+        distractor.shape
+    ]
     body = spec.worldbody.add_body(
         name=name,
         pos=[*distractor.xy, table_z + rest + 0.0005],
@@ -210,10 +245,14 @@ def _add_distractor(mujoco: Any, spec: Any, name: str, distractor: Distractor, t
     )
 
 
-def add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: tuple[float, float]) -> None:
+def add_material(
+    mujoco: Any, spec: Any, name: str, picture: Float64, repeat: tuple[float, float]
+) -> None:
     """A dull material with a texture of its own: `picture` (h, w, 3), 0..1, `repeat` times along x and y."""
     rows, columns = picture.shape[:2]
-    texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=columns, height=rows, nchannel=3)
+    texture = spec.add_texture(
+        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=columns, height=rows, nchannel=3
+    )
     texture.data = (picture * 255.0).astype(np.uint8).tobytes()
     material = spec.add_material(name=name, specular=0.25, shininess=0.3, texrepeat=repeat)
     roles = [""] * int(mujoco.mjtTextureRole.mjNTEXROLE)
@@ -235,7 +274,9 @@ def container_of(fixed: tuple[Box, ...], p: Float64, radius: float) -> str:
         boxes = [box for box in fixed if box.name == name]
         T_floor_base = np.linalg.inv(boxes[0].T_base_box)
         x, y, z = T_floor_base[:3] @ np.append(p, 1.0)
-        rim = max(float((T_floor_base @ box.T_base_box)[2, 3]) + box.half_extents[2] for box in boxes)
+        rim = max(
+            float((T_floor_base @ box.T_base_box)[2, 3]) + box.half_extents[2] for box in boxes
+        )
         above = abs(x) < boxes[0].half_extents[0] and abs(y) < boxes[0].half_extents[1]
         if len(boxes) > 1 and above and 0.0 < z < rim + radius:
             return name
@@ -244,11 +285,17 @@ def container_of(fixed: tuple[Box, ...], p: Float64, radius: float) -> str:
 
 def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
     """Add net contact sensors, summed by the engine: pads with all, fruit with its support, the robot with others."""
-    geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
+    geom, body, subtree = (
+        mujoco.mjtObj.mjOBJ_GEOM,
+        mujoco.mjtObj.mjOBJ_BODY,
+        mujoco.mjtObj.mjOBJ_XBODY,
+    )
     force, torque, found, pos = 2, 4, 1, 16
     net = 3  # reduce: one wrench for all contacts, in the global frame
     of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
-    arm = next(joint.parent.name for joint in spec.joints if joint.name in of_arm)  # joints come from base to tool
+    arm = next(
+        joint.parent.name for joint in spec.joints if joint.name in of_arm
+    )  # joints come from base to tool
 
     def sensor(name: str, kind: Any, first: str, other_kind: Any, other: str, fields: int) -> None:
         unknown = mujoco.mjtObj.mjOBJ_UNKNOWN

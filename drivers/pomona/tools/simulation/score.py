@@ -98,7 +98,10 @@ class FruitRecord:
     lost: int = 0
     touches: int = 0
     bumps: int = 0
-    pressed: tuple[float, float] = (0.0, 0.0)  # mean force of the harder pad, and of the robot's other parts [N]
+    pressed: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # mean force of the harder pad, and of the robot's other parts [N]
     press: float = 0.0  # largest such force, as a share of the one that bruises
     touching: bool = False
 
@@ -136,7 +139,9 @@ class Scorer:
     _sensors: list[_Sensors] = field(init=False)
     _hits: dict[str, int] = field(init=False, default_factory=dict)
     _touching: dict[str, bool] = field(init=False, default_factory=dict)
-    _pushes: dict[str, float] = field(init=False, default_factory=dict)  # largest force on each fixed object [N]
+    _pushes: dict[str, float] = field(
+        init=False, default_factory=dict
+    )  # largest force on each fixed object [N]
     _forbidden: dict[str, Float64] = field(init=False)
     _wrenches: list[Float64] = field(init=False)
     _source: list[str] = field(init=False)  # crate in which each fruit was at the start
@@ -155,7 +160,9 @@ class Scorer:
         ]
         names = [self.scene.model.sensor(i).name for i in range(self.scene.model.nsensor)]
         watched = [n for n in names if n.startswith("robot_") and not n.startswith("robot_fruit")]
-        self._forbidden = {n.removeprefix("robot_").removeprefix("fixed_"): self._view(n) for n in watched}
+        self._forbidden = {
+            n.removeprefix("robot_").removeprefix("fixed_"): self._view(n) for n in watched
+        }
         self._wrenches = [self._view(f"wrench_{pad}") for pad in PADS]
 
     # ------------------------------------------------------------------------------------------- watching
@@ -168,12 +175,16 @@ class Scorer:
                 self._hits[name] = self._hits.get(name, 0) + 1
             self._touching[name] = touching
             if touching:
-                self._pushes[name] = max(self._pushes.get(name, 0.0), float(np.linalg.norm(sensor[1:4])))
+                self._pushes[name] = max(
+                    self._pushes.get(name, 0.0), float(np.linalg.norm(sensor[1:4]))
+                )
         for i, (record, sensors) in enumerate(zip(self._fruits, self._sensors, strict=True)):
             touching = bool(sensors.robot[0] > 0.0)
             begins = touching and not record.touching
             record.touches += begins
-            record.bumps += begins and any(other.grip is not None for other in self._fruits if other is not record)
+            record.bumps += begins and any(
+                other.grip is not None for other in self._fruits if other is not record
+            )
             record.touching = touching
             self._watch_press(i, record, sensors)
             if touching or record.grip is not None or record.ending is not None:
@@ -182,7 +193,10 @@ class Scorer:
     def _watch_press(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
         """Compare the robot's force on a fruit with the one that bruises it; by Hertz's contact of a ball."""
         pads = [pad[1:4] for pad in sensors.pads]
-        now = max(float(np.linalg.norm(pad)) for pad in pads), float(np.linalg.norm(sensors.robot[1:4] - sum(pads)))
+        now = (
+            max(float(np.linalg.norm(pad)) for pad in pads),
+            float(np.linalg.norm(sensors.robot[1:4] - sum(pads))),
+        )
         share = 0.01 / BRUISE_TIME  # of a mean over this time that one look adds
         old, radius = record.pressed, float(self.scene.fruits[i].dimensions[0]) / 2.0
         record.pressed = old[0] + share * (now[0] - old[0]), old[1] + share * (now[1] - old[1])
@@ -224,10 +238,14 @@ class Scorer:
         normal = self._normal_forces(sensors)
         grip.held.finger_peak = max(grip.held.finger_peak, *normal)
         grip.held.grasp_peak = max(grip.held.grasp_peak, sum(normal))
-        if supported and not grip.hung and self._tool_speed() < 3e-3:  # the tool is at rest below this speed [m/s]
+        if (
+            supported and not grip.hung and self._tool_speed() < 3e-3
+        ):  # the tool is at rest below this speed [m/s]
             fresh = self._take_hold(T_base_tool, T_base_fruit)
             grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
-            grip.slip = grip.turn = 0.0  # pads that slide over a fruit that stands are no slip of a held one
+            grip.slip = grip.turn = (
+                0.0  # pads that slide over a fruit that stands are no slip of a held one
+            )
             return
         self._measure_slip(grip, np.linalg.inv(T_base_tool) @ T_base_fruit)
         if not supported:
@@ -257,7 +275,9 @@ class Scorer:
     def _normal_forces(self, sensors: _Sensors) -> tuple[float, ...]:
         """Of each pad on this fruit, across its face [N]."""
         faces = [self.state.site(pad).xmat.reshape(3, 3)[:, 2] for pad in PADS]
-        return tuple(abs(float(face @ pad[1:4])) for face, pad in zip(faces, sensors.pads, strict=True))
+        return tuple(
+            abs(float(face @ pad[1:4])) for face, pad in zip(faces, sensors.pads, strict=True)
+        )
 
     def _least_force(self) -> float:
         """Return the force of both fingers at which the contact model's ellipsoidal limit surface just holds the load
@@ -287,7 +307,9 @@ class Scorer:
             if wrong := other.touches if never_gripped else other.bumps:
                 hits[self.scene.fruits[i].name] = wrong
         return {
-            "lifted": bool(risen > LIFTED and record.grip is not None) if grip and not self._put_away(index) else None,
+            "lifted": bool(risen > LIFTED and record.grip is not None)
+            if grip and not self._put_away(index)
+            else None,
             "fruit": fruit.name,
             "place": fruit.place,
             "target": self.scene.fruits[0].name,
@@ -333,7 +355,11 @@ class Scorer:
 
     def _inside(self, i: int) -> str:
         """Return the name of the crate that a fruit lies in."""
-        return container_of(self.scene.fixed, self._pose(i)[:3, 3], float(self.scene.fruits[i].dimensions.max()) / 2.0)
+        return container_of(
+            self.scene.fixed,
+            self._pose(i)[:3, 3],
+            float(self.scene.fruits[i].dimensions.max()) / 2.0,
+        )
 
     def _put_away(self, i: int) -> bool:
         """Return True if a fruit lies in another crate than at the start."""

@@ -75,7 +75,9 @@ def _lost_at_edges(depth: Float32, focal: float, rng: np.random.Generator) -> ND
     across = np.sqrt(slope_u**2 + slope_v**2)
     cosine = step / np.sqrt(step**2 + across**2 + 1e-12)
     chance = cv2.GaussianBlur(rng.random(depth.shape, dtype=np.float32), (0, 0), 1.0)
-    chance = (chance - 0.5) / np.float32(0.163) * np.float32(0.3) + 0.5  # back to a wide spread after the blur
+    chance = (chance - 0.5) / np.float32(0.163) * np.float32(
+        0.3
+    ) + 0.5  # back to a wide spread after the blur
     # cosine between the surface's normal and the ray below which most of the depth is missing
     lost: NDArray[np.bool_] = cosine < 0.22 * 2.0 * chance
     return lost
@@ -91,9 +93,14 @@ def _specks(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.bool
     return specks.astype(bool)
 
 
-SHIFT, TURN = 0.015, np.radians(3.0)  # error of the camera's stated pose along and about each of its axes [m, rad]
+SHIFT, TURN = (
+    0.015,
+    np.radians(3.0),
+)  # error of the camera's stated pose along and about each of its axes [m, rad]
 FOCAL, DEPTH = 0.05, 0.03  # relative errors of the focal length and of the depth
-Change = Callable[[Frame, Frame], Frame]  # maps a frame, and an earlier frame of the same size, to the delivered frame
+Change = Callable[
+    [Frame, Frame], Frame
+]  # maps a frame, and an earlier frame of the same size, to the delivered frame
 
 
 def _posed(axis: int, shift: float, turn: float) -> Change:

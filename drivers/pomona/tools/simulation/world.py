@@ -63,7 +63,9 @@ class PhysicsWorld(Device, ABC):
         self.before_step: list[Callable[[], None]] = []
         self.after_step: list[Callable[[], None]] = []
         arm = [i for i in range(self.model.nu) if self.model.actuator(i).name != "gripper"]
-        self.arm_actuators = np.array(sorted(arm, key=lambda i: self.model.actuator_trnid[i, 0]))  # from base to tool
+        self.arm_actuators = np.array(
+            sorted(arm, key=lambda i: self.model.actuator_trnid[i, 0])
+        )  # from base to tool
         self.arm_joints = self.model.actuator_trnid[self.arm_actuators, 0]
         self._place_robot(q_start)
         self._settle()
@@ -84,7 +86,9 @@ class PhysicsWorld(Device, ABC):
     def invite(self, said: IntruderSection | None) -> None:
         """Let a person's hand come, whose body the model has."""
         if said is not None:
-            self.intruder = Intruder(self.mujoco, self.model, self.state, self.model.jnt_dofadr[self.arm_joints], said)
+            self.intruder = Intruder(
+                self.mujoco, self.model, self.state, self.model.jnt_dofadr[self.arm_joints], said
+            )
             self.before_step.append(self.intruder.step)
 
     @property
@@ -97,7 +101,10 @@ class PhysicsWorld(Device, ABC):
         for kind in (self.mujoco.mjtWarning.mjWARN_BADQVEL, self.mujoco.mjtWarning.mjWARN_BADQACC):
             if (bad := self.state.warning[kind]).number:
                 body = self.model.body(self.model.dof_bodyid[bad.lastinfo]).name
-                raise DeviceFault("world", f"the simulation became unstable at the body '{body}'; it shows nothing")
+                raise DeviceFault(
+                    "world",
+                    f"the simulation became unstable at the body '{body}'; it shows nothing",
+                )
 
     def sensor(self, name: str) -> Float64:
         """Return a live view of a sensor's numbers, as many as it has and in its own units, shape (n,)."""

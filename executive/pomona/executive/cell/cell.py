@@ -22,7 +22,9 @@ T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
 
-STOPPING = 1.0  # seconds for a safe stop of a device, and for the supervisor process to notice a stall
+STOPPING = (
+    1.0  # seconds for a safe stop of a device, and for the supervisor process to notice a stall
+)
 
 
 class Cell:
@@ -102,7 +104,9 @@ class Cell:
         """
         before, self._checked_at = self._checked_at, self.clock.now()
         if self._checked_at < before:  # no deadline and no age of a sample can be trusted
-            raise DeviceFault("clock", f"the cell's time went back by {before - self._checked_at:.3g} s")
+            raise DeviceFault(
+                "clock", f"the cell's time went back by {before - self._checked_at:.3g} s"
+            )
         for device in self.devices.values():
             device.check()
             if device.distrusted:
@@ -151,20 +155,30 @@ class Cell:
         failed: dict[str, str] = {}
         stops = {
             name: threading.Thread(
-                target=self._stop, args=(name, reason, failed), name=f"pomona-stop-{name}", daemon=True
+                target=self._stop,
+                args=(name, reason, failed),
+                name=f"pomona-stop-{name}",
+                daemon=True,
             )
             for name in self.devices
         }
         for name, stop in stops.items():
             try:
                 stop.start()
-            except (RuntimeError, MemoryError):  # no more threads can be had: one after the other, then
+            except (
+                RuntimeError,
+                MemoryError,
+            ):  # no more threads can be had: one after the other, then
                 self._stop(name, reason, failed)
         end = time.monotonic() + STOPPING
         for stop in stops.values():
             if stop.ident is not None:
                 stop.join(max(end - time.monotonic(), 0.0))
-        late = {name: f"has not taken the safe stop within {STOPPING:g} s" for name in stops if stops[name].is_alive()}
+        late = {
+            name: f"has not taken the safe stop within {STOPPING:g} s"
+            for name in stops
+            if stops[name].is_alive()
+        }
         return {**failed, **late}
 
     def _stop(self, name: str, reason: str, failed: dict[str, str]) -> None:
@@ -206,7 +220,9 @@ class Cell:
         if not self._paused:
             return
         if self._latched is not None:
-            raise DeviceFault(self.name, f"stands in its safe state ({self._latched}); acknowledge it first")
+            raise DeviceFault(
+                self.name, f"stands in its safe state ({self._latched}); acknowledge it first"
+            )
         self.services.compare()
         self._paused = False
         for device in self.devices.values():
@@ -230,7 +246,11 @@ class Cell:
         """
         if not 0.0 < speed <= 1.0:
             raise ValueError(f"a speed must be above 0 and at most 1, not {speed}")
-        chosen = [device for device in self.devices.values() if not of or not set(of).isdisjoint(device.interfaces)]
+        chosen = [
+            device
+            for device in self.devices.values()
+            if not of or not set(of).isdisjoint(device.interfaces)
+        ]
         for device in chosen:
             if speed < 1.0 and device.full_speed_only:
                 raise DeviceFault(device.name, "its driver cannot reduce the commanded speed")
@@ -240,7 +260,9 @@ class Cell:
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
         """All that can be made to fail on purpose, by name; nothing on a real cell."""
-        devices = {name: device for name, device in self.devices.items() if isinstance(device, FaultSwitch)}
+        devices = {
+            name: device for name, device in self.devices.items() if isinstance(device, FaultSwitch)
+        }
         within: Mapping[str, FaultSwitch] = getattr(self._world, "switches", {})
         return {**within, **devices}
 
@@ -250,7 +272,11 @@ class Cell:
 
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
         """How another process stops the devices when this one hangs or dies, by the devices' names."""
-        return {name: device.outside_stop for name, device in self.devices.items() if device.outside_stop is not None}
+        return {
+            name: device.outside_stop
+            for name, device in self.devices.items()
+            if device.outside_stop is not None
+        }
 
     def settled(self) -> bool:
         """True when no device moves."""

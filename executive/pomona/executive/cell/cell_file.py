@@ -35,11 +35,16 @@ from pomona.executive.values.sections import Placed, Problem, Section, value
 from pomona.executive.values.units import TIME
 from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlScalar
 
-SHIPPED = installed_trees() / "cells"  # cells that come with Pomona, for `include: sim.yaml` in a file elsewhere
+SHIPPED = (
+    installed_trees() / "cells"
+)  # cells that come with Pomona, for `include: sim.yaml` in a file elsewhere
 
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
 SIMULATED = ("simulated", "mock")  # kinds of cells without anything outside this process
-OUTLIVED = ("real", "emulated")  # kinds of cells whose devices may outlive the process: runs on them are supervised
+OUTLIVED = (
+    "real",
+    "emulated",
+)  # kinds of cells whose devices may outlive the process: runs on them are supervised
 T = TypeVar("T")
 
 
@@ -48,16 +53,28 @@ class CellSection:
     """A cell: its devices, its surroundings, and its options for `--set`."""
 
     name: str = value(Text(), "", "the file's name without it")
-    kind: str = value(Text(*KINDS), help="kind of the cell, shown with every run: " + ", ".join(KINDS))
-    record: str = value(Text("required", "optional"), "optional", "'required' ends a run that cannot be recorded")
-    heartbeat: float = value(
-        Measure(TIME, "200 ms", "60 s"), "1 s", "the supervisor stops the devices when a run hangs for this long"
+    kind: str = value(
+        Text(*KINDS), help="kind of the cell, shown with every run: " + ", ".join(KINDS)
     )
-    clock: str = value(Text("system", "manual"), "system", "where time comes from when no world gives it")
-    options: Mapping[str, str] = value(MappingOf(Text()), {}, 'options for --set; "{name}" stands for the value')
+    record: str = value(
+        Text("required", "optional"), "optional", "'required' ends a run that cannot be recorded"
+    )
+    heartbeat: float = value(
+        Measure(TIME, "200 ms", "60 s"),
+        "1 s",
+        "the supervisor stops the devices when a run hangs for this long",
+    )
+    clock: str = value(
+        Text("system", "manual"), "system", "where time comes from when no world gives it"
+    )
+    options: Mapping[str, str] = value(
+        MappingOf(Text()), {}, 'options for --set; "{name}" stands for the value'
+    )
     score: Score | None = value(Section(Score), None, "score of a world that scores runs")
     workspace: Any = value(WorkspaceKind(), None, "known surroundings")
-    world: Settings[Any] | None = value(DriverSection(), None, "a simulated world; it gives the clock and the truth")
+    world: Settings[Any] | None = value(
+        DriverSection(), None, "a simulated world; it gives the clock and the truth"
+    )
     devices: Mapping[str, Settings[Any]] = value(
         MappingOf(DriverSection()), help="connected in this order: each may build on those above it"
     )
@@ -97,16 +114,22 @@ class CellFile:
 
     def interfaces(self) -> tuple[type, ...]:
         """Return the device interfaces that the cell will have."""
-        devices = [i for device in self.section.devices.values() for i in device.driver.device.interfaces]
+        devices = [
+            i for device in self.section.devices.values() for i in device.driver.device.interfaces
+        ]
         world = self.section.world.driver.device.interfaces if self.section.world else ()
-        return tuple(dict.fromkeys([*world, *devices, *([type(self.workspace)] if self.workspace else [])]))
+        return tuple(
+            dict.fromkeys([*world, *devices, *([type(self.workspace)] if self.workspace else [])])
+        )
 
     def wires(self) -> tuple[str, ...]:
         """Addresses at which the cell reaches devices outside this process."""
         options = [device.values for device in self.section.devices.values()]
         world = None if self.section.world is None else self.section.world.values
         inside = world.inner_wires if isinstance(world, Emulating) else ()
-        wires = dict.fromkeys(wire for said in options if isinstance(said, Wired) for wire in said.wires)
+        wires = dict.fromkeys(
+            wire for said in options if isinstance(said, Wired) for wire in said.wires
+        )
         return tuple(wire for wire in wires if wire not in inside)
 
     def known(self, what: type[T]) -> T | None:
@@ -118,7 +141,10 @@ class CellFile:
     def place(self, interface: type) -> Located | None:
         """Return where the file describes the device with this interface, or None where it has none."""
         devices = self.section.devices.values()
-        return next((said.placed.node for said in devices if interface in said.driver.device.interfaces), None)
+        return next(
+            (said.placed.node for said in devices if interface in said.driver.device.interfaces),
+            None,
+        )
 
 
 def read_cell_file(
@@ -153,7 +179,9 @@ def judge_cell_file(
     missing: Callable[[str, DriverError], None] | None = None,
 ) -> CellFile | None:
     """As `read_cell_file`; everything that is wrong goes to `findings`."""
-    written = read_value_file(path, findings, "a cell file", overrides=overrides or {}, texts=texts, shipped=SHIPPED)
+    written = read_value_file(
+        path, findings, "a cell file", overrides=overrides or {}, texts=texts, shipped=SHIPPED
+    )
     if written is None:
         return None
     if missing is not None:
@@ -168,7 +196,11 @@ def judge_cell_file(
         (placed if problem.key.startswith("workspace.") else where).refuse(problem)
     if not findings.errors:
         installed_services().judge(placed, _facts(section), findings)
-    return None if findings.errors else CellFile(path, section, workspace, written.options, written.files)
+    return (
+        None
+        if findings.errors
+        else CellFile(path, section, workspace, written.options, written.files)
+    )
 
 
 def _leave_out(written: ValueFile, missing: Callable[[str, DriverError], None]) -> None:
@@ -179,7 +211,9 @@ def _leave_out(written: ValueFile, missing: Callable[[str, DriverError], None]) 
     for name, (_, node) in list(devices.entries.items()):
         findings = Findings()
         try:
-            DriverSection().read(node, replace(written.reader, findings=findings, title=f"devices.{name}"))
+            DriverSection().read(
+                node, replace(written.reader, findings=findings, title=f"devices.{name}")
+            )
         except Refused:
             del devices.entries[name]
             missing(name, CellFileError(findings.sorted()))
@@ -209,7 +243,12 @@ def _misfits(section: CellSection, workspace: Any) -> Iterator[tuple[Placed[Any]
         for wire in options.wires if isinstance(options, Wired) else ():
             other = lines.setdefault(os.path.realpath(wire), name) if wire.startswith("/") else name
             if other != name:
-                yield device.placed, Problem("port", f"'{other}' is on {wire} already; a serial line has one device")
+                yield (
+                    device.placed,
+                    Problem(
+                        "port", f"'{other}' is on {wire} already; a serial line has one device"
+                    ),
+                )
         if isinstance(options, Fitting):
             for problem in options.fits(Surroundings(workspace, above, said)):
                 yield device.placed, problem

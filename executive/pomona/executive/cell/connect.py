@@ -47,7 +47,9 @@ def load_cell(
         CellFileError: the file cannot be used; the text has the place and the known alternatives.
         DeviceError: a device could not be connected; those connected before are released.
     """
-    return connect_cell(read_cell_file(Path(path), overrides, texts, missing), seed=seed, missing=missing)
+    return connect_cell(
+        read_cell_file(Path(path), overrides, texts, missing), seed=seed, missing=missing
+    )
 
 
 def connect_cell(
@@ -108,7 +110,9 @@ class CellFiles:
 
     def recognises(self, keys: Collection[str]) -> bool:
         """Return True if a file with these keys at its top is one."""
-        return not {"devices", "world", "workspace", "options"}.isdisjoint(keys)  # an `include` may bring the devices
+        return not {"devices", "world", "workspace", "options"}.isdisjoint(
+            keys
+        )  # an `include` may bring the devices
 
     def check(self, path: Path, findings: Findings) -> None:
         """Everything that is wrong with a file, with its options as they are."""

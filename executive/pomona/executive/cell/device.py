@@ -63,7 +63,14 @@ class Device:
 
     def last_seen(self) -> float | None:
         """Return the stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""
-        method = next((name for interface in self.interfaces for name in _marked(interface, "__is_stamped__")), None)
+        method = next(
+            (
+                name
+                for interface in self.interfaces
+                for name in _marked(interface, "__is_stamped__")
+            ),
+            None,
+        )
         newest: Any = None if method is None else getattr(self, method)()
         return None if newest is None else float(newest.stamp)
 
@@ -104,7 +111,9 @@ class Device:
     @property
     def full_speed_only(self) -> bool:
         """Whether it has paced commands, as an arm has, and its driver cannot reduce the speed."""
-        return type(self).go_at is Device.go_at and any(_marked(one, "__is_paced__") for one in self.interfaces)
+        return type(self).go_at is Device.go_at and any(
+            _marked(one, "__is_paced__") for one in self.interfaces
+        )
 
     def settled(self) -> bool:
         """True when nothing of the device moves."""
@@ -188,5 +197,7 @@ def _class_only(interface: type) -> type | tuple[()]:
 @cache
 def _marked(interface: type, mark: str) -> tuple[str, ...]:
     """Return the names of an interface's methods with this mark."""
-    found = {name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()}
+    found = {
+        name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()
+    }
     return tuple(name for name, member in found.items() if getattr(member, mark, False))

@@ -56,5 +56,9 @@ class StopFailed(DeviceFault):
     """A device that refused to stop, or goes on; `earlier` is the problem before that."""
 
     def __init__(self, device: str, message: str, earlier: DeviceError | None = None) -> None:
-        self.earlier: DeviceError | None = earlier.earlier if isinstance(earlier, StopFailed) else earlier
-        super().__init__(device, message + (f"; before that it {self.earlier.message}" if self.earlier else ""))
+        self.earlier: DeviceError | None = (
+            earlier.earlier if isinstance(earlier, StopFailed) else earlier
+        )
+        super().__init__(
+            device, message + (f"; before that it {self.earlier.message}" if self.earlier else "")
+        )

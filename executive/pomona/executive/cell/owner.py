@@ -45,7 +45,9 @@ class Malformed(DriverError):
     def __init__(self, received: bytes, message: str) -> None:
         self.received = received
         shown = received[:32].hex(" ") + (" …" if len(received) > 32 else "") or "no byte"
-        super().__init__(f"{message}: {'a web server (HTTP) answers there' if _PAGE.match(received) else shown}")
+        super().__init__(
+            f"{message}: {'a web server (HTTP) answers there' if _PAGE.match(received) else shown}"
+        )
 
 
 class Nonsense(DeviceLost):
@@ -75,7 +77,9 @@ class TcpLink:
         """Connect within `deadline` [s]. Raises OSError: there is no answer."""
         self._socket = socket.create_connection((host, port), deadline)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.settimeout(0.05)  # of a send: a full buffer means that the peer does not read any more
+        self._socket.settimeout(
+            0.05
+        )  # of a send: a full buffer means that the peer does not read any more
 
     def send(self, chunk: bytes) -> None:
         self._socket.sendall(chunk)
@@ -115,7 +119,9 @@ class Address(ScalarKind[tuple[str, int]]):
         self.port = port
 
     def parse(self, text: str) -> tuple[str, int]:
-        found = re.fullmatch(rf"({self.HOST}|\[(?P<six>.+)\])(?::(?P<port>\d{{1,5}}))?", text.strip(), re.A)
+        found = re.fullmatch(
+            rf"({self.HOST}|\[(?P<six>.+)\])(?::(?P<port>\d{{1,5}}))?", text.strip(), re.A
+        )
         with contextlib.suppress(ValueError):
             if found is not None and 0 < int(found["port"] or 1) < 65536:
                 six = found["six"] and str(ipaddress.IPv6Address(found["six"]))
@@ -134,7 +140,9 @@ def tcp_opener(host: str, port: int, wires: Mapping[str, Callable[[], Link]]) ->
 T = TypeVar("T")
 
 ANSWER = 0.5  # deadline of a call with a waiting caller [s]: steps take a few milliseconds
-HUNG = 1.0  # time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms
+HUNG = (
+    1.0  # time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms
+)
 
 
 class Thread(Protocol):
@@ -166,7 +174,11 @@ class Owner:
     """
 
     def __init__(
-        self, device: str, step: Callable[[], None], failed: Callable[[BaseException], None], clock: Clock
+        self,
+        device: str,
+        step: Callable[[], None],
+        failed: Callable[[BaseException], None],
+        clock: Clock,
     ) -> None:
         """
         Args:
@@ -240,7 +252,11 @@ class Owner:
 
     def _is_caller(self) -> bool:
         """Return True if the present thread may make calls by itself: it is the owner, or there is no other."""
-        return self._thread is None or not self._thread.is_alive() or self._ident == threading.get_ident()
+        return (
+            self._thread is None
+            or not self._thread.is_alive()
+            or self._ident == threading.get_ident()
+        )
 
     def _make_calls(self) -> None:
         with self._turning:
@@ -260,9 +276,13 @@ class Owner:
                 with self._turning:
                     self._make_calls()
                     self._step()
-            except BaseException as error:  # SystemExit of a listener would end the thread without a word
+            except (
+                BaseException
+            ) as error:  # SystemExit of a listener would end the thread without a word
                 self._failed(error)
-                self._clock.advance(0.01)  # pause before the next try [s]: a wire that is cut fails at once
+                self._clock.advance(
+                    0.01
+                )  # pause before the next try [s]: a wire that is cut fails at once
         self._make_calls()
 
 

@@ -54,7 +54,9 @@ class Driver(Generic[Options]):
 
     device: type[Device]
     options: type[Options]
-    connect: Callable[[Settings[Options], Any], Device]  # with a `ConnectContext`, or that of the installed services
+    connect: Callable[
+        [Settings[Options], Any], Device
+    ]  # with a `ConnectContext`, or that of the installed services
 
     def __call__(self, settings: Settings[Options], context: Any) -> Device:
         """Connect the device.
@@ -100,7 +102,9 @@ class Settings(Generic[Options]):
             device.connect()
         except (DeviceError, OSError) as error:
             key, hint = next((blamed[kind] for kind in blamed if isinstance(error, kind)), ("", ""))
-            words = error.message if isinstance(error, DeviceError) else f"cannot be reached: {error}"
+            words = (
+                error.message if isinstance(error, DeviceError) else f"cannot be reached: {error}"
+            )
             raise self.error(words, getattr(error, "key", key), hint) from error
         device.start()
         return device
@@ -160,7 +164,9 @@ class DriverSection(Kind[Settings[Any]]):
     def read(self, node: YamlNode, reader: Reader) -> Settings[Any]:
         written = node.get("driver") if isinstance(node, YamlMapping) else None
         if written is None:
-            raise reader.refuse(node, f"{reader.title} must be {self.words}", "driver: …", "missing-key")
+            raise reader.refuse(
+                node, f"{reader.title} must be {self.words}", "driver: …", "missing-key"
+            )
         points = installed_drivers()
         if not points:
             message = "this installation has no drivers, so a cell has no devices"
@@ -173,7 +179,9 @@ class DriverSection(Kind[Settings[Any]]):
             raise reader.refuse(written, message, code="driver") from error
         if not isinstance(found, Driver):
             message = f"the driver '{name}' ({points[name].value}) does not declare its options"
-            raise reader.refuse(written, message, "see pomona.executive.cell.registration", "driver")
+            raise reader.refuse(
+                written, message, "see pomona.executive.cell.registration", "driver"
+            )
         placed = Section(found.options, ignore=("driver",)).read_placed(node, reader)
         return Settings(reader.title.rpartition(".")[2], found, placed)
 

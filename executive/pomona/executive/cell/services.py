@@ -14,7 +14,13 @@ from pomona.executive.cell.device import ConnectContext, Device
 from pomona.executive.cell.registration import Settings
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings
-from pomona.executive.values.installation import WHOLE, distribution, elsewhere, entry_points, reinstall
+from pomona.executive.values.installation import (
+    WHOLE,
+    distribution,
+    elsewhere,
+    entry_points,
+    reinstall,
+)
 from pomona.executive.values.kinds import Kind, Schema, Words
 from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.yaml_nodes import Reader, YamlNode
@@ -68,7 +74,9 @@ class Services:
         """Describe an object that may be between the fingers: an empty text for none, None in a cell without a hand."""
         return None
 
-    def score(self, truth: Mapping[str, object], reported: Mapping[str, Any]) -> Mapping[str, object]:
+    def score(
+        self, truth: Mapping[str, object], reported: Mapping[str, Any]
+    ) -> Mapping[str, object]:
         """Return the score of a run: a simulated world's truth, and how far the `reported` facts are from it."""
         return truth
 

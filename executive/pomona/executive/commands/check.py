@@ -9,13 +9,29 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.files import FileKind, default_name, file_kind, find_cell, find_tree, kind_names, read_text
+from pomona.executive.files import (
+    FileKind,
+    default_name,
+    file_kind,
+    find_cell,
+    find_tree,
+    kind_names,
+    read_text,
+)
 from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
 from pomona.executive.language.interface import parse_settings
 from pomona.executive.registry import Registry
 from pomona.executive.terminal.output import write_json
-from pomona.executive.values.findings import Finding, Findings, Source, format_findings, mended, place_of, said
+from pomona.executive.values.findings import (
+    Finding,
+    Findings,
+    Source,
+    format_findings,
+    mended,
+    place_of,
+    said,
+)
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml
 
 _ROOT = re.compile(r"^root\s*:", re.MULTILINE)
@@ -23,18 +39,20 @@ _ROOT = re.compile(r"^root\s*:", re.MULTILINE)
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("check", help="check trees, scenarios, cells and campaigns for errors")
+    parser = subparsers.add_parser(
+        "check", help="check trees, scenarios, cells and campaigns for errors"
+    )
     about = "a tree, a scenario, a cell, a campaign … or the name of an installed tree"
     parser.add_argument("files", nargs="+", metavar="FILE", help=about)
-    about = (
-        "check trees against this cell: its devices, and the poses and fruit that it has (default: the one of `run`)"
-    )
+    about = "check trees against this cell: its devices, and the poses and fruit that it has (default: the one of `run`)"
     parser.add_argument("--cell", help=about)
     about = "a parameter of the tree, or an option of the cell"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=about)
     about = "apply the hints that name a correction, and write the files"
     parser.add_argument("--fix", action="store_true", help=about)
-    parser.add_argument("--json", action="store_true", help="print the findings as JSON, for editors")
+    parser.add_argument(
+        "--json", action="store_true", help="print the findings as JSON, for editors"
+    )
     parser.set_defaults(main=main)
 
 
@@ -55,15 +73,21 @@ def main(options: argparse.Namespace) -> int:
     elif found:
         sys.stdout.write(format_findings(found) + "\n")
     else:
-        sys.stdout.write(f"{len(options.files)} file{'s' if len(options.files) > 1 else ''}: nothing is wrong\n")
+        sys.stdout.write(
+            f"{len(options.files)} file{'s' if len(options.files) > 1 else ''}: nothing is wrong\n"
+        )
     return 2 if any(finding.severity == "error" for finding in found) else 0
 
 
 def _fix(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
     """Apply the hints that name a correction to a file; return the remaining findings."""
     found = _check(path, cell, settings)
-    for _ in range(20):  # times that a file is mended and checked again: one mistake may hide the next
-        text, applied = mended(path.read_bytes().decode(), (finding for finding in found if finding.path == str(path)))
+    for _ in range(
+        20
+    ):  # times that a file is mended and checked again: one mistake may hide the next
+        text, applied = mended(
+            path.read_bytes().decode(), (finding for finding in found if finding.path == str(path))
+        )
         if not applied:
             break
         path.write_bytes(text.encode())
@@ -99,7 +123,9 @@ def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Find
         message = f"poses and fruit are not checked on the cell '{usual.stem}': {lacking.message}"
         return [
             *found,
-            dataclasses.replace(lacking, severity="warning", message=message, hint="name another: --cell …"),
+            dataclasses.replace(
+                lacking, severity="warning", message=message, hint="name another: --cell …"
+            ),
         ]
     findings = Findings()
     kind.check(path, findings)

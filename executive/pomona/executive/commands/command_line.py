@@ -32,14 +32,26 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "run": (
         ("pomona run {tree}", "{task} on the simulated cell"),
         ("pomona run {tree} --pace real --dashboard", "watch and control the run in the browser"),
-        ("pomona run {tree} --set {setting} --seed 3", "with another parameter and another random world"),
+        (
+            "pomona run {tree} --set {setting} --seed 3",
+            "with another parameter and another random world",
+        ),
         ("pomona run my_tree.yaml --cell lab.yaml", "your own tree on your own cell"),
         ("pomona run my_tree.yaml --dry", "without a cell: every skill succeeds at once"),
     ),
     "measure": (
-        ("pomona measure frames --out row_7", "count and measure the fruit in recorded RGB-D frames"),
-        ("pomona measure row_color.mp4 --every 10", "the same for a video with a depth video in the same folder"),
-        ("pomona measure frames --kind lemon --score 0.7", "another fruit, with a higher threshold"),
+        (
+            "pomona measure frames --out row_7",
+            "count and measure the fruit in recorded RGB-D frames",
+        ),
+        (
+            "pomona measure row_color.mp4 --every 10",
+            "the same for a video with a depth video in the same folder",
+        ),
+        (
+            "pomona measure frames --kind lemon --score 0.7",
+            "another fruit, with a higher threshold",
+        ),
     ),
     "check": (
         ("pomona check my_tree.yaml", "list all errors with line and column"),
@@ -61,8 +73,14 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "dashboard": (
         ("pomona dashboard", "all recorded runs, and new ones"),
-        ("ssh -L 9000:localhost:8420 robot", "then, on your machine, open the printed link with port 9000"),
-        ("pomona dashboard --host 0.0.0.0 --tls-cert c.pem --tls-key k.pem", "serve other machines, with TLS"),
+        (
+            "ssh -L 9000:localhost:8420 robot",
+            "then, on your machine, open the printed link with port 9000",
+        ),
+        (
+            "pomona dashboard --host 0.0.0.0 --tls-cert c.pem --tls-key k.pem",
+            "serve other machines, with TLS",
+        ),
     ),
     "explain": (
         ("pomona explain last", "the events of the last run, their causes, and a remedy"),
@@ -109,7 +127,9 @@ def examples(command: str) -> tuple[tuple[str, str], ...]:
     rows = _EXAMPLES.get(command, ())
     if not rows:
         return ()
-    from pomona.executive.files import default_name  # takes an eighth of `pomona --help`, which shows none
+    from pomona.executive.files import (
+        default_name,
+    )  # takes an eighth of `pomona --help`, which shows none
 
     names = {name: default_name(name) for name in ("tree", "task", "setting", "campaign")}
     return tuple((line.format(**names), about.format(**names)) for line, about in rows)
@@ -167,20 +187,28 @@ class _Choose(argparse.Action):
 
         name, _, package = str(values).partition("=")
         if not (name and package) or " " in str(values):
-            parser.error(f"argument --skill: '{values}' is not NAME=PACKAGE, such as Detect=my_package")
+            parser.error(
+                f"argument --skill: '{values}' is not NAME=PACKAGE, such as Detect=my_package"
+            )
         os.environ[CHOSEN] = f"{os.environ.get(CHOSEN, '')} {values}".strip()
 
 
 def add_records_folder(parser: argparse.ArgumentParser) -> None:
     """`--record DIR`, the same for every subcommand that writes or reads records."""
     parser.add_argument(
-        "--record", type=_folder, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+        "--record",
+        type=_folder,
+        default=Path("runs"),
+        metavar="DIR",
+        help="folder of records (default: runs)",
     )
 
 
 def _folder(text: str) -> Path:
     if not text.strip():  # Path("") is the working folder
-        raise argparse.ArgumentTypeError("the name of the folder is empty; write '.' for the working folder")
+        raise argparse.ArgumentTypeError(
+            "the name of the folder is empty; write '.' for the working folder"
+        )
     return Path(text)
 
 
@@ -192,7 +220,9 @@ def command_names() -> list[str]:
 def _commands() -> list[EntryPoint]:
     """Return the installed subcommands, by name. Raises UsageError: both distributions of Pomona are installed here."""
     entries = sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name)
-    owners = {dist.name for dist in {entry.dist for entry in entries} if dist is not None}  # each name is a file
+    owners = {
+        dist.name for dist in {entry.dist for entry in entries} if dist is not None
+    }  # each name is a file
     if {WHOLE, ALONE} <= owners:
         raise UsageError(
             f"{WHOLE} and {ALONE} are both installed here and hold the same files: {pip()} uninstall {ALONE}, then "
@@ -246,8 +276,12 @@ def _add_examples(parser: argparse.ArgumentParser, name: str) -> None:
     if not rows:
         return
     lines = [f"  {line}\n      {about}" for line, about in rows]
-    parser.epilog = "\n".join([*([parser.epilog, ""] if parser.epilog else []), "examples:", *lines])
-    if parser.description:  # raw: the lines of the examples stay as they are, the description must be wrapped here
+    parser.epilog = "\n".join(
+        [*([parser.epilog, ""] if parser.epilog else []), "examples:", *lines]
+    )
+    if (
+        parser.description
+    ):  # raw: the lines of the examples stay as they are, the description must be wrapped here
         blocks = parser.description.strip().split("\n")
         parser.description = "\n".join(textwrap.fill(block, 78) for block in blocks)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -260,6 +294,8 @@ def _help_of(entry: EntryPoint) -> str:
     for place in (spec.submodule_search_locations if spec is not None else None) or ():
         source = Path(place, *way).with_suffix(".py")
         if source.is_file():
-            found = re.search(rf"""add_parser\(\s*"{entry.name}",\s*help="([^"]*)\"""", source.read_text("utf-8"))
+            found = re.search(
+                rf"""add_parser\(\s*"{entry.name}",\s*help="([^"]*)\"""", source.read_text("utf-8")
+            )
             return found[1] if found is not None else ""
     return ""

@@ -30,8 +30,12 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("run", help="run a tree file on a cell")
     parser.add_argument("tree", help="a tree file, or the name of an installed tree")
-    parser.add_argument("--cell", help="a cell file, or the name of an installed cell (default: the simulated one)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers (default: 0)")
+    parser.add_argument(
+        "--cell", help="a cell file, or the name of an installed cell (default: the simulated one)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of all random numbers (default: 0)"
+    )
     parser.add_argument(
         "--set",
         action="append",
@@ -40,7 +44,10 @@ def add(subparsers: Any) -> None:
         help="a parameter of the tree or an option of the cell",
     )
     parser.add_argument(
-        "--pace", choices=("fast", "real"), default="fast", help="a simulated cell as fast as possible, or in real time"
+        "--pace",
+        choices=("fast", "real"),
+        default="fast",
+        help="a simulated cell as fast as possible, or in real time",
     )
     parser.add_argument(
         "--speed",
@@ -57,9 +64,13 @@ def add(subparsers: Any) -> None:
         metavar="MOCKS",
         help="run without a cell: the mocks of a file replace all skills",
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the last line"
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    parser.add_argument("--simulated", action="store_true", help="refuse a cell that is not simulated")
+    parser.add_argument(
+        "--simulated", action="store_true", help="refuse a cell that is not simulated"
+    )
     _add_beginnings(parser)
     views = RunViews.installed()
     views.add(parser)
@@ -94,11 +105,19 @@ def main(options: argparse.Namespace, views: RunViews) -> int:
     logging.basicConfig(format="%(name)s: %(message)s", handlers=[shown])
     console = Screen(stderr=options.json, quiet=options.quiet)
     attended = views.attend(options)
-    here = not attended and not (options.quiet or options.json) and console.is_terminal and sys.stdin.isatty()
+    here = (
+        not attended
+        and not (options.quiet or options.json)
+        and console.is_terminal
+        and sys.stdin.isatty()
+    )
     order = _order(options, attended or here)
     with views.open(options, console, options.record):
         executed = _run(options, order, views, console, here)
-        ends = executed.signal not in (None, signal.SIGINT)  # it was meant for the whole process, not for this run
+        ends = executed.signal not in (
+            None,
+            signal.SIGINT,
+        )  # it was meant for the whole process, not for this run
         if sys.stdin.isatty() and not options.quiet and not ends:
             views.stay()
     return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
@@ -135,7 +154,9 @@ def _order(options: argparse.Namespace, attended: bool) -> RunOrder:
     return order
 
 
-def _run(options: argparse.Namespace, order: RunOrder, views: RunViews, console: Screen, here: bool) -> Executed:
+def _run(
+    options: argparse.Namespace, order: RunOrder, views: RunViews, console: Screen, here: bool
+) -> Executed:
     """Run the order, with an operator at this terminal if `here`, and print its summary."""
     with contextlib.ExitStack() as stack:
         live = stack.enter_context(contextlib.closing(LiveTree(console)))

@@ -12,7 +12,13 @@ import py_trees
 from py_trees.behaviour import Behaviour
 
 from pomona.executive.board import Board
-from pomona.executive.language.build_scope import InstanceScope, bind_skill, condition, constant, getter
+from pomona.executive.language.build_scope import (
+    InstanceScope,
+    bind_skill,
+    condition,
+    constant,
+    getter,
+)
 from pomona.executive.language.built import BuiltTree, NodeInfo, Side, UniquePaths
 from pomona.executive.language.check import Analysis, analyse
 from pomona.executive.language.expression_run import Getter
@@ -66,7 +72,9 @@ def build(
     board = board if board is not None else Board(context.clock)
     builder = _Builder(analysis, context, board, mocks)
     builder.kept.update(around)
-    names: dict[str, Getter] = {name: constant(value) for name, value in analysis.parameters.items()}
+    names: dict[str, Getter] = {
+        name: constant(value) for name, value in analysis.parameters.items()
+    }
     scope = InstanceScope(analysis, main, board, "/", names)
     root = builder.node(main.root, scope, None, path=document.main.name)
     assert analysis.outcomes is not None
@@ -89,13 +97,22 @@ def _inputs_nobody_gives(main: Definition) -> list[Finding]:
     missing = [declared for declared in main.inputs.values() if declared.default is None]
     message = "is an input that only a calling tree can give: run a tree that calls this one"
     return [
-        Finding(d.key.source.path, d.key.line, d.key.column, "error", "no-value", f"'{d.key.text}' {message}")
+        Finding(
+            d.key.source.path,
+            d.key.line,
+            d.key.column,
+            "error",
+            "no-value",
+            f"'{d.key.text}' {message}",
+        )
         for d in missing
     ]
 
 
 class _Builder:
-    def __init__(self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None) -> None:
+    def __init__(
+        self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None
+    ) -> None:
         self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
         self.kept, self.around = dict[tuple[str, str], Any](), dict[tuple[str, str], Any]()
         self.nodes: dict[str, NodeInfo] = {}
@@ -103,7 +120,9 @@ class _Builder:
         self.breakpoints: list[tuple[str, Side]] = []
         self.paths = UniquePaths()
 
-    def node(self, node: TreeNode, scope: InstanceScope, parent: str | None, *, path: str) -> Behaviour:
+    def node(
+        self, node: TreeNode, scope: InstanceScope, parent: str | None, *, path: str
+    ) -> Behaviour:
         """Build a node with its modifiers.
 
         Args:
@@ -112,7 +131,9 @@ class _Builder:
         """
         return self.layer(node, 0, scope, self.paths.take(path), parent)
 
-    def layer(self, node: TreeNode, index: int, scope: InstanceScope, path: str, parent: str | None) -> Behaviour:
+    def layer(
+        self, node: TreeNode, index: int, scope: InstanceScope, path: str, parent: str | None
+    ) -> Behaviour:
         """Build a node without its outer modifiers; in drawing order, outer layers come before inner ones."""
         layer = node.layers[index]
         found = self.analysis.resolved[id(node), layer.key]
@@ -123,7 +144,9 @@ class _Builder:
         if not layer.needed(at):
             return at.inside()
         self.nodes[at.own_path] = at.info()
-        self.behaviours[at.own_path] = py_trees.behaviours.Dummy(at.name)  # keeps the place in drawing order
+        self.behaviours[at.own_path] = py_trees.behaviours.Dummy(
+            at.name
+        )  # keeps the place in drawing order
         behaviour = layer.build(at)
         behaviour.path = at.own_path  # type: ignore[attr-defined]
         self.behaviours[at.own_path] = behaviour
@@ -181,7 +204,11 @@ class LayerBuild:
             )
         name = self.path if self.parent is None and node.name is None else node.label
         inputs = {n: written(node.ports[n][1]) for n in self.found.inputs if n in node.ports}
-        outputs = {n: written(node.ports[n][1]) for n in self.found.outputs if n in node.ports and n not in inputs}
+        outputs = {
+            n: written(node.ports[n][1])
+            for n in self.found.outputs
+            if n in node.ports and n not in inputs
+        }
         skill, mocked = self.found.skill, self.stand_in() is not None
         return NodeInfo(
             self.path,
@@ -209,7 +236,12 @@ class LayerBuild:
         found = {}
         for slot, taken in self.layer.slots.items():
             value = self.written(slot)
-            if value is not None and not taken.nodes and not taken.wires and not isinstance(taken, Nothing):
+            if (
+                value is not None
+                and not taken.nodes
+                and not taken.wires
+                and not isinstance(taken, Nothing)
+            ):
                 found[slot] = written(value)
         return found
 
@@ -236,12 +268,19 @@ class LayerBuild:
         return {name: getter(value, self.scope) for name, value in self.found.inputs.items()}
 
     def writer(self, name: str) -> Callable[[Any], None]:
-        write, key, path = self.builder.board.write, self.scope.key(self.found.outputs[name]), self.own_path
+        write, key, path = (
+            self.builder.board.write,
+            self.scope.key(self.found.outputs[name]),
+            self.own_path,
+        )
         return lambda value: write(key, value, path)
 
     def inner(self, names: Mapping[str, Any]) -> InstanceScope:
         """Return the scope with further names in it."""
-        found = {name: self.builder.kept.get((self.own_path, name), value) for name, value in names.items()}
+        found = {
+            name: self.builder.kept.get((self.own_path, name), value)
+            for name, value in names.items()
+        }
         self.builder.around.update({(self.own_path, name): value for name, value in found.items()})
         return replace(self.scope, **found) if found else self.scope
 
@@ -254,7 +293,9 @@ class LayerBuild:
     def child(self, index: int, **names: object) -> Behaviour:
         """Return the behaviour of one child, with further names in its scope."""
         child = self.node.children[index]
-        return self.builder.node(child, self.inner(names), self.path, path=f"{self.path}/{child.label}")
+        return self.builder.node(
+            child, self.inner(names), self.path, path=f"{self.path}/{child.label}"
+        )
 
     def children(self, **names: object) -> list[Behaviour]:
         """Return the behaviours of all children, in their order."""
@@ -277,9 +318,15 @@ class LayerBuild:
         cls = self.found.skill
         assert cls is not None
         behaviour = self.stand_in() or cls(self.node.label)
-        keys = {name: self.scope.key(target) for name, target in self.found.outputs.items() if name in cls.outputs}
+        keys = {
+            name: self.scope.key(target)
+            for name, target in self.found.outputs.items()
+            if name in cls.outputs
+        }
         builder = self.builder
-        bind_skill(behaviour, cls.inputs, builder.context, self.path, self.inputs(), keys, builder.board)
+        bind_skill(
+            behaviour, cls.inputs, builder.context, self.path, self.inputs(), keys, builder.board
+        )
         return behaviour
 
     def subtree(self) -> Behaviour:
@@ -295,6 +342,10 @@ class LayerBuild:
         _, _, below_root = self.path.partition("/")
         prefix = f"/{below_root or self.path}/"
         keys = {port: scope.key(target) for port, target in self.found.outputs.items()}
-        inside = replace(scope, definition=called, prefix=prefix, names=names, keys=keys, failure=None)
+        inside = replace(
+            scope, definition=called, prefix=prefix, names=names, keys=keys, failure=None
+        )
         path = f"{self.path}/{called.root.label}"
-        return Subtree(self.node.label, self.builder.node(called.root, inside, self.path, path=path))
+        return Subtree(
+            self.node.label, self.builder.node(called.root, inside, self.path, path=path)
+        )

@@ -45,7 +45,9 @@ def bind_skill(
                 value = get()
             except NoValue as missing:
                 if port.required:
-                    raise SkillFailure(Failure("BAD_VALUE", f"input {name}: {missing}", {"port": name})) from None
+                    raise SkillFailure(
+                        Failure("BAD_VALUE", f"input {name}: {missing}", {"port": name})
+                    ) from None
                 value = port.default_value
             values[name] = _accepted(name, port, value)
         return {name: own(value) for name, value in values.items()}
@@ -118,7 +120,12 @@ class InstanceScope:
     def getter(self, name: str) -> Getter:
         """Return the function that reads a name's value; it raises NoValue before the first write."""
         if name in SPECIAL:
-            fresh = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount, "failure": LastFailure}
+            fresh = {
+                "retry": RetryCount,
+                "repeat": RepeatCount,
+                "for_each": ForEachCount,
+                "failure": LastFailure,
+            }
             found = getattr(self, name) or fresh[name]()
             return constant(found)
         if name in self.names:
@@ -150,10 +157,17 @@ def condition(value: Value, scope: InstanceScope) -> Condition:
     assert isinstance(value, ComputedValue)
     names = {reference.name for reference in references(value.expression)}
     reads = {name: scope.getter(name) for name in sorted(names.difference(SPECIAL))}
-    for name, shown in (("retry", "attempt"), ("repeat", "round"), ("for_each", "index"), ("failure", "code")):
+    for name, shown in (
+        ("retry", "attempt"),
+        ("repeat", "round"),
+        ("for_each", "index"),
+        ("failure", "code"),
+    ):
         if name in names:
             reads[f"{name}.{shown}"] = _field(scope.getter(name), shown)
-    return Condition(value.text, _placed(compile_condition(value.expression, scope.getter), value), reads)
+    return Condition(
+        value.text, _placed(compile_condition(value.expression, scope.getter), value), reads
+    )
 
 
 def _placed(get: Callable[[], T], value: ComputedValue) -> Callable[[], T]:
@@ -163,7 +177,9 @@ def _placed(get: Callable[[], T], value: ComputedValue) -> Callable[[], T]:
         try:
             return get()
         except NoValue as missing:
-            raise missing.at(f"{PurePath(value.where.source.path).name}:{value.where.line}") from None
+            raise missing.at(
+                f"{PurePath(value.where.source.path).name}:{value.where.line}"
+            ) from None
 
     return read
 

@@ -34,7 +34,9 @@ class NodeInfo:
     file: str = ""  # file, line, end_line: where it is written
     line: int = 0
     end_line: int = 0
-    inputs: Mapping[str, str] = field(default_factory=dict)  # inputs, outputs: wiring by port, as written
+    inputs: Mapping[str, str] = field(
+        default_factory=dict
+    )  # inputs, outputs: wiring by port, as written
     outputs: Mapping[str, str] = field(default_factory=dict)
     # of the modifier or leaf, as written: `{"retry": "{attempts}"}`
     settings: Mapping[str, str] = field(default_factory=dict)
@@ -62,7 +64,9 @@ class BuiltTree:
     name: str  # the tree's
     root: Behaviour  # tick this
     nodes: tuple[NodeInfo, ...]  # every node in drawing order (a parent before its children)
-    behaviours: Mapping[str, Behaviour]  # by path; each behaviour also has its `path` as an attribute
+    behaviours: Mapping[
+        str, Behaviour
+    ]  # by path; each behaviour also has its `path` as an attribute
     parameters: Mapping[str, Any]  # values of the tree's parameters
     board: Board  # the store that the nodes write to
     # that stand in the file: a node's path, and the side on which the run pauses there
@@ -95,10 +99,14 @@ class BuiltTree:
         """Return the questions to the operator of the nodes of this name (see `find`) and of their modifiers."""
         named, kinds = set(self.find(name)), {info.path: info.kind for info in self.nodes}
         return tuple(
-            q for path, q in self.questions.items() if named.intersection((path, path.removesuffix(f":{kinds[path]}")))
+            q
+            for path, q in self.questions.items()
+            if named.intersection((path, path.removesuffix(f":{kinds[path]}")))
         )
 
-    def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
+    def prepare(
+        self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None
+    ) -> None:
         """Let every skill load and warm up; the callback gets (name, done, of) before each."""
         for done, skill in enumerate(self.skills):
             tell(skill.name, done, len(self.skills))
@@ -148,14 +156,23 @@ def _paths(document: Document) -> Iterator[tuple[str, str]]:
     """Path ids of all skills, as `build` gives them."""
     paths = UniquePaths()
 
-    def walk(node: TreeNode, path: str, definition: Definition, depth: int) -> Iterator[tuple[str, str]]:
+    def walk(
+        node: TreeNode, path: str, definition: Definition, depth: int
+    ) -> Iterator[tuple[str, str]]:
         if node.type is SKILL:
             yield path, node.key.text
         for child in node.children:
             yield from walk(child, paths.take(f"{path}/{child.label}"), definition, depth)
         called = definition.file.subtrees.get(node.key.text) if node.type is SUBTREE else None
-        if called is not None and called.root is not None and depth < 50 and len(paths.taken) < MAX_PATHS:
-            yield from walk(called.root, paths.take(f"{path}/{called.root.label}"), called, depth + 1)
+        if (
+            called is not None
+            and called.root is not None
+            and depth < 50
+            and len(paths.taken) < MAX_PATHS
+        ):
+            yield from walk(
+                called.root, paths.take(f"{path}/{called.root.label}"), called, depth + 1
+            )
         for slot, part in node.parts.items():
             yield from walk(part, f"{path}:{slot}", definition, depth)
 

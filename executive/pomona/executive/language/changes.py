@@ -44,7 +44,9 @@ def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
     try:
         value = literal(node, found.type, found.choices)
     except LiteralError as error:
-        raise ChangeRefusedError(f"{port}: {error.message}{error.hint and f' ({error.hint})'}") from None
+        raise ChangeRefusedError(
+            f"{port}: {error.message}{error.hint and f' ({error.hint})'}"
+        ) from None
     if not found.accepts(value):
         raise ChangeRefusedError(f"{port} does not accept {text[:60]}")
     problem = out_of_range(value, found)

@@ -21,7 +21,13 @@ from pomona.executive.nodes.facts import Names
 from pomona.executive.nodes.leaves import SUBTREE
 from pomona.executive.ports import Port
 from pomona.executive.registry import Registry
-from pomona.executive.values.findings import Finding, Findings, did_you_mean, few_hints, format_findings
+from pomona.executive.values.findings import (
+    Finding,
+    Findings,
+    did_you_mean,
+    few_hints,
+    format_findings,
+)
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
@@ -38,8 +44,12 @@ class Analysis:
     # by id of the node and word of the layer: its type's, or a modifier's
     resolved: dict[tuple[int, str], Resolved] = field(default_factory=dict)
     scopes: dict[int, Scope] = field(default_factory=dict)  # by id of the definition
-    interfaces: dict[int, PortDeclared] = field(default_factory=dict)  # ports of each definition, by id
-    parameters: dict[str, Any] = field(default_factory=dict)  # values of the main tree's parameters, overrides applied
+    interfaces: dict[int, PortDeclared] = field(
+        default_factory=dict
+    )  # ports of each definition, by id
+    parameters: dict[str, Any] = field(
+        default_factory=dict
+    )  # values of the main tree's parameters, overrides applied
     finite: bool = True  # whether the tree with its subtrees written out has an end, and not more nodes than can run
     outcomes: Outcomes | None = None
     skills: Registry | None = None
@@ -79,7 +89,9 @@ def analyse(
 
 
 class _Checker:
-    def __init__(self, document: Document, skills: Registry, devices: tuple[type, ...] | None) -> None:
+    def __init__(
+        self, document: Document, skills: Registry, devices: tuple[type, ...] | None
+    ) -> None:
         self.document, self.devices = document, devices
         self.findings = Findings()
         self.findings.extend(document.findings)
@@ -88,7 +100,9 @@ class _Checker:
         self.skills = skills = chosen.declaring(document.main.declared_skills)
         for name, package in packages.items():
             if name in skills.problems:
-                self.findings.error(package, "broken-skill", f"{name} cannot be used: {skills.problems[name]}")
+                self.findings.error(
+                    package, "broken-skill", f"{name} cannot be used: {skills.problems[name]}"
+                )
         self.analysis = Analysis(document, skills=skills, devices=devices)
         self.called: dict[int, Definition] = {}
         self.outcomes = self.analysis.outcomes = Outcomes(skills, self.called)
@@ -98,13 +112,19 @@ class _Checker:
     def run(self, overrides: Mapping[str, str] | Sequence[str]) -> Analysis:
         definitions = list(self.document.definitions())
         for definition in definitions:
-            reader = self.readers.setdefault(id(definition.file), InterfaceReader(self.findings, self.skills))
+            reader = self.readers.setdefault(
+                id(definition.file), InterfaceReader(self.findings, self.skills)
+            )
             self.analysis.interfaces[id(definition)] = reader.interface(definition)
             for node in definition.root.walk() if definition.root is not None else ():
                 if node.type is SUBTREE and node.key.text in definition.file.subtrees:
                     self.called[id(node)] = definition.file.subtrees[node.key.text]
-        main_reader = self.readers.setdefault(id(self.document.main), InterfaceReader(self.findings, self.skills))
-        self.analysis.parameters = parameter_values(self.document.main, overrides, main_reader, self.findings)
+        main_reader = self.readers.setdefault(
+            id(self.document.main), InterfaceReader(self.findings, self.skills)
+        )
+        self.analysis.parameters = parameter_values(
+            self.document.main, overrides, main_reader, self.findings
+        )
         order = self.callees_first(definitions)
         for definition in order:
             self.outcomes.of_definition(definition)
@@ -154,11 +174,15 @@ class _Checker:
             port = reader.port(parameter, "parameter") or Port(object)
             value = self.analysis.parameters.get(name) if run_here else None
             origin: Origin = "parameter" if run_here else "input"
-            scope.names[name] = Named(static_type(port), origin, parameter.key, f"parameter '{name}'", value)
+            scope.names[name] = Named(
+                static_type(port), origin, parameter.key, f"parameter '{name}'", value
+            )
         for name, declared in definition.inputs.items():
             port = reader.port(declared, "input") or Port(object)
             optional = not port.required and port.default is None
-            named = Named(static_type(port), "input", declared.key, f"input '{name}'", may_be_none=optional)
+            named = Named(
+                static_type(port), "input", declared.key, f"input '{name}'", may_be_none=optional
+            )
             scope.names[name] = named
 
     def follow(self, definition: Definition, scope: Scope) -> None:
@@ -168,12 +192,14 @@ class _Checker:
         def unset(node: TreeNode, read: Read) -> None:
             named = scope.names[read.name]
             line = named.where.line
-            message = (
-                f"{node.label} reads '{read.name}', which may not be written yet ({named.by} writes it, line {line})"
+            message = f"{node.label} reads '{read.name}', which may not be written yet ({named.by} writes it, line {line})"
+            self.findings.error(
+                read.where, "unset", message, "it must be written on every path that leads here"
             )
-            self.findings.error(read.where, "unset", message, "it must be written on every path that leads here")
 
-        ends = Flow(self.analysis.resolved, self.outcomes, unset).node(definition.root, Names(known))
+        ends = Flow(self.analysis.resolved, self.outcomes, unset).node(
+            definition.root, Names(known)
+        )
         interface = self.analysis.interfaces[id(definition)]
         for name, declared in definition.outputs.items():
             written = scope.names.get(name)
@@ -186,11 +212,18 @@ class _Checker:
             if port is not None and not can_flow(written.type, port.type):
                 said, found = describe(port.type), describe(written.type)
                 message = f"output '{name}' is declared as {said}, {written.by} writes {found}"
-                self.findings.error(declared.key, "port-type", f"{message} (line {written.where.line})")
-            if name not in ends.success:
-                message = f"'{definition.name}' may succeed without having written its output '{name}'"
                 self.findings.error(
-                    declared.key, "unset", message, f"{written.by} writes it in line {written.where.line}"
+                    declared.key, "port-type", f"{message} (line {written.where.line})"
+                )
+            if name not in ends.success:
+                message = (
+                    f"'{definition.name}' may succeed without having written its output '{name}'"
+                )
+                self.findings.error(
+                    declared.key,
+                    "unset",
+                    message,
+                    f"{written.by} writes it in line {written.where.line}",
                 )
 
     # ------------------------------------------------------------------------------------------- whole document
@@ -201,11 +234,15 @@ class _Checker:
         for found in self.analysis.resolved.values() if self.devices is not None else ():
             for interface in found.skill.devices if found.skill is not None else ():
                 if not any(interface in has.__mro__ for has in self.devices or ()):
-                    needing.setdefault((found.node.key.source.path, interface.__name__), []).append(found.node.key)
+                    needing.setdefault((found.node.key.source.path, interface.__name__), []).append(
+                        found.node.key
+                    )
         for (_, device), keys in needing.items():
             keys.sort(key=lambda key: (key.line, key.column))
             lines = ", ".join(dict.fromkeys(str(key.line) for key in keys[:3]))
-            places = f" ({len(keys)} nodes need it, the first in lines {lines})" if len(keys) > 1 else ""
+            places = (
+                f" ({len(keys)} nodes need it, the first in lines {lines})" if len(keys) > 1 else ""
+            )
             message = f"the cell has no {device}, which {keys[0].text} needs{places}"
             self.findings.error(keys[0], "no-device", message)
 
@@ -222,14 +259,23 @@ class _Checker:
             if not definition.main:
                 continue
             own = [self.analysis.scopes[id(d)] for d in definitions if d.file is definition.file]
-            for what, table in (("parameter", definition.file.parameters), ("constant", definition.file.constants)):
+            for what, table in (
+                ("parameter", definition.file.parameters),
+                ("constant", definition.file.constants),
+            ):
                 for name, declared in table.items():
-                    if not any(s.names[name].where is declared.key and s.names[name].read for s in own):
-                        self.findings.warning(declared.key, "unread", f"nothing reads the {what} '{name}'")
+                    if not any(
+                        s.names[name].where is declared.key and s.names[name].read for s in own
+                    ):
+                        self.findings.warning(
+                            declared.key, "unread", f"nothing reads the {what} '{name}'"
+                        )
         called = {id(definition) for definition in self.called.values()}
         for name, definition in self.document.main.subtrees.items():
             if id(definition) not in called and definition.file is self.document.main:
-                self.findings.warning(_key_of(definition), "unused", f"nothing calls the subtree '{name}'")
+                self.findings.warning(
+                    _key_of(definition), "unused", f"nothing calls the subtree '{name}'"
+                )
 
     def calls(self, definition: Definition) -> list[tuple[TreeNode, Definition]]:
         if definition.root is None:
@@ -263,17 +309,25 @@ class _Checker:
     def measure(self, node: TreeNode, sizes: Mapping[int, tuple[int, int]]) -> tuple[int, int]:
         """How many nodes there are from a node on, and how deep; `sizes` are those of the subtrees that it calls."""
         own = len(node.layers)
-        below = [self.measure(child, sizes) for child in node.below()] if node.children or node.parts else []
+        below = (
+            [self.measure(child, sizes) for child in node.below()]
+            if node.children or node.parts
+            else []
+        )
         if id(node) in self.called:
             below.append(sizes[id(self.called[id(node)])])
-        return own + sum(nodes for nodes, _ in below), own + max((depth for _, depth in below), default=0)
+        return own + sum(nodes for nodes, _ in below), own + max(
+            (depth for _, depth in below), default=0
+        )
 
     def size(self, order: Sequence[Definition]) -> bool:
         """Refuse a tree that is too large with its subtrees written out; whether it is not."""
         main = self.document.main.main
         sizes: dict[int, tuple[int, int]] = {}
         for definition in order:
-            sizes[id(definition)] = self.measure(definition.root, sizes) if definition.root is not None else (0, 0)
+            sizes[id(definition)] = (
+                self.measure(definition.root, sizes) if definition.root is not None else (0, 0)
+            )
         if main is None or main.root is None:
             return True
         count, depth = sizes[id(main)]
@@ -304,7 +358,10 @@ def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Documen
 
 
 def refuse_errors(
-    document: Document, registry: Registry, settings: Mapping[str, str], interfaces: tuple[type, ...] | None
+    document: Document,
+    registry: Registry,
+    settings: Mapping[str, str],
+    interfaces: tuple[type, ...] | None,
 ) -> None:
     """Check a document. Raises UsageError: with every finding, when one of them is an error."""
     findings = check(document, registry, overrides=settings, interfaces=interfaces)

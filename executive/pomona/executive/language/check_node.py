@@ -47,7 +47,9 @@ class NodeChecker:
     moved: dict[str, tuple[type, ...]] = field(init=False)  # the devices that each skill moves
 
     def __post_init__(self) -> None:
-        self.moved = {name: claims for name, skill in self.skills.items() if (claims := skill.claims())}
+        self.moved = {
+            name: claims for name, skill in self.skills.items() if (claims := skill.claims())
+        }
 
     def definition(self, root: TreeNode) -> None:
         """Check all nodes of a definition."""
@@ -98,7 +100,9 @@ class NodeChecker:
         skill = self.skills.get(name)
         if skill is None:
             if name in self.skills.problems:
-                self.findings.error(node.key, "broken-skill", f"skill '{name}': {self.skills.problems[name]}")
+                self.findings.error(
+                    node.key, "broken-skill", f"skill '{name}': {self.skills.problems[name]}"
+                )
             else:
                 hint = self.hint_for(node) or "'pomona skills' lists the installed skills"
                 self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
@@ -118,10 +122,18 @@ class NodeChecker:
         """Return the name to which an output is wired, as a scalar at its place."""
         match = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
         if match is None or not isinstance(value, YamlScalar):
-            self.findings.error(value, "output", f"{who} is an output", 'wire it to a name: "{name}"')
+            self.findings.error(
+                value, "output", f"{who} is an output", 'wire it to a name: "{name}"'
+            )
             return None
         return YamlScalar(
-            value.source, value.line, value.column, value.end_line, value.end_column, match[1], value.plain
+            value.source,
+            value.line,
+            value.column,
+            value.end_line,
+            value.end_column,
+            match[1],
+            value.plain,
         )
 
     def writes(self, target: YamlScalar, value_type: ValueType, by: str, who: str) -> None:
@@ -141,8 +153,12 @@ class NodeChecker:
             message = f"{who} cannot write '{name}': it is {known.by} (line {known.where.line})"
             self.findings.error(target, "read-only", message, "give the output a name of its own")
         elif not can_flow(value_type, known.type):
-            message = f"{who} writes {describe(value_type)} to '{name}', which is {describe(known.type)}"
-            self.findings.error(target, "port-type", f"{message} (written by {known.by}, line {known.where.line})")
+            message = (
+                f"{who} writes {describe(value_type)} to '{name}', which is {describe(known.type)}"
+            )
+            self.findings.error(
+                target, "port-type", f"{message} (written by {known.by}, line {known.where.line})"
+            )
 
     def devices(self, node: TreeNode) -> dict[str, str]:
         """Return devices that a node and all below it move, each with the first node that does."""
@@ -209,7 +225,9 @@ class LayerCheck:
         if value is not None:
             self.found.settings[slot] = value
 
-    def value(self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False) -> None:
+    def value(
+        self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False
+    ) -> None:
         value = self.reader.value(slot, written, port, self.around, who or slot)
         if known and isinstance(value, ComputedValue):
             self.findings.error(written, "value", f"'{slot}' must be known before the run")
@@ -222,7 +240,9 @@ class LayerCheck:
             message = f"{slot} takes a list, '{value.text}' is {describe(value.type)}"
             self.findings.error(written, "port-type", message)
         elif isinstance(value, Given) and not isinstance(value.value, (list, tuple)):
-            self.findings.error(written, "value", f"{slot} takes a list", 'wire one: "{candidates.grasps}"')
+            self.findings.error(
+                written, "value", f"{slot} takes a list", 'wire one: "{candidates.grasps}"'
+            )
         if value is not None:
             self.found.settings[slot] = value
 
@@ -231,7 +251,9 @@ class LayerCheck:
         found = value.type if isinstance(value, ComputedValue) else None
         if isinstance(value, Given) and isinstance(written, YamlScalar):
             wire = _WIRE.fullmatch(written.text)
-            found = self.whole.scope.names[wire[1]].type if wire is not None else scalar_type(written)
+            found = (
+                self.whole.scope.names[wire[1]].type if wire is not None else scalar_type(written)
+            )
         if isinstance(found, Quantity):
             message = f"'{slot}' compares words, and this is {describe(found)}: a case has no unit"
             hint = 'compare it: {if: "{width} > 20 mm", then: …}'
@@ -253,26 +275,45 @@ class LayerCheck:
                     self.found.inputs[name] = read
             elif name not in outputs:
                 meant.add(self.unknown_port(key, value, inputs, outputs))
-        if not (isinstance(node.value, YamlMapping) or (isinstance(node.value, YamlScalar) and node.value.is_null)):
+        if not (
+            isinstance(node.value, YamlMapping)
+            or (isinstance(node.value, YamlScalar) and node.value.is_null)
+        ):
             message = f"{who} takes its ports as a mapping, this is {shape_of(node.value)}"
             self.findings.error(node.value, "shape", message, f"write '{who}: {{port: value}}'")
             return
-        needed = inputs.needed if isinstance(inputs, Ports) else [n for n, port in inputs.items() if port.required]
+        needed = (
+            inputs.needed
+            if isinstance(inputs, Ports)
+            else [n for n, port in inputs.items() if port.required]
+        )
         for name in needed:
             if name in node.ports or name in meant:
                 continue
             of = inputs[name].type
             known = {name: named.type for name, named in self.whole.scope.names.items()}
             there = [f'"{{{name}}}"' for name in known if known[name] == of]
-            writers = self.whole.skills.giving(of, known.values()) if isinstance(of, type) and of not in _SIMPLE else []
+            writers = (
+                self.whole.skills.giving(of, known.values())
+                if isinstance(of, type) and of not in _SIMPLE
+                else []
+            )
             givers = list(dict.fromkeys(skill for skill, _ in writers[:2]))
-            gives = f": {' and '.join(givers)} {'writes' if len(givers) == 1 else 'write'} one" if givers else ""
+            gives = (
+                f": {' and '.join(givers)} {'writes' if len(givers) == 1 else 'write'} one"
+                if givers
+                else ""
+            )
             message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}{gives}"
             example = there[0] if there else f'"{{{writers[0][1]}}}"' if writers else "…"
             self.findings.error(node.key, "missing-port", message, f"write {name}: {example}")
 
     def unknown_port(
-        self, key: YamlScalar, value: YamlNode, inputs: Mapping[str, Port], outputs: Mapping[str, Port]
+        self,
+        key: YamlScalar,
+        value: YamlNode,
+        inputs: Mapping[str, Port],
+        outputs: Mapping[str, Port],
     ) -> str:
         """Report a port that the node does not have; return the one that is meant, or an empty text."""
         node, name, who = self.node, key.text, self.node.key.text
@@ -283,23 +324,37 @@ class LayerCheck:
             self.findings.error(key, "unknown-port", message, edits=_moved_out(node, key, value))
             return ""
         renamed = next((new for new, port in inputs.items() if port.was == name), "")
-        hint = Instead(f"it is called '{renamed}' now", name, renamed) if renamed else did_you_mean(name, known)
+        hint = (
+            Instead(f"it is called '{renamed}' now", name, renamed)
+            if renamed
+            else did_you_mean(name, known)
+        )
         said = hint or f"ports of {who}: {', '.join(known) or 'none'}"
         self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", said)
         return hint.right if isinstance(hint, Instead) else ""
 
     # --------------------------------------------------------------------------------------- names
 
-    def declare_output(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
+    def declare_output(
+        self, slot: str, target: YamlScalar, written: YamlNode, element: bool
+    ) -> None:
         quiet = ValueReader(Findings(), self.whole.scope, Resolved(self.node))
         value = quiet.value(slot, written, Port(object), self.around, slot)
         value_type: ValueType = value.type if isinstance(value, ComputedValue) else ANY
         if element:
-            value_type = (element_type(value_type) if isinstance(value, ComputedValue) else None) or ANY
-        elif isinstance(value, Given) and isinstance(written, YamlScalar) and "{" not in written.text:
+            value_type = (
+                element_type(value_type) if isinstance(value, ComputedValue) else None
+            ) or ANY
+        elif (
+            isinstance(value, Given) and isinstance(written, YamlScalar) and "{" not in written.text
+        ):
             value_type = scalar_type(written)
         self.found.outputs[slot] = target.text
-        by = f"{self.layer.key} of {self.node.label}" if self.layer.role == "modifier" else self.node.label
+        by = (
+            f"{self.layer.key} of {self.node.label}"
+            if self.layer.role == "modifier"
+            else self.node.label
+        )
         self.whole.writes(target, value_type, by, self.layer.key)
 
     def item(self) -> str:
@@ -324,9 +379,12 @@ class LayerCheck:
             return
         hint = self.whole.hint_for(self.node)
         hint = (
-            hint or f"declare the subtree: 'subtrees: {{{name}: {{root: …}}}}', or with 'file: other.yaml' for a tree"
+            hint
+            or f"declare the subtree: 'subtrees: {{{name}: {{root: …}}}}', or with 'file: other.yaml' for a tree"
         )
-        self.findings.error(self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint)
+        self.findings.error(
+            self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint
+        )
 
     def wired_outputs(self, outputs: Mapping[str, Port]) -> None:
         """Read the wiring of the node's outputs."""
@@ -342,7 +400,9 @@ class LayerCheck:
 
     def mark_outputs_unknown(self) -> None:
         found = self.found
-        called = self.whole.interfaces[id(found.subtree)] if found.subtree is not None else found.skill
+        called = (
+            self.whole.interfaces[id(found.subtree)] if found.subtree is not None else found.skill
+        )
         known = {*called.inputs, *called.outputs} if called is not None else ()
         for name, (_, value) in self.node.ports.items():
             if name in known:
@@ -350,7 +410,9 @@ class LayerCheck:
             match = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
             if match is not None:
                 self.found.outputs[name] = match[1]
-                named = self.whole.scope.names.setdefault(match[1], Named(ANY, "written", value, self.node.label))
+                named = self.whole.scope.names.setdefault(
+                    match[1], Named(ANY, "written", value, self.node.label)
+                )
                 named.read = True
 
     def check_call(self) -> None:
@@ -380,7 +442,11 @@ class LayerCheck:
 def _moved_out(node: TreeNode, key: YamlScalar, value: YamlNode) -> list[Edit]:
     """Return the edits that make a node's last port a modifier; none if more than that is necessary."""
     ports, source = node.value, key.source
-    if not isinstance(ports, YamlMapping) or [*ports.entries][-1] != key.text or node.key.line != node.at.line:
+    if (
+        not isinstance(ports, YamlMapping)
+        or [*ports.entries][-1] != key.text
+        or node.key.line != node.at.line
+    ):
         return []
     if source.excerpt(ports.line)[ports.column - 1] != "{":
         return [*moved(source, key.line, node.key.column - key.column)]

@@ -136,7 +136,9 @@ def references(expression: Expression) -> list[Reference]:
 
 def comparisons_of_words(expression: Expression) -> list[Binary]:
     """Return the parts that compare one bare word with another, and so no value."""
-    if isinstance(expression, Binary) and all(isinstance(p, Constant) and p.symbol for p in expression.parts):
+    if isinstance(expression, Binary) and all(
+        isinstance(p, Constant) and p.symbol for p in expression.parts
+    ):
         return [expression]
     return [found for part in expression.parts for found in comparisons_of_words(part)]
 
@@ -213,7 +215,9 @@ def _tokenize(text: str) -> list[_Token]:
         match = _TOKEN.match(text, at)
         if match is None:
             offset = at + len(text[at:]) - len(text[at:].lstrip())
-            sign = next((sign for sign in _ELSEWHERE if text.startswith(sign, offset)), text[offset])
+            sign = next(
+                (sign for sign in _ELSEWHERE if text.startswith(sign, offset)), text[offset]
+            )
             message = f"'{sign}' means nothing in an expression"
             raise ExpressionSyntaxError(message, offset, len(sign), _ELSEWHERE.get(sign, ""))
         kind = match.lastgroup or ""
@@ -225,7 +229,9 @@ def _tokenize(text: str) -> list[_Token]:
         tokens.append(_Token(kind_read, word, match.start(kind), match.end(), unit))
         at = match.end()
         if len(tokens) > MAX_TOKENS:
-            raise ExpressionSyntaxError("the expression is too long", at, 1, "split it into several nodes")
+            raise ExpressionSyntaxError(
+                "the expression is too long", at, 1, "split it into several nodes"
+            )
     tokens.append(_Token("end", "", stop, stop))
     return tokens
 
@@ -274,7 +280,11 @@ class _Parser:
         found = self.nested()
         if self.token.kind == "end":
             return found
-        if isinstance(found, Constant) and isinstance(found.value, (int, float)) and self.token.kind == "word":
+        if (
+            isinstance(found, Constant)
+            and isinstance(found.value, (int, float))
+            and self.token.kind == "word"
+        ):
             raise self.wrong(f"'{self.token.text}' is no unit", "known units: " + ", ".join(UNITS))
         raise self.wrong(f"'{self.token.text}' is not expected here")
 
@@ -299,7 +309,11 @@ class _Parser:
     def operand(self, least: int) -> Expression:
         """One operand, with the `not` and `-` before it."""
         token = self.tokens[self.position]
-        if token.text not in ("not", "-") or token.kind == "text" or (token.text == "not" and least > NOT):
+        if (
+            token.text not in ("not", "-")
+            or token.kind == "text"
+            or (token.text == "not" and least > NOT)
+        ):
             return self.postfix(self.primary())
         starts = []
         while self.at(token.text):
@@ -350,7 +364,9 @@ class _Parser:
         if self.at("{"):
             return self.reference()
         at_end = token.kind == "end"
-        raise self.wrong("something is missing at the end" if at_end else f"'{token.text}' is not expected here")
+        raise self.wrong(
+            "something is missing at the end" if at_end else f"'{token.text}' is not expected here"
+        )
 
     def number(self, token: _Token) -> Constant:
         if token.text.isdigit() and len(token.text) < 19 and token.unit is None:
@@ -367,7 +383,9 @@ class _Parser:
         if token.text == "none":
             return Constant(token.offset, token.end, None)
         if token.text in ("and", "or", "not", "in"):
-            raise ExpressionSyntaxError(f"'{token.text}' is not expected here", token.offset, len(token.text))
+            raise ExpressionSyntaxError(
+                f"'{token.text}' is not expected here", token.offset, len(token.text)
+            )
         if self.at("("):
             if token.text not in FUNCTIONS:
                 known = ", ".join(FUNCTIONS)

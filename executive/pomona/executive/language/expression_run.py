@@ -35,12 +35,14 @@ from pomona.executive.values.findings import Located
 Getter = Callable[[], Any]
 
 
-MOST_WHOLE = 2**63 - 1  # of a whole number, on both sides of zero: records and other programs keep 64 bits
-MOST_ITEMS = (
-    10_000  # of a list, with those of the lists in it; longer ones come from skills, which choose their own size
-)
+MOST_WHOLE = (
+    2**63 - 1
+)  # of a whole number, on both sides of zero: records and other programs keep 64 bits
+MOST_ITEMS = 10_000  # of a list, with those of the lists in it; longer ones come from skills, which choose their own size
 
-GetterOf = Callable[[str], Getter]  # returns the getter of a name; the getter raises NoValue without a value
+GetterOf = Callable[
+    [str], Getter
+]  # returns the getter of a name; the getter raises NoValue without a value
 
 _ARITHMETIC: Mapping[str, Callable[[Any, Any], Any]] = {
     "+": operator.add,
@@ -110,23 +112,37 @@ def compile_condition(expression: Expression, names: GetterOf) -> Callable[[], b
 
 def _binary(expression: Binary, names: GetterOf) -> Getter:
     if expression.operator in ("and", "or"):
-        left, right = compile_condition(expression.left, names), compile_condition(expression.right, names)
-        return (lambda: left() and right()) if expression.operator == "and" else (lambda: left() or right())
+        left, right = (
+            compile_condition(expression.left, names),
+            compile_condition(expression.right, names),
+        )
+        return (
+            (lambda: left() and right())
+            if expression.operator == "and"
+            else (lambda: left() or right())
+        )
     if expression.operator in ("==", "!="):
         wanted = expression.operator == "=="
         return _apply(lambda a, b: _equal(a, b) is wanted, expression.left, expression.right, names)
     if expression.operator in ("in", "not in"):
         wanted = expression.operator == "in"
         return _apply(
-            lambda a, b: any(_equal(a, item) for item in b) is wanted, expression.left, expression.right, names
+            lambda a, b: any(_equal(a, item) for item in b) is wanted,
+            expression.left,
+            expression.right,
+            names,
         )
     function = _ARITHMETIC[expression.operator]
     if expression.operator in ("+", "-", "*", "/"):
-        return _apply(lambda a, b: _calculated(function, a, b), expression.left, expression.right, names)
+        return _apply(
+            lambda a, b: _calculated(function, a, b), expression.left, expression.right, names
+        )
     return _apply(function, expression.left, expression.right, names)
 
 
-def _apply(function: Callable[[Any, Any], Any], left: Expression, right: Expression, names: GetterOf) -> Getter:
+def _apply(
+    function: Callable[[Any, Any], Any], left: Expression, right: Expression, names: GetterOf
+) -> Getter:
     get_left, get_right = compile_expression(left, names), compile_expression(right, names)
     return _guarded(lambda: function(get_left(), get_right()))
 
@@ -141,7 +157,12 @@ def _calculated(function: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
         if not isinstance(operand, Number):
             raise NoValue(f"only numbers are calculated with, this is a {type(operand).__name__}")
     result = function(a, b)
-    if isinstance(result, float) and not math.isfinite(result) and math.isfinite(a) and math.isfinite(b):
+    if (
+        isinstance(result, float)
+        and not math.isfinite(result)
+        and math.isfinite(a)
+        and math.isfinite(b)
+    ):
         raise NoValue("the result is too large for a number")
     return _bounded_number(result)
 
@@ -149,8 +170,12 @@ def _calculated(function: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
 def _bounded_number(value: Any) -> Any:
     """Return a value as it is; raise NoValue for a whole number beyond `MOST_WHOLE`."""
     if isinstance(value, int) and not -MOST_WHOLE <= value <= MOST_WHOLE:
-        words = "the result is too large for a whole number: its size is at most 2^63 - 1, about 9.2e18"
-        raise NoValue(f"{words}; write one operand with a decimal point to calculate with rounded numbers")
+        words = (
+            "the result is too large for a whole number: its size is at most 2^63 - 1, about 9.2e18"
+        )
+        raise NoValue(
+            f"{words}; write one operand with a decimal point to calculate with rounded numbers"
+        )
     return value
 
 
@@ -211,7 +236,9 @@ _NEGATED = {
 _ANYTHING: tuple[Case, ...] = ({},)
 
 
-def fact_of(expression: Expression, known: Mapping[str, Any], where: Located, text: str) -> Fact | None:
+def fact_of(
+    expression: Expression, known: Mapping[str, Any], where: Located, text: str
+) -> Fact | None:
     """Return the fact that a true condition implies, or None if it has none that can be compared.
 
     `known` are the values before the run by name; `where` and `text` are the condition as it is written.
@@ -257,10 +284,15 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
         case Unary(operator="not"):
             return _cases(expression.operand, not wanted, known)
         case Binary(operator="and" | "or"):
-            left, right = _cases(expression.left, wanted, known), _cases(expression.right, wanted, known)
+            left, right = (
+                _cases(expression.left, wanted, known),
+                _cases(expression.right, wanted, known),
+            )
             if (expression.operator == "or") is wanted:
                 both = (*left, *right)
-                return _ANYTHING if any(not case for case in both) or len(both) > MAX_CASES else both
+                return (
+                    _ANYTHING if any(not case for case in both) or len(both) > MAX_CASES else both
+                )
             if len(left) * len(right) > MAX_CASES:
                 return _ANYTHING
             return tuple(_merged(one, other) for one in left for other in right)

@@ -104,7 +104,9 @@ def _field(expression: Member, scope: TypeScope) -> ValueType:
         if isinstance(expression.of, Constant) and expression.of.symbol:
             hint = f'write "{{{expression.of.value}.{expression.name}}}" to read a port'
         hint = hint or (f"it has {known}" if known else "")
-        scope.report(expression, "unknown-field", f"{describe(of)} has no field '{expression.name}'", hint)
+        scope.report(
+            expression, "unknown-field", f"{describe(of)} has no field '{expression.name}'", hint
+        )
         return ANY
     return fields[expression.name]
 
@@ -119,7 +121,10 @@ def _told(fields: Mapping[str, ValueType]) -> str:
         return 0 if is_numeric(found) else 2
 
     first = sorted(fields, key=place)
-    said = [f"{name} ({describe(fields[name]).removeprefix('a ').removeprefix('an ')})" for name in first[:MAX_TOLD]]
+    said = [
+        f"{name} ({describe(fields[name]).removeprefix('a ').removeprefix('an ')})"
+        for name in first[:MAX_TOLD]
+    ]
     return ", ".join(said) + (f" and {len(first) - MAX_TOLD} more" if len(first) > MAX_TOLD else "")
 
 
@@ -127,7 +132,9 @@ def _index(expression: Index, scope: TypeScope) -> ValueType:
     of = type_of(expression.of, scope)
     index = type_of(expression.index, scope)
     if index not in (int, ANY):
-        scope.report(expression.index, "expression-type", f"an index is an int, this is {describe(index)}")
+        scope.report(
+            expression.index, "expression-type", f"an index is an int, this is {describe(index)}"
+        )
     element = element_type(of)
     if element is None:
         scope.report(expression.of, "expression-type", f"{describe(of)} has no elements")
@@ -135,7 +142,9 @@ def _index(expression: Index, scope: TypeScope) -> ValueType:
     length, at = (of.length if isinstance(of, ListType) else None), _whole_number(expression.index)
     if length is not None and at is not None and not -length <= at < length:
         message = f"there is no element {at}: this has {length}"
-        scope.report(expression.index, "no-element", message, f"the first is 0, the last {length - 1}")
+        scope.report(
+            expression.index, "no-element", message, f"the first is 0, the last {length - 1}"
+        )
     return element
 
 
@@ -151,14 +160,22 @@ def _require_bool(expression: Expression, scope: TypeScope, who: str) -> None:
     found = type_of(expression, scope)
     if found not in (bool, ANY):
         hint = "compare it: '… > 0'" if is_numeric(found) else _wire_hint(expression)
-        scope.report(expression, "expression-type", f"{who} takes true or false, this is {describe(found)}", hint)
+        scope.report(
+            expression,
+            "expression-type",
+            f"{who} takes true or false, this is {describe(found)}",
+            hint,
+        )
 
 
 def _require_number(expression: Expression, scope: TypeScope, who: str) -> ValueType:
     found = type_of(expression, scope)
     if not is_numeric(found):
         scope.report(
-            expression, "expression-type", f"{who} takes numbers, this is {describe(found)}", _wire_hint(expression)
+            expression,
+            "expression-type",
+            f"{who} takes numbers, this is {describe(found)}",
+            _wire_hint(expression),
         )
         return ANY
     return found
@@ -178,9 +195,15 @@ def _binary(expression: Binary, scope: TypeScope) -> ValueType:
     if operator in ("in", "not in"):
         element = element_type(right)
         if element is None:
-            scope.report(expression.right, "expression-type", f"'{operator}' takes a list, this is {describe(right)}")
+            scope.report(
+                expression.right,
+                "expression-type",
+                f"'{operator}' takes a list, this is {describe(right)}",
+            )
         elif not comparable(left, element):
-            message = f"{describe(left)} is never in a list of {describe(element).removeprefix('a ')}"
+            message = (
+                f"{describe(left)} is never in a list of {describe(element).removeprefix('a ')}"
+            )
             scope.report(expression, "expression-type", message)
         _check_symbols(expression.left, left, expression.right, scope)
         return bool
@@ -194,8 +217,17 @@ def _binary(expression: Binary, scope: TypeScope) -> ValueType:
     for side, kind in ((expression.left, left), (expression.right, right)):
         if not is_numeric(kind):
             whole = side.name if isinstance(side, (Member, Reference)) else "…"
-            hint = f"take one element: {whole}[0]" if element_type(kind) is not None else _wire_hint(side)
-            scope.report(side, "expression-type", f"'{operator}' compares numbers, this is {describe(kind)}", hint)
+            hint = (
+                f"take one element: {whole}[0]"
+                if element_type(kind) is not None
+                else _wire_hint(side)
+            )
+            scope.report(
+                side,
+                "expression-type",
+                f"'{operator}' compares numbers, this is {describe(kind)}",
+                hint,
+            )
             return bool
     if not comparable(left, right):
         message = f"{describe(left)} and {describe(right)} cannot be compared"
@@ -206,7 +238,11 @@ def _binary(expression: Binary, scope: TypeScope) -> ValueType:
 def _wire_hint(expression: Expression) -> str:
     """Return how a word that was written without braces is read as a port."""
     word = expression.value if isinstance(expression, Constant) else None
-    return f'write "{{{word}}}" to read a port' if isinstance(word, str) and word.isidentifier() else ""
+    return (
+        f'write "{{{word}}}" to read a port'
+        if isinstance(word, str) and word.isidentifier()
+        else ""
+    )
 
 
 def _unit_hint(left: ValueType, right: ValueType) -> str:
@@ -216,7 +252,9 @@ def _unit_hint(left: ValueType, right: ValueType) -> str:
     return ""
 
 
-def _arithmetic(expression: Binary, left: ValueType, right: ValueType, scope: TypeScope) -> ValueType:
+def _arithmetic(
+    expression: Binary, left: ValueType, right: ValueType, scope: TypeScope
+) -> ValueType:
     if ANY in (left, right):
         return ANY
     plain = (int, float)
@@ -242,12 +280,16 @@ def _arithmetic(expression: Binary, left: ValueType, right: ValueType, scope: Ty
     if SI_NUMBER in (left, right):
         return SI_NUMBER
     word = "multiplied" if expression.operator == "*" else "divided"
-    message = f"{describe(left)} and {describe(right)} cannot be {word}: the result has no name here"
+    message = (
+        f"{describe(left)} and {describe(right)} cannot be {word}: the result has no name here"
+    )
     scope.report(expression, "expression-type", message)
     return ANY
 
 
-def _check_symbols(value: Expression, value_type: ValueType, other: Expression, scope: TypeScope) -> None:
+def _check_symbols(
+    value: Expression, value_type: ValueType, other: Expression, scope: TypeScope
+) -> None:
     """A word that an enum or a failure code is compared with must be one that it can be."""
     known: set[str] | None = None
     if isinstance(value_type, type) and issubclass(value_type, Enum):
@@ -261,7 +303,10 @@ def _check_symbols(value: Expression, value_type: ValueType, other: Expression, 
         if isinstance(word, Constant) and isinstance(word.value, str) and word.value not in known:
             new = scope.renamed_failures().get(word.value, "")
             renamed = Instead(f"it is called '{new}' now", word.value, new) if new in known else ""
-            message, can = f"{scope.failed() or 'the node before'} cannot fail with {word.value}", "it can with"
+            message, can = (
+                f"{scope.failed() or 'the node before'} cannot fail with {word.value}",
+                "it can with",
+            )
             if isinstance(value_type, type) and issubclass(value_type, Enum):
                 message, can = f"this is never {word.value}", "it can be"
             hint = renamed or did_you_mean(word.value, known) or f"{can} {', '.join(sorted(known))}"
@@ -271,14 +316,22 @@ def _check_symbols(value: Expression, value_type: ValueType, other: Expression, 
 def _call(expression: Call, scope: TypeScope) -> ValueType:
     arguments = [type_of(argument, scope) for argument in expression.arguments]
     if expression.function in ("abs", "len") and len(arguments) != 1:
-        scope.report(expression, "expression-type", f"{expression.function} takes one argument, got {len(arguments)}")
+        scope.report(
+            expression,
+            "expression-type",
+            f"{expression.function} takes one argument, got {len(arguments)}",
+        )
         return ANY
     if expression.function == "len":
         if element_type(arguments[0]) is None and arguments[0] is not str:
-            scope.report(expression, "expression-type", f"len takes a list, this is {describe(arguments[0])}")
+            scope.report(
+                expression, "expression-type", f"len takes a list, this is {describe(arguments[0])}"
+            )
         return int
     if not arguments:
-        scope.report(expression, "expression-type", f"{expression.function} takes at least one argument")
+        scope.report(
+            expression, "expression-type", f"{expression.function} takes at least one argument"
+        )
         return ANY
     for argument, kind in zip(expression.arguments, arguments, strict=True):
         if not is_numeric(kind):

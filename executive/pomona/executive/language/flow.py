@@ -51,7 +51,9 @@ class Outcomes:
         known = self._known.get(key)
         if known is None:
             at, layer = LayerOutcome(self, node, index), node.layers[index]
-            known = self._known[key] = layer.possible_outcome(at) if layer.needed(at) else at.inside()
+            known = self._known[key] = (
+                layer.possible_outcome(at) if layer.needed(at) else at.inside()
+            )
         return known
 
     def of_skill(self, name: str) -> Outcome:
@@ -87,7 +89,11 @@ class LayerOutcome:
 
     def literal(self, slot: str) -> Any:
         taken, written = self.layer.slots.get(slot), self.written(slot)
-        if not isinstance(taken, Value) or not isinstance(written, YamlScalar) or "{" in written.text:
+        if (
+            not isinstance(taken, Value)
+            or not isinstance(written, YamlScalar)
+            or "{" in written.text
+        ):
             return None
         try:
             return literal(written, taken.port.type, taken.port.choices)
@@ -168,7 +174,11 @@ class Truth:
     def __post_init__(self) -> None:
         fixed = ("constant", "parameter")
         names = self.scope.names.items()
-        self.known = {name: found.value for name, found in names if found.origin in fixed and found.value is not None}
+        self.known = {
+            name: found.value
+            for name, found in names
+            if found.origin in fixed and found.value is not None
+        }
 
     def definition(self) -> None:
         """Follow it."""
@@ -182,7 +192,11 @@ class Truth:
     def layer(self, node: TreeNode, index: int, known: Facts) -> Facts:
         """Return the same of a node without its outer modifiers."""
         layer = node.layers[index]
-        if not known.known and not node.children and type(layer).known_facts is NodeType.known_facts:
+        if (
+            not known.known
+            and not node.children
+            and type(layer).known_facts is NodeType.known_facts
+        ):
             return known  # nearly every leaf: it neither adds nor removes facts
         found = self.resolved.get((id(node), layer.key))
         if found is None:
@@ -194,7 +208,9 @@ class Truth:
         """Return all names that a node and everything below it writes."""
         if id(node) not in self.written:
             own = [self.resolved.get((id(node), layer.key)) for layer in node.layers]
-            names = frozenset(name for found in own if found is not None for name in found.outputs.values())
+            names = frozenset(
+                name for found in own if found is not None for name in found.outputs.values()
+            )
             self.written[id(node)] = names.union(*(self.writes(below) for below in node.below()))
         return self.written[id(node)]
 
@@ -210,12 +226,19 @@ class LayerTruth(LayerAt[Truth]):
         fixed = self.whole.known
         for words in comparisons_of_words(condition.expression):
             always = "always holds" if always_same(words, fixed) else "can never hold"
-            message = f"'{condition.text[words.offset : words.end]}' compares two words and {always}"
-            self.whole.findings.warning(condition.where, "words-alone", message, "a value stands in braces: '{name}'")
+            message = (
+                f"'{condition.text[words.offset : words.end]}' compares two words and {always}"
+            )
+            self.whole.findings.warning(
+                condition.where, "words-alone", message, "a value stands in braces: '{name}'"
+            )
         fact = fact_of(condition.expression, fixed, condition.where, condition.text)
         if fact is None or fact.names <= fixed.keys():
             return known
-        if any(self.whole.scope.names[name].origin == "input" for name in fact.names & self.whole.scope.names.keys()):
+        if any(
+            self.whole.scope.names[name].origin == "input"
+            for name in fact.names & self.whole.scope.names.keys()
+        ):
             fact = replace(fact, lasts=False)  # its caller may write it meanwhile
         against = known.against(fact)
         if against is fact:
@@ -287,7 +310,9 @@ def _never_changes(value_type: ValueType) -> bool:
     """Return True if a value of the type does not change until the next write."""
     if isinstance(value_type, Quantity) or value_type is SI_NUMBER:
         return True
-    return isinstance(value_type, type) and (value_type in (bool, int, float, str) or issubclass(value_type, Enum))
+    return isinstance(value_type, type) and (
+        value_type in (bool, int, float, str) or issubclass(value_type, Enum)
+    )
 
 
 def _shown(value: Given) -> str:
@@ -335,7 +360,10 @@ class LayerFlow(LayerAt[Flow]):
 
     @property
     def computes(self) -> bool:
-        return any(isinstance(v, ComputedValue) for v in (*self.found.inputs.values(), *self.found.settings.values()))
+        return any(
+            isinstance(v, ComputedValue)
+            for v in (*self.found.inputs.values(), *self.found.settings.values())
+        )
 
     def require(self, slot: str, names: Names) -> None:
         for read in self.found.reads:

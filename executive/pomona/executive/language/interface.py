@@ -77,12 +77,19 @@ class InterfaceReader:
         choices = tuple(choice.text for choice in declared.choices)
         default: Any = REQUIRED
         if declared.default is not None:
-            if isinstance(declared.default, YamlScalar) and declared.default.text in ("none", "null", ""):
+            if isinstance(declared.default, YamlScalar) and declared.default.text in (
+                "none",
+                "null",
+                "",
+            ):
                 default = None
             else:
                 default = self._literal(declared.default, port_type, choices)
             self.defaults[id(declared)] = default
-        bounds = [None if node is None else self._literal(node, port_type, ()) for node in (declared.min, declared.max)]
+        bounds = [
+            None if node is None else self._literal(node, port_type, ())
+            for node in (declared.min, declared.max)
+        ]
         port = Port(port_type, default, declared.help, bounds[0], bounds[1], choices)
         if declared.default is not None and default is not None:
             problem = out_of_range(default, port)
@@ -103,7 +110,11 @@ class InterfaceReader:
         found = self.skills.types.get(name.text)
         if found is None:
             there, meant = sorted(self.skills.types), _TYPES_ELSEWHERE.get(name.text.lower(), "")
-            hint = Instead(f"write '{meant}'", name.text, meant) if meant else did_you_mean(name.text, there)
+            hint = (
+                Instead(f"write '{meant}'", name.text, meant)
+                if meant
+                else did_you_mean(name.text, there)
+            )
             word = type_word(name)
             if not hint and word in there:
                 also = f"; types: {', '.join(there)}" if word == "text" else ""
@@ -117,9 +128,15 @@ class InterfaceReader:
             node = declared.default
             if isinstance(node, YamlScalar) and "{" in node.text:
                 message = f"the constant '{declared.key.text}' is known before the run: no name can be read in it"
-                self.findings.error(node, "value", message, "compute it where it is read, or with 'set'")
+                self.findings.error(
+                    node, "value", message, "compute it where it is read, or with 'set'"
+                )
             value = None if node is None else self._literal(node, object, ())
-            value_type = scalar_type(node) if isinstance(node, YamlScalar) else (ANY if value is None else type(value))
+            value_type = (
+                scalar_type(node)
+                if isinstance(node, YamlScalar)
+                else (ANY if value is None else type(value))
+            )
             self.constants[id(declared)] = value, value_type
         return self.constants[id(declared)]
 
@@ -128,7 +145,10 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def parameter_values(
-    file: TreeFile, overrides: Mapping[str, str] | Sequence[str], reader: InterfaceReader, findings: Findings
+    file: TreeFile,
+    overrides: Mapping[str, str] | Sequence[str],
+    reader: InterfaceReader,
+    findings: Findings,
 ) -> dict[str, Any]:
     """Return every parameter's value; a wrong override is a finding, and its value is None."""
     given = _named(overrides, file.parameters, findings)
@@ -143,15 +163,23 @@ def parameter_values(
             values[name] = reader.defaults.get(id(parameter))
         else:
             message = f"parameter '{name}' has no default and was not given"
-            findings.error(parameter.key, "no-value", message, f"add a default, or run with --set {name}=…")
+            findings.error(
+                parameter.key, "no-value", message, f"add a default, or run with --set {name}=…"
+            )
             values[name] = None
     return values
 
 
 def _named(
-    overrides: Mapping[str, str] | Sequence[str], declared: Mapping[str, Declared], findings: Findings
+    overrides: Mapping[str, str] | Sequence[str],
+    declared: Mapping[str, Declared],
+    findings: Findings,
 ) -> dict[str, str]:
-    texts = [f"{k}={v}" for k, v in overrides.items()] if isinstance(overrides, Mapping) else list(overrides)
+    texts = (
+        [f"{k}={v}" for k, v in overrides.items()]
+        if isinstance(overrides, Mapping)
+        else list(overrides)
+    )
     given: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")

@@ -86,7 +86,9 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
     text = node.text.strip()
     if value_type is str:
         if node.is_null:
-            raise LiteralError(node, "nothing stands here", "write a text, in quotes if it is to be empty")
+            raise LiteralError(
+                node, "nothing stands here", "write a text, in quotes if it is to be empty"
+            )
         if choices and text not in choices:
             hint = did_you_mean(text, choices) or "one of " + ", ".join(choices)
             raise LiteralError(node, f"'{text}' is not allowed here", hint)
@@ -116,8 +118,14 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
     if node.is_null:
         raise LiteralError(node, f"nothing stands here; {wanted} is needed")
     if isinstance(value_type, (ListType, type)) and value_type not in (bool, int, float):
-        raise LiteralError(node, f"{wanted} is needed here, '{text}' is a word", f'wire a port: "{{{text}}}"')
-    hints: dict[object, str] = {bool: "write true or false", int: "write a whole number", float: "write a number"}
+        raise LiteralError(
+            node, f"{wanted} is needed here, '{text}' is a word", f'wire a port: "{{{text}}}"'
+        )
+    hints: dict[object, str] = {
+        bool: "write true or false",
+        int: "write a whole number",
+        float: "write a number",
+    }
     raise LiteralError(node, f"'{text}' is not {wanted}", hints.get(value_type, ""))
 
 
@@ -156,9 +164,14 @@ def _array(node: YamlList) -> NDArray[np.float64]:
 
     from pomona.executive.values.read_only import read_only
 
-    rows = [_array(item) if isinstance(item, YamlList) else literal(item, SI_NUMBER) for item in node.items]
+    rows = [
+        _array(item) if isinstance(item, YamlList) else literal(item, SI_NUMBER)
+        for item in node.items
+    ]
     try:
-        array: NDArray[np.float64] = read_only(np.array(rows, dtype=np.float64))  # shared by all starts of a node
+        array: NDArray[np.float64] = read_only(
+            np.array(rows, dtype=np.float64)
+        )  # shared by all starts of a node
         return array
     except ValueError:
         raise LiteralError(node, "the rows of this array have different lengths") from None
@@ -185,7 +198,9 @@ def _dataclass(node: YamlMapping, cls: type[Any]) -> Any:
             hint = did_you_mean(key.text, fields) or "it has " + ", ".join(fields)
             raise LiteralError(key, f"{describe(cls)} has no field '{key.text}'", hint)
         given[key.text] = literal(value, types.get(key.text, ANY))
-    needed = [name for name, f in fields.items() if f.default is f.default_factory is dataclasses.MISSING]
+    needed = [
+        name for name, f in fields.items() if f.default is f.default_factory is dataclasses.MISSING
+    ]
     missing = [name for name in needed if name not in given]
     if missing:
         raise LiteralError(node, f"{describe(cls)} also needs {', '.join(missing)}")
@@ -200,7 +215,11 @@ def _pose(node: YamlMapping) -> NDArray[np.float64]:
     known = ("position", "rpy", "quaternion")
     for key, _ in node.entries.values():
         if key.text not in known:
-            raise LiteralError(key, f"a pose has no '{key.text}'", did_you_mean(key.text, known) or "position and rpy")
+            raise LiteralError(
+                key,
+                f"a pose has no '{key.text}'",
+                did_you_mean(key.text, known) or "position and rpy",
+            )
     if "rpy" in node.entries and "quaternion" in node.entries:
         raise LiteralError(node, "a pose has one orientation: rpy or quaternion")
     import numpy as np

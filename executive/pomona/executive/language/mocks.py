@@ -51,7 +51,9 @@ class Placeholder:
         if name.startswith("_"):
             raise AttributeError(name)
         if name not in self._fields:
-            raise NoValue(f"the mock gives a {self._of} without '{name}': add it to the mock's outputs")
+            raise NoValue(
+                f"the mock gives a {self._of} without '{name}': add it to the mock's outputs"
+            )
         return self._fields[name]
 
     def __repr__(self) -> str:
@@ -83,8 +85,13 @@ class MockSkill(Skill):
         while result.status == "running":
             yield "runs until it is interrupted"
         if result.status == "failure":
-            raise self.failure(result.code, result.message or f"the mock of {self.replaced.__name__} fails")
-        return {name: result.outputs.get(name, placeholder(self.replaced.outputs[name])) for name in self.outputs}
+            raise self.failure(
+                result.code, result.message or f"the mock of {self.replaced.__name__} fails"
+            )
+        return {
+            name: result.outputs.get(name, placeholder(self.replaced.outputs[name]))
+            for name in self.outputs
+        }
 
 
 def mock_class(
@@ -153,7 +160,9 @@ class Tested:
     registry: Registry
     skills: Mapping[str, str]  # the skill that a mock of a node replaces, by every name of the node
     names: Collection[str]  # of all nodes
-    questions: Mapping[str, tuple[str, ...]]  # by the name of a node that asks, the answers that it takes
+    questions: Mapping[
+        str, tuple[str, ...]
+    ]  # by the name of a node that asks, the answers that it takes
     parameters: Mapping[str, Port | None]  # of the tree; None for one of unknown type
 
     @classmethod
@@ -161,7 +170,12 @@ class Tested:
         """Return all that is in a document, with the skills that it declares."""
         registry = registry.declaring(document.main.declared_skills)
         skills = skills_by_node(document)
-        nodes = [node for definition in document.definitions() if definition.root for node in definition.root.walk()]
+        nodes = [
+            node
+            for definition in document.definitions()
+            if definition.root
+            for node in definition.root.walk()
+        ]
         questions: dict[str, tuple[str, ...]] = {}
         for node in nodes:
             for layer in node.layers:
@@ -169,8 +183,17 @@ class Tested:
                     questions[node.label] = (*questions.get(node.label, ()), *choices)
         names = {node.label for node in nodes} | set(skills)
         declared = InterfaceReader(Findings(), registry)
-        parameters = {name: declared.port(found, "parameter") for name, found in document.main.parameters.items()}
-        return cls(registry=registry, skills=skills, names=names, questions=questions, parameters=parameters)
+        parameters = {
+            name: declared.port(found, "parameter")
+            for name, found in document.main.parameters.items()
+        }
+        return cls(
+            registry=registry,
+            skills=skills,
+            names=names,
+            questions=questions,
+            parameters=parameters,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,9 +239,13 @@ class AnyValue(Kind[YamlNode]):
 class MockSection:
     """How a mock ends."""
 
-    status: str | None = value(Text(*STATUSES), None, "how it ends; with a code failure, else success")
+    status: str | None = value(
+        Text(*STATUSES), None, "how it ends; with a code failure, else success"
+    )
     after: float = value(Measure(TIME, "0 s"), "0 s", "how long it takes")
-    outputs: Mapping[str, YamlNode] = value(MappingOf(AnyValue()), {}, "outputs by port; the others get placeholders")
+    outputs: Mapping[str, YamlNode] = value(
+        MappingOf(AnyValue()), {}, "outputs by port; the others get placeholders"
+    )
     code: str | None = value(Text(), None, "the code with which it fails")
     message: str = value(Text(), "", "the sentence with which it fails")
     calls: int = value(Whole(1, 10_000), 1, "number of calls")
@@ -242,7 +269,9 @@ class MockedSkills(Kind[Mapping[str, tuple[MockResult, ...]]]):
         for key, _ in node.entries.values():
             try:
                 call = _Call(self.replaced(key, reader, tree))
-                results = read_each(call, [(item, reader.inside(key.text)) for item in written[key.text]])
+                results = read_each(
+                    call, [(item, reader.inside(key.text)) for item in written[key.text]]
+                )
                 found[key.text] = tuple(result for several in results for result in several)
             except Refused as error:
                 refused = error
@@ -255,11 +284,16 @@ class MockedSkills(Kind[Mapping[str, tuple[MockResult, ...]]]):
         skill = tree.registry.get(tree.skills.get(key.text, ""))
         if skill is None:
             hint = did_you_mean(key.text, tree.skills) or "name a skill or a node of the tree"
-            raise reader.refuse(key, f"the tree has no skill or node '{key.text}'", hint, "unknown-node")
+            raise reader.refuse(
+                key, f"the tree has no skill or node '{key.text}'", hint, "unknown-node"
+            )
         return skill
 
     def schema(self, options: bool = False) -> Schema:
-        word: Schema = {"type": "string", "description": "success, failure, running, or the code of a failure"}
+        word: Schema = {
+            "type": "string",
+            "description": "success, failure, running, or the code of a failure",
+        }
         result: Schema = {"anyOf": [word, _SECTION.schema()]}
         one_or_several: Schema = {"anyOf": [*result["anyOf"], {"type": "array", "items": result}]}
         return {"type": ["object", "null"], "additionalProperties": one_or_several}
@@ -280,14 +314,18 @@ class _Call(Kind[tuple[MockResult, ...]]):
             self.known_code(node, reader)
             return (MockResult("failure", code=node.text),)
         if not isinstance(node, YamlMapping):
-            raise reader.refuse(node, f"{reader.title} must be {self.words}, not {shape_of(node)}", code="shape")
+            raise reader.refuse(
+                node, f"{reader.title} must be {self.words}, not {shape_of(node)}", code="shape"
+            )
         placed = _SECTION.read_placed(node, reader)
         said = placed.values
         if said.code is not None:
             self.known_code(placed.place("code"), reader)
         outputs = self.outputs(placed, reader)
         status = said.status or ("failure" if said.code is not None else "success")
-        return (MockResult(status, said.after, outputs, said.code or "MOCKED", said.message),) * said.calls
+        return (
+            MockResult(status, said.after, outputs, said.code or "MOCKED", said.message),
+        ) * said.calls
 
     def schema(self, options: bool = False) -> Schema:
         return _SECTION.schema()
@@ -298,8 +336,12 @@ class _Call(Kind[tuple[MockResult, ...]]):
         if text not in self.skill.failures:
             new, known = self.skill.renamed_failures.get(text), self.skill.failures
             renamed = f"it is called '{new}' now" if new else ""
-            hint = renamed or did_you_mean(text, (*known, *STATUSES)) or f"codes: {', '.join(known)}"
-            raise reader.refuse(code, f"{self.skill.__name__} never fails with {text}", hint, "unknown-code")
+            hint = (
+                renamed or did_you_mean(text, (*known, *STATUSES)) or f"codes: {', '.join(known)}"
+            )
+            raise reader.refuse(
+                code, f"{self.skill.__name__} never fails with {text}", hint, "unknown-code"
+            )
 
     def outputs(self, placed: Placed[MockSection], reader: Reader) -> dict[str, Any]:
         written, found = placed.node.get("outputs"), dict[str, Any]()
@@ -334,7 +376,9 @@ def stand_in(node: YamlNode, value_type: ValueType, findings: Findings) -> Any:
         for key, value in node.entries.values():
             if key.text not in fields:
                 hint = did_you_mean(key.text, fields) or "fields: " + ", ".join(fields)
-                findings.error(key, "unknown-field", f"{describe(value_type)} has no field '{key.text}'", hint)
+                findings.error(
+                    key, "unknown-field", f"{describe(value_type)} has no field '{key.text}'", hint
+                )
                 continue
             given[key.text] = stand_in(value, fields[key.text], findings)
         return Placeholder(describe(value_type).split(" ", 1)[-1], given)
@@ -346,19 +390,29 @@ class MocksSection:
     """MockedSkills alone, for a dry run."""
 
     pomona: str = value(Text("1"), "1", "version of the language")
-    mocks: Results = value(MockedSkills(), {}, "how skills end; a skill that is not named succeeds at once")
+    mocks: Results = value(
+        MockedSkills(), {}, "how skills end; a skill that is not named succeeds at once"
+    )
 
 
 @few_hints()
-def read_mocks(text: str, path: str | Path, document: Document, skills: Registry) -> tuple[MockPlan, list[Finding]]:
+def read_mocks(
+    text: str, path: str | Path, document: Document, skills: Registry
+) -> tuple[MockPlan, list[Finding]]:
     """Return the `mocks` of a file for a dry run of `document`: a mapping `mocks:`, or a scenario's common ones."""
     findings = Findings()
     root = root_of(text, path, findings, "a file of mocks")
     results: Results = {}
     if root is not None:
-        others = tuple(name for name in root.entries if name not in MOCKS_KEYS) if "cases" in root.entries else ()
+        others = (
+            tuple(name for name in root.entries if name not in MOCKS_KEYS)
+            if "cases" in root.entries
+            else ()
+        )
         if "mocks" not in root.entries and not others:
-            findings.error(root, "missing-key", "the file holds no mocks", "write 'mocks: {Skill: result}'")
+            findings.error(
+                root, "missing-key", "the file holds no mocks", "write 'mocks: {Skill: result}'"
+            )
         try:
             reader = MocksReader(findings, tree=Tested.of(document, skills))
             results = Section(MocksSection, ignore=others).read(root, reader).mocks

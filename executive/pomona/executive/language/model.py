@@ -58,7 +58,9 @@ class TreeFile:
     parameters: dict[str, Declared] = field(default_factory=dict)
     constants: dict[str, Declared] = field(default_factory=dict)
     skills: dict[str, YamlScalar] = field(default_factory=dict)
-    declared_skills: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
+    declared_skills: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(
+        default_factory=dict
+    )
     subtrees: dict[str, Definition] = field(default_factory=dict)
     unread: set[str] = field(default_factory=set)
     top: YamlMapping | None = None
@@ -86,4 +88,6 @@ class Document:
 
     def called(self, node: TreeNode) -> Definition | None:
         """Return the subtree that a node calls."""
-        return next((f.subtrees.get(node.key.text) for f in self.files if f.source is node.at.source), None)
+        return next(
+            (f.subtrees.get(node.key.text) for f in self.files if f.source is node.at.source), None
+        )

@@ -14,11 +14,29 @@ from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.findings import Edit, Finding, Findings, Source, Spot, few_hints
 from pomona.executive.values.plain_text import NotUtf8Error, read_plain_text
 from pomona.executive.values.yaml_errors import moved
-from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.yaml_nodes import (
+    ShapeCheck,
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    read_yaml,
+)
 
 VERSION = "1"
 MAX_FILES = 100
-_TOP = ("pomona", "tree", "description", "skills", "parameters", "constants", "in", "out", "root", "subtrees")
+_TOP = (
+    "pomona",
+    "tree",
+    "description",
+    "skills",
+    "parameters",
+    "constants",
+    "in",
+    "out",
+    "root",
+    "subtrees",
+)
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -38,7 +56,9 @@ def read(
         texts: contents of called files, by the path that findings show, that are not to be read from the disk.
         types: the words of the language; all that are installed when it is left out.
     """
-    return _Reader(tree_folders, texts or {}, types or NodeTypes.installed()).document(text, Path(path))
+    return _Reader(tree_folders, texts or {}, types or NodeTypes.installed()).document(
+        text, Path(path)
+    )
 
 
 def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Document:
@@ -47,7 +67,9 @@ def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Documen
     text = _load(Path(path), str(path), findings)
     if text is None:
         source = Source(str(path), "")
-        return Document(str(path), "", TreeFile(source), [], findings.sorted(), NodeTypes.installed())
+        return Document(
+            str(path), "", TreeFile(source), [], findings.sorted(), NodeTypes.installed()
+        )
     return read(text, path, tree_folders=tree_folders)
 
 
@@ -82,7 +104,9 @@ class _Reader:
         folder = path.parent.resolve()
         self.folders.insert(0, folder)
         main = self.file(text, str(path), folder / path.name)
-        return Document(str(path), text, main, list(self.files.values()), self.findings.sorted(), self.types)
+        return Document(
+            str(path), text, main, list(self.files.values()), self.findings.sorted(), self.types
+        )
 
     def file(self, text: str, shown: str, resolved: Path) -> TreeFile:
         source = Source(shown, text)
@@ -106,22 +130,35 @@ class _Reader:
         nodes_as_name = isinstance(written_name, (YamlMapping, YamlList))
         name = None if nodes_as_name else shape.text(written_name)
         if nodes_as_name:
-            message = "'tree' is the tree's name: write 'tree: my_tree', and its nodes below 'root:'"
+            message = (
+                "'tree' is the tree's name: write 'tree: my_tree', and its nodes below 'root:'"
+            )
             key = top.entries["tree"][0]
-            edits = [Edit(key.line, key.column, key.length, "tree: my_tree\nroot")] if "root" not in top.entries else ()
+            edits = (
+                [Edit(key.line, key.column, key.length, "tree: my_tree\nroot")]
+                if "root" not in top.entries
+                else ()
+            )
             self.findings.error(key, "shape", message, edits=edits)
         elif "tree" not in top.entries:
-            self.findings.error(_start(top), "missing-key", "the tree has no name", "write 'tree: my_tree'")
+            self.findings.error(
+                _start(top), "missing-key", "the tree has no name", "write 'tree: my_tree'"
+            )
         elif name is not None and not _NAME.fullmatch(name.text):
             hint = "use lower-case letters, digits and _, such as open_the_door"
-            self.findings.error(name, "bad-name", f"'{name.text}' is not a valid name for a tree", hint)
+            self.findings.error(
+                name, "bad-name", f"'{name.text}' is not a valid name for a tree", hint
+            )
         file.name = name.text if name is not None else resolved.stem
         described = shape.text(top.get("description"))
         file.description = described.text if described is not None else _header(source, top)
         for key, value in shape.entries(top.get("skills"), "skills", "'Skill: package' for each"):
             if isinstance(value, YamlMapping):
                 shape.known_keys(value, ("in", "out"), "a declared skill")
-                file.declared_skills[key.text] = self.names(value.get("in")), self.names(value.get("out"))
+                file.declared_skills[key.text] = (
+                    self.names(value.get("in")),
+                    self.names(value.get("out")),
+                )
                 continue
             package = shape.text(value)
             if package is not None:
@@ -134,7 +171,10 @@ class _Reader:
         root_node = top.get("root")
         if root_node is None and not nodes_as_name and not rootless:
             self.findings.error(
-                _start(top), "missing-key", "the file has no 'root'", "write 'root:' and the first node under it"
+                _start(top),
+                "missing-key",
+                "the file has no 'root'",
+                "write 'root:' and the first node under it",
             )
         elif root_node is not None:
             main.root = self.nodes(file).node(root_node)
@@ -149,16 +189,23 @@ class _Reader:
         """Return keys of a node that stands at the top of the file, which is reported; empty if there is none."""
         keys = [key for key, _ in top.entries.values() if key.text not in _TOP]
         types = [
-            key for key in keys if key.text[:1].isupper() or key.text in (*self.types.composites, *self.types.leaves)
+            key
+            for key in keys
+            if key.text[:1].isupper() or key.text in (*self.types.composites, *self.types.leaves)
         ]
         if "root" in top.entries or len(types) != 1:
             return []
         found = [key for key in keys if key is types[0] or key.text in self.types.beside]
         edits = [edit for key in found for edit in moved(key.source, key.line, 2)]
         first = min(found, key=lambda key: key.line)
-        edits = [e._replace(text="root:\n  ") if (e.line, e.column) == (first.line, 1) else e for e in edits]
+        edits = [
+            e._replace(text="root:\n  ") if (e.line, e.column) == (first.line, 1) else e
+            for e in edits
+        ]
         hint = "write 'root:' above it, and the node two columns further right"
-        self.findings.error(types[0], "missing-key", f"'{types[0].text}' is not below 'root'", hint, edits)
+        self.findings.error(
+            types[0], "missing-key", f"'{types[0].text}' is not below 'root'", hint, edits
+        )
         return [key.text for key in found]
 
     def nodes(self, file: TreeFile) -> NodeReader:
@@ -171,10 +218,15 @@ class _Reader:
             self.findings.error(_start(top), "missing-key", "the file has no version", hint)
         elif not isinstance(version, YamlScalar) or version.text != VERSION:
             self.findings.error(
-                version, "version", f"this Pomona reads version {VERSION} of tree files", f"write 'pomona: {VERSION}'"
+                version,
+                "version",
+                f"this Pomona reads version {VERSION} of tree files",
+                f"write 'pomona: {VERSION}'",
             )
 
-    def declarations(self, shape: ShapeCheck, node: YamlNode | None, what: str) -> dict[str, Declared]:
+    def declarations(
+        self, shape: ShapeCheck, node: YamlNode | None, what: str
+    ) -> dict[str, Declared]:
         found: dict[str, Declared] = {}
         for key, value in shape.entries(node, f"{what}s", "'name: {type: …}' for each"):
             if not self.good_name(key, what):
@@ -187,38 +239,59 @@ class _Reader:
                 continue
             shape.known_keys(fields, ("type", "default", "min", "max", "choices", "help"), what)
             declared = Declared(key, type=shape.text(fields.get("type")))
-            declared.default, declared.min, declared.max = fields.get("default"), fields.get("min"), fields.get("max")
+            declared.default, declared.min, declared.max = (
+                fields.get("default"),
+                fields.get("min"),
+                fields.get("max"),
+            )
             if "type" not in fields.entries:
                 word = type_word(declared.default)
                 hint = f"write '{key.text}: {{type: {word or '…'}, …}}'"
                 self.findings.error(key, "missing-key", f"{what} needs a type", hint)
             choices = fields.get("choices")
             if isinstance(choices, YamlList):
-                declared.choices = [c for item in choices.items if (c := shape.text(item)) is not None]
+                declared.choices = [
+                    c for item in choices.items if (c := shape.text(item)) is not None
+                ]
             elif choices is not None:
                 self.findings.error(choices, "shape", "choices are a list: [one, another]")
             help_text = shape.text(fields.get("help"))
-            declared.help = help_text.text if help_text is not None else key.source.comments.get(key.line, "")
+            declared.help = (
+                help_text.text if help_text is not None else key.source.comments.get(key.line, "")
+            )
             found[key.text] = declared
         return found
 
     def names(self, node: YamlNode | None) -> tuple[str, ...]:
         items = node.items if isinstance(node, YamlList) else []
         if node is not None and not (items and all(isinstance(item, YamlScalar) for item in items)):
-            self.findings.error(node, "shape", "the ports of a declared skill are a list of names", "write in: [goal]")
+            self.findings.error(
+                node,
+                "shape",
+                "the ports of a declared skill are a list of names",
+                "write in: [goal]",
+            )
         return tuple(item.text for item in items if isinstance(item, YamlScalar))
 
     def constants(self, shape: ShapeCheck, node: YamlNode | None) -> dict[str, Declared]:
         entries = shape.entries(node, "constants", "'name: value' for each")
-        return {key.text: Declared(key, default=value) for key, value in entries if self.good_name(key, "a constant")}
+        return {
+            key.text: Declared(key, default=value)
+            for key, value in entries
+            if self.good_name(key, "a constant")
+        }
 
     def good_name(self, key: YamlScalar, what: str) -> bool:
         if key.text in SPECIAL or key.text in ("true", "false", "none", "and", "or", "not", "in"):
-            self.findings.error(key, "bad-name", f"'{key.text}' means something else in expressions")
+            self.findings.error(
+                key, "bad-name", f"'{key.text}' means something else in expressions"
+            )
             return False
         if not _NAME.fullmatch(key.text):
             hint = "use lower-case letters, digits and _"
-            self.findings.error(key, "bad-name", f"'{key.text}' is not a valid name for {what}", hint)
+            self.findings.error(
+                key, "bad-name", f"'{key.text}' is not a valid name for {what}", hint
+            )
             return False
         return True
 
@@ -228,10 +301,16 @@ class _Reader:
         for name, declared in definition.outputs.items():
             if name in definition.inputs:
                 hint = "give the output a name of its own"
-                self.findings.error(declared.key, "duplicate-name", f"'{name}' is an input already", hint)
+                self.findings.error(
+                    declared.key, "duplicate-name", f"'{name}' is an input already", hint
+                )
 
-    def read_subtrees(self, shape: ShapeCheck, top: YamlMapping, file: TreeFile, folder: Path) -> None:
-        for key, value in shape.entries(top.get("subtrees"), "subtrees", "'name: {in: …, out: …, root: …}' for each"):
+    def read_subtrees(
+        self, shape: ShapeCheck, top: YamlMapping, file: TreeFile, folder: Path
+    ) -> None:
+        for key, value in shape.entries(
+            top.get("subtrees"), "subtrees", "'name: {in: …, out: …, root: …}' for each"
+        ):
             if not self.good_name(key, "a subtree"):
                 continue
             if is_word(self.types, key.text):
@@ -259,7 +338,9 @@ class _Reader:
                 self.findings.error(key, "missing-key", f"subtree '{key.text}' has no 'root'")
             file.subtrees[key.text] = definition
 
-    def other_file(self, written: YamlScalar | None, folder: Path, caller: TreeFile) -> Definition | None:
+    def other_file(
+        self, written: YamlScalar | None, folder: Path, caller: TreeFile
+    ) -> Definition | None:
         if written is None:
             return None
         if len(self.files) >= MAX_FILES:
@@ -283,7 +364,9 @@ class _Reader:
     def main_of(self, file: TreeFile, written: YamlScalar) -> Definition | None:
         """Return the tree of a file that is called; reports where it is called that there is none."""
         if file.main is None:
-            self.findings.error(written, "file", f"{file.source.path} holds no tree that can be read")
+            self.findings.error(
+                written, "file", f"{file.source.path} holds no tree that can be read"
+            )
         return file.main
 
     def find(self, written: YamlScalar, folder: Path) -> Path | None:

@@ -10,7 +10,14 @@ from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
 from pomona.executive.values.yaml_errors import moved
-from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
+from pomona.executive.values.yaml_nodes import (
+    ShapeCheck,
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    shape_of,
+)
 
 _SKILL = re.compile(r"[A-Z][A-Za-z0-9_]*")
 _UNSPACED = re.compile(r"\w+:(?=\S)")
@@ -33,22 +40,34 @@ class NodeReader:
         if not isinstance(written, YamlMapping):
             hint = "write 'sequence:' above it, and the list two columns further right"
             if isinstance(written, YamlScalar):
-                hint = f"write '{written.text}: {{}}'" if _SKILL.fullmatch(written.text) else "write 'Skill: {port: …}'"
-            self.findings.error(written, "shape", f"a node is a mapping, this is {shape_of(written)}", hint)
+                hint = (
+                    f"write '{written.text}: {{}}'"
+                    if _SKILL.fullmatch(written.text)
+                    else "write 'Skill: {port: …}'"
+                )
+            self.findings.error(
+                written, "shape", f"a node is a mapping, this is {shape_of(written)}", hint
+            )
             return None
         entry = self.type_of(written)
         if entry is None:
             return None
         problem = self.types.problems.get(entry[0].text)
         if problem is not None:
-            self.findings.error(entry[0], "broken-node", f"'{entry[0].text}' cannot be used: {problem}")
+            self.findings.error(
+                entry[0], "broken-node", f"'{entry[0].text}' cannot be used: {problem}"
+            )
             return None
         node = TreeNode(self.type_meant(*entry), *entry, written)
         node.comment = self.comment(written.line)
         if len(written.entries) > 1:
             self.modifiers(node)
         if node.modifiers:
-            node.wrap(tuple(modifier for modifier in self.types.modifiers if modifier.key in node.modifiers))
+            node.wrap(
+                tuple(
+                    modifier for modifier in self.types.modifiers if modifier.key in node.modifiers
+                )
+            )
         for modifier in node.wrapping:
             self.take(node, modifier)
         self.take(node, node.type)
@@ -75,14 +94,20 @@ class NodeReader:
         """Return the node type of a key; reports `Sequence:` with a list below, which no skill or subtree takes."""
         found = self.type_named(key.text)
         is_list = isinstance(value, YamlList)
-        if found not in (SKILL, SUBTREE) or isinstance(value, YamlMapping) or key.text in self.file.subtrees:
+        if (
+            found not in (SKILL, SUBTREE)
+            or isinstance(value, YamlMapping)
+            or key.text in self.file.subtrees
+        ):
             return found
         meant = did_you_mean(key.text, self.types.composites) if is_list else ""
         foreign = self.types.known_elsewhere(key.text)
         if foreign is not None and foreign.role == ("composite" if is_list else "leaf"):
             meant = Instead(f"did you mean '{foreign.key}'?", key.text, foreign.key)
         if isinstance(meant, Instead):
-            self.findings.error(key, "unknown-type-of-node", f"no node is named '{key.text}'", meant)
+            self.findings.error(
+                key, "unknown-type-of-node", f"no node is named '{key.text}'", meant
+            )
             return self.types[meant.right]
         return found
 
@@ -109,7 +134,9 @@ class NodeReader:
         if unspaced is not None and candidates[0][0].plain:
             key = candidates[0][0]
             edits = [Edit(key.line, key.column + len(unspaced[0]), 0, " ")]
-            self.findings.error(key, "yaml", f"a space is missing behind '{unspaced[0]}'", edits=edits)
+            self.findings.error(
+                key, "yaml", f"a space is missing behind '{unspaced[0]}'", edits=edits
+            )
             return None
         if len(candidates) == 1:
             return candidates[0]
@@ -129,19 +156,26 @@ class NodeReader:
                 own = self.types.get(chosen[0].text)
                 allowed = (*self.beside, *(own.fields if own is not None else ()))
                 meant = did_you_mean(key.text, allowed)
-                if not meant and own is None and isinstance(chosen[1], YamlScalar) and chosen[1].is_null:
+                if (
+                    not meant
+                    and own is None
+                    and isinstance(chosen[1], YamlScalar)
+                    and chosen[1].is_null
+                ):
                     ports[key.text] = key, value
-                    message = (
-                        f"'{key.text}' is no modifier; a port of {chosen[0].text} starts at column {key.column + 2}"
+                    message = f"'{key.text}' is no modifier; a port of {chosen[0].text} starts at column {key.column + 2}"
+                    self.findings.error(
+                        key, "unknown-key", message, edits=[*moved(key.source, key.line, 2)]
                     )
-                    self.findings.error(key, "unknown-key", message, edits=[*moved(key.source, key.line, 2)])
                     continue
                 hint = meant or "modifiers are " + ", ".join(allowed)
                 self.findings.error(key, "unknown-key", f"no modifier named '{key.text}'", hint)
         if not ports:
             return chosen
         at = chosen[1]
-        return chosen[0], YamlMapping(at.source, at.line, at.column, at.end_line, at.end_column, ports)
+        return chosen[0], YamlMapping(
+            at.source, at.line, at.column, at.end_line, at.end_column, ports
+        )
 
     def is_type(self, word: str) -> bool:
         """Return True if a word can stand for a node."""
@@ -167,11 +201,16 @@ class NodeReader:
     def belongs(self, node: TreeNode, key: YamlScalar) -> bool:
         """Return True if something beside a field has such a field; reports when nothing has."""
         owners = self.types.owners(key.text)
-        if node.type in owners or any(owner.role == "modifier" and owner.key in node.at.entries for owner in owners):
+        if node.type in owners or any(
+            owner.role == "modifier" and owner.key in node.at.entries for owner in owners
+        ):
             return True
         owner = owners[0]
         if owner.role == "modifier":
-            message, hint = f"'{key.text}' means nothing without '{owner.key}'", f"add '{owner.key}: …' beside it"
+            message, hint = (
+                f"'{key.text}' means nothing without '{owner.key}'",
+                f"add '{owner.key}: …' beside it",
+            )
             self.findings.error(key, "missing-key", message, hint)
         else:
             message = f"'{key.text}' belongs to {owner.key}, not to {node.key.text}"
@@ -180,9 +219,13 @@ class NodeReader:
 
     def name(self, value: YamlNode) -> YamlScalar | None:
         name = self.shape.text(value)
-        if name is not None and (_BAD_IN_NAMES.search(name.text) or not name.text.strip() or len(name.text) > 80):
+        if name is not None and (
+            _BAD_IN_NAMES.search(name.text) or not name.text.strip() or len(name.text) > 80
+        ):
             hint = "names make paths: no / : # { }, at most 80 characters"
-            self.findings.error(name, "bad-name", f"'{name.text[:80]}' is not a valid name for a node", hint)
+            self.findings.error(
+                name, "bad-name", f"'{name.text[:80]}' is not a valid name for a node", hint
+            )
             return None
         return name
 

@@ -72,7 +72,10 @@ def _bare(value_type: ValueType) -> str:
 
 def is_array(value_type: ValueType) -> bool:
     """Return True for numpy's array or its stand-in, recognized by name, since a check does not import numpy."""
-    return isinstance(value_type, type) and (value_type.__module__, value_type.__name__) == ("numpy", "ndarray")
+    return isinstance(value_type, type) and (value_type.__module__, value_type.__name__) == (
+        "numpy",
+        "ndarray",
+    )
 
 
 def is_numeric(value_type: ValueType) -> bool:
@@ -90,12 +93,18 @@ def can_flow(source: ValueType, target: ValueType) -> bool:
         return source in (int, SI_NUMBER) or source == RATIO
     if isinstance(source, ListType):
         if source.array:
-            return is_array(target) or (isinstance(target, ListType) and can_flow(source.element, target.element))
+            return is_array(target) or (
+                isinstance(target, ListType) and can_flow(source.element, target.element)
+            )
         if isinstance(target, ListType):
             return can_flow(source.element, target.element)
         return isinstance(target, type) and issubclass(target, (list, tuple, Sequence))
     if isinstance(target, ListType):
-        return is_array(source) if target.array else isinstance(source, type) and issubclass(source, (list, tuple))
+        return (
+            is_array(source)
+            if target.array
+            else isinstance(source, type) and issubclass(source, (list, tuple))
+        )
     if isinstance(source, type) and isinstance(target, type):
         if source is bool or target is bool:
             return source is target
@@ -148,8 +157,12 @@ def _fields_of_class(cls: Hashable) -> tuple[tuple[str, ValueType], ...]:
         hints = typing.get_type_hints(cls, include_extras=True)
     except Exception:  # a third party's annotations may not resolve: names are still known
         hints = dict.fromkeys(_annotated(cls), Any)
-    names = [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else list(hints)
-    found = {name: from_annotation(hints.get(name, Any)) for name in names if not name.startswith("_")}
+    names = (
+        [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else list(hints)
+    )
+    found = {
+        name: from_annotation(hints.get(name, Any)) for name in names if not name.startswith("_")
+    }
     for name in dir(cls):
         member = getattr(cls, name, None)
         if isinstance(member, property) and not name.startswith("_"):
@@ -163,7 +176,9 @@ def _annotated(cls: type[Any]) -> list[str]:
 
 def _returned(member: property) -> ValueType:
     try:
-        return from_annotation(typing.get_type_hints(member.fget, include_extras=True).get("return", Any))
+        return from_annotation(
+            typing.get_type_hints(member.fget, include_extras=True).get("return", Any)
+        )
     except Exception:  # see above
         return ANY
 

@@ -9,11 +9,25 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from pomona.executive.language.expression import SPECIAL, Expression, ExpressionSyntaxError, Reference, parse_expression
+from pomona.executive.language.expression import (
+    SPECIAL,
+    Expression,
+    ExpressionSyntaxError,
+    Reference,
+    parse_expression,
+)
 from pomona.executive.language.expression_run import overflows, zero_divisors
 from pomona.executive.language.expression_types import check_condition, type_of
 from pomona.executive.language.literals import LiteralError, literal
-from pomona.executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope, Value
+from pomona.executive.language.scope import (
+    ComputedValue,
+    Given,
+    Named,
+    Read,
+    Resolved,
+    Scope,
+    Value,
+)
 from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe
 from pomona.executive.nodes.context import COUNTERS, Around, LastFailure
 from pomona.executive.nodes.facts import UNKNOWN
@@ -23,7 +37,9 @@ from pomona.executive.values.units import is_within
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
-ALWAYS_POSSIBLE = frozenset({"BAD_VALUE"})  # codes with which any node may fail that computes a value
+ALWAYS_POSSIBLE = frozenset(
+    {"BAD_VALUE"}
+)  # codes with which any node may fail that computes a value
 
 
 @dataclass(slots=True, eq=False)
@@ -64,7 +80,9 @@ class _Stand:
             self._unknown(reference)
             return ANY
         named.read = True
-        self.reader.resolved.reads.append(Read(self.slot, name, self.spot(reference), self.required))
+        self.reader.resolved.reads.append(
+            Read(self.slot, name, self.spot(reference), self.required)
+        )
         return named.type
 
     def calculations(self, expression: Expression) -> None:
@@ -88,7 +106,12 @@ class _Stand:
         inside_subtree = not self.reader.scope.definition.main
         if name not in self.around.counters and not inside_subtree:
             message = f"there is no {name} around this node"
-            self.report(reference, "no-counter", message, f"add '{name}: …' to this node or to one around it")
+            self.report(
+                reference,
+                "no-counter",
+                message,
+                f"add '{name}: …' to this node or to one around it",
+            )
         return COUNTERS[name]
 
     def _unknown(self, reference: Reference) -> None:
@@ -96,16 +119,25 @@ class _Stand:
         main = scope.definition.file.parameters
         hint = did_you_mean(reference.name, scope.names)
         if reference.name in main and not scope.definition.main:
-            hint = (
-                f"a subtree sees only its own names: add '{reference.name}' to its 'in' and wire it where it is called"
-            )
+            hint = f"a subtree sees only its own names: add '{reference.name}' to its 'in' and wire it where it is called"
         elif not hint:
-            writers = [skill for skill, there in scope.skills.items() if reference.name in there.outputs]
+            writers = [
+                skill for skill, there in scope.skills.items() if reference.name in there.outputs
+            ]
             known = "known names: " + ", ".join(islice(scope.names, 12)) if scope.names else ""
             wire = f'{reference.name}: "{{{reference.name}}}"'
             verb = "writes" if len(writers) == 1 else "write"
-            hint = f"{' and '.join(writers[:2])} {verb} one: put it before this node, with {wire}" if writers else known
-        self.report(reference, "unknown-port", f"nothing writes '{reference.name}' and nothing declares it", hint)
+            hint = (
+                f"{' and '.join(writers[:2])} {verb} one: put it before this node, with {wire}"
+                if writers
+                else known
+            )
+        self.report(
+            reference,
+            "unknown-port",
+            f"nothing writes '{reference.name}' and nothing declares it",
+            hint,
+        )
 
 
 @dataclass(slots=True, eq=False)
@@ -123,7 +155,9 @@ class ValueReader:
         except ExpressionSyntaxError as error:
             where: Located = scalar
             if scalar.line == scalar.end_line:
-                where = Spot(scalar.source, scalar.line, scalar.text_column + error.offset, error.length)
+                where = Spot(
+                    scalar.source, scalar.line, scalar.text_column + error.offset, error.length
+                )
             self.findings.error(where, "expression", error.message, error.hint)
             for name in _IN_BRACES.findall(scalar.text):  # one mistake, one finding
                 if name in self.scope.names:
@@ -144,7 +178,9 @@ class ValueReader:
         stand.calculations(expression)
         return ComputedValue(expression, bool, node.text, node)
 
-    def value(self, slot: str, node: YamlNode, port: Port, around: Around, who: str) -> Value | None:
+    def value(
+        self, slot: str, node: YamlNode, port: Port, around: Around, who: str
+    ) -> Value | None:
         """Return the value of a port: a literal of its type, or an expression (any text with braces)."""
         if isinstance(node, YamlScalar) and "{" in node.text:
             return self._computed(slot, node, port, around, who)
@@ -152,10 +188,20 @@ class ValueReader:
             name = next(iter(node.entries), "name")
             if name in self.scope.names:  # one mistake, one finding
                 self.scope.names[name].read = True
-            edits = [Edit(node.line, node.column, node.length, f'"{{{name}}}"')] if node.line == node.end_line else []
-            self.findings.error(node, "shape", f"{who} is wired without quotes", f'write "{{{name}}}"', edits)
+            edits = (
+                [Edit(node.line, node.column, node.length, f'"{{{name}}}"')]
+                if node.line == node.end_line
+                else []
+            )
+            self.findings.error(
+                node, "shape", f"{who} is wired without quotes", f'write "{{{name}}}"', edits
+            )
             return None
-        if isinstance(node, YamlScalar) and not port.required and (node.is_null or node.text == "none"):
+        if (
+            isinstance(node, YamlScalar)
+            and not port.required
+            and (node.is_null or node.text == "none")
+        ):
             return Given(None, node)
         try:
             value = literal(node, static_type(port), port.choices)
@@ -164,7 +210,9 @@ class ValueReader:
             return None
         return Given(value, node) if self.in_range(node, value, port, who) else None
 
-    def _computed(self, slot: str, node: YamlScalar, port: Port, around: Around, who: str) -> Value | None:
+    def _computed(
+        self, slot: str, node: YamlScalar, port: Port, around: Around, who: str
+    ) -> Value | None:
         expression = self.parsed(node)
         if expression is None:
             return None
@@ -181,15 +229,23 @@ class ValueReader:
             return Given(named.value, node) if self.in_range(node, named.value, port, who) else None
         if named is not None and named.may_be_none and port.required:
             message = f"{who} must have a value, and '{node.text}' may have none"
-            self.findings.error(node, "unset", message, f"give the input '{node.text.strip('{}')}' a default")
+            self.findings.error(
+                node, "unset", message, f"give the input '{node.text.strip('{}')}' a default"
+            )
         return ComputedValue(expression, found, node.text, node)
 
     def in_range(self, where: Located, value: Any, port: Port, who: str) -> bool:
         """Return whether a value is in a port's range; report one that is not."""
         problem = out_of_range(value, port)
         if problem:
-            is_percent = isinstance(port.type, Quantity) and port.type.bare and isinstance(value, (int, float))
-            hint = f"write '{value:g} %'" if is_percent and not out_of_range(value / 100, port) else ""
+            is_percent = (
+                isinstance(port.type, Quantity)
+                and port.type.bare
+                and isinstance(value, (int, float))
+            )
+            hint = (
+                f"write '{value:g} %'" if is_percent and not out_of_range(value / 100, port) else ""
+            )
             self.findings.error(where, "range", f"{who} {problem}", hint)
         return not problem
 

@@ -157,7 +157,9 @@ class Ask(Question, LeafBehaviour):
 
     def _without(self, code: str, why: str) -> Status:
         if self._default is None:
-            return self.fails(code, f"{why}: {self._asked}", question=self._asked, choices=list(self.choices))
+            return self.fails(
+                code, f"{why}: {self._asked}", question=self._asked, choices=list(self.choices)
+            )
         return self._ends(self._default, f"{self._asked} {self._default} (the default: {why})")
 
     def _ends(self, answer: str, said: str) -> Status:
@@ -184,7 +186,9 @@ class AskType(Leaf):
         default, written = at.literal("default"), at.written("default")
         choices = at.literal("choices") or CHOICES
         if len(set(choices)) != len(choices):
-            at.findings.error(at.written("choices") or at.node.key, "value", "an answer stands twice in 'choices'")
+            at.findings.error(
+                at.written("choices") or at.node.key, "value", "an answer stands twice in 'choices'"
+            )
         if isinstance(written, YamlScalar) and isinstance(default, str) and default not in choices:
             message = f"the default '{default}' is not one of the choices: {', '.join(choices)}"
             at.findings.error(written, "value", message)
@@ -203,7 +207,15 @@ class AskType(Leaf):
         within = at.value("within") if at.given("within") else None
         write = at.writer("answer") if at.written("answer") is not None else _nowhere
         choices = at.literal("choices") or CHOICES
-        return Ask(at.name, _text(at.value(self.key)), choices, write, at.now, default=default, within=within)
+        return Ask(
+            at.name,
+            _text(at.value(self.key)),
+            choices,
+            write,
+            at.now,
+            default=default,
+            within=within,
+        )
 
 
 def _text(get: Callable[[], Any]) -> Callable[[], str]:

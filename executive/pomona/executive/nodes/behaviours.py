@@ -97,7 +97,9 @@ class Sequence(Branch):
         keeps: whether a start after a failure goes on with the child that failed.
     """
 
-    def __init__(self, name: str, memory: bool, children: SequenceOf[Behaviour], keeps: bool = False) -> None:
+    def __init__(
+        self, name: str, memory: bool, children: SequenceOf[Behaviour], keeps: bool = False
+    ) -> None:
         super().__init__(name, children)
         self.memory, self.keeps = memory, keeps
         self._at = self._skipped = 0
@@ -111,7 +113,9 @@ class Sequence(Branch):
             self._skipped = 0
         elif not self.memory:
             self._at = self._skipped = 0
-        for at, child in islice(enumerate(children), self._at, None):  # a held tick may find more children
+        for at, child in islice(
+            enumerate(children), self._at, None
+        ):  # a held tick may find more children
             self.current_child = child
             yield from child.tick()
             status = child.status
@@ -146,10 +150,14 @@ class Parallel(Branch):
         needed: indices of the children that must succeed, or be skipped; or the number of children that must succeed.
     """
 
-    def __init__(self, name: str, children: SequenceOf[Behaviour], needed: frozenset[int] | int) -> None:
+    def __init__(
+        self, name: str, children: SequenceOf[Behaviour], needed: frozenset[int] | int
+    ) -> None:
         super().__init__(name, children)
         self._any = needed if isinstance(needed, int) else 0
-        self._needed = [not isinstance(needed, int) and index in needed for index in range(len(children))]
+        self._needed = [
+            not isinstance(needed, int) and index in needed for index in range(len(children))
+        ]
         self._open = 0
 
     def tick(self) -> Iterator[Behaviour]:
@@ -241,7 +249,9 @@ class Wrapper(Decorator):
 
     def stop(self, new_status: Status) -> None:
         child = self.decorated
-        if child.status is Status.RUNNING or (new_status is Status.INVALID and child.status is not Status.INVALID):
+        if child.status is Status.RUNNING or (
+            new_status is Status.INVALID and child.status is not Status.INVALID
+        ):
             child.stop(Status.INVALID)
         self.terminate(new_status)
         self.status = new_status

@@ -11,7 +11,12 @@ from pomona.executive.errors import PomonaError
 from pomona.executive.nodes.ask import ApproveType, AskType
 from pomona.executive.nodes.check import CheckType, GuardType, WaitUntilType, WhenType
 from pomona.executive.nodes.choosing import IfType, ReactiveIfType, SwitchType
-from pomona.executive.nodes.composites import ParallelType, ReactiveSequenceType, SequenceType, SequenceWithMemoryType
+from pomona.executive.nodes.composites import (
+    ParallelType,
+    ReactiveSequenceType,
+    SequenceType,
+    SequenceWithMemoryType,
+)
 from pomona.executive.nodes.force import ForceType, InvertType
 from pomona.executive.nodes.leaves import FailType, SetType, SucceedType, WaitType
 from pomona.executive.nodes.node_type import Field, Modifier, NodeType, Role
@@ -33,7 +38,9 @@ BUILTIN: tuple[type[NodeType], ...] = (
 )  # fmt: skip
 """Modifiers stand in the order in which they wrap, from the inside to the outside."""
 
-RESERVED = frozenset({"name", "description", "skill", "subtree"})  # words that mean something else in every node
+RESERVED = frozenset(
+    {"name", "description", "skill", "subtree"}
+)  # words that mean something else in every node
 
 
 class NodeTypeError(PomonaError):
@@ -68,7 +75,9 @@ class NodeTypes(Mapping[str, NodeType]):
             except NodeTypeError as error:
                 types.problems[point.name] = str(error)
             except Exception as error:  # a third party's module and class may raise anything
-                types.problems[point.name] = f"{point.value} cannot be used: {type(error).__name__}: {error}"
+                types.problems[point.name] = (
+                    f"{point.value} cannot be used: {type(error).__name__}: {error}"
+                )
         return types
 
     def register(self, cls: type[NodeType]) -> None:
@@ -83,7 +92,9 @@ class NodeTypes(Mapping[str, NodeType]):
         for name in made.other_names:
             if name in self._elsewhere:
                 owner = self._elsewhere[name].key
-                raise NodeTypeError(f"node type {cls.__name__}: the name '{name}' belongs to '{owner}'")
+                raise NodeTypeError(
+                    f"node type {cls.__name__}: the name '{name}' belongs to '{owner}'"
+                )
         if isinstance(made, Modifier):
             self.modifiers.insert(self._place(made), made)
         self._types[made.key] = made
@@ -94,14 +105,18 @@ class NodeTypes(Mapping[str, NodeType]):
     def _ambiguous(self, made: NodeType, word: str) -> bool:
         """Return True if two types could claim the word: only types that exclude each other may share a field."""
         owners = self.owners(word)
-        return bool(owners) and (word == made.key or any(isinstance(each, Modifier) for each in (made, *owners)))
+        return bool(owners) and (
+            word == made.key or any(isinstance(each, Modifier) for each in (made, *owners))
+        )
 
     def _place(self, modifier: Modifier) -> int:
         if not modifier.outside_of:
             return len(self.modifiers)
         keys = [other.key for other in self.modifiers]
         if modifier.outside_of not in keys:
-            raise NodeTypeError(f"node type {type(modifier).__name__}: no modifier named '{modifier.outside_of}'")
+            raise NodeTypeError(
+                f"node type {type(modifier).__name__}: no modifier named '{modifier.outside_of}'"
+            )
         return keys.index(modifier.outside_of) + 1
 
     def __getitem__(self, word: str) -> NodeType:
@@ -173,7 +188,11 @@ def incomplete(cls: object) -> str:
     if not (isinstance(cls.fields, Mapping) and all(isinstance(word, str) for word in cls.fields)):
         return "has fields that are no mapping from words to a Field"
     slots = {cls.key: cls.value, **cls.fields}
-    wrong = [word for word, taken in slots.items() if not isinstance(taken, Field) or not NAME.fullmatch(word)]
+    wrong = [
+        word
+        for word, taken in slots.items()
+        if not isinstance(taken, Field) or not NAME.fullmatch(word)
+    ]
     if wrong:
         return f"has no Field for {', '.join(wrong)}"
     try:

@@ -94,7 +94,9 @@ class Guard(Wrapper):
         if holds:
             yield from super().tick()
             return
-        self.stop(self.fails("CONDITION_FALSE", self._condition.sentence(), **self._condition.values()))
+        self.stop(
+            self.fails("CONDITION_FALSE", self._condition.sentence(), **self._condition.values())
+        )
         yield self
 
 

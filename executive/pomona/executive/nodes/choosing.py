@@ -52,7 +52,11 @@ class Choice(Branch):
 
     def go(self, chosen: Behaviour | None) -> Iterator[Behaviour]:
         """Tick a child instead of the one that ran before; without one the node is skipped."""
-        if self._chosen is not None and self._chosen is not chosen and self._chosen.status is Status.RUNNING:
+        if (
+            self._chosen is not None
+            and self._chosen is not chosen
+            and self._chosen.status is Status.RUNNING
+        ):
             self._chosen.stop(Status.INVALID)
         self._chosen = self.current_child = chosen
         if chosen is None:
@@ -71,7 +75,11 @@ class If(Choice):
     """
 
     def __init__(
-        self, name: str, children: Sequence[Behaviour], reactive: bool, last_failure: LastFailure | None = None
+        self,
+        name: str,
+        children: Sequence[Behaviour],
+        reactive: bool,
+        last_failure: LastFailure | None = None,
     ) -> None:
         super().__init__(name, children)
         self._reactive, self._last_failure = reactive, last_failure or LastFailure()
@@ -111,7 +119,11 @@ class Switch(Choice):
     """
 
     def __init__(
-        self, name: str, children: Sequence[Behaviour], words: Sequence[str], value: Callable[[], Any]
+        self,
+        name: str,
+        children: Sequence[Behaviour],
+        words: Sequence[str],
+        value: Callable[[], Any],
     ) -> None:
         super().__init__(name, children)
         self._words, self._value = tuple(words), value
@@ -128,7 +140,9 @@ class Switch(Choice):
             yield self
             return
         others = self.children[len(self._words) :]
-        chosen = next((c for word, c in zip(self._words, self.children, strict=False) if word in texts), None)
+        chosen = next(
+            (c for word, c in zip(self._words, self.children, strict=False) if word in texts), None
+        )
         yield from self.go(chosen or (others[0] if others else None))
 
 
@@ -165,14 +179,20 @@ class IfType(Composite):
         skips = asked.skips or len(chosen) < 2 or any(outcome.skips for outcome in chosen)
         least = min(outcome.least for outcome in chosen) if len(chosen) > 1 else 0.0
         codes = codes_of(chosen)
-        return Outcome(codes, any(outcome.succeeds for outcome in chosen), skips, asked.least + least)
+        return Outcome(
+            codes, any(outcome.succeeds for outcome in chosen), skips, asked.least + least
+        )
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
         asked = at.child(0, before)
         if len(at.node.children) < 2:
             return asked
         chosen = at.child(1, asked.success)
-        other = at.child(2, asked.failure) if len(at.node.children) > 2 else Ends(ALL, ALL, asked.failure)
+        other = (
+            at.child(2, asked.failure)
+            if len(at.node.children) > 2
+            else Ends(ALL, ALL, asked.failure)
+        )
         return Ends(
             chosen.success & other.success,
             chosen.failure & other.failure,
@@ -189,7 +209,10 @@ class IfType(Composite):
 
     def build(self, at: BuildContext) -> Behaviour:
         last_failure = LastFailure()
-        children = [at.child(i, failure=last_failure) if i == 2 else at.child(i) for i in range(len(at.node.children))]
+        children = [
+            at.child(i, failure=last_failure) if i == 2 else at.child(i)
+            for i in range(len(at.node.children))
+        ]
         return If(at.name, children, self.reactive, last_failure)
 
 
@@ -223,12 +246,19 @@ class SwitchType(Composite):
         skipped = ALL if "default" in at.node.modifiers else before
         for index in range(len(at.node.children)):
             ends = at.child(index, before)
-            success, failure, skipped = success & ends.success, failure & ends.failure, skipped & ends.skipped
+            success, failure, skipped = (
+                success & ends.success,
+                failure & ends.failure,
+                skipped & ends.skipped,
+            )
         return Ends(success, failure, skipped)
 
     def words(self, at: NodeContext) -> list[str]:
         """Return the cases in order."""
-        return [lead.removesuffix(": ") for lead in at.node.leads[: len(at.node.children) - self.has_default(at)]]
+        return [
+            lead.removesuffix(": ")
+            for lead in at.node.leads[: len(at.node.children) - self.has_default(at)]
+        ]
 
     @staticmethod
     def has_default(at: NodeContext) -> bool:

@@ -34,7 +34,9 @@ class SequenceType(Composite):
     def check_layer(self, at: CheckContext) -> None:
         super().check_layer(at)
         outcomes = at.outcomes.children()
-        for before, outcome, child in zip(at.node.children, outcomes, at.node.children[1:], strict=False):
+        for before, outcome, child in zip(
+            at.node.children, outcomes, at.node.children[1:], strict=False
+        ):
             if not (outcome.succeeds or outcome.skips):
                 message = f"{child.label} is never reached: {before.label} cannot succeed"
                 at.findings.warning(child.key, "unreachable", message)
@@ -105,8 +107,14 @@ class ParallelType(Composite):
         written = node.modifiers["success_on"][1] if "success_on" in node.modifiers else None
         if isinstance(written, YamlScalar) and (written.text == "one" or written.text.isdecimal()):
             return 1 if written.text == "one" else int(written.text)
-        names = [i.text for i in written.items if isinstance(i, YamlScalar)] if isinstance(written, YamlList) else None
-        return frozenset(i for i, child in enumerate(node.children) if names is None or child.label in names)
+        names = (
+            [i.text for i in written.items if isinstance(i, YamlScalar)]
+            if isinstance(written, YamlList)
+            else None
+        )
+        return frozenset(
+            i for i, child in enumerate(node.children) if names is None or child.label in names
+        )
 
     def check_layer(self, at: CheckContext) -> None:
         super().check_layer(at)
@@ -129,7 +137,9 @@ class ParallelType(Composite):
                 first, other = users.setdefault(device, (index, label))
                 if first != index:
                     message = f"{label} moves the {device}, and so does {other}, in parallel: one of them waits"
-                    at.findings.warning(child.key, "one-device", message, "put both into a sequence")
+                    at.findings.warning(
+                        child.key, "one-device", message, "put both into a sequence"
+                    )
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
@@ -138,7 +148,12 @@ class ParallelType(Composite):
         if isinstance(chosen, int):
             times = sorted(outcome.least for outcome in outcomes if outcome.succeeds)
             skips = all(outcome.skips for outcome in outcomes)
-            return Outcome(codes, len(times) >= chosen, skips, times[chosen - 1] if len(times) >= chosen else 0.0)
+            return Outcome(
+                codes,
+                len(times) >= chosen,
+                skips,
+                times[chosen - 1] if len(times) >= chosen else 0.0,
+            )
         needed = [outcomes[index] for index in chosen]
         least = max((outcome.least for outcome in needed if not outcome.skips), default=0.0)
         succeeds = all(outcome.succeeds or outcome.skips for outcome in needed)
@@ -157,7 +172,9 @@ class ParallelType(Composite):
                 for end in some:
                     written |= end.success
                 success &= written
-            return Ends(success, failure, before if all(end.skipped.reachable for end in ends) else ALL)
+            return Ends(
+                success, failure, before if all(end.skipped.reachable for end in ends) else ALL
+            )
         success = before
         for index in chosen:
             success |= ends[index].success & ends[index].skipped

@@ -46,7 +46,12 @@ class LastFailure:
         leaf = reason
         while leaf.causes:
             leaf = leaf.causes[-1]
-        self.code, self.message, self.data, self.node = reason.code, reason.message, leaf.data, leaf.node_path
+        self.code, self.message, self.data, self.node = (
+            reason.code,
+            reason.message,
+            leaf.data,
+            leaf.node_path,
+        )
         self.codes = tuple(sorted(reason.codes()))
 
 
@@ -73,7 +78,11 @@ class ForEachCount:
     of: int = 1
 
 
-COUNTERS: Mapping[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount}
+COUNTERS: Mapping[str, type[Any]] = {
+    "retry": RetryCount,
+    "repeat": RepeatCount,
+    "for_each": ForEachCount,
+}
 """Types of the counters, by the name in expressions."""
 
 
@@ -182,7 +191,9 @@ class CheckContext(WalkContext[Around, None], Protocol):
     def condition(self, slot: str, written: YamlNode, around: Around | None = None) -> None:
         """Check a Boolean expression, and keep it."""
 
-    def value(self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False) -> None:
+    def value(
+        self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False
+    ) -> None:
         """Check the value of a port, and keep it; `known` requires a value that is known before the run."""
 
     def elements(self, slot: str, written: YamlNode) -> None:
@@ -197,7 +208,9 @@ class CheckContext(WalkContext[Around, None], Protocol):
     def check_ports(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
         """Check the wires of the node's ports."""
 
-    def declare_output(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
+    def declare_output(
+        self, slot: str, target: YamlScalar, written: YamlNode, element: bool
+    ) -> None:
         """Declare a name that the layer writes: the value of an expression, or its elements."""
 
     def item(self) -> str:

@@ -14,7 +14,9 @@ from pomona.executive.reasons import NoValue
 from pomona.executive.values.findings import Located
 
 Plain = bool | int | float | str
-MAX_CASES = 32  # maximum number of cases to analyse; a condition with more is assumed to be possible
+MAX_CASES = (
+    32  # maximum number of cases to analyse; a condition with more is assumed to be possible
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,12 +99,19 @@ class Facts:
 
     def against(self, fact: Fact) -> Fact | None:
         """Return a fact beside which the new one cannot hold; the new one itself when it never can."""
-        cases = [case for case in fact.cases if not any(possible.none for possible in case.values())]
+        cases = [
+            case for case in fact.cases if not any(possible.none for possible in case.values())
+        ]
         if not cases:
             return fact
         # facts about the same names that are looked at together; the newest stay
         for known in [known for known in self.known if known.names & fact.names][-20:]:
-            joined = [both for one in cases for other in known.cases if (both := _joined(one, other)) is not None]
+            joined = [
+                both
+                for one in cases
+                for other in known.cases
+                if (both := _joined(one, other)) is not None
+            ]
             if not joined:
                 return known
             if len(joined) <= MAX_CASES:
@@ -122,7 +131,9 @@ def _joined(one: Case, other: Case) -> Case | None:
 
 Codes = frozenset[str]
 NO_CODES: Codes = frozenset()
-UNKNOWN = "?"  # stands for the codes of a skill or subtree that cannot be looked up: it may fail with any
+UNKNOWN = (
+    "?"  # stands for the codes of a skill or subtree that cannot be looked up: it may fail with any
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +165,11 @@ class Names:
 
     def __init__(self, names: Iterable[str] | None) -> None:
         """`names` is None for ALL."""
-        self.numbers = {} if names is None else {name: number for number, name in enumerate(dict.fromkeys(names))}
+        self.numbers = (
+            {}
+            if names is None
+            else {name: number for number, name in enumerate(dict.fromkeys(names))}
+        )
         self.bits = (1 << len(self.numbers)) - 1 if names is not None else _EVERY_BIT
 
     def __contains__(self, name: str) -> bool:
@@ -224,7 +239,10 @@ class Condition:
     """An expression with the values that it reads, for the sentence that explains a false result."""
 
     def __init__(
-        self, text: str, holds: Callable[[], bool], read: Mapping[str, Callable[[], object]] | None = None
+        self,
+        text: str,
+        holds: Callable[[], bool],
+        read: Mapping[str, Callable[[], object]] | None = None,
     ) -> None:
         self.text, self.holds, self._read = text, holds, dict(read or {})
 
@@ -236,12 +254,17 @@ class Condition:
                 value = get()
             except NoValue:
                 continue
-            found[name] = value if isinstance(value, (bool, int, float, str)) or value is None else str(value)[:80]
+            found[name] = (
+                value
+                if isinstance(value, (bool, int, float, str)) or value is None
+                else str(value)[:80]
+            )
         return found
 
     def sentence(self) -> str:
         """`{width} > 0.05 is false: width is 0.03`."""
         shown = ", ".join(
-            f"{n} is {v:.6g}" if isinstance(v, float) else f"{n} is {v}" for n, v in self.values().items()
+            f"{n} is {v:.6g}" if isinstance(v, float) else f"{n} is {v}"
+            for n, v in self.values().items()
         )
         return f"{self.text} is false" + (f": {shown}" if shown else "")

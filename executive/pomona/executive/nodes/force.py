@@ -28,7 +28,9 @@ class Force(Wrapper):
         if self._end == "success":
             return Status.SUCCESS
         if status is Status.SUCCESS:
-            return self.fails("FORCED", f"{self.decorated.name} succeeded, which counts as a failure here")
+            return self.fails(
+                "FORCED", f"{self.decorated.name} succeeded, which counts as a failure here"
+            )
         return Status.FAILURE
 
 
@@ -42,7 +44,9 @@ class ForceType(Modifier):
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         inside, end = at.inside(), at.literal(self.key)
         succeeds = end != "failure" and (inside.succeeds or bool(inside.codes))
-        return Outcome(NO_CODES if end == "success" else inside.codes | {"FORCED"}, succeeds, inside.skips)
+        return Outcome(
+            NO_CODES if end == "success" else inside.codes | {"FORCED"}, succeeds, inside.skips
+        )
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = at.inside(before)
@@ -60,7 +64,9 @@ class Invert(Wrapper):
 
     def after(self, status: Status) -> Status:
         if status is Status.SUCCESS:
-            return self.fails("INVERTED", f"{self.decorated.name} succeeded, which counts as a failure here")
+            return self.fails(
+                "INVERTED", f"{self.decorated.name} succeeded, which counts as a failure here"
+            )
         return status if status is Status.RUNNING else Status.SUCCESS
 
 

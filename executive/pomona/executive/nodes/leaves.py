@@ -42,7 +42,9 @@ class Wait(LeafBehaviour):
 class SetValues(LeafBehaviour):
     """Writes values to the board: reads all of them first."""
 
-    def __init__(self, name: str, values: Mapping[Callable[[Any], None], Callable[[], Any]]) -> None:
+    def __init__(
+        self, name: str, values: Mapping[Callable[[Any], None], Callable[[], Any]]
+    ) -> None:
         super().__init__(name)
         self._values = tuple(values.items())
 
@@ -129,7 +131,9 @@ class FailType(Leaf):
 
     def build(self, at: BuildContext) -> Behaviour:
         inputs = at.inputs()
-        return Fail(at.name, inputs.get("code", lambda: "FAILED"), inputs.get("message", lambda: ""))
+        return Fail(
+            at.name, inputs.get("code", lambda: "FAILED"), inputs.get("message", lambda: "")
+        )
 
 
 class SkillCall(Leaf):

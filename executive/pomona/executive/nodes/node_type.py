@@ -65,7 +65,9 @@ class TreeNode:
     name: YamlScalar | None = None
     description: str = ""
     comment: str = ""
-    children: list[TreeNode] = field(default_factory=list)  # nodes that belong to its type, in order
+    children: list[TreeNode] = field(
+        default_factory=list
+    )  # nodes that belong to its type, in order
     leads: list[str] = field(default_factory=list)  # labels before each child in a drawing
     # nodes that belong to a modifier, by the modifier's field: `on_failure`
     parts: dict[str, TreeNode] = field(default_factory=dict)
@@ -73,7 +75,9 @@ class TreeNode:
     ports: dict[str, Entry] = field(default_factory=dict)
     # the keys beside the type except name and description, by name
     modifiers: dict[str, Entry] = field(default_factory=dict)
-    wrapping: tuple[Modifier, ...] = field(default=(), init=False)  # its modifiers, from the inside to the outside
+    wrapping: tuple[Modifier, ...] = field(
+        default=(), init=False
+    )  # its modifiers, from the inside to the outside
     # its modifiers from the outside to the inside, then its type
     layers: tuple[NodeType, ...] = field(default=(), init=False)
 
@@ -155,7 +159,9 @@ class Field(ABC):
     def __init__(self, help: str = "", *, required: bool = False) -> None:
         self.help, self.required = help, required
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         """Read nodes and ports that stand in it, and report a wrong shape; called without any skills."""
         return
 
@@ -188,11 +194,17 @@ class NodeType(ABC):
     # slots whose reads the type itself follows in `written_ports`, since they happen after its child has ended
     late: ClassVar[frozenset[str]] = frozenset()
     calls: ClassVar[bool] = False  # whether the node is called by the name of a skill or a subtree
-    instant: ClassVar[bool] = False  # whether it ends in the tick in which it starts, without other nodes acting
+    instant: ClassVar[bool] = (
+        False  # whether it ends in the tick in which it starts, without other nodes acting
+    )
     named: ClassVar[bool] = True  # whether the behaviour of a modifier shows its word
-    ends: ClassVar[tuple[str, ...]] = ()  # ends that a test should see: success, failure, skipped, not skipped
+    ends: ClassVar[
+        tuple[str, ...]
+    ] = ()  # ends that a test should see: success, failure, skipped, not skipped
     colour: ClassVar[str] = "#444444"  # in pictures
-    other_names: ClassVar[tuple[str, ...]] = ()  # names of the same word in BehaviorTree.CPP and others
+    other_names: ClassVar[
+        tuple[str, ...]
+    ] = ()  # names of the same word in BehaviorTree.CPP and others
 
     @property
     def summary(self) -> str:

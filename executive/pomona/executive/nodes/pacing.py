@@ -67,7 +67,9 @@ class Late(Wrapper):
 class Delay(Late):
     """Waits before its child starts."""
 
-    def __init__(self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]) -> None:
+    def __init__(
+        self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]
+    ) -> None:
         super().__init__(name, child, now)
         self._duration = duration
 
@@ -78,7 +80,9 @@ class Delay(Late):
 class Rate(Late):
     """Lets a period pass between a success of its child and the next start; the first start is at once."""
 
-    def __init__(self, name: str, child: Behaviour, rate: Callable[[], float], now: Callable[[], float]) -> None:
+    def __init__(
+        self, name: str, child: Behaviour, rate: Callable[[], float], now: Callable[[], float]
+    ) -> None:
         super().__init__(name, child, now)
         self._rate = rate
         self._success: float | None = None
@@ -164,7 +168,9 @@ class RunOnceType(Modifier):
 class Timeout(Wrapper):
     """Interrupts its child when it still runs after a duration on the run's clock."""
 
-    def __init__(self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]) -> None:
+    def __init__(
+        self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]
+    ) -> None:
         super().__init__(name, child)
         self._duration, self._now = duration, now
         self._limit = self._end = 0.0
@@ -180,7 +186,13 @@ class Timeout(Wrapper):
         tip = self.decorated.tip() or self.decorated
         doing = f": {tip.feedback_message}" if tip.feedback_message else ""
         message = f"{tip.name} was still running after {self._limit:g} s{doing}"
-        return self.fails("TIMEOUT", message, limit=self._limit, running=path_of(tip), feedback=tip.feedback_message)
+        return self.fails(
+            "TIMEOUT",
+            message,
+            limit=self._limit,
+            running=path_of(tip),
+            feedback=tip.feedback_message,
+        )
 
 
 class TimeoutType(Modifier):

@@ -31,7 +31,11 @@ class Repeat(Wrapper):
     """Runs its child until a number of successes; a failure ends it. Without a number it repeats for ever."""
 
     def __init__(
-        self, name: str, child: Behaviour, rounds: Callable[[], int | None], count: RepeatCount | None = None
+        self,
+        name: str,
+        child: Behaviour,
+        rounds: Callable[[], int | None],
+        count: RepeatCount | None = None,
     ) -> None:
         super().__init__(name, child)
         self._rounds, self._count = rounds, count or RepeatCount()
@@ -40,7 +44,9 @@ class Repeat(Wrapper):
     def begin(self) -> Status | None:
         self._of = self._rounds()
         if self._of is not None and self._of < 1:
-            raise NoValue(f"{self.name}: the number of rounds is {self._of}, but must be at least 1")
+            raise NoValue(
+                f"{self.name}: the number of rounds is {self._of}, but must be at least 1"
+            )
         self._count.round = 1
         return None
 
@@ -126,7 +132,9 @@ class ForEachType(Modifier):
 
     key, symbol = "for_each", "∀"
     value = takes.Elements("a list; the node runs once for each item")
-    fields: ClassVar[takes.Fields] = {"as": takes.NewName("for_each", "item", "name of the item, 'item' by default")}
+    fields: ClassVar[takes.Fields] = {
+        "as": takes.NewName("for_each", "item", "name of the item, 'item' by default")
+    }
 
     def check_layer(self, at: CheckContext) -> None:
         if at.item() in at.around.items:
@@ -137,7 +145,9 @@ class ForEachType(Modifier):
 
     def around(self, at: CheckContext, index: int) -> Around:
         around = at.around
-        return replace(around, counters=around.counters | {"for_each"}, items=around.items | {at.item()})
+        return replace(
+            around, counters=around.counters | {"for_each"}, items=around.items | {at.item()}
+        )
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return Outcome(at.inside().codes)

@@ -66,7 +66,12 @@ class Retry(Branch):
         super().__init__(name, [child] if on_failure is None else [child, on_failure])
         self.attempts: tuple[Attempt, ...] = ()
         self.listener: Callable[[Retry, Attempt], None] | None = None
-        self._now, self._total, self._retry_if, self._between_only = now, total, retry_if, between_only
+        self._now, self._total, self._retry_if, self._between_only = (
+            now,
+            total,
+            retry_if,
+            between_only,
+        )
         self._count = count or RetryCount()
         self._last_failure = last_failure or LastFailure()
         self._recovering = self._last = False
@@ -87,7 +92,9 @@ class Retry(Branch):
         if len(causes) < self.total:
             tries = f"gave up after attempt {len(causes)} of {self.total}"
         data = {"attempts": len(causes), "of": self.total}
-        return Reason(path_of(self), causes[-1].code, f"{tries}; the last: {causes[-1].message}", data, causes)
+        return Reason(
+            path_of(self), causes[-1].code, f"{tries}; the last: {causes[-1].message}", data, causes
+        )
 
     def tick(self) -> Iterator[Behaviour]:
         try:
@@ -129,7 +136,9 @@ class Retry(Branch):
         reason = None if succeeded else reason_of(child)
         attempt = Attempt(number, child.status, reason, self._started, self._now())
         self.attempts += (attempt,)
-        self.feedback_message = f"attempt {number} of {self.total} {'succeeded' if succeeded else 'failed'}"
+        self.feedback_message = (
+            f"attempt {number} of {self.total} {'succeeded' if succeeded else 'failed'}"
+        )
         if self.listener is not None:
             self.listener(self, attempt)
         if reason is None:
@@ -145,14 +154,18 @@ class Retry(Branch):
         if child.status is Status.RUNNING:
             return Status.RUNNING
         self._recovering = False
-        if child.status is Status.SUCCESS or (child.status is Status.INVALID and not self._between_only):
+        if child.status is Status.SUCCESS or (
+            child.status is Status.INVALID and not self._between_only
+        ):
             return Status.FAILURE if self._last else Status.RUNNING
         if child.status is Status.INVALID:
             return Status.FAILURE  # a recovery that is skipped: there is none
         broken = reason_of(child)
         tried = tuple(attempt.reason for attempt in self.attempts if attempt.reason is not None)
         message = f"{child.name}, which follows a failed attempt, failed: {broken.message}"
-        self._why = Reason(path_of(self), broken.code, message, {"attempts": len(tried)}, (*tried, broken))
+        self._why = Reason(
+            path_of(self), broken.code, message, {"attempts": len(tried)}, (*tried, broken)
+        )
         return Status.FAILURE
 
 
@@ -201,7 +214,11 @@ class RetryType(Modifier):
 
     def build(self, at: BuildContext) -> Behaviour:
         count, last_failure = RetryCount(), LastFailure()
-        retry_if = at.condition("retry_if", retry=count, failure=last_failure).holds if at.given("retry_if") else None
+        retry_if = (
+            at.condition("retry_if", retry=count, failure=last_failure).holds
+            if at.given("retry_if")
+            else None
+        )
         child = at.inside(retry=count)
         on_failure = at.part("on_failure", retry=count, failure=last_failure)
         total = at.value(self.key)
@@ -224,7 +241,11 @@ class Fallback(Branch):
     """
 
     def __init__(
-        self, name: str, memory: bool, children: Sequence[Behaviour], last_failure: LastFailure | None = None
+        self,
+        name: str,
+        memory: bool,
+        children: Sequence[Behaviour],
+        last_failure: LastFailure | None = None,
     ) -> None:
         super().__init__(name, children)
         self.memory = memory
@@ -247,7 +268,9 @@ class Fallback(Branch):
             self._begin()
         elif not self.memory:
             self._begin()
-        for at, child in islice(enumerate(children), self._at, None):  # a held tick may find more children
+        for at, child in islice(
+            enumerate(children), self._at, None
+        ):  # a held tick may find more children
             self.current_child = child
             yield from child.tick()
             status = child.status
@@ -288,15 +311,19 @@ class FallbackType(Composite):
     def around(self, at: CheckContext, index: int) -> Around:
         if index == 0:
             return at.around
-        before, codes, failed = at.outcomes.child(index - 1), NO_CODES, at.node.children[index - 1].label
+        before, codes, failed = (
+            at.outcomes.child(index - 1),
+            NO_CODES,
+            at.node.children[index - 1].label,
+        )
         if not (before.codes or before.skips):
-            message = (
-                f"{at.node.children[index].label} is never reached: {at.node.children[index - 1].label} cannot fail"
-            )
+            message = f"{at.node.children[index].label} is never reached: {at.node.children[index - 1].label} cannot fail"
             at.findings.warning(at.node.children[index].key, "unreachable", message)
         while index and before.skips:
             codes, index = codes | before.codes, index - 1
-            before = at.outcomes.child(index - 1) if index else Outcome(at.around.failure or NO_CODES)
+            before = (
+                at.outcomes.child(index - 1) if index else Outcome(at.around.failure or NO_CODES)
+            )
         return Around(at.around.counters, codes | before.codes, at.around.items, failed)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
@@ -327,7 +354,10 @@ class FallbackType(Composite):
 
     def build(self, at: BuildContext) -> Behaviour:
         last_failure = LastFailure()
-        children = [at.child(i, failure=last_failure) if i else at.child(i) for i in range(len(at.node.children))]
+        children = [
+            at.child(i, failure=last_failure) if i else at.child(i)
+            for i in range(len(at.node.children))
+        ]
         return Fallback(at.name, self.memory, children, last_failure)
 
 

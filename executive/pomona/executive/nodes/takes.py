@@ -8,7 +8,14 @@ from collections.abc import Callable, Mapping
 from pomona.executive.nodes.context import CheckContext, Entry
 from pomona.executive.nodes.node_type import Field, NodeType, Reading, Schema, Stage, TreeNode
 from pomona.executive.ports import TIME, Port
-from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
+from pomona.executive.values.yaml_nodes import (
+    ShapeCheck,
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    shape_of,
+)
 
 Fields = Mapping[str, Field]
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -25,7 +32,13 @@ class Value(Field):
     """
 
     def __init__(
-        self, port: Port, help: str = "", *, words: tuple[str, ...] = (), known: bool = False, required: bool = False
+        self,
+        port: Port,
+        help: str = "",
+        *,
+        words: tuple[str, ...] = (),
+        known: bool = False,
+        required: bool = False,
     ) -> None:
         super().__init__(help, required=required)
         self.port, self.words, self.known = port, words, known
@@ -38,7 +51,11 @@ class Value(Field):
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         found = literal(self.port)
-        return {"anyOf": [*found.pop("anyOf", [found]), {"enum": list(self.words)}]} if self.words else found
+        return (
+            {"anyOf": [*found.pop("anyOf", [found]), {"enum": list(self.words)}]}
+            if self.words
+            else found
+        )
 
 
 def duration(help: str = "", *, required: bool = False) -> Value:
@@ -96,11 +113,15 @@ class NewName(Field):
         name = at.written(slot)
         if name is None:
             key = next(key for key, value in at.node.modifiers.values() if value is written)
-            target = YamlScalar(key.source, key.line, key.column, key.end_line, key.end_column, self.default, True)
+            target = YamlScalar(
+                key.source, key.line, key.column, key.end_line, key.end_column, self.default, True
+            )
         elif isinstance(name, YamlScalar) and NAME.fullmatch(name.text):
             target = name
         else:
-            at.findings.error(name, "bad-name", f"'{slot}' takes a name without braces", f"{slot}: grasp")
+            at.findings.error(
+                name, "bad-name", f"'{slot}' takes a name without braces", f"{slot}: grasp"
+            )
             return
         at.declare_output(self.of, target, written, True)
 
@@ -116,10 +137,14 @@ class Target(Field):
         if stage is not Stage.COMPUTED or name is None:
             return
         if isinstance(name, YamlScalar) and NAME.fullmatch(name.text):
-            text = YamlScalar(name.source, name.line, name.column, name.end_line, name.end_column, "text", False)
+            text = YamlScalar(
+                name.source, name.line, name.column, name.end_line, name.end_column, "text", False
+            )
             at.declare_output(slot, name, text, False)
         else:
-            at.findings.error(name, "bad-name", f"'{slot}' takes a name without braces", f"{slot}: answer")
+            at.findings.error(
+                name, "bad-name", f"'{slot}' takes a name without braces", f"{slot}: answer"
+            )
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"type": "string", "pattern": NAME_SCHEMA}
@@ -128,14 +153,22 @@ class Target(Field):
 class Words(Field):
     """A list of texts that are known before the run."""
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         items = written.items if isinstance(written, YamlList) else []
         if not items or not all(isinstance(item, YamlScalar) for item in items):
-            reading.findings.error(written, "shape", f"'{slot}' is a list of texts", f"{slot}: [yes, no]")
+            reading.findings.error(
+                written, "shape", f"'{slot}' is a list of texts", f"{slot}: [yes, no]"
+            )
 
     def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         if isinstance(written, YamlList):
-            at.keep(slot, tuple(item.text for item in written.items if isinstance(item, YamlScalar)), written)
+            at.keep(
+                slot,
+                tuple(item.text for item in written.items if isinstance(item, YamlScalar)),
+                written,
+            )
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"type": "array", "minItems": 1, "items": {"type": ["string", "number", "boolean"]}}
@@ -150,7 +183,9 @@ class Children(Field):
         super().__init__(help)
         self.leads, self.exactly = leads, exactly
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         if not isinstance(written, YamlList):
             message = f"'{slot}' takes a list of nodes, this is {shape_of(written)}"
             reading.findings.error(written, "shape", message, "start each child with '- '")
@@ -174,7 +209,9 @@ class Part(Field):
 
     nodes = True
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         part = reading.node(written)
         if part is not None:
             part.comment = part.comment or reading.comment(node.modifiers[slot][0].line)
@@ -189,7 +226,9 @@ class Child(Field):
 
     nodes = True
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         child = reading.node(written)
         if child is not None:
             node.children.append(child)
@@ -208,14 +247,25 @@ class ChildOrCondition(Field):
         super().__init__(help)
         self.looks = looks
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         child: TreeNode | None
         if isinstance(written, YamlMapping):
             child = reading.node(written)
         else:
             w = written
-            key = YamlScalar(w.source, w.line, w.column, w.end_line, w.end_column, self.looks.key, True)
-            at = YamlMapping(w.source, w.line, w.column, w.end_line, w.end_column, {self.looks.key: (key, written)})
+            key = YamlScalar(
+                w.source, w.line, w.column, w.end_line, w.end_column, self.looks.key, True
+            )
+            at = YamlMapping(
+                w.source,
+                w.line,
+                w.column,
+                w.end_line,
+                w.end_column,
+                {self.looks.key: (key, written)},
+            )
             child = TreeNode(self.looks, key, written, at)
         if child is not None:
             node.children.append(child)
@@ -230,10 +280,14 @@ class Cases(Field):
 
     nodes = True
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         entries = ShapeCheck(reading.findings).entries(written, slot, "'word: node' for each")
         if not entries:
-            reading.findings.error(written, "shape", f"'{slot}' has no nodes", f"{slot}: {{word: node}}")
+            reading.findings.error(
+                written, "shape", f"'{slot}' has no nodes", f"{slot}: {{word: node}}"
+            )
         for key, value in entries:
             child = reading.node(value)
             if child is not None:
@@ -254,7 +308,9 @@ class Wires(Field):
         super().__init__()
         self.inputs = inputs
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         node.ports = ports_in(written)
 
     def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
@@ -270,7 +326,9 @@ class Ports(Field):
 
     wires = True
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         node.ports = ports_in(written)
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
@@ -282,7 +340,9 @@ class Assignments(Field):
 
     wires = True
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         node.ports = ports_in(written)
 
     def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
@@ -293,7 +353,9 @@ class Assignments(Field):
     def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         is_null = isinstance(written, YamlScalar) and written.is_null
         if not at.node.ports and (is_null or isinstance(written, YamlMapping)):
-            at.findings.error(at.node.key, "shape", f"'{slot}' sets nothing", f"write '{slot}: {{name: value}}'")
+            at.findings.error(
+                at.node.key, "shape", f"'{slot}' sets nothing", f"write '{slot}: {{name: value}}'"
+            )
         at.check_ports({name: Port(object) for name in at.node.ports}, {})
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
@@ -303,10 +365,14 @@ class Assignments(Field):
 class Nothing(Field):
     """Nothing: `succeed: {}`."""
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         empty = not written.entries if isinstance(written, YamlMapping) else False
         if not (empty or (isinstance(written, YamlScalar) and written.is_null)):
-            reading.findings.error(written, "shape", f"'{slot}' takes nothing", f"write '{slot}: {{}}'")
+            reading.findings.error(
+                written, "shape", f"'{slot}' takes nothing", f"write '{slot}: {{}}'"
+            )
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"type": ["object", "null"], "maxProperties": 0}
@@ -328,14 +394,21 @@ class ChildNames(Field):
             for item in written.items:
                 if not isinstance(item, YamlScalar) or item.text not in labels:
                     hint = "children: " + ", ".join(labels)
-                    at.findings.error(item, "value", f"{slot} names children of this {at.node.kind}", hint)
+                    at.findings.error(
+                        item, "value", f"{slot} names children of this {at.node.kind}", hint
+                    )
             names = tuple(item.text for item in written.items if isinstance(item, YamlScalar))
             at.keep(slot, names, written)
         else:
-            at.findings.error(written, "value", f"{slot} is 'all', 'one', a number, or a list of children")
+            at.findings.error(
+                written, "value", f"{slot} is 'all', 'one', a number, or a list of children"
+            )
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
-        number, names = {"type": "integer", "minimum": 1}, {"type": "array", "items": {"type": "string"}}
+        number, names = (
+            {"type": "integer", "minimum": 1},
+            {"type": "array", "items": {"type": "string"}},
+        )
         return {"anyOf": [{"enum": ["all", "one"]}, number, names]}
 
 

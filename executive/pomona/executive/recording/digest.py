@@ -121,7 +121,10 @@ def digest(record: Path) -> Digest:
     except DamagedRecordError as error:
         about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
     except Exception as error:  # one malformed record must not prevent the list of all
-        about |= {"state": "unreadable", "message": _text(str(error).removeprefix(f"{path}: ") or type(error).__name__)}
+        about |= {
+            "state": "unreadable",
+            "message": _text(str(error).removeprefix(f"{path}: ") or type(error).__name__),
+        }
     return Digest(**about)
 
 
@@ -138,7 +141,11 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
                 about |= _beginning(event)
             case {"event": "AttemptEnded"}:
                 attempts += 1
-            case {"event": "NodeChanged", "status": "FAILURE", "reason": {"causes": [], "code": code}}:
+            case {
+                "event": "NodeChanged",
+                "status": "FAILURE",
+                "reason": {"causes": [], "code": code},
+            }:
                 if code != "SKIPPED":
                     code = _text(code, MOST_CODE)
                     codes[code if code in codes or len(codes) < MOST_CODES else "…"] += 1
@@ -151,7 +158,13 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
         raise UsageError("not a record of a run: it has no event RunStarted")
     if verdict.lost:
         about["lost"] = _text(verdict.lost)
-    return {**about, "codes": dict(codes), "attempts": attempts, "peaks": peaks, "checked": verdict.checked}
+    return {
+        **about,
+        "codes": dict(codes),
+        "attempts": attempts,
+        "peaks": peaks,
+        "checked": verdict.checked,
+    }
 
 
 def _raise_peaks(peaks: dict[str, float], values: Mapping[str, Any]) -> None:
@@ -160,11 +173,15 @@ def _raise_peaks(peaks: dict[str, float], values: Mapping[str, Any]) -> None:
         for name, series in values.items():
             measured = [sample for sample in series if sample is not None]
             if measured and (name in peaks or len(peaks) < MOST_QUANTITIES):
-                peaks[_text(name, MOST_CODE)] = max(float(max(measured)), peaks.get(name, -math.inf))
+                peaks[_text(name, MOST_CODE)] = max(
+                    float(max(measured)), peaks.get(name, -math.inf)
+                )
 
 
 def _beginning(event: Mapping[str, Any]) -> dict[str, Any]:
-    about: dict[str, Any] = {name: _text(event.get(name, "")) for name in ("tree", "tree_hash", "cell", "cell_kind")}
+    about: dict[str, Any] = {
+        name: _text(event.get(name, "")) for name in ("tree", "tree_hash", "cell", "cell_kind")
+    }
     seed = event.get("seed")
     tree_of(event.get("nodes", []))
     return {
@@ -215,7 +232,9 @@ def _number(value: Any) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
-        raise UsageError(f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most")
+        raise UsageError(
+            f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most"
+        )
     return float(value)
 
 

@@ -36,7 +36,9 @@ class EndingFile:
         Raises OSError: it cannot be written.
         """
         self._number = number
-        self._stream = (folder / ENDING_FILE).open("w+b", buffering=0)  # kept open, since file handles may run out
+        self._stream = (folder / ENDING_FILE).open(
+            "w+b", buffering=0
+        )  # kept open, since file handles may run out
         self._stream.write(_filled(state="writing", number=number, boot=_boot()))
 
     def write(self, state: str, **facts: Any) -> None:
@@ -88,7 +90,9 @@ def _why(record: Path, size: int | None) -> str:
         return "the process was killed or lost its power, or the file was cut"
     match found.get("state"):
         case "failed":
-            return f"it could not be written: {str(found.get('why', 'the reason is unknown'))[:200]}"
+            return (
+                f"it could not be written: {str(found.get('why', 'the reason is unknown'))[:200]}"
+            )
         case "closed":
             return f"it was whole once, with {found.get('bytes')} bytes, and the file was cut afterwards"
         case "writing" if found.get("boot") == _boot():
@@ -146,7 +150,9 @@ def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Pat
     Raises RecordError: the folder cannot be made.
     """
     # part of the tree's name in the folder's name [bytes]; file systems allow 255
-    stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree.encode()[:120].decode(errors='ignore')}"
+    stem = (
+        f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree.encode()[:120].decode(errors='ignore')}"
+    )
     for number in range(1000):
         folder = root / (stem if number == 0 else f"{stem}_{number + 1}")
         try:
@@ -154,7 +160,9 @@ def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Pat
         except FileExistsError:
             continue
         except OSError as error:
-            raise RecordError(f"cannot make the record's folder {folder}: {error.strerror}") from error
+            raise RecordError(
+                f"cannot make the record's folder {folder}: {error.strerror}"
+            ) from error
         return folder
     raise RecordError(f"{root} holds a thousand records of this second")
 
@@ -177,7 +185,9 @@ def find_record(name: str, root: Path) -> Path:
     records = sorted(path.parent for path in root.glob(f"*/{EVENTS_FILE}"))
     if name == "last":
         if not records:
-            raise UsageError(f"no records in {root}: `pomona run` leaves one, --record names another folder")
+            raise UsageError(
+                f"no records in {root}: `pomona run` leaves one, --record names another folder"
+            )
         return in_order(records, lambda record: record.name)[-1]
     for path in (Path(name), root / name):
         if (path / EVENTS_FILE).is_file():
@@ -187,7 +197,11 @@ def find_record(name: str, root: Path) -> Path:
     alike = [record.name for record in records if record.name.startswith(name)]
     if len(alike) == 1:
         return root / alike[0]
-    close = f"did you mean {', '.join(alike[-5:])}?" if alike else did_you_mean(name, (r.name for r in records))
+    close = (
+        f"did you mean {', '.join(alike[-5:])}?"
+        if alike
+        else did_you_mean(name, (r.name for r in records))
+    )
     hint = close or f"`pomona runs list --record {root}` lists them"
     raise UsageError(f"no record '{name}' in {root}: {hint}")
 
@@ -231,4 +245,8 @@ def in_order(records: Iterable[Path], moment: Callable[[Path], T]) -> list[Path]
 def _number(record: Path) -> int:
     """Return a record's number; 0 without a valid one."""
     number = read_ending(record).get("number")
-    return number if isinstance(number, int) and not isinstance(number, bool) and 0 < number < 2**53 else 0
+    return (
+        number
+        if isinstance(number, int) and not isinstance(number, bool) and 0 < number < 2**53
+        else 0
+    )

@@ -30,23 +30,39 @@ from mcap.stream_reader import CRCValidationError, breakup_chunk, get_chunk_data
 from pomona.executive.errors import PomonaError, UsageError
 
 MAGIC = b"\x89MCAP0\r\n"
-HEAD = struct.Struct("<BQ")  # start of every record in the file: opcode and number of the following bytes
+HEAD = struct.Struct(
+    "<BQ"
+)  # start of every record in the file: opcode and number of the following bytes
 
 LIBRARY = "pomona 2"  # in the header of this recorder's files: all checksums are present, all chunks indexed
 MOST_BYTES = 256_000_000  # largest record that is read [bytes]; chunks are below 2 MB or one published message
-MOST_MESSAGE = MOST_BYTES - 1_000_000  # largest message that is written [bytes]: its chunk also holds earlier messages
+MOST_MESSAGE = (
+    MOST_BYTES - 1_000_000
+)  # largest message that is written [bytes]: its chunk also holds earlier messages
 
 MOST_GROWTH, FREE_GROWTH = 200, 16_000_000
 """Largest size of a decompressed chunk: per compressed byte, and in addition [bytes]. JSON shrinks to a twentieth."""
 
 _PIECE = 1 << 20
 
-_CHUNK_START = re.compile(rb"\x06(?=(.{8}).{28}(?:\x00\x00\x00\x00|\x04\x00\x00\x00zstd))", re.DOTALL)
+_CHUNK_START = re.compile(
+    rb"\x06(?=(.{8}).{28}(?:\x00\x00\x00\x00|\x04\x00\x00\x00zstd))", re.DOTALL
+)
 
-_UNREADABLE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError, KeyError)
+_UNREADABLE = (
+    McapError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,
+    OverflowError,
+    MemoryError,
+    KeyError,
+)
 """Errors of the library for a malformed file."""
 
-_KINDS: Mapping[int, Any] = {int(kind): getattr(records, kind.name.title().replace("_", "")) for kind in Opcode}
+_KINDS: Mapping[int, Any] = {
+    int(kind): getattr(records, kind.name.title().replace("_", "")) for kind in Opcode
+}
 """Class of the library for each opcode."""
 
 
@@ -123,7 +139,10 @@ def next_chunk(stream: BinaryIO, start: int) -> int | None:
         window = stream.read(_PIECE + 64)
         for found in _CHUNK_START.finditer(window):
             begin = at + found.start()
-            if found.start() < _PIECE and begin + HEAD.size + int.from_bytes(found[1], "little") <= size:
+            if (
+                found.start() < _PIECE
+                and begin + HEAD.size + int.from_bytes(found[1], "little") <= size
+            ):
                 try:
                     chunk = decode(raw_record_at(stream, begin, size))
                 except (CutError, DamagedError):
@@ -206,7 +225,10 @@ def _check_chunk(chunk: Chunk, at: int) -> None:
         if size > min(MOST_BYTES, FREE_GROWTH + MOST_GROWTH * packed) or claimed not in (-1, size):
             raise DamagedError(at, f"a chunk of {packed} bytes would grow to {max(size, claimed)}")
     elif chunk.compression:
-        raise DamagedError(at, f"the compression {chunk.compression[:20]!r} of a chunk is not supported: only zstd is")
+        raise DamagedError(
+            at,
+            f"the compression {chunk.compression[:20]!r} of a chunk is not supported: only zstd is",
+        )
     _stream, found = get_chunk_data_stream(chunk, validate_crc=True)
     if found != size:
         raise DamagedError(at, f"a chunk holds {found} bytes instead of {size}")

@@ -13,7 +13,14 @@ from typing import Any
 
 from pomona.executive.encode import field_names, plain
 from pomona.executive.errors import PomonaError
-from pomona.executive.running.events import AttemptEnded, ErrorRaised, Event, NodeChanged, PortWritten, Published
+from pomona.executive.running.events import (
+    AttemptEnded,
+    ErrorRaised,
+    Event,
+    NodeChanged,
+    PortWritten,
+    Published,
+)
 from pomona.executive.running.tick import BREAK_ACTIONS
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView
@@ -78,7 +85,10 @@ def refuse(taken: Any, error: BaseException) -> UnencodableError:
     """Name an event, or readings (t, tick, by device), that raised this error while it was encoded."""
     match taken:
         case Published():
-            node, what = taken.node, f"'{taken.topic}'" if isinstance(taken.topic, str) else "a published value"
+            node, what = (
+                taken.node,
+                f"'{taken.topic}'" if isinstance(taken.topic, str) else "a published value",
+            )
         case PortWritten():
             node, what = taken.writer, f"'{taken.key}'"
         case NodeChanged() | AttemptEnded():
@@ -93,4 +103,6 @@ def refuse(taken: Any, error: BaseException) -> UnencodableError:
 def in_place_of(taken: Any, refused: UnencodableError) -> ErrorRaised:
     """Return the event that replaces a refused one."""
     t, tick = (taken.t, taken.tick) if isinstance(taken, Event) else taken[:2]
-    return ErrorRaised(t, tick, refused.node, "telling of the run", type(refused).__name__, str(refused), "", "")
+    return ErrorRaised(
+        t, tick, refused.node, "telling of the run", type(refused).__name__, str(refused), "", ""
+    )

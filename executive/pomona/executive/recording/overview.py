@@ -38,10 +38,18 @@ class Extremes:
                 self._begin = float(times[0])
             for name, series in values.items():
                 found = _listed(series)
-                measured = [sample for sample in found if sample is not None and sample == sample]  # NaN differs
+                measured = [
+                    sample for sample in found if sample is not None and sample == sample
+                ]  # NaN differs
                 if measured:
                     low, high = min(measured), max(measured)
-                    self._widen(name, low, self._count + found.index(low), high, self._count + found.index(high))
+                    self._widen(
+                        name,
+                        low,
+                        self._count + found.index(low),
+                        high,
+                        self._count + found.index(high),
+                    )
             self._count += len(times)
         except (ValueError, TypeError, KeyError, IndexError, AttributeError):
             return
@@ -89,13 +97,20 @@ def _listed(samples: Any) -> list[Any]:
 
 
 OVERVIEW = "overview.ndjson"
-WHOLE, WHOLE_BYTES = 20_000, 10_000_000  # a record with at most this number of events, or bytes, is its own overview
+WHOLE, WHOLE_BYTES = (
+    20_000,
+    10_000_000,
+)  # a record with at most this number of events, or bytes, is its own overview
 PARTS = 2_000  # largest number of parts of the time; beyond it, two parts become one
 SHORTEST = 0.05  # length of a part at first [s]
 _LONGEST = 1e9  # longest run [s]
-MOST_BYTES = 64_000_000  # largest overview [bytes]. A record with a larger one has none, and is read whole.
+MOST_BYTES = (
+    64_000_000  # largest overview [bytes]. A record with a larger one has none, and is read whole.
+)
 
-STANDING = frozenset(("PortWritten", "ImageView", "SceneView", "BodiesView", "TableView", "ProgressView"))
+STANDING = frozenset(
+    ("PortWritten", "ImageView", "SceneView", "BodiesView", "TableView", "ProgressView")
+)
 """Kinds of messages that are valid until the next one of their key; the overview keeps their place."""
 
 REPEATED = STANDING | {"NodeChanged", "Computed", "PosesView", "SeriesView"}
@@ -205,13 +220,26 @@ class Standing(NamedTuple):
 def standing(seq: int, message: Mapping[str, Any]) -> Standing | None:
     """Return the place of a message of an overview, or None if its kind is not one of `STANDING`."""
     key, t = key_of(message), message.get("t")
-    if key is None or key[0] not in STANDING or not isinstance(t, (int, float)) or not abs(t) < _LONGEST:
+    if (
+        key is None
+        or key[0] not in STANDING
+        or not isinstance(t, (int, float))
+        or not abs(t) < _LONGEST
+    ):
         return None
     return Standing(seq, float(t), key)
 
 
 def _head(message: Mapping[str, Any]) -> dict[str, Any]:
     """Return a message of one of the `STANDING` kinds without its content."""
-    head = {name: message[name] for name in ("event", "t", "tick", "node", "topic", "key", "path") if name in message}
+    head = {
+        name: message[name]
+        for name in ("event", "t", "tick", "node", "topic", "key", "path")
+        if name in message
+    }
     value = message.get("value")
-    return {**head, "value": {"type": value["type"]}} if message.get("event") == "Published" and value else head
+    return (
+        {**head, "value": {"type": value["type"]}}
+        if message.get("event") == "Published" and value
+        else head
+    )

@@ -13,11 +13,21 @@ from numpy.typing import NDArray
 from pomona.executive.images import EXTRA
 from pomona.executive.palette import BAD, INK, MUTED, OVERLAY, SCENE, SERIES
 from pomona.executive.reasons import Reason, latest_leaf
-from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted, TreeChanged
+from pomona.executive.running.events import (
+    Event,
+    NodeChanged,
+    Published,
+    RunEnded,
+    RunStarted,
+    TreeChanged,
+)
 from pomona.executive.values.installation import need
 from pomona.executive.views import ImageView, SceneView, SeriesView
 
-MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}  # units of small quantities in plots, and their number per SI unit
+MILLI = {
+    "m": ("mm", 1e3),
+    "m/s": ("mm/s", 1e3),
+}  # units of small quantities in plots, and their number per SI unit
 
 KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "angle", "s": "time"}
 """Axis labels for several quantities of one unit."""
@@ -59,7 +69,9 @@ class Picture:
         """Keep the last image with drawings, and all drawings on it."""
         if view.image is not None:
             shown = list(self._images.values())
-            if not any(one.image is not None and np.array_equal(one.image, view.image) for one in shown):
+            if not any(
+                one.image is not None and np.array_equal(one.image, view.image) for one in shown
+            ):
                 if not _has_drawings(view) and any(_has_drawings(one) for one in shown):
                     return
                 self._images.clear()
@@ -76,16 +88,22 @@ class Picture:
         from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes half a second
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(14, 8.4), dpi=100)  # margins are set by hand: a layout draws everything twice
+        figure = Figure(
+            figsize=(14, 8.4), dpi=100
+        )  # margins are set by hand: a layout draws everything twice
         FigureCanvasAgg(figure)
         figure.suptitle(title, fontsize=13, x=0.01, y=0.985, ha="left", parse_math=False)
         if self._reason is not None:
-            figure.text(0.01, 0.93, self._why(), fontsize=10, color=BAD, va="center", parse_math=False)
+            figure.text(
+                0.01, 0.93, self._why(), fontsize=10, color=BAD, va="center", parse_math=False
+            )
         units = self._by_unit()
         heights = [2 if len(lines) > 1 else 1 for lines in units.values()]
         pictured = any(view.image is not None for view in self._images.values())
         spatial = any(view.lines or view.points or view.meshes for view in self._scenes.values())
-        below = 0.17 * sum(heights) ** 0.7 if pictured or spatial else 0.79  # share of the height for the curves
+        below = (
+            0.17 * sum(heights) ** 0.7 if pictured or spatial else 0.79
+        )  # share of the height for the curves
         margins = {"left": 0.055, "right": 0.985}
         images = figure.add_gridspec(
             1,
@@ -108,23 +126,38 @@ class Picture:
                 beside.add_artist(first)
         if units:
             grid = figure.add_gridspec(
-                len(units), 1, height_ratios=heights, hspace=0.12, left=0.055, right=0.82, top=below, bottom=0.06
+                len(units),
+                1,
+                height_ratios=heights,
+                hspace=0.12,
+                left=0.055,
+                right=0.82,
+                top=below,
+                bottom=0.06,
             )
             above = None
             for row, (unit, lines) in enumerate(units.items()):
-                above = figure.add_subplot(grid[row], sharex=above)  # one moment is one place in all curves
+                above = figure.add_subplot(
+                    grid[row], sharex=above
+                )  # one moment is one place in all curves
                 self._draw_series(above, unit, lines)
                 above.tick_params(labelbottom=row == len(units) - 1)
             assert above is not None
             above.set_xlabel("time [s]")
-        figure.savefig(target, pil_kwargs={"compress_level": 2})  # a third of the time of the default, a sixth larger
+        figure.savefig(
+            target, pil_kwargs={"compress_level": 2}
+        )  # a third of the time of the default, a sixth larger
 
     def _why(self) -> str:
         """Return the reason in a line: the node, its code, its message."""
         assert self._reason is not None
         name = self._names.get(self._reason.node_path, self._reason.node_path)
-        words = f"{name} {self._reason.code} at {self._moment():.1f} s: {self._reason.message}".strip()
-        return textwrap.shorten(words, 150, placeholder=" …")  # longest reason under the title [characters]
+        words = (
+            f"{name} {self._reason.code} at {self._moment():.1f} s: {self._reason.message}".strip()
+        )
+        return textwrap.shorten(
+            words, 150, placeholder=" …"
+        )  # longest reason under the title [characters]
 
     def _moment(self) -> float:
         """Return the time of the failure that ended the run [s]."""
@@ -134,7 +167,9 @@ class Picture:
     def _mark_failure(self, axes: Any) -> None:
         if self._reason is not None:
             words = f"{self._reason.code}, {self._moment():.1f} s"
-            axes.axvline(self._moment(), color=BAD, lw=1.4, label=words if len(axes.lines) > 1 else "")
+            axes.axvline(
+                self._moment(), color=BAD, lw=1.4, label=words if len(axes.lines) > 1 else ""
+            )
 
     def _draw_images(self, axes: Any) -> None:
         axes.set_axis_off()
@@ -157,17 +192,29 @@ class Picture:
                 axes.plot(view.points[:, 0], view.points[:, 1], "o", ms=3.5, color=OVERLAY["found"])
         axes.set_xlim(0, width)
         axes.set_ylim(height, 0)
-        axes.set_title("\n".join(v.caption for v in self._images.values() if v.caption), fontsize=8, loc="left")
+        axes.set_title(
+            "\n".join(v.caption for v in self._images.values() if v.caption), fontsize=8, loc="left"
+        )
 
     def _draw_scene(self, axes: Any) -> None:
         from matplotlib.ticker import MaxNLocator
 
         for view in self._scenes.values():
             for points in view.points:
-                axes.scatter(*points.points.T, s=6, color=SCENE.get(points.style, INK), label=points.label, alpha=0.5)
+                axes.scatter(
+                    *points.points.T,
+                    s=6,
+                    color=SCENE.get(points.style, INK),
+                    label=points.label,
+                    alpha=0.5,
+                )
             for mesh in view.meshes:
                 axes.plot_trisurf(
-                    *mesh.vertices.T, triangles=mesh.faces, color=SCENE.get(mesh.style, INK), lw=0, alpha=0.9
+                    *mesh.vertices.T,
+                    triangles=mesh.faces,
+                    color=SCENE.get(mesh.style, INK),
+                    lw=0,
+                    alpha=0.9,
                 )
             for line in view.lines:
                 axes.plot(*line.points.T, color=SCENE.get(line.style, INK), lw=2, label=line.label)
@@ -183,7 +230,9 @@ class Picture:
 
     def _by_unit(self) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
         """Return the samples of every quantity as (name, t, values), by unit: one axis for each unit."""
-        units: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(list)
+        units: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(
+            list
+        )
         for views in self._series.values():
             for name in views[-1].values:
                 having = [view for view in views if name in view.values]
@@ -194,17 +243,24 @@ class Picture:
         return units
 
     def _draw_series(
-        self, axes: Any, unit: str, lines: list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]
+        self,
+        axes: Any,
+        unit: str,
+        lines: list[tuple[str, NDArray[np.float64], NDArray[np.float64]]],
     ) -> None:
         axes.set_prop_cycle(color=SERIES)
         shown, scale = MILLI.get(unit, (unit, 1.0))
         for name, t, values in lines:
             t, values = _with_gaps(t, values)
             axes.plot(t, scale * values, lw=1.3, label=name.replace(f" [{unit}]", ""))
-        thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
+        thresholds = {
+            k: v for views in self._series.values() for k, v in views[-1].thresholds.items()
+        }
         axes.ticklabel_format(axis="y", useOffset=False)
         low, high = axes.get_ylim()
-        if (missing := SMALLEST_SPAN.get(shown, 0.0) - (high - low)) > 0.0:  # at rest: without its rounding errors
+        if (
+            missing := SMALLEST_SPAN.get(shown, 0.0) - (high - low)
+        ) > 0.0:  # at rest: without its rounding errors
             low, high = axes.set_ylim(low - missing / 2, high + missing / 2)
         for number, (name, value) in enumerate(thresholds.items()):
             if f"[{unit}]" in name:
@@ -212,9 +268,17 @@ class Picture:
                 if (
                     1.5 * low - 0.5 * high < scale * value < 1.5 * high - 0.5 * low
                 ):  # a distant line would flatten the curves
-                    axes.axhline(scale * value, lw=0.9, ls=("--", ":", "-.")[number % 3], color=MUTED, label=words)
+                    axes.axhline(
+                        scale * value,
+                        lw=0.9,
+                        ls=("--", ":", "-.")[number % 3],
+                        color=MUTED,
+                        label=words,
+                    )
                 else:
-                    axes.plot([], [], ls="none", label=f"{'↑' if scale * value > high else '↓'} {words}")
+                    axes.plot(
+                        [], [], ls="none", label=f"{'↑' if scale * value > high else '↓'} {words}"
+                    )
         kind = lines[0][0].partition(" [")[0] if len(lines) == 1 else KINDS.get(unit, "")
         self._mark_failure(axes)
         axes.set_ylabel(f"{kind}\n[{shown}]" if unit else kind, fontsize=9)
@@ -227,18 +291,29 @@ def _has_drawings(view: ImageView) -> bool:
     return bool(view.lines) or bool(view.points.size)
 
 
-def _with_gaps(t: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _with_gaps(
+    t: NDArray[np.float64], values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Insert NaN where samples are missing, so no line connects two grips."""
     apart = np.flatnonzero(np.diff(t) > GAP) + 1
     return np.insert(t, apart, np.nan), np.insert(values, apart, np.nan)
 
 
 def _legend(
-    axes: Any, where: Any = None, place: str = "upper right", beside: tuple[float, float] | None = None
+    axes: Any,
+    where: Any = None,
+    place: str = "upper right",
+    beside: tuple[float, float] | None = None,
 ) -> None:
     """Draw the legend of `axes`: there, in other axes, or beside them."""
     handles, labels = axes.get_legend_handles_labels()
-    named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
+    named = {
+        label: handle
+        for handle, label in zip(handles, labels, strict=True)
+        if label and label[0] != "_"
+    }
     named = dict(list(named.items())[-8:])  # largest number of entries of a legend
     if named:
-        (where or axes).legend(named.values(), named.keys(), fontsize=8, loc=place, bbox_to_anchor=beside)
+        (where or axes).legend(
+            named.values(), named.keys(), fontsize=8, loc=place, bbox_to_anchor=beside
+        )

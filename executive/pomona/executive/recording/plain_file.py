@@ -80,7 +80,12 @@ def parse(content: bytes | str) -> Any:
         return orjson.loads(coded)  # it refuses the cases that the lines below repair
     hooks: dict[str, Any] = {"parse_float": _finite} if _HUGE.search(coded) else {}
     try:
-        value = json.loads(coded.decode(errors="replace"), parse_constant=lambda _name: None, parse_int=_whole, **hooks)
+        value = json.loads(
+            coded.decode(errors="replace"),
+            parse_constant=lambda _name: None,
+            parse_int=_whole,
+            **hooks,
+        )
     except RecursionError as error:  # `is_deep` took a part for a string
         raise ValueError("nested too deep") from error
     if _HALF.search(coded) is None:
@@ -101,7 +106,9 @@ def moment_of(value: Any) -> float:
     if value is None:
         return 0.0
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= LATEST:
-        raise ValueError(f"{str(value)[:40]!r} stands where a moment in seconds since 1970 is expected")
+        raise ValueError(
+            f"{str(value)[:40]!r} stands where a moment in seconds since 1970 is expected"
+        )
     return float(value)
 
 
@@ -152,4 +159,6 @@ def made_whole(place: Path) -> Iterator[Path]:
 def refuse_taken(place: Path) -> None:
     """Raises UsageError: the path exists, also as a broken link."""
     if os.path.lexists(place):
-        raise UsageError(f"{place} exists, and nothing is overwritten: name another place, or move it away")
+        raise UsageError(
+            f"{place} exists, and nothing is overwritten: name another place, or move it away"
+        )

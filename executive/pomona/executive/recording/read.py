@@ -32,8 +32,14 @@ from pomona.executive.running.events import Event, Published
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import ImageView
 
-_EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
-_VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
+_EVENTS = {
+    c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)
+}
+_VIEWS = {
+    c.__name__: c
+    for c in vars(views).values()
+    if isinstance(c, type) and dataclasses.is_dataclass(c)
+}
 
 
 class ForeignRecordError(PomonaError):
@@ -52,7 +58,11 @@ def event_from(message: Any) -> Event:
     hints = _hints(cls)
     try:
         event: Event = cls(
-            **{key: _value(cls, key, hints[key], value) for key, value in message.items() if key in hints}
+            **{
+                key: _value(cls, key, hints[key], value)
+                for key, value in message.items()
+                if key in hints
+            }
         )
         return event
     except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError) as error:
@@ -100,7 +110,9 @@ def _number(value: Any) -> float:
     if value is None:
         return 0.0
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
-        raise TypeError(f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most")
+        raise TypeError(
+            f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most"
+        )
     return float(value)
 
 
@@ -118,7 +130,9 @@ def reason_from(value: Any) -> Reason:
 def _reason(value: Any, depth: int, left: list[int]) -> Reason:
     left[0] -= 1
     if depth > DEEPEST_CAUSE or left[0] < 0:
-        raise ValueError(f"a reason with causes more than {DEEPEST_CAUSE} deep, or more than {MOST_CAUSES}")
+        raise ValueError(
+            f"a reason with causes more than {DEEPEST_CAUSE} deep, or more than {MOST_CAUSES}"
+        )
     path, code, message = (_is(value[key], str) for key in ("node_path", "code", "message"))
     causes = tuple(_reason(cause, depth + 1, left) for cause in _is(value["causes"], list))
     return Reason(path, code, message, _is(value["data"], Mapping), causes)
@@ -148,7 +162,12 @@ def _field(hint: Any, value: Any) -> Any:
         return value
     if origin is np.ndarray:
         dtype = typing.get_args(typing.get_args(hint)[1])[0]
-        array = np.array([[np.nan if x is None else x for x in row] if isinstance(row, list) else row for row in value])
+        array = np.array(
+            [
+                [np.nan if x is None else x for x in row] if isinstance(row, list) else row
+                for row in value
+            ]
+        )
         return array.astype(dtype) if array.size else np.empty((0, 2), dtype)
     if origin is tuple:
         inner = typing.get_args(hint)[0]
@@ -161,7 +180,9 @@ def _field(hint: Any, value: Any) -> Any:
     return value
 
 
-MOST_PIXELS = 50_000_000  # largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes
+MOST_PIXELS = (
+    50_000_000  # largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes
+)
 
 
 def read_events(record: Path) -> Iterator[Event]:
@@ -182,7 +203,10 @@ def read_events(record: Path) -> Iterator[Event]:
             elif topic == EVENTS:
                 event = event_from(parse_object(data))
                 if isinstance(event, Published) and isinstance(event.value, ImageView):
-                    image, depth = pixels.pop(f"/images/{event.topic}", None), pixels.pop(f"/depth/{event.topic}", None)
+                    image, depth = (
+                        pixels.pop(f"/images/{event.topic}", None),
+                        pixels.pop(f"/depth/{event.topic}", None),
+                    )
                     metres = None if depth is None else depth.astype(np.float32) * np.float32(1e-3)
                     event = replace(event, value=replace(event.value, image=image, depth=metres))
                 yield event

@@ -105,7 +105,9 @@ class Recorder:
         self._images = Images()
         try:
             self._path = self.folder / EVENTS_FILE
-            self._file = self._path.open("wb", buffering=(1 << 20))  # write buffer, flushed with every batch [bytes]
+            self._file = self._path.open(
+                "wb", buffering=(1 << 20)
+            )  # write buffer, flushed with every batch [bytes]
             lock(self._file)
             self._ending = EndingFile(self.folder, next_number(self.folder.parent))
         except OSError as error:
@@ -140,9 +142,13 @@ class Recorder:
     def look(self) -> float:
         """Compare the newest flush with the time; called in every tick. Returns the time without one [s]."""
         lag = self._lag.seconds(self._steps, time.monotonic())
-        self._stalled = f"the disk has taken nothing of the record for {STALLED:g} s" if lag > STALLED else ""
+        self._stalled = (
+            f"the disk has taken nothing of the record for {STALLED:g} s" if lag > STALLED else ""
+        )
         if lag > LOST:
-            self._problem = self._problem or self._ends_with(f"its disk has taken nothing for {LOST:g} s")
+            self._problem = self._problem or self._ends_with(
+                f"its disk has taken nothing for {LOST:g} s"
+            )
         return lag
 
     def close(self) -> bool:
@@ -155,7 +161,9 @@ class Recorder:
         while self._thread.is_alive():
             self._thread.join(BATCH)
             if self.look() > CLOSING:
-                self._problem = self._problem or self._ends_with(f"its disk has taken nothing for {CLOSING:g} s")
+                self._problem = self._problem or self._ends_with(
+                    f"its disk has taken nothing for {CLOSING:g} s"
+                )
                 return False
         self._stalled = ""
         return True
@@ -167,7 +175,9 @@ class Recorder:
             self._writer.start(profile="pomona", library=LIBRARY)
             self._take_all()
             if self._file.tell() > WHOLE_BYTES and (lines := b"".join(self._overview.lines())):
-                self._writer.add_attachment(_stamp(self._t), 0, OVERVIEW, "application/x-ndjson", lines)
+                self._writer.add_attachment(
+                    _stamp(self._t), 0, OVERVIEW, "application/x-ndjson", lines
+                )
             self._refuse_changed(self._written)
             self._writer.finish()
             self._file.flush()
@@ -213,7 +223,9 @@ class Recorder:
         try:
             there = self._path.stat()
         except FileNotFoundError:
-            raise FileNotFoundError(errno.ENOENT, "its file was removed while it was written") from None
+            raise FileNotFoundError(
+                errno.ENOENT, "its file was removed while it was written"
+            ) from None
         if not os.path.samestat(there, held):
             raise OSError(errno.ESTALE, "its file was replaced while it was written")
         if held.st_size < least:
@@ -228,7 +240,9 @@ class Recorder:
             with contextlib.suppress(queue.Empty):
                 while True:
                     self._take(self._queue.get_nowait())
-                    if time.monotonic() - self._flushed > BATCH:  # after a delay there is much to write
+                    if (
+                        time.monotonic() - self._flushed > BATCH
+                    ):  # after a delay there is much to write
                         self._flush()
             self._flush()
 
@@ -263,10 +277,14 @@ class Recorder:
             text = json.dumps(plain(event), ensure_ascii=False, indent=1)
             (self.folder / "summary.json").write_bytes(_coded(text))
 
-    def _contents(self, event: Event, stamp: int) -> tuple[Event, list[tuple[str, Schema, Any, bytes]]]:
+    def _contents(
+        self, event: Event, stamp: int
+    ) -> tuple[Event, list[tuple[str, Schema, Any, bytes]]]:
         """Return an event and its messages, each with its text; or an error that replaces an unreadable event."""
         try:
-            return event, [(*message, _bounded(message[2])) for message in self._messages(event, stamp)]
+            return event, [
+                (*message, _bounded(message[2])) for message in self._messages(event, stamp)
+            ]
         except BaseException as error:  # a published value may raise any exception
             told = self._refuse(event, error)
             message = message_of(told)
@@ -275,7 +293,9 @@ class Recorder:
     def _refuse(self, taken: Any, error: BaseException) -> ErrorRaised:
         refused = refuse(taken, error)
         told = in_place_of(taken, refused)
-        self._lacks = self._lacks or f"the record lacks an event at {told.t:.2f} s of the run: {refused}"
+        self._lacks = (
+            self._lacks or f"the record lacks an event at {told.t:.2f} s of the run: {refused}"
+        )
         return told
 
     def _messages(self, event: Event, stamp: int) -> Iterator[tuple[str, Schema, Any]]:
@@ -298,27 +318,39 @@ class Recorder:
             (self.folder / name).write_bytes(_coded(text))
         for name, text in {**texts, **event.tree_files, **event.cell_files}.items():
             self._writer.add_attachment(began, 0, _whole(name), "application/yaml", _coded(text))
-        about = {name: getattr(event, name) for name in ("run", "tree", "tree_hash", "cell", "cell_kind")}
+        about = {
+            name: getattr(event, name) for name in ("run", "tree", "tree_hash", "cell", "cell_kind")
+        }
         about |= {
             "cell_hash": hash_of(event.cell_text, *event.cell_files.values()),
             "seed": str(event.seed),
-            "began": datetime.fromtimestamp(event.wall_time).astimezone().isoformat(timespec="seconds"),
+            "began": datetime.fromtimestamp(event.wall_time)
+            .astimezone()
+            .isoformat(timespec="seconds"),
             "settings": json.dumps(plain(event.settings), ensure_ascii=False),
             "parameters": json.dumps(plain(event.parameters), ensure_ascii=False),
             **{f"version.{name}": version for name, version in event.versions.items()},
         }
-        self._writer.add_metadata("pomona.run", {_whole(key): _whole(value) for key, value in about.items()})
+        self._writer.add_metadata(
+            "pomona.run", {_whole(key): _whole(value) for key, value in about.items()}
+        )
 
-    def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+    def _write_readings(
+        self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]
+    ) -> None:
         try:
-            coded = {device: _reading(t, tick, quantities) for device, quantities in readings.items()}
+            coded = {
+                device: _reading(t, tick, quantities) for device, quantities in readings.items()
+            }
         except BaseException as error:  # a third party's driver may report any value
             self._write_event(self._refuse((t, tick, readings), error))
             return
         for device, content in coded.items():
             self._write(f"{DEVICES}{device}", READING, _stamp(t), content)
 
-    def _write(self, topic: str, schema: Schema, stamp: int, content: bytes, number: int = 0) -> None:
+    def _write(
+        self, topic: str, schema: Schema, stamp: int, content: bytes, number: int = 0
+    ) -> None:
         if topic not in self._channels:
             if schema.name not in self._schemas:
                 self._schemas[schema.name] = self._writer.register_schema(
@@ -340,13 +372,17 @@ def new_writer(stream: BinaryIO, compression: CompressionType) -> Writer:
 def _bounded(message: Any) -> bytes:
     content = encoded(message)
     if len(content) > MOST_MESSAGE:
-        raise RecordError(f"{len(content) / 1e6:.0f} MB of text; at most {MOST_MESSAGE / 1e6:.0f} MB are recorded")
+        raise RecordError(
+            f"{len(content) / 1e6:.0f} MB of text; at most {MOST_MESSAGE / 1e6:.0f} MB are recorded"
+        )
     return content
 
 
 def _reading(t: float, tick: int, quantities: Mapping[str, Any]) -> bytes:
     # Rounding column by column was a sixth of the recorder's work.
-    numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
+    numbers = dict(
+        zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True)
+    )
     return _bounded({"t": round(t, _DECIMALS), "tick": tick, **numbers})
 
 

@@ -86,8 +86,12 @@ class Verdict:
     good: int = 0  # number of bytes up to which the file is whole
     # every byte up to `good` has a checksum. Files of earlier versions and of other programs may have none.
     checked: bool = True
-    lost: str = ""  # the parts that an earlier repair could not save, as a phrase; empty without loss
-    attachments: Mapping[str, int] = field(default_factory=dict)  # offset of the newest attachment of each name
+    lost: str = (
+        ""  # the parts that an earlier repair could not save, as a phrase; empty without loss
+    )
+    attachments: Mapping[str, int] = field(
+        default_factory=dict
+    )  # offset of the newest attachment of each name
     # the chunks of a file of this recorder, which holds all messages; else None
     chunks: tuple[ChunkPlace, ...] | None = None
     # topics by channel number. A chunk at the end of a cut file may declare further ones.
@@ -155,10 +159,20 @@ def scan(
                             wanted.add(record.id)
                     elif isinstance(record, Message):
                         if record.channel_id in wanted and begin <= record.log_time <= end:
-                            yield Found(names[record.channel_id], record.data, record.log_time, record.sequence)
+                            yield Found(
+                                names[record.channel_id],
+                                record.data,
+                                record.log_time,
+                                record.sequence,
+                            )
                         elif record.channel_id not in names:
-                            raise DamagedError(raw.at, f"channel {record.channel_id} of a message is not declared")
-    except (CutError, DamagedError) as error:  # changed since the examination, or damage within a chunk
+                            raise DamagedError(
+                                raw.at, f"channel {record.channel_id} of a message is not declared"
+                            )
+    except (
+        CutError,
+        DamagedError,
+    ) as error:  # changed since the examination, or damage within a chunk
         raise _untrusted(path, str(error)) from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
@@ -186,7 +200,9 @@ def _untrusted(path: Path, why: str) -> DamagedRecordError:
     return DamagedRecordError(f"{path}: the record is damaged and is not trusted: {why}. {REMEDY}")
 
 
-def _trusted_records(stream: BinaryIO, verdict: Verdict, begin: int, end: int) -> Iterator[RawRecord]:
+def _trusted_records(
+    stream: BinaryIO, verdict: Verdict, begin: int, end: int
+) -> Iterator[RawRecord]:
     """Yield the chunks of an interval of time [ns] by the index; without one, every record up to `verdict.good`."""
     if verdict.chunks is not None:
         size, read = size_of(stream), 0
@@ -220,7 +236,9 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
     if not has_begun(path, stream):
         return Verdict("cut off", "the file ends within its header")
     end = _end_of(stream)
-    sealed = end is not None and not end.problem and not end.unchecked and _library_of(stream) == LIBRARY
+    sealed = (
+        end is not None and not end.problem and not end.unchecked and _library_of(stream) == LIBRARY
+    )
     return _Walk(stream, len(MAGIC) if end is None or not sealed else end.at).verdict(end)
 
 
@@ -230,7 +248,11 @@ def _end_of(stream: BinaryIO) -> _End | None:
     try:
         tail = raw_record_at(stream, max(size - _TAIL, 0), size)
         footer, closing = decode(tail), stream.read()
-        at = (footer.summary_start or tail.at) - HEAD.size - 4 if isinstance(footer, Footer) else size
+        at = (
+            (footer.summary_start or tail.at) - HEAD.size - 4
+            if isinstance(footer, Footer)
+            else size
+        )
         data_end = decode(raw_record_at(stream, max(at, 0), size))
     except (CutError, DamagedError):
         return None
@@ -244,7 +266,9 @@ def _end_of(stream: BinaryIO) -> _End | None:
     ):
         matches = crc_of(stream, begin, end) == written
         if not matches and (required or written):
-            return _End(at, f"the {what} not match {'their' if begin == 0 else 'its'} checksum", False)
+            return _End(
+                at, f"the {what} not match {'their' if begin == 0 else 'its'} checksum", False
+            )
         unchecked |= not matches
     return _End(at, "", unchecked)
 
@@ -283,14 +307,18 @@ class _Walk:
             return self._ended_within(error.at)
         except DamagedError as error:
             if only_zeros_follow(self._stream, error.at):
-                return self._made("cut off", f"only zeros follow after {error.at} bytes, as after a power failure")
+                return self._made(
+                    "cut off", f"only zeros follow after {error.at} bytes, as after a power failure"
+                )
             return self._made("damaged", f"{error}, at {self._stamp / 1e9:.2f} s of the run")
         if end is None:
             self._stream.seek(self._good)
             closing = self._stream.read(len(MAGIC))
             if len(closing) < len(MAGIC) and MAGIC.startswith(closing):
                 return self._made("cut off", "its summary is missing")
-            return self._made("damaged", f"it does not end as an MCAP file (byte {self._good} of the file)")
+            return self._made(
+                "damaged", f"it does not end as an MCAP file (byte {self._good} of the file)"
+            )
         if end.problem:
             return self._made("damaged", f"{end.problem} (byte {end.at} of the file)")
         self._checked &= not end.unchecked
@@ -303,13 +331,21 @@ class _Walk:
                 self._checked &= record.uncompressed_crc != 0
                 if self._required and record.uncompressed_crc == 0:
                     raise DamagedError(raw.at, "a chunk does not match its checksum")
-                self._chunks.append(ChunkPlace(raw.at, record.message_start_time, record.message_end_time))
+                self._chunks.append(
+                    ChunkPlace(raw.at, record.message_start_time, record.message_end_time)
+                )
                 self._chunk = raw
-            case MessageIndex() if record.channel_id not in self._topics and self._chunk is not None:
+            case MessageIndex() if (
+                record.channel_id not in self._topics and self._chunk is not None
+            ):
                 declared = (each for each in records_of(self._chunk) if isinstance(each, Channel))
                 self._topics |= {channel.id: channel.topic for channel in declared}
             case Message():
-                self._stamp, self._checked, self._required = max(self._stamp, record.log_time), False, False
+                self._stamp, self._checked, self._required = (
+                    max(self._stamp, record.log_time),
+                    False,
+                    False,
+                )
             case Channel():
                 self._topics[record.id] = record.topic
             case Attachment():
@@ -320,13 +356,17 @@ class _Walk:
                 self._data_ended = True
             case ChunkIndex() if self._indexed:
                 self._stamp = max(self._stamp, record.message_end_time)
-                place = ChunkPlace(record.chunk_start_offset, record.message_start_time, record.message_end_time)
+                place = ChunkPlace(
+                    record.chunk_start_offset, record.message_start_time, record.message_end_time
+                )
                 self._chunks.append(place)
             case AttachmentIndex() if self._indexed:
                 self._attachments[record.name] = record.offset
             case MetadataIndex() if self._indexed and record.name == REPAIR:
                 metadata = decode(raw_record_at(self._stream, record.offset))
-                self._lost = metadata.metadata.get("lost", "") if isinstance(metadata, Metadata) else ""
+                self._lost = (
+                    metadata.metadata.get("lost", "") if isinstance(metadata, Metadata) else ""
+                )
 
     def _ended_within(self, at: int) -> Verdict:
         """Return the verdict on a file that ends within a record: it was cut off, or the record's length is wrong."""
@@ -334,10 +374,21 @@ class _Walk:
         if self._stream.read() == MAGIC or next_chunk(self._stream, at + 1) is not None:
             return self._made("damaged", str(DamagedError(at, "a record has a wrong length")))
         return self._made(
-            "cut off", "its summary is missing" if self._data_ended else f"the file ends after {at} bytes"
+            "cut off",
+            "its summary is missing" if self._data_ended else f"the file ends after {at} bytes",
         )
 
     def _made(self, state: str, why: str) -> Verdict:
         chunks = tuple(self._chunks) if self._required else None
         t = self._stamp / 1e9
-        return Verdict(state, why, t, self._good, self._checked, self._lost, self._attachments, chunks, self._topics)
+        return Verdict(
+            state,
+            why,
+            t,
+            self._good,
+            self._checked,
+            self._lost,
+            self._attachments,
+            chunks,
+            self._topics,
+        )

@@ -63,22 +63,39 @@ def _matrix(size: int) -> Json:
 
 COMPRESSED_IMAGE = _foxglove("CompressedImage", **_AT, data=BYTES, format=TEXT)
 _MATRICES = {"D": _list(NUMBER), "K": _matrix(9), "R": _matrix(9), "P": _matrix(12)}
-CAMERA_CALIBRATION = _foxglove("CameraCalibration", **_AT, **_SIZE, distortion_model=TEXT, **_MATRICES)
+CAMERA_CALIBRATION = _foxglove(
+    "CameraCalibration", **_AT, **_SIZE, distortion_model=TEXT, **_MATRICES
+)
 POSE_IN_FRAME = _foxglove("PoseInFrame", **_AT, pose=POSE)
 POSES_IN_FRAME = _foxglove("PosesInFrame", **_AT, poses=_list(POSE))
-_TRANSFORM = _object(timestamp=TIME, parent_frame_id=TEXT, child_frame_id=TEXT, translation=XYZ, rotation=QUATERNION)
+_TRANSFORM = _object(
+    timestamp=TIME, parent_frame_id=TEXT, child_frame_id=TEXT, translation=XYZ, rotation=QUATERNION
+)
 FRAME_TRANSFORMS = _foxglove("FrameTransforms", transforms=_list(_TRANSFORM))
 _FIELD = _object(name=TEXT, offset=WHOLE, type=WHOLE)
-POINT_CLOUD = _foxglove("PointCloud", **_AT, pose=POSE, point_stride=WHOLE, fields=_list(_FIELD), data=BYTES)
-_LINE = _object(type=WHOLE, pose=POSE, thickness=NUMBER, scale_invariant=FLAG, points=_list(XYZ), **_COLOURS)
+POINT_CLOUD = _foxglove(
+    "PointCloud", **_AT, pose=POSE, point_stride=WHOLE, fields=_list(_FIELD), data=BYTES
+)
+_LINE = _object(
+    type=WHOLE, pose=POSE, thickness=NUMBER, scale_invariant=FLAG, points=_list(XYZ), **_COLOURS
+)
 _TRIANGLES = _object(pose=POSE, points=_list(XYZ), **_COLOURS)
-_DRAWN = {"metadata": _list(_object(key=TEXT, value=TEXT)), "lines": _list(_LINE), "triangles": _list(_TRIANGLES)}
-_EMPTY = {kind: _list(_object()) for kind in ("arrows", "cubes", "spheres", "cylinders", "texts", "models")}
+_DRAWN = {
+    "metadata": _list(_object(key=TEXT, value=TEXT)),
+    "lines": _list(_LINE),
+    "triangles": _list(_TRIANGLES),
+}
+_EMPTY = {
+    kind: _list(_object())
+    for kind in ("arrows", "cubes", "spheres", "cylinders", "texts", "models")
+}
 _ENTITY = _object(**_AT, id=TEXT, lifetime=DURATION, frame_locked=FLAG, **_DRAWN, **_EMPTY)
 _DELETION = _object(timestamp=TIME, type=WHOLE, id=TEXT)
 SCENE_UPDATE = _foxglove("SceneUpdate", deletions=_list(_DELETION), entities=_list(_ENTITY))
 _LEVEL = {"type": "integer", "minimum": 0, "maximum": 5}
-LOG = _foxglove("Log", timestamp=TIME, level=_LEVEL, message=TEXT, name=TEXT, file=TEXT, line=NATURAL)
+LOG = _foxglove(
+    "Log", timestamp=TIME, level=_LEVEL, message=TEXT, name=TEXT, file=TEXT, line=NATURAL
+)
 
 EVENT = Schema(
     "pomona.Event",
@@ -87,7 +104,10 @@ EVENT = Schema(
         "description": "One event of a run; its fields are those of the dataclass of the same name (docs/records.md).",
         **_object(
             event={**TEXT, "description": "the event's name"},
-            t={**NUMBER, "description": "seconds of the run's clock since the run began, pauses left out"},
+            t={
+                **NUMBER,
+                "description": "seconds of the run's clock since the run began, pauses left out",
+            },
             tick={**WHOLE, "description": "number of the tick, from 1; 0 before the first"},
         ),
         "required": ["event", "t", "tick"],

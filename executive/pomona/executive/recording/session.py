@@ -29,7 +29,13 @@ from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import STALLED, Recorder
 from pomona.executive.recording.scan import examine
-from pomona.executive.running.events import HandChanged, NodeChanged, RunEnded, RunStarted, TreeChanged
+from pomona.executive.running.events import (
+    HandChanged,
+    NodeChanged,
+    RunEnded,
+    RunStarted,
+    TreeChanged,
+)
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.tick import EventStream
 from pomona.executive.values.processes import within
@@ -100,7 +106,9 @@ class RecordingSession:
             self._trouble = f"the picture is {error}"
         except OSError as error:
             self._trouble = f"the picture cannot be written: {error.strerror or error}"
-        except Exception as error:  # a view that cannot be drawn, a drawing library that cannot be loaded
+        except (
+            Exception
+        ) as error:  # a view that cannot be drawn, a drawing library that cannot be loaded
             self._trouble = f"the picture cannot be drawn: {sentence_of(error)}"
 
     def close(self) -> str:
@@ -111,7 +119,11 @@ class RecordingSession:
         """
         self.look()
         recorder = self._recorder
-        if recorder is not None and recorder.close() and not _is_written(events_file(recorder.folder)):
+        if (
+            recorder is not None
+            and recorder.close()
+            and not _is_written(events_file(recorder.folder))
+        ):
             self.folder = None
         return self._problem()
 
@@ -138,7 +150,11 @@ class RecordingSession:
         if not problem:
             return "ok"
         ended = self._recorder is None or self._recorder.has_ended
-        return f"{problem}; the run goes on unrecorded" if ended and not self._cell.record_required else problem
+        return (
+            f"{problem}; the run goes on unrecorded"
+            if ended and not self._cell.record_required
+            else problem
+        )
 
 
 def _is_written(path: Path) -> bool:
@@ -171,7 +187,9 @@ class Unfinished:
     kind: str  # kind of its cell; empty if unknown
     doing: tuple[str, ...]  # names of the running leaves
     time: float  # recorded time of the run [s]
-    hand: str | None  # last content of the gripper as a sentence; empty for nothing, None if unknown
+    hand: (
+        str | None
+    )  # last content of the gripper as a sentence; empty for nothing, None if unknown
     why: str  # reason for the missing end
 
     @property
@@ -198,7 +216,9 @@ def unfinished(root: Path, cell: Path) -> Unfinished | None:
     for record in reversed(in_order((path.parent for path in runs), _written)):
         started = _started(record)
         if started is None:
-            doubtful = doubtful or Unfinished(record, "", (), 0.0, None, "its record cannot be read")
+            doubtful = doubtful or Unfinished(
+                record, "", (), 0.0, None, "its record cannot be read"
+            )
             continue
         if Path(started.cell_path) != cell.resolve():
             continue
@@ -242,4 +262,11 @@ def _cut(record: Path, started: RunStarted) -> Unfinished:
             running.pop(event.path, None)
             if event.status == "RUNNING":
                 running[event.path] = None
-    return Unfinished(record, started.cell_kind, tuple(names[path] for path in running), time, hand, why_cut(record))
+    return Unfinished(
+        record,
+        started.cell_kind,
+        tuple(names[path] for path in running),
+        time,
+        hand,
+        why_cut(record),
+    )

@@ -48,7 +48,15 @@ from pomona.executive.running.events import (
     StateChanged,
 )
 from pomona.executive.values.rotations import to_quaternion
-from pomona.executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
+from pomona.executive.views import (
+    BodiesView,
+    ImageView,
+    Mesh3,
+    Points3,
+    PosesView,
+    SceneView,
+    SeriesView,
+)
 
 Message = tuple[str, Schema, dict[str, Any]]  # topic, schema and content of one message
 
@@ -56,7 +64,10 @@ SERIES_TOPIC = "/series/"
 INTERVENTIONS = "/interventions"
 INFO, WARNING, ERROR = 2, 3, 4
 FLOAT32 = 7
-IDENTITY = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+IDENTITY = {
+    "position": {"x": 0.0, "y": 0.0, "z": 0.0},
+    "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+}
 _T = re.compile(r"T_([a-z0-9]+)_([a-z0-9_]+)")
 
 
@@ -69,10 +80,15 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
         elif isinstance(event.value, ImageView):
             yield from _camera(event.topic, event.value, at)
         elif isinstance(event.value, BodiesView):
-            entities = [_body(event.topic, k, body, at) for k, body in enumerate(event.value.bodies)]
+            entities = [
+                _body(event.topic, k, body, at) for k, body in enumerate(event.value.bodies)
+            ]
             yield f"/scene/{event.topic}", SCENE_UPDATE, {"deletions": [], "entities": entities}
         elif isinstance(event.value, PosesView):
-            moved = [_moved(event.topic, k, pose, at) for k, pose in enumerate(event.value.poses.tolist())]
+            moved = [
+                _moved(event.topic, k, pose, at)
+                for k, pose in enumerate(event.value.poses.tolist())
+            ]
             yield "/tf", FRAME_TRANSFORMS, {"transforms": moved}
     elif isinstance(event, PortWritten):
         yield from _poses(event.key.strip("/").rsplit("/", 1)[-1], event.value, at)
@@ -84,7 +100,18 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
     said = _say(event)
     if said is not None:
         level, name, message = said
-        yield "/log", LOG, {"timestamp": at, "level": level, "message": message, "name": name, "file": "", "line": 0}
+        yield (
+            "/log",
+            LOG,
+            {
+                "timestamp": at,
+                "level": level,
+                "message": message,
+                "name": name,
+                "file": "",
+                "line": 0,
+            },
+        )
 
 
 IMAGES = "/images/"  # topics of colour images; the image of an event precedes the event
@@ -109,7 +136,11 @@ class Images:
             metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0))
             millimetres = np.rint(np.clip(metres * np.float32(1e3), 0, 65535)).astype(np.uint16)
             # compression level of PNG: the fastest, since the recorder shares the processor with the run
-            yield f"{DEPTH}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, _text(to_png(millimetres, 1)), "png")
+            yield (
+                f"{DEPTH}{topic}",
+                COMPRESSED_IMAGE,
+                _image(stamp, frame, _text(to_png(millimetres, 1)), "png"),
+            )
 
 
 def samples(topic: str, view: SeriesView) -> Iterator[Message]:
@@ -117,7 +148,11 @@ def samples(topic: str, view: SeriesView) -> Iterator[Message]:
     names = {name: plain_name(name) for name in view.values}
     columns = {names[name]: np.asarray(values, float) for name, values in view.values.items()}
     for i, t in enumerate(view.t):
-        sample = {name: float(f"{values[i]:.6g}") for name, values in columns.items() if np.isfinite(values[i])}
+        sample = {
+            name: float(f"{values[i]:.6g}")
+            for name, values in columns.items()
+            if np.isfinite(values[i])
+        }
         yield f"{SERIES_TOPIC}{topic}", SERIES, {"t": float(t), **sample}
 
 
@@ -170,11 +205,19 @@ def _poses(key: str, value: Any, at: Mapping[str, int]) -> Iterator[Message]:
     yield from _transforms(rooted, at)
     for frame, (parent, T) in rooted.items():
         if parent == "base":
-            yield f"/poses/{frame}", POSE_IN_FRAME, {"timestamp": at, "frame_id": "base", "pose": _pose(T)}
+            yield (
+                f"/poses/{frame}",
+                POSE_IN_FRAME,
+                {"timestamp": at, "frame_id": "base", "pose": _pose(T)},
+            )
     for name, field in fields.items():
         poses = _many(field)
         if poses:
-            yield f"/poses/{key}/{name}", POSES_IN_FRAME, {"timestamp": at, "frame_id": "base", "poses": poses}
+            yield (
+                f"/poses/{key}/{name}",
+                POSES_IN_FRAME,
+                {"timestamp": at, "frame_id": "base", "poses": poses},
+            )
 
 
 def _rooted(key: str, fields: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, Any]]]:
@@ -202,7 +245,11 @@ def _many(field: Any) -> list[dict[str, Any]]:
 
 def _transforms(rooted: Mapping[str, tuple[str, Any]], at: Mapping[str, int]) -> Iterator[Message]:
     if rooted:
-        yield "/tf", FRAME_TRANSFORMS, {"transforms": [_transform(at, *entry) for entry in rooted.items()]}
+        yield (
+            "/tf",
+            FRAME_TRANSFORMS,
+            {"transforms": [_transform(at, *entry) for entry in rooted.items()]},
+        )
 
 
 def _transform(at: Mapping[str, int], child: str, entry: tuple[str, Any]) -> dict[str, Any]:
@@ -230,12 +277,28 @@ def _pose(T: NDArray[np.float64]) -> dict[str, Any]:
 
 def _scene(topic: str, view: SceneView, at: Mapping[str, int]) -> Iterator[Message]:
     for cloud in view.points:
-        yield f"/points/{topic}/{plain_name(cloud.label or cloud.style)}", POINT_CLOUD, _cloud(cloud, at)
+        yield (
+            f"/points/{topic}/{plain_name(cloud.label or cloud.style)}",
+            POINT_CLOUD,
+            _cloud(cloud, at),
+        )
     if not (view.lines or view.meshes):
         return
-    strip = {"type": 0, "pose": IDENTITY, "thickness": 3.0, "scale_invariant": True, "colors": [], "indices": []}
-    lines = [strip | {"points": _points(line.points), "color": _colour(line.style)} for line in view.lines]
-    entity = _entity(topic, "base", at, lines, [_triangles(mesh) for mesh in view.meshes], view.caption)
+    strip = {
+        "type": 0,
+        "pose": IDENTITY,
+        "thickness": 3.0,
+        "scale_invariant": True,
+        "colors": [],
+        "indices": [],
+    }
+    lines = [
+        strip | {"points": _points(line.points), "color": _colour(line.style)}
+        for line in view.lines
+    ]
+    entity = _entity(
+        topic, "base", at, lines, [_triangles(mesh) for mesh in view.meshes], view.caption
+    )
     yield f"/scene/{topic}", SCENE_UPDATE, {"deletions": [], "entities": [entity]}
 
 
@@ -248,7 +311,10 @@ def _body(topic: str, number: int, body: Mesh3, at: Mapping[str, int]) -> dict[s
 def _moved(topic: str, number: int, pose: list[float], at: Mapping[str, int]) -> dict[str, Any]:
     x, y, z, qx, qy, qz, qw = pose
     frames = {"timestamp": at, "parent_frame_id": "base", "child_frame_id": f"{topic}/{number}"}
-    return frames | {"translation": {"x": x, "y": y, "z": z}, "rotation": {"x": qx, "y": qy, "z": qz, "w": qw}}
+    return frames | {
+        "translation": {"x": x, "y": y, "z": z},
+        "rotation": {"x": qx, "y": qy, "z": qz, "w": qw},
+    }
 
 
 def _entity(
@@ -260,21 +326,38 @@ def _entity(
     caption: str,
     locked: bool = False,
 ) -> dict[str, Any]:
-    about = {"timestamp": at, "frame_id": frame, "id": name, "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": locked}
+    about = {
+        "timestamp": at,
+        "frame_id": frame,
+        "id": name,
+        "lifetime": {"sec": 0, "nsec": 0},
+        "frame_locked": locked,
+    }
     metadata = [{"key": "caption", "value": caption}] if caption else []
-    empty: dict[str, Any] = {kind: [] for kind in ("arrows", "cubes", "spheres", "cylinders", "texts", "models")}
+    empty: dict[str, Any] = {
+        kind: [] for kind in ("arrows", "cubes", "spheres", "cylinders", "texts", "models")
+    }
     return about | {"metadata": metadata, "lines": lines, "triangles": triangles} | empty
 
 
 def _triangles(mesh: Mesh3) -> dict[str, Any]:
-    corners = {"points": _points(mesh.vertices), "indices": np.ascontiguousarray(mesh.faces).reshape(-1)}
+    corners = {
+        "points": _points(mesh.vertices),
+        "indices": np.ascontiguousarray(mesh.faces).reshape(-1),
+    }
     return {"pose": IDENTITY, **corners, "color": _colour(mesh.style), "colors": []}
 
 
 def _cloud(cloud: Points3, at: Mapping[str, int]) -> dict[str, Any]:
     packed = np.ascontiguousarray(cloud.points, "<f4").reshape(-1, 3)
     fields = [{"name": name, "offset": 4 * i, "type": FLOAT32} for i, name in enumerate("xyz")]
-    about = {"timestamp": at, "frame_id": "base", "pose": IDENTITY, "point_stride": 12, "fields": fields}
+    about = {
+        "timestamp": at,
+        "frame_id": "base",
+        "pose": IDENTITY,
+        "point_stride": 12,
+        "fields": fields,
+    }
     return about | {"data": base64.b64encode(packed.tobytes()).decode()}
 
 
@@ -300,7 +383,11 @@ def _say(event: Event) -> tuple[int, str, str] | None:
     """Return level, name and text of an event for the log; None for an event that is not logged."""
     match event:
         case RunStarted():
-            return INFO, "run", f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}"
+            return (
+                INFO,
+                "run",
+                f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}",
+            )
         case StateChanged():
             return INFO, "run", f"{event.state}: {event.because}"
         case NodeChanged(reason=Reason() as reason) if not reason.causes:
@@ -316,7 +403,11 @@ def _say(event: Event) -> tuple[int, str, str] | None:
         case PortWritten() if event.sentence:
             return INFO, event.writer, f"{event.key.rsplit('/', 1)[-1]}: {event.sentence}"
         case Logged():
-            return logging.getLevelNamesMapping().get(event.level, logging.INFO) // 10, event.node, event.text
+            return (
+                logging.getLevelNamesMapping().get(event.level, logging.INFO) // 10,
+                event.node,
+                event.text,
+            )
         case LinkChanged():
             return (INFO if event.state == "ok" else ERROR), event.device, event.state
         case OperatorActed():

@@ -48,7 +48,9 @@ class Watch:
         """
         self._cell, self._publish, self._watchers, self._tell = cell, publish, list(watchers), tell
         self._next = -math.inf
-        self.last_seen: Mapping[str, float] = {}  # when each device was last seen [s], as of the last look
+        self.last_seen: Mapping[
+            str, float
+        ] = {}  # when each device was last seen [s], as of the last look
 
     def look(self) -> None:
         """Publish the watchers' views when due. A watcher that fails is not called again: it must not end a run."""
@@ -64,7 +66,9 @@ class Watch:
             except Exception as error:  # of a third party's code
                 warn(logger, "%s is not asked again: %s", type(watcher).__name__, error)
                 self._watchers.remove(watcher)
-                self._tell("", f"a look of {type(watcher).__name__}, which is not asked again", error)
+                self._tell(
+                    "", f"a look of {type(watcher).__name__}, which is not asked again", error
+                )
 
 
 def installed_watchers(cell: Cell) -> list[Watcher]:
@@ -96,7 +100,11 @@ class CellWatch:
     """Polls each device and each registered service; reports changes."""
 
     def __init__(
-        self, cell: Cell, linked: Callable[[str, str], None], felt: Callable[[str], None], watch: Watch
+        self,
+        cell: Cell,
+        linked: Callable[[str, str], None],
+        felt: Callable[[str], None],
+        watch: Watch,
     ) -> None:
         """
         Args:
@@ -127,7 +135,9 @@ class CellWatch:
             Exception: of a device that is lost or reports a fault, as `Cell.check` raises it.
         """
         for device, state in self._cell.links().items():
-            self._note(device, state)  # before a lost one ends the run: who looks must know that it does not answer
+            self._note(
+                device, state
+            )  # before a lost one ends the run: who looks must know that it does not answer
         wanting = ""
         for name, (ask, required) in self._others.items():
             state = ask()

@@ -39,7 +39,9 @@ class WorkerDied(PomonaError):
 
 def _give_way() -> None:
     """Lower this thread's priority: the tick and the control loops come first when processors are scarce."""
-    if sys.platform == "linux":  # elsewhere a niceness belongs to the whole process, the tick included
+    if (
+        sys.platform == "linux"
+    ):  # elsewhere a niceness belongs to the whole process, the tick included
         # of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it.
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
 
@@ -70,7 +72,9 @@ def _serve(connection: Connection, runs: bool) -> None:
     for number in WORDS:
         if not (runs and number == signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, args=(runs,), name="pomona-parent", daemon=True).start()
+    threading.Thread(
+        target=_end_with_parent, args=(runs,), name="pomona-parent", daemon=True
+    ).start()
     while True:
         try:
             function, arguments = connection.recv()
@@ -96,7 +100,9 @@ def _end_with_parent(runs: bool) -> None:
     parent.join()
     if runs:
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(15.0)  # seconds that a run has to end in its safe state when the process that wanted it is gone
+        time.sleep(
+            15.0
+        )  # seconds that a run has to end in its safe state when the process that wanted it is gone
     os._exit(1)
 
 
@@ -108,7 +114,9 @@ def _portable(error: BaseException) -> BaseException:
         error.add_note(trace)
         keep_place(error, place)
         pickle.loads(pickle.dumps(error))
-    except Exception:  # its class takes other arguments than its message, or holds objects that cannot be pickled
+    except (
+        Exception
+    ):  # its class takes other arguments than its message, or holds objects that cannot be pickled
         error = RuntimeError(f"{type(error).__name__}: {sentence_of(error)}")
         error.add_note(trace)
         keep_place(error, place)
@@ -125,7 +133,9 @@ class Worker:
     def __init__(self, runs: bool = False) -> None:
         spawn = multiprocessing.get_context("spawn")
         self.connection, there = spawn.Pipe()
-        self.process = spawn.Process(target=_serve, args=(there, runs), daemon=not runs, name="pomona-worker")
+        self.process = spawn.Process(
+            target=_serve, args=(there, runs), daemon=not runs, name="pomona-worker"
+        )
         self.process.start()
         there.close()
 
@@ -144,7 +154,9 @@ class Worker:
 class _Isolated:
     """A computation in a worker process."""
 
-    def __init__(self, worker: Worker, function: str, release: Callable[[Worker | None], None]) -> None:
+    def __init__(
+        self, worker: Worker, function: str, release: Callable[[Worker | None], None]
+    ) -> None:
         self._worker, self._function, self._release = worker, function, release
         self._answer: tuple[bool, Any] | None = None
 
@@ -190,14 +202,20 @@ def keep_workers_warm() -> None:
 class Computations:
     """All work of a run that goes on beside its tick."""
 
-    def __init__(self, on_done: Callable[[str, str, float], None] = lambda _node, _function, _wall: None) -> None:
-        self._threads = ThreadPoolExecutor(max_workers=2, thread_name_prefix=COMPUTING, initializer=_give_way)
+    def __init__(
+        self, on_done: Callable[[str, str, float], None] = lambda _node, _function, _wall: None
+    ) -> None:
+        self._threads = ThreadPoolExecutor(
+            max_workers=2, thread_name_prefix=COMPUTING, initializer=_give_way
+        )
         self._idle: list[Worker] = []
         self._pending: list[tuple[str, str, float, _Threaded | _Isolated]] = []
         self._on_done = on_done
         self._lock = threading.Lock()
 
-    def submit(self, node: str, function: Callable[..., Any], arguments: tuple[Any, ...], isolated: bool) -> Any:
+    def submit(
+        self, node: str, function: Callable[..., Any], arguments: tuple[Any, ...], isolated: bool
+    ) -> Any:
         """Start a computation.
 
         Returns:

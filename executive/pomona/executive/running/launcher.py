@@ -110,14 +110,18 @@ class _Follower:
         os.set_blocking(reading, False)
 
     def status(self) -> int:
-        if signal.getsignal(signal.SIGCHLD) is signal.SIG_IGN:  # then there would be no status to wait for
+        if (
+            signal.getsignal(signal.SIGCHLD) is signal.SIG_IGN
+        ):  # then there would be no status to wait for
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         ended = 0
         while not ended:
             told = signal.sigwaitinfo(_FOLLOWED)
             if told.si_signo == signal.SIGCHLD:
                 ended, how = os.waitpid(self._child, os.WNOHANG)
-            elif told.si_code <= 0 and not self._has_heard(told.si_signo):  # sent by a process, not by the terminal
+            elif told.si_code <= 0 and not self._has_heard(
+                told.si_signo
+            ):  # sent by a process, not by the terminal
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(self._child, told.si_signo)
         self._read()

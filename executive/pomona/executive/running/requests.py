@@ -41,7 +41,9 @@ class UnknownFaultError(PomonaError):
     def __init__(self, fault: str, known: Mapping[str, Sequence[str]]) -> None:
         self.fault, self.known = fault, known
         super().__init__(
-            f"this cell has no fault '{fault}'; there are {', '.join(known)}" if known else "faults cannot be made here"
+            f"this cell has no fault '{fault}'; there are {', '.join(known)}"
+            if known
+            else "faults cannot be made here"
         )
 
 
@@ -91,14 +93,18 @@ class Requests:
         self._cell.safe_stop(reason)
         self._ask("safe_stop", who, reason)
 
-    def interrupt(self, who: str = "keyboard", reason: str = "interrupted from the keyboard") -> None:
+    def interrupt(
+        self, who: str = "keyboard", reason: str = "interrupted from the keyboard"
+    ) -> None:
         """Request the safe state now, and the run's end, after a signal. Do not call it in the signal's handler itself:
         the interrupted tick may hold the cell's lock.
         """
         self._ask("interrupt", who, reason)
         self._cell.safe_stop(reason)
 
-    def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
+    def break_at(
+        self, path: str, side: Side = "before", on: bool = True, who: str = "operator"
+    ) -> None:
         """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.
 
         Raises UnknownNodeError: the tree has no such node.
@@ -116,7 +122,9 @@ class Requests:
         if asked is None or not asked.open:
             raise AnswerRefusedError(f"no question is open at {path}")
         if number != asked.starts:
-            raise AnswerRefusedError(f"{path} now asks question {asked.starts}; the answer names question {number}")
+            raise AnswerRefusedError(
+                f"{path} now asks question {asked.starts}; the answer names question {number}"
+            )
         if choice not in asked.choices:
             raise AnswerRefusedError(f"'{choice}' is no answer: {', '.join(asked.choices)}")
         self._ask("answer", who, f"{choice} ← {path}", number)
@@ -174,7 +182,9 @@ class Requests:
         if not self.pause_number:
             raise AnswerRefusedError("the run is not paused")
         if number != self.pause_number:
-            raise AnswerRefusedError(f"the run is in pause {self.pause_number}; the request names pause {number}")
+            raise AnswerRefusedError(
+                f"the run is in pause {self.pause_number}; the request names pause {number}"
+            )
 
     @property
     def latched(self) -> str | None:

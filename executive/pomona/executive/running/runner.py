@@ -26,7 +26,13 @@ from pomona.executive.cell.cell import Cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import Side
-from pomona.executive.language.changes import Around, ReloadRefusedError, Takeover, change_input, takeover
+from pomona.executive.language.changes import (
+    Around,
+    ReloadRefusedError,
+    Takeover,
+    change_input,
+    takeover,
+)
 from pomona.executive.lease import viewed
 from pomona.executive.reasons import Reason
 from pomona.executive.running.cell_watch import (
@@ -52,9 +58,21 @@ from pomona.executive.running.events import (
     TickOverran,
     TreeChanged,
 )
-from pomona.executive.running.requests import LATE, SETS_IN_MOTION, AnswerRefusedError, Request, Requests
+from pomona.executive.running.requests import (
+    LATE,
+    SETS_IN_MOTION,
+    AnswerRefusedError,
+    Request,
+    Requests,
+)
 from pomona.executive.running.starting import RunResult, RunState
-from pomona.executive.running.tick import BREAK_ACTIONS, Breakpoints, EventStream, RunContext, TreeObserver
+from pomona.executive.running.tick import (
+    BREAK_ACTIONS,
+    Breakpoints,
+    EventStream,
+    RunContext,
+    TreeObserver,
+)
 from pomona.executive.running.traces import SkillLogs, place_of, traceback_of
 from pomona.executive.skill import SkillContext, leave_if_forked
 from pomona.executive.speed import cannot_slow, speed_of, words_of
@@ -153,7 +171,9 @@ class Runner(Requests):
         self._culprit = ""
         self._interrupted = False
         self._reported: dict[str, object] = {}
-        self._watch = CellWatch(cell, self._linked, self._felt, Watch(cell, self._published, watchers, self._tell))
+        self._watch = CellWatch(
+            cell, self._linked, self._felt, Watch(cell, self._published, watchers, self._tell)
+        )
 
     @property
     def state(self) -> RunState:
@@ -174,7 +194,10 @@ class Runner(Requests):
     def pictures(self) -> Mapping[str, tuple[UInt8, float]]:
         """Newest image (h, w, 3) of each camera that has one at no cost, and its age [s]. From any thread."""
         now = self._cell.clock.now()
-        return {device: (image, max(0.0, now - stamp)) for device, (image, stamp) in self._cell.pictures().items()}
+        return {
+            device: (image, max(0.0, now - stamp))
+            for device, (image, stamp) in self._cell.pictures().items()
+        }
 
     @property
     def ages(self) -> dict[str, float]:
@@ -184,7 +207,9 @@ class Runner(Requests):
 
     # -------------------------------------------------------------------------------------- the tick thread
 
-    def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
+    def prepare(
+        self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None
+    ) -> None:
         """Load and warm up the skills before the run's clock starts; the callback gets (name, done, of) before each."""
         self.tree.prepare(tell)
         self._computations.pending()  # computations of the preparation do not count as the run's
@@ -225,7 +250,13 @@ class Runner(Requests):
         result = self._result(time.perf_counter() - started)
         self._emit(
             RunEnded(
-                *self._stamp(), result.outcome, result.reason, result.ticks, result.time, result.wall, result.truth
+                *self._stamp(),
+                result.outcome,
+                result.reason,
+                result.ticks,
+                result.time,
+                result.wall,
+                result.truth,
             )
         )
         return result
@@ -332,9 +363,15 @@ class Runner(Requests):
             if action == "safe_stop":
                 raise SafeStopRequestedError(detail)
             if action == "interrupt":
-                raise InterruptRequestedError(detail) if who == "keyboard" else SafeStopRequestedError(detail)
+                raise (
+                    InterruptRequestedError(detail)
+                    if who == "keyboard"
+                    else SafeStopRequestedError(detail)
+                )
             if action == "stop":
-                if self._state is not RunState.STOPPING:  # a second stop does not extend the deadline
+                if (
+                    self._state is not RunState.STOPPING
+                ):  # a second stop does not extend the deadline
                     self._stop(f"stopped by {who}")
             elif action == "pause":
                 self._next = None
@@ -386,7 +423,9 @@ class Runner(Requests):
         self._observer.follow(self.tree)
         self._attend(set(self.tree.breakpoints) - set(before.breakpoints))
         self._computations.pending()  # those of the preparation do not count as the run's
-        self._emit(TreeChanged(*self._stamp(), tuple(node.facts() for node in self.tree.nodes), lines))
+        self._emit(
+            TreeChanged(*self._stamp(), tuple(node.facts() for node in self.tree.nodes), lines)
+        )
 
     def _is_late(self, request: Request) -> bool:
         """Refuse, in the record, a request that must not set anything in motion any more."""
@@ -395,11 +434,19 @@ class Runner(Requests):
             why = f"requested {ago:.1f} s earlier"
         elif action == "answer":
             question = self.questions[detail.rpartition(" ← ")[2]]
-            why = "" if question.open and question.starts == request.number else "question answered or gone"
+            why = (
+                ""
+                if question.open and question.starts == request.number
+                else "question answered or gone"
+            )
         else:
             why = "" if request.number == self.pause_number else "pause already over"
         if why:
-            self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{action} {detail}".strip() + f", {why}"))
+            self._emit(
+                OperatorActed(
+                    *self._stamp(), who, "too_late", f"{action} {detail}".strip() + f", {why}"
+                )
+            )
         return bool(why)
 
     def _take_speeds(self) -> None:
@@ -425,7 +472,11 @@ class Runner(Requests):
         self.context.set_speed(speed)
 
     def _refuse_full_speed_only(self, tree: BuiltTree) -> None:
-        slow = self._speed < 1.0 or bool(self._repeated) or any(skill.slowed_by for skill in tree.skills)
+        slow = (
+            self._speed < 1.0
+            or bool(self._repeated)
+            or any(skill.slowed_by for skill in tree.skills)
+        )
         if slow and self._cell.full_speed_only:
             raise UsageError(f"{cannot_slow(self._cell.full_speed_only)}; nothing has moved")
 
@@ -464,7 +515,9 @@ class Runner(Requests):
                 if self._cell.settled():
                     self._set_state(*self._end)
                 elif self._cell.clock.now() > self._settled_by:
-                    raise PomonaError(f"something still moves {SETTLING:g} s after the end of the tree")
+                    raise PomonaError(
+                        f"something still moves {SETTLING:g} s after the end of the tree"
+                    )
         elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
             request, self._next = self._next, None
@@ -476,7 +529,9 @@ class Runner(Requests):
                 self._set_state(RunState.STOPPED, "every skill is halted")
             elif self._cell.clock.now() > self._stop_deadline:
                 still = ", ".join(self.context.halting) or "the cell"
-                raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop")
+                raise PomonaError(
+                    f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop"
+                )
 
     def _look(self) -> None:
         try:
@@ -528,7 +583,9 @@ class Runner(Requests):
         Raises PomonaError: something moves although the tree has ended and all was at rest.
         """
         if not self._cell.settled():
-            raise PomonaError("something began to move after the end of the tree, when all was at rest")
+            raise PomonaError(
+                "something began to move after the end of the tree, when all was at rest"
+            )
 
     def _raise_what_failed(self) -> None:
         """Treat an error of a halted skill or of a listener as a fault."""
@@ -560,7 +617,9 @@ class Runner(Requests):
             self.context.thaw()
             self._breakpoints.drop()
             self.tree.root.stop(Status.INVALID)
-        for skill in self.tree.skills:  # a node that broke in its first tick has not stopped its children
+        for (
+            skill
+        ) in self.tree.skills:  # a node that broke in its first tick has not stopped its children
             if skill.status is Status.RUNNING:
                 with self._telling(skill.path, "letting go"):
                     skill.stop(Status.INVALID)
@@ -583,7 +642,9 @@ class Runner(Requests):
         while self.context.halting or not self._cell.settled():
             if self._cell.clock.now() >= deadline:
                 still = ", ".join(self.context.halting) or "the cell"
-                raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of the safe stop")
+                raise PomonaError(
+                    f"{still} has not come to rest within {STOP_LIMIT:.0f} s of the safe stop"
+                )
             self._heartbeat()
             self.context.drive_halting()
             self._tell_what_failed()
@@ -637,7 +698,11 @@ class Runner(Requests):
         failed = self._cell.safe_stop(reason)
         self._emit(SafeStopped(*self._stamp(), reason))
         for device, what in failed.items():
-            self._emit(ErrorRaised(*self._stamp(), "", "the safe stop", "NotStopped", f"{device} {what}", "", ""))
+            self._emit(
+                ErrorRaised(
+                    *self._stamp(), "", "the safe stop", "NotStopped", f"{device} {what}", "", ""
+                )
+            )
 
     def _result(self, wall: float) -> RunResult:
         outcome = {
@@ -650,7 +715,15 @@ class Runner(Requests):
         truth = None
         with self._telling("", "scoring the run"):
             truth = self._cell.truth(self._reported)
-        return RunResult(outcome, self._reason, self._ticks, self.context.elapsed(), wall, truth, self._interrupted)
+        return RunResult(
+            outcome,
+            self._reason,
+            self._ticks,
+            self.context.elapsed(),
+            wall,
+            truth,
+            self._interrupted,
+        )
 
     # ------------------------------------------------------------------------------------------- events
 
@@ -677,7 +750,9 @@ class Runner(Requests):
         self._emit(HandChanged(*self._stamp(), hand))
 
     def _written(self, key: str, entry: Entry) -> None:
-        about = type(entry.value)  # asked of the class: a mock's placeholder has no attributes at all
+        about = type(
+            entry.value
+        )  # asked of the class: a mock's placeholder has no attributes at all
         sentence = entry.value.sentence if hasattr(about, "sentence") else ""
         facts = entry.value.facts if hasattr(about, "facts") else {}
         self._reported.update(facts)

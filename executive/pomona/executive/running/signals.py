@@ -32,7 +32,9 @@ AGAIN = 0.1  # seconds after which a signal that was swallowed comes again
 CLOSING = 5.0  # seconds for which closing the record and the cell is not disturbed
 
 
-REPORT = struct.Struct("<Bd")  # message to the launcher: signal and its time [s, monotonic], or 0 and exit status
+REPORT = struct.Struct(
+    "<Bd"
+)  # message to the launcher: signal and its time [s, monotonic], or 0 and exit status
 
 
 Report = Callable[[int, float], None]
@@ -92,7 +94,9 @@ def signalled(error: BaseException) -> KeyboardInterrupt | None:
     return below
 
 
-_raised: int | None = None  # the signal that `raising` has raised; if it is still set, no code has handled it
+_raised: int | None = (
+    None  # the signal that `raising` has raised; if it is still set, no code has handled it
+)
 _came = False  # whether any signal was raised since `raising` began
 
 
@@ -110,11 +114,16 @@ def raising() -> Iterator[None]:
     _raised, _came = None, False
 
     def send_again() -> None:
-        if _raised is not None and signal.getsignal(_raised) is handle:  # a run detects a missed signal itself
+        if (
+            _raised is not None and signal.getsignal(_raised) is handle
+        ):  # a run detects a missed signal itself
             signal.pthread_kill(threading.main_thread().ident or 0, _raised)
 
     before = _install(handle, tuple(WORDS))
-    tell, sys.unraisablehook = sys.unraisablehook, _tell_unless_signalled(sys.unraisablehook, send_again)
+    tell, sys.unraisablehook = (
+        sys.unraisablehook,
+        _tell_unless_signalled(sys.unraisablehook, send_again),
+    )
     try:
         yield
     finally:
@@ -164,7 +173,9 @@ class RunSignals:
         self._raised: int | None = None
         self._since = self._last = 0.0
         self._run: Requests | None = None
-        self._asked: queue.SimpleQueue[int | None] = queue.SimpleQueue()  # put() may be called by a signal's handler
+        self._asked: queue.SimpleQueue[int | None] = (
+            queue.SimpleQueue()
+        )  # put() may be called by a signal's handler
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> RunSignals:
@@ -172,7 +183,9 @@ class RunSignals:
         self._before = _install(self._handle, tuple(WORDS))
         return self
 
-    def __exit__(self, _type: type[BaseException] | None, error: object, _trace: TracebackType | None) -> None:
+    def __exit__(
+        self, _type: type[BaseException] | None, error: object, _trace: TracebackType | None
+    ) -> None:
         _restore(self._before)
         # A library that swallowed the signal while something was prepared may then fail in words of its own.
         if isinstance(error, Exception) and self._raised is not None and self._run is None:
@@ -237,7 +250,9 @@ class RunSignals:
             raise KeyboardInterrupt
 
 
-def _install(handler: Callable[[int, FrameType | None], None], numbers: tuple[int, ...]) -> dict[int, Any]:
+def _install(
+    handler: Callable[[int, FrameType | None], None], numbers: tuple[int, ...]
+) -> dict[int, Any]:
     """Set a handler where a signal is not ignored; returns those that were there."""
     if threading.current_thread() is not threading.main_thread():
         return {}

@@ -102,7 +102,9 @@ class CellInUseError(UsageError):
 
     def __init__(self, cell: Path, wire: str = "") -> None:
         self.cell, self.wire = cell, wire
-        super().__init__(f"{cell}: another run is going on on {wire or 'this cell'}. Nothing was run.")
+        super().__init__(
+            f"{cell}: another run is going on on {wire or 'this cell'}. Nothing was run."
+        )
 
 
 @contextlib.contextmanager
@@ -169,7 +171,9 @@ class StartingStage:
 class Starting:
     """From the order to the first tick. `execute` reports to it; anybody may cancel, from any thread."""
 
-    def __init__(self, changed: Callable[[], None] = lambda: None, permit: Permit | None = None) -> None:
+    def __init__(
+        self, changed: Callable[[], None] = lambda: None, permit: Permit | None = None
+    ) -> None:
         """
         Args:
             changed: called after each change.
@@ -199,7 +203,9 @@ class Starting:
 
     def reach(self, what: str, done: int = 0, of: int = 0) -> None:
         """Report the next stage."""
-        if self.stage is None and self._permit is not None:  # the run after a recovery, which has used its permit up
+        if (
+            self.stage is None and self._permit is not None
+        ):  # the run after a recovery, which has used its permit up
             self._permit.issue()
         self.stage = StartingStage(what, done, of)
         self._changed()

@@ -27,7 +27,9 @@ from pomona.executive.running.launcher import is_stopped
 from pomona.executive.values.processes import WORDS, within, write_if_read
 
 STOPPING = 3.0  # seconds for which each device is tried again: its old connection may have to be noticed as gone first
-REPORT = "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
+REPORT = (
+    "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
+)
 
 LOOKS = 20  # polls within the deadline; a late poll counts once, so a stalled computer misses no heartbeat
 CONTINUED = 0.6  # of the deadline, after which a stopped run is continued: late enough for it to detect its stall
@@ -51,11 +53,16 @@ def main() -> int:
         0 when it ended by itself, 1 when its devices had to be stopped.
     """
     for number in WORDS:
-        signal.signal(number, signal.SIG_IGN)  # a signal that ends the run must not end its supervisor first
+        signal.signal(
+            number, signal.SIG_IGN
+        )  # a signal that ends the run must not end its supervisor first
     with contextlib.suppress(OSError):  # not everybody may
         os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
     orders = Orders(**json.loads(sys.stdin.buffer.readline()))
-    stops = {device: (_load(function), arguments) for device, (function, arguments) in orders.stops.items()}
+    stops = {
+        device: (_load(function), arguments)
+        for device, (function, arguments) in orders.stops.items()
+    }
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     os.set_blocking(sys.stdout.fileno(), False)
@@ -87,7 +94,9 @@ def _listen(heartbeat: int, deadline: float, run: int) -> str:
             return "the run's process died"
         if b"q" in chunk:
             return ""
-        with contextlib.suppress(OSError):  # the run does not read, or is gone: both show on the other pipe
+        with contextlib.suppress(
+            OSError
+        ):  # the run does not read, or is gone: both show on the other pipe
             os.write(sys.stdout.fileno(), b".")
         watched = chunk.endswith(b".")
 
@@ -129,7 +138,14 @@ def _report(orders: Orders, reason: str, outcomes: dict[str, str], took: float) 
     devices = "; ".join(f"{device} {what}" for device, what in outcomes.items())
     words = f"supervisor: {reason}. {devices}.\n"
     if orders.record:
-        text = json.dumps({"reason": reason, "devices": outcomes, "took_s": round(took, 3), "wall_time": time.time()})
+        text = json.dumps(
+            {
+                "reason": reason,
+                "devices": outcomes,
+                "took_s": round(took, 3),
+                "wall_time": time.time(),
+            }
+        )
         path = Path(orders.record, REPORT)
         try:
             within(STOPPING, lambda: path.write_text(text + "\n", encoding="utf-8"))

@@ -37,7 +37,10 @@ class Supervisor:
     """One process that watches one run."""
 
     def __init__(
-        self, stops: Mapping[str, tuple[str, Sequence[Any]]], deadline: float, record: Path | None = None
+        self,
+        stops: Mapping[str, tuple[str, Sequence[Any]]],
+        deadline: float,
+        record: Path | None = None,
     ) -> None:
         """
         Args:
@@ -52,7 +55,11 @@ class Supervisor:
         command = [sys.executable, "-m", "pomona.executive.running.supervise"]
         # A session of its own: a signal of the terminal to the run must not end its supervisor first.
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=True,
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -151,7 +158,9 @@ class RunSupervision:
         if stops and not self._cell.clock.simulated:
             self._supervisor = Supervisor(stops, self._cell.heartbeat_deadline, record)
             runner.look_after("supervisor", self.state, required=True)
-            with contextlib.suppress(OSError):  # not everybody may: then a very busy computer is nearer to the deadline
+            with contextlib.suppress(
+                OSError
+            ):  # not everybody may: then a very busy computer is nearer to the deadline
                 os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), PRIORITY)
 
     def beat(self) -> None:
@@ -159,7 +168,10 @@ class RunSupervision:
         if self._supervisor is None:
             return
         now = self._cell.clock.now()
-        if self._beaten_at is not None and now - self._beaten_at > LATE * self._cell.heartbeat_deadline:
+        if (
+            self._beaten_at is not None
+            and now - self._beaten_at > LATE * self._cell.heartbeat_deadline
+        ):
             still = f"the run stalled for {now - self._beaten_at:.2f} s, during which nothing monitored the cell"
             self._stood_still = self._stood_still or still
         self._beaten_at = now

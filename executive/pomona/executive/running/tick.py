@@ -93,7 +93,11 @@ class Breakpoints:
 
     def follow(self, tree: BuiltTree) -> None:
         """Go on with the nodes of a changed tree; breakpoints of nodes that are gone are forgotten."""
-        fresh = {path for path in self._patched if tree.behaviours.get(path) is not self._behaviours[path]}
+        fresh = {
+            path
+            for path in self._patched
+            if tree.behaviours.get(path) is not self._behaviours[path]
+        }
         self._behaviours, self._patched = tree.behaviours, self._patched - fresh
         for side, paths in self._set.items():
             for path in paths & fresh:
@@ -146,7 +150,9 @@ class Breakpoints:
 class TreeObserver:
     """Compares every node with how it was after the tick before."""
 
-    def __init__(self, tree: BuiltTree, emit: Callable[..., None], stamp: Callable[[], tuple[float, int]]) -> None:
+    def __init__(
+        self, tree: BuiltTree, emit: Callable[..., None], stamp: Callable[[], tuple[float, int]]
+    ) -> None:
         self._emit, self._stamp = emit, stamp
         self._known: dict[str, tuple[Status, str, int]] = {}
         self._started: set[int] = set()  # identities of the behaviours that acted in this tick
@@ -155,7 +161,9 @@ class TreeObserver:
     def follow(self, tree: BuiltTree) -> None:
         """Go on with the nodes of a changed tree."""
         self._tree = tree
-        self._known = {path: self._known.get(path, (Status.INVALID, "", 0)) for path in tree.behaviours}
+        self._known = {
+            path: self._known.get(path, (Status.INVALID, "", 0)) for path in tree.behaviours
+        }
         self._nodes = tuple(
             (path, behaviour, behaviour if isinstance(behaviour, (Skill, Question)) else None)
             for path, behaviour in tree.behaviours.items()
@@ -171,11 +179,17 @@ class TreeObserver:
         """Emit the changes. Raises SkillError: the feedback of a node is no text; it counts as empty from then on."""
         wrong: SkillError | None = None
         for path, behaviour, counted in self._nodes:
-            given: object = behaviour.feedback_message  # any behaviour may set it, as py_trees' own do
+            given: object = (
+                behaviour.feedback_message
+            )  # any behaviour may set it, as py_trees' own do
             before = self._known[path]
             if counted is not None:
                 starts = counted.starts
-            elif behaviour.children or behaviour.status is not before[0] or before[0] is not Status.INVALID:
+            elif (
+                behaviour.children
+                or behaviour.status is not before[0]
+                or before[0] is not Status.INVALID
+            ):
                 starts = before[2]
             else:
                 starts = before[2] + (id(behaviour) in self._started)
@@ -183,16 +197,25 @@ class TreeObserver:
                 continue
             if not isinstance(given, str):
                 behaviour.feedback_message = ""
-                wrong = SkillError(path, f"its feedback is no text but {given!r:.60} ({type(given).__name__})")
+                wrong = SkillError(
+                    path, f"its feedback is no text but {given!r:.60} ({type(given).__name__})"
+                )
             elif len(given) > LONGEST:
                 behaviour.feedback_message = shortened(given)
-            if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
+            if (
+                behaviour.status is before[0]
+                and behaviour.feedback_message == before[1]
+                and starts == before[2]
+            ):
                 continue
             now = (behaviour.status, behaviour.feedback_message, starts)
             self._known[path] = now
             reason = reason_of(behaviour) if now[0] is Status.FAILURE else None
             feedback = now[0] is before[0] and starts == before[2]
-            self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason), feedback=feedback)
+            self._emit(
+                NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason),
+                feedback=feedback,
+            )
         self._started.clear()
         if wrong is not None:
             raise wrong
@@ -214,7 +237,9 @@ class TreeObserver:
 
     def _attempt(self, path: str, attempt: Attempt, of: int) -> None:
         succeeded = attempt.status is Status.SUCCESS
-        self._emit(AttemptEnded(*self._stamp(), path, attempt.number, of, succeeded, attempt.reason))
+        self._emit(
+            AttemptEnded(*self._stamp(), path, attempt.number, of, succeeded, attempt.reason)
+        )
 
 
 def _is_running_leaf(behaviour: Behaviour) -> bool:
@@ -251,7 +276,9 @@ class EventStream:
             try:
                 listener(event)
             except BaseException as error:  # any error: the record must get the later events
-                if id(listener) not in self._failed:  # a terminal that is gone fails with every event
+                if (
+                    id(listener) not in self._failed
+                ):  # a terminal that is gone fails with every event
                     self._failed.add(id(listener))
                     self._failures.append(error)
 
@@ -260,7 +287,9 @@ class EventStream:
         return self._failures.pop(0) if self._failures else None
 
 
-HALT_TIMEOUT = 10.0  # time on the run's clock within which an interrupted skill must have halted [s]
+HALT_TIMEOUT = (
+    10.0  # time on the run's clock within which an interrupted skill must have halted [s]
+)
 
 
 class RunContext:
@@ -303,7 +332,9 @@ class RunContext:
     def seed(self, node: str) -> int:
         return zlib.crc32(f"{self.run_seed}/{node}".encode())
 
-    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+    def compute(
+        self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool
+    ) -> Computation:
         computation: Computation = self.computations.submit(node, function, arguments, isolated)
         return computation
 
@@ -383,7 +414,9 @@ class RunContext:
             if self._let_go(skill, partial(next, work)):
                 continue
             if self.clock.now() > deadline:
-                late = SkillError(skill.name, f"was interrupted and has not halted within {HALT_TIMEOUT:.0f} s")
+                late = SkillError(
+                    skill.name, f"was interrupted and has not halted within {HALT_TIMEOUT:.0f} s"
+                )
                 self._failures.append((skill.path, late))
                 self.release(skill)
                 continue
@@ -406,7 +439,8 @@ class RunContext:
         """Return all interfaces of the devices that have one of these: a device has one owner under any interface."""
         there = self._cell.interfaces() if interfaces else ()  # a dry run has no device
         found = [
-            (one, *getattr(self._cell.device(one), "interfaces", ())) if one in there else (one,) for one in interfaces
+            (one, *getattr(self._cell.device(one), "interfaces", ())) if one in there else (one,)
+            for one in interfaces
         ]
         return tuple(dict.fromkeys(interface for offered in found for interface in offered))
 

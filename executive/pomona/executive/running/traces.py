@@ -35,7 +35,10 @@ def place_of(error: BaseException) -> str:
     if isinstance(noted, str) and noted:
         return noted
     chain = list(_chain(error))
-    home = next((package for frames in chain for frame, _ in frames if (package := _package(_file(frame)))), "")
+    home = next(
+        (package for frames in chain for frame, _ in frames if (package := _package(_file(frame)))),
+        "",
+    )
     for frames in chain:
         mine = [(frame, line) for frame, line in frames if _is_own(_file(frame), home)]
         if mine:
@@ -146,7 +149,11 @@ class SkillLogs(logging.Handler):
         if node and self._counts[node] <= MOST_LOGGED:
             try:
                 text = record.getMessage()
-                text += f": {sentence_of(record.exc_info[1])}" if record.exc_info and record.exc_info[1] else ""
+                text += (
+                    f": {sentence_of(record.exc_info[1])}"
+                    if record.exc_info and record.exc_info[1]
+                    else ""
+                )
             except Exception as error:  # of the caller's arguments: a log must not end a run
                 text = f"{record.msg!r:.60} cannot be shown: {sentence_of(error)}"
             self._lines.append((node, record.levelname, shortened(text)))
@@ -160,4 +167,6 @@ class SkillLogs(logging.Handler):
             counts, self._counts, self._until = self._counts, Counter(), t + 1.0
             for node, count in list(counts.items()):
                 if count > MOST_LOGGED:
-                    yield Logged(t, tick, node, "WARNING", f"{count - MOST_LOGGED} more lines were left out")
+                    yield Logged(
+                        t, tick, node, "WARNING", f"{count - MOST_LOGGED} more lines were left out"
+                    )

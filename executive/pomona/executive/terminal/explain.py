@@ -28,8 +28,23 @@ from pomona.executive.speed import words_of
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import at_place, figure, headline, seconds
 
-ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-STOPPED = ("SAFE_STOP", "INTERRUPTED", "STOPPED")  # codes of a run that was stopped from outside its nodes
+ORDINALS = (
+    "first",
+    "second",
+    "third",
+    "fourth",
+    "fifth",
+    "sixth",
+    "seventh",
+    "eighth",
+    "ninth",
+    "tenth",
+)
+STOPPED = (
+    "SAFE_STOP",
+    "INTERRUPTED",
+    "STOPPED",
+)  # codes of a run that was stopped from outside its nodes
 BLOCKED = 0.5  # wait within a tick from which it is reported [s]
 
 
@@ -140,9 +155,15 @@ class _Story:
         yield f"{self._opening(started)} {self._outcome(ended, going_on, why_cut)}"
         reason = ended.reason if ended is not None else None
         yield self._why(reason) if reason is not None else self._on_the_way()
-        accounts = {table.caption for table in self.summary.tables.values()}  # of many things, such as fruit
-        yield " ".join(_sentence(_cut(note)) for note in self.summary.notes.values() if note in accounts)
-        code = "EXCEPTION" if self.errors else latest_leaf(reason).code if reason is not None else ""
+        accounts = {
+            table.caption for table in self.summary.tables.values()
+        }  # of many things, such as fruit
+        yield " ".join(
+            _sentence(_cut(note)) for note in self.summary.notes.values() if note in accounts
+        )
+        code = (
+            "EXCEPTION" if self.errors else latest_leaf(reason).code if reason is not None else ""
+        )
         known = failure_codes().get(code)
         yield f"Remedy: {_sentence(known.remedy)}" if known is not None else ""
 
@@ -153,7 +174,8 @@ class _Story:
             yield self._figures(ended.reason)
             yield self._on_the_way()
         moments = sorted(
-            [*self.moments, *self._attempts(), *self._late(), *self._logged()], key=lambda moment: moment[0]
+            [*self.moments, *self._attempts(), *self._late(), *self._logged()],
+            key=lambda moment: moment[0],
         )
         yield " ".join(text for _, text in moments)
         yield " ".join(
@@ -174,7 +196,11 @@ class _Story:
             with_what += f", at {words_of(started.speed)} of the speed"
         kind = {"real": "real", "mock": "mocked"}.get(started.cell_kind, started.cell_kind)
         day = f"{datetime.fromtimestamp(started.wall_time):%d %B %Y at %H:%M}".lstrip("0")
-        where = "without a cell," if started.cell in ("none", "dry") else f"on the {kind} cell {started.cell}"
+        where = (
+            "without a cell,"
+            if started.cell in ("none", "dry")
+            else f"on the {kind} cell {started.cell}"
+        )
         return f"{started.tree} ran {where} with {with_what}, on {day}."
 
     def _outcome(self, ended: RunEnded | None, going_on: bool, why_cut: str) -> str:
@@ -188,7 +214,9 @@ class _Story:
             most = self.summary.last_attempt()
             which = "" if most is None else f", on the {_ordinal(most.number)} attempt of {most.of}"
             return f"It succeeded after {seconds(ended.time)}{which if most and most.number > 1 else ''}."
-        word = {"failure": "failed", "stopped": "was stopped"}.get(ended.outcome, "ended in the safe state")
+        word = {"failure": "failed", "stopped": "was stopped"}.get(
+            ended.outcome, "ended in the safe state"
+        )
         return f"It {word} after {seconds(ended.time)}."
 
     def _why(self, reason: Reason) -> str:
@@ -200,14 +228,22 @@ class _Story:
         if leaf.code in STOPPED and where:  # the node did not fail: it was interrupted
             doing, failed = f", while {where} was running", leaf.code
         else:
-            doing = f", while {' and '.join(self.interrupted)} was running" if self.interrupted and not where else ""
+            doing = (
+                f", while {' and '.join(self.interrupted)} was running"
+                if self.interrupted and not where
+                else ""
+            )
             failed = f"{where} failed with {leaf.code}" if where else leaf.code
-        return f"The reason, at {t:.1f} s{doing}: {failed}: {_sentence(leaf.message + at_place(leaf))}"
+        return (
+            f"The reason, at {t:.1f} s{doing}: {failed}: {_sentence(leaf.message + at_place(leaf))}"
+        )
 
     def _figures(self, reason: Reason) -> str:
         leaf = latest_leaf(reason)
         chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
-        with_it = f"With it failed {', then '.join(reversed(chain[:-1]))}." if len(chain) > 2 else ""
+        with_it = (
+            f"With it failed {', then '.join(reversed(chain[:-1]))}." if len(chain) > 2 else ""
+        )
         return f"{_figures(leaf.data)} {with_it}".strip()
 
     def _attempts(self) -> Iterator[tuple[float, str]]:
@@ -232,14 +268,21 @@ class _Story:
                 yield t, f"{which} with {leaf.code}, too."
             else:
                 known.add(_kind(leaf))
-                yield t, f"{which}: {self._name(leaf.node_path)} failed with {leaf.code}: {_sentence(leaf.message)}"
+                yield (
+                    t,
+                    f"{which}: {self._name(leaf.node_path)} failed with {leaf.code}: {_sentence(leaf.message)}",
+                )
 
     def _failed_attempts(self) -> list[tuple[AttemptEnded, str]]:
         """Return the failed attempts, each with its outer one, without outer attempts that failed only by them."""
         failed: list[tuple[AttemptEnded, str]] = []
         for attempt, within in zip(self.summary.attempts, self.summary.within(), strict=True):
             before = failed[-1][0] if failed else None
-            around = before is not None and before.path != attempt.path and _leaf(before) == _leaf(attempt)
+            around = (
+                before is not None
+                and before.path != attempt.path
+                and _leaf(before) == _leaf(attempt)
+            )
             if attempt.succeeded or around:
                 continue
             failed.append((attempt, within))
@@ -248,10 +291,18 @@ class _Story:
     def _on_the_way(self) -> str:
         ended = self.summary.ended
         reasons = ((f.path, f.reason.code) for f in self.failures if f.reason is not None)
-        counted = Counter((self._name(path), code) for path, code in reasons if code != "CONDITION_FALSE")
+        counted = Counter(
+            (self._name(path), code) for path, code in reasons if code != "CONDITION_FALSE"
+        )
         if not counted:
-            return "Nothing failed on the way." if ended is not None and ended.outcome == "success" else ""
-        parts = ", ".join(f"{name} {code}{_times(number)}" for (name, code), number in counted.most_common())
+            return (
+                "Nothing failed on the way."
+                if ended is not None and ended.outcome == "success"
+                else ""
+            )
+        parts = ", ".join(
+            f"{name} {code}{_times(number)}" for (name, code), number in counted.most_common()
+        )
         return f"On the way failed: {parts}."
 
     def _late(self) -> Iterator[tuple[float, str]]:
@@ -259,18 +310,30 @@ class _Story:
         late = [overrun for overrun in self.overruns if overrun.duration >= BLOCKED]
         if late:
             longest = max(late, key=lambda overrun: overrun.duration)
-            others = f" Ticks that waited {seconds(BLOCKED)} or longer: {len(late)}." if len(late) > 1 else ""
+            others = (
+                f" Ticks that waited {seconds(BLOCKED)} or longer: {len(late)}."
+                if len(late) > 1
+                else ""
+            )
             yield longest.t, self._blocked(longest) + others
 
     def _logged(self) -> Iterator[tuple[float, str]]:
         if self.lines > len(self.logged):
-            yield self.logged[0].t, f"Of {self.lines} logged lines the last {len(self.logged)} are listed."
+            yield (
+                self.logged[0].t,
+                f"Of {self.lines} logged lines the last {len(self.logged)} are listed.",
+            )
         for line in self.logged:
-            yield line.t, f"At {line.t:.1f} s {self._name(line.node)} logged {line.level}: {_sentence(line.text)}"
+            yield (
+                line.t,
+                f"At {line.t:.1f} s {self._name(line.node)} logged {line.level}: {_sentence(line.text)}",
+            )
 
     def _blocked(self, overrun: TickOverran) -> str:
         who = self._name(overrun.node) if overrun.node else "something"
-        within = "".join(f", not even the limit of {self._name(path)}" for path in self._limits(overrun.node))
+        within = "".join(
+            f", not even the limit of {self._name(path)}" for path in self._limits(overrun.node)
+        )
         held = f"At {overrun.t:.1f} s {who} kept the tick waiting for {seconds(overrun.duration)}"
         untold = f"nothing could interrupt it meanwhile{within}"
         if did_not_work(overrun):
@@ -318,7 +381,11 @@ def _source(node: Mapping[str, Any]) -> str:
     from pomona.executive.nodes.leaves import SKILL  # skills are loaded for a failure alone
     from pomona.executive.registry import source_of
 
-    return source_of(str(node["type"])) if node.get("kind") == SKILL.key and not node.get("mocked") else ""
+    return (
+        source_of(str(node["type"]))
+        if node.get("kind") == SKILL.key and not node.get("mocked")
+        else ""
+    )
 
 
 def _leaf(attempt: AttemptEnded) -> Reason | None:
@@ -349,7 +416,9 @@ def _is_figure(value: Any) -> bool:
 
 
 def _figures(data: Mapping[str, Any]) -> str:
-    parts = [figure(name, v) for name, v in data.items() if _is_figure(v) and not isinstance(v, bool)]
+    parts = [
+        figure(name, v) for name, v in data.items() if _is_figure(v) and not isinstance(v, bool)
+    ]
     return f"Figures: {', '.join(parts)}." if parts else ""
 
 

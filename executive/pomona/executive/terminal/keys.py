@@ -14,7 +14,13 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.running.events import Event, NodeChanged, OperatorActed, RunEnded, StateChanged
+from pomona.executive.running.events import (
+    Event,
+    NodeChanged,
+    OperatorActed,
+    RunEnded,
+    StateChanged,
+)
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.runner import Runner
 from pomona.executive.terminal.screen import Screen
@@ -74,7 +80,9 @@ class Keys:
         if self._pause:
             return _Prompt("", self._pause)
         questions = {} if self._runner is None else self._runner.questions
-        asked = [_Prompt(path, question.starts) for path, question in questions.items() if question.open]
+        asked = [
+            _Prompt(path, question.starts) for path, question in questions.items() if question.open
+        ]
         return self._prompt if self._prompt in asked else asked[0] if asked else None
 
     def _show(self, prompt: _Prompt | None) -> None:
@@ -144,7 +152,11 @@ class Keys:
                 self._runner.resume(prompt.number, WHO)
             else:
                 choices = self._runner.questions[prompt.path].choices
-                meant = [choice for choice in choices if line and choice.casefold().startswith(line.casefold())]
+                meant = [
+                    choice
+                    for choice in choices
+                    if line and choice.casefold().startswith(line.casefold())
+                ]
                 chosen = line if line in choices else meant[0] if len(meant) == 1 else None
                 if chosen is None:
                     self._console.print(f"  one of: {', '.join(choices)}")

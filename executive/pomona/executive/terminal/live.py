@@ -43,7 +43,11 @@ class LiveTree:
         self._header = self._cell_kind = ""
         self._t = 0.0
         self._drawn = 0.0
-        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+        self._live = (
+            Live(console=console, auto_refresh=False, transient=True)
+            if console.is_terminal
+            else None
+        )
         self._leaves: set[str] = set()
 
     def on_event(self, event: Event) -> None:
@@ -55,29 +59,51 @@ class LiveTree:
             self._leaves = self._names.keys() - {node["parent"] for node in event.nodes}
         if isinstance(event, RunStarted):
             self._cell_kind = event.cell_kind
-            self._header = _in_one_line(f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}")
+            self._header = _in_one_line(
+                f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}"
+            )
             if self._live is not None:
                 self._live.start()
         elif isinstance(event, NodeChanged):
             self._now[event.path] = event
-            if self._live is None and event.path in self._leaves and event.status in ("SUCCESS", "FAILURE"):
+            if (
+                self._live is None
+                and event.path in self._leaves
+                and event.status in ("SUCCESS", "FAILURE")
+            ):
                 detail = say(event.reason) if event.reason else event.feedback
-                icon = "·" if event.reason and event.reason.code == "CONDITION_FALSE" else ICONS[event.status]
+                icon = (
+                    "·"
+                    if event.reason and event.reason.code == "CONDITION_FALSE"
+                    else ICONS[event.status]
+                )
                 self._console.print(f"{event.t:7.2f} s  {icon} {self._name(event.path)}  {detail}")
         elif isinstance(event, AttemptEnded):
             self._attempts[event.path] = event
         elif isinstance(event, SafeStopped):
             self._console.print(Text.assemble(("■ safe stop:", "bold red"), f" {event.reason}"))
         elif isinstance(event, LinkChanged) and event.state != "ok":
-            self._console.print(f"{event.t:7.2f} s  ! {event.device}: {event.state}", style="yellow")
-        elif isinstance(event, TickOverran) and event.duration >= BLOCKED and self._is_left_alone(event):
+            self._console.print(
+                f"{event.t:7.2f} s  ! {event.device}: {event.state}", style="yellow"
+            )
+        elif (
+            isinstance(event, TickOverran)
+            and event.duration >= BLOCKED
+            and self._is_left_alone(event)
+        ):
             who = self._name(event.node) if event.node else "something"
             words = f"{who} kept the tick waiting for {seconds(event.duration)}: no limit could interrupt it"
             if did_not_work(event):
                 computed = seconds(event.worked or 0.0)
-                words += f" (it computed for {computed}; the rest it waited, or the computer was busy)"
+                words += (
+                    f" (it computed for {computed}; the rest it waited, or the computer was busy)"
+                )
             self._console.print(f"{event.t:7.2f} s  ! {words}", style="yellow")
-        elif isinstance(event, StateChanged) and event.state in ("paused", "running") and self._live is None:
+        elif (
+            isinstance(event, StateChanged)
+            and event.state in ("paused", "running")
+            and self._live is None
+        ):
             self._console.print(f"{event.t:7.2f} s  {event.state}: {event.because}")
         elif isinstance(event, RunEnded):
             self.close()
@@ -104,7 +130,9 @@ class LiveTree:
                 self._console.print(f"{stage.what}{of} …")
             return
         self._live.start()
-        self._live.update(Text(f"◌ {stage.what}{of} …", no_wrap=True, overflow="ellipsis"), refresh=True)
+        self._live.update(
+            Text(f"◌ {stage.what}{of} …", no_wrap=True, overflow="ellipsis"), refresh=True
+        )
 
     def close(self) -> None:
         """Leave the terminal as it was. Harmless when closed already."""
@@ -119,7 +147,9 @@ class LiveTree:
         # seconds between two drawings
         if self._live is None or not self._live.is_started or time.monotonic() - self._drawn < 0.08:
             return
-        if self._console.is_behind:  # the terminal is stopped, or slow: it gets the newest state when it goes on
+        if (
+            self._console.is_behind
+        ):  # the terminal is stopped, or slow: it gets the newest state when it goes on
             return
         self._drawn = time.monotonic()
         self._live.update(self._text(), refresh=True)
@@ -127,8 +157,12 @@ class LiveTree:
     def _text(self) -> Text:
         """As many lines as the terminal has, the running node among them."""
         lines, here = self._lines()
-        room = max(3, self._console.size.height - 2)  # without the header and the line of the cursor
-        text = Text(f"{self._header}   {self._t:.1f} s", style="bold", no_wrap=True, overflow="ellipsis")
+        room = max(
+            3, self._console.size.height - 2
+        )  # without the header and the line of the cursor
+        text = Text(
+            f"{self._header}   {self._t:.1f} s", style="bold", no_wrap=True, overflow="ellipsis"
+        )
         for line in _window(lines, here, room):
             line.truncate(self._console.size.width, overflow="ellipsis")
             text.append("\n").append(line)
@@ -156,7 +190,10 @@ class LiveTree:
         path = node["path"]
         status = change.status if change else "INVALID"
         line = Text("  " * level)
-        line.append(f"{ICONS.get(status, '?')} {_in_one_line(str(node['name']))}", style=STYLES.get(status, ""))
+        line.append(
+            f"{ICONS.get(status, '?')} {_in_one_line(str(node['name']))}",
+            style=STYLES.get(status, ""),
+        )
         if path in self._attempts:
             attempt = self._attempts[path]
             number = attempt.number if attempt.succeeded else min(attempt.number + 1, attempt.of)

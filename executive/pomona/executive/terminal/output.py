@@ -83,7 +83,9 @@ class Output:
 
     def _refuse_broken(self) -> None:
         if self._error is not None:
-            raise OSError(self._error.errno, self._error.strerror)  # Python makes it a BrokenPipeError
+            raise OSError(
+                self._error.errno, self._error.strerror
+            )  # Python makes it a BrokenPipeError
 
     def _work(self) -> None:
         while True:
@@ -108,7 +110,9 @@ class Output:
                 select.select([], [self._file], [])
         if self._left_out and self._waiting.qsize() < MOST:
             left_out, self._left_out = self._left_out, 0
-            self._write_all(self._coded(f"\n[{left_out} texts are left out here: the output was not read]\n"))
+            self._write_all(
+                self._coded(f"\n[{left_out} texts are left out here: the output was not read]\n")
+            )
 
 
 @contextlib.contextmanager

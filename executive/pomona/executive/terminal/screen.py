@@ -24,7 +24,9 @@ class Screen(Console):
     Texts are no markup unless a call enables it: `[red]` in a name is `[red]`.
     """
 
-    def __init__(self, *, stderr: bool = False, quiet: bool = False, width: int | None = None) -> None:
+    def __init__(
+        self, *, stderr: bool = False, quiet: bool = False, width: int | None = None
+    ) -> None:
         super().__init__(stderr=stderr, quiet=quiet, width=width, markup=False, highlight=False)
         if os.environ.get("FORCE_COLOR") and not (os.environ.get("NO_COLOR") or self.is_terminal):
             self._color_system = ColorSystem.STANDARD
@@ -57,7 +59,9 @@ class Screen(Console):
         """Raise BrokenPipeError when the reader has closed the pipe. Rich's method exits, but a run must end first."""
         raise BrokenPipeError(errno.EPIPE, "Broken pipe: the reader of the output has closed it")
 
-    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
         """Render as rich does, with terminal control characters made visible."""
         for segment in super().render(renderable, options):
             text, style, control = segment
@@ -73,7 +77,9 @@ def in_browser(console: Screen, link: str) -> Iterator[None]:
 
     The link holds the token that acts, and a command line is visible to other users: the browser gets a private file.
     """
-    graphical = sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
+    graphical = sys.platform in ("darwin", "win32") or bool(
+        {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
+    )
     if not (console.is_terminal and graphical) or "SSH_CONNECTION" in os.environ:
         yield
         return
@@ -83,7 +89,9 @@ def in_browser(console: Screen, link: str) -> Iterator[None]:
 
     with tempfile.TemporaryDirectory(prefix="pomona_") as folder:
         page = Path(folder) / "open.html"
-        page.write_text(f'<meta http-equiv="refresh" content="0; url={html.escape(link)}">', encoding="utf-8")
+        page.write_text(
+            f'<meta http-equiv="refresh" content="0; url={html.escape(link)}">', encoding="utf-8"
+        )
         with contextlib.suppress(webbrowser.Error, OSError):  # the link is printed, too
             webbrowser.open(page.as_uri())
         yield

@@ -53,7 +53,11 @@ class Summary:
         if isinstance(event, (RunStarted, TreeChanged)):
             self._parents.update((node["path"], node["parent"]) for node in event.nodes)
             parents = {node["parent"] for node in event.nodes}
-            self._names.update((node["path"], str(node["name"])) for node in event.nodes if node["path"] not in parents)
+            self._names.update(
+                (node["path"], str(node["name"]))
+                for node in event.nodes
+                if node["path"] not in parents
+            )
         elif isinstance(event, NodeChanged) and event.path in self._names:
             self._account(event)
         elif isinstance(event, AttemptEnded):
@@ -72,7 +76,11 @@ class Summary:
 
     def within(self) -> list[str]:
         """Return each attempt's outer attempt, `outer 2 of 3`; empty for the outermost and for unfinished ones."""
-        trying, ended, found = {attempt.path for attempt in self.attempts}, dict[str, AttemptEnded](), []
+        trying, ended, found = (
+            {attempt.path for attempt in self.attempts},
+            dict[str, AttemptEnded](),
+            [],
+        )
         outer: dict[str | None, str | None] = {}
         for path, parent in self._parents.items():  # a parent comes before its children
             outer[path] = parent if parent in trying else outer.get(parent)
@@ -86,7 +94,9 @@ class Summary:
         if event.status == "RUNNING":
             self._running_since.setdefault(event.path, event.t)
         elif event.path in self._running_since:
-            self.robot_time[self._names[event.path]] += event.t - self._running_since.pop(event.path)
+            self.robot_time[self._names[event.path]] += event.t - self._running_since.pop(
+                event.path
+            )
 
     # ------------------------------------------------------------------------------------------- as JSON
 
@@ -133,7 +143,9 @@ class Summary:
         )
         took = f"{self.times()}, seed {self.started.seed}"
         console.print(
-            Text.assemble((f"{sign} {self.started.tree}", style), f"  {self._headline()}   ", (took, "dim")),
+            Text.assemble(
+                (f"{sign} {self.started.tree}", style), f"  {self._headline()}   ", (took, "dim")
+            ),
         )
         for name, sentence in self.notes.items():
             _row(console, name, sentence)
@@ -143,12 +155,19 @@ class Summary:
             mark = ("✓ ", "green") if attempt.succeeded else ("✗ ", "red")
             which = f"{attempt.number} of {attempt.of}" + (f" in {within}" if within else "")
             _row(
-                console, retry_name(attempt.path), mark, f"{which}, at {attempt.t:.2f} s  {say(attempt.reason)}".strip()
+                console,
+                retry_name(attempt.path),
+                mark,
+                f"{which}, at {attempt.t:.2f} s  {say(attempt.reason)}".strip(),
             )
         for table in self.tables.values():
             console.print(_table(table))
         truth = self.ended.truth or {}
-        figures = [figure(name, value) for name, value in _of_interest(truth)] if whole else headline(truth)
+        figures = (
+            [figure(name, value) for name, value in _of_interest(truth)]
+            if whole
+            else headline(truth)
+        )
         if figures:
             _row(console, "truth", "  ".join(figures))
         shares = sorted(self.robot_time.items(), key=lambda item: -item[1])
@@ -156,11 +175,19 @@ class Summary:
             _row(console, "time", "  ".join(longest))
         if self.compute_time:
             total = sum(self.compute_time.values())
-            parts = "  ".join(f"{n} {seconds(v)}" for n, v in sorted(self.compute_time.items(), key=lambda i: -i[1]))
+            parts = "  ".join(
+                f"{n} {seconds(v)}"
+                for n, v in sorted(self.compute_time.items(), key=lambda i: -i[1])
+            )
             _row(console, "computing", f"{seconds(total)} in all: {parts}")
         if record is not None:
             picture = record / "picture.png"
-            _row(console, "record", str(record), (f"   (picture: {picture})", "dim") if picture.is_file() else "")
+            _row(
+                console,
+                "record",
+                str(record),
+                (f"   (picture: {picture})", "dim") if picture.is_file() else "",
+            )
 
     def times(self) -> str:
         """How long it took on the cell's clock, how long here, and how long the preparation took before."""
@@ -168,7 +195,9 @@ class Summary:
         assert self.ended is not None
         clock = "simulated" if self.started.cell_kind == "simulated" else "on the cell's clock"
         run, before = self.ended.wall, self.started.preparation
-        here = f"{seconds(run)} to run, {seconds(before)} to prepare, {seconds(run + before)} in all"
+        here = (
+            f"{seconds(run)} to run, {seconds(before)} to prepare, {seconds(run + before)} in all"
+        )
         return f"{seconds(self.ended.time)} {clock}; {here if before else f'{seconds(run)} to run'}"
 
     def sentence(self) -> str:
@@ -180,13 +209,23 @@ class Summary:
         assert self.ended is not None
         if self.ended.outcome == "success":
             last = self.last_attempt()
-            return f"succeeded on attempt {last.number} of {last.of}" if last and last.of > 1 else "succeeded"
-        word = {"failure": "failed", "stopped": "stopped"}.get(self.ended.outcome, "ended in the safe state")
+            return (
+                f"succeeded on attempt {last.number} of {last.of}"
+                if last and last.of > 1
+                else "succeeded"
+            )
+        word = {"failure": "failed", "stopped": "stopped"}.get(
+            self.ended.outcome, "ended in the safe state"
+        )
         return f"{word}: {say(self.ended.reason)}"
 
     def last_attempt(self) -> AttemptEnded | None:
         """Return the newest attempt that succeeded of a retry that no other retry surrounds."""
-        outermost = (a for a, within in zip(self.attempts, self.within(), strict=True) if a.succeeded and not within)
+        outermost = (
+            a
+            for a, within in zip(self.attempts, self.within(), strict=True)
+            if a.succeeded and not within
+        )
         return next(reversed(list(outermost)), None)
 
 
@@ -217,7 +256,9 @@ def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
 
 def _of_interest(truth: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """Return the entries of a world's score without poses and empty ones."""
-    return [(n, v) for n, v in truth.items() if v is not None and v != [] and not n.startswith("T_")]
+    return [
+        (n, v) for n, v in truth.items() if v is not None and v != [] and not n.startswith("T_")
+    ]
 
 
 def _row(console: Screen, label: str, *text: str | tuple[str, str]) -> None:
@@ -231,7 +272,11 @@ def _table(view: TableView) -> Table:
         for all_of, shown, what in ((view.rows, rows, "rows"), (view.columns, columns, "columns"))
         if len(all_of) > len(shown)
     ]
-    rest = f"{' and '.join(left_out)}; `pomona runs export RUN --to frames` writes all" if left_out else None
+    rest = (
+        f"{' and '.join(left_out)}; `pomona runs export RUN --to frames` writes all"
+        if left_out
+        else None
+    )
     table = Table(
         title=view.caption or None, title_justify="left", caption=rest, caption_justify="left", box=None,
         padding=(0, 2, 0, 0),

@@ -57,8 +57,26 @@ def at_place(reason: Reason) -> str:
     return f" ({place})" if isinstance(place, str) and place else ""
 
 
-UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "rad": "rad", "s": "s"}
-RESOLUTION = {"mm": 1e-3, "m": 1e-5, "n": 1e-3, "nm": 1e-5, "kg": 1e-4, "deg": 1e-2, "rad": 1e-4, "s": 1e-3}
+UNITS = {
+    "mm": "mm",
+    "m": "m",
+    "n": "N",
+    "nm": "N·m",
+    "kg": "kg",
+    "deg": "°",
+    "rad": "rad",
+    "s": "s",
+}
+RESOLUTION = {
+    "mm": 1e-3,
+    "m": 1e-5,
+    "n": 1e-3,
+    "nm": 1e-5,
+    "kg": 1e-4,
+    "deg": 1e-2,
+    "rad": 1e-4,
+    "s": 1e-3,
+}
 """Resolution below which a value counts as 0, in the unit itself: no supported device or simulation measures finer."""
 
 
@@ -105,8 +123,14 @@ def headline(truth: Mapping[str, Any], most: int = MOST_FIGURES) -> list[str]:
 
     The world orders them by importance.
     """
-    kept = {name: value for name, value in truth.items() if isinstance(value, bool) or _is_number(value)}
-    return [said for name, value in kept.items() if not re.search(r" 0( \S+)?$", said := figure(name, value))][:most]
+    kept = {
+        name: value for name, value in truth.items() if isinstance(value, bool) or _is_number(value)
+    }
+    return [
+        said
+        for name, value in kept.items()
+        if not re.search(r" 0( \S+)?$", said := figure(name, value))
+    ][:most]
 
 
 def _is_number(value: Any) -> bool:

@@ -11,7 +11,11 @@ import numpy as np
 
 MOST_MEMBERS = 2000  # a checkpoint of PyTorch has one for each tensor: a few hundred
 _ENTRY = 1024  # of the archive's directory: 46 bytes, name and extra fields [byte for each member]
-_END, _END_64, _LOCATOR_64 = b"PK\5\6", b"PK\6\6", b"PK\6\7"  # signatures of the records at an archive's end
+_END, _END_64, _LOCATOR_64 = (
+    b"PK\5\6",
+    b"PK\6\6",
+    b"PK\6\7",
+)  # signatures of the records at an archive's end
 _LONGEST_COMMENT = 0xFFFF
 
 
@@ -35,7 +39,9 @@ def open_archive(path: Path | str, most_bytes: int, most_members: int = MOST_MEM
     with Path(path).open("rb") as stream:
         directory = _directory_size(stream)
     if directory > most_members * _ENTRY:
-        words = f"has a directory of {directory / 1e6:.1f} MB; at most {most_members} members are read"
+        words = (
+            f"has a directory of {directory / 1e6:.1f} MB; at most {most_members} members are read"
+        )
         raise ArchiveTooLarge(words)
     archive = ZipFile(path)
     members = archive.infolist()
@@ -72,7 +78,9 @@ def _directory_size(stream: BinaryIO) -> int:
     return max(stated if stated != 0xFFFFFFFF else 0, int(struct.unpack_from("<Q", record, 40)[0]))
 
 
-MOST_BYTES = 1 << 30  # of all arrays of one file, unpacked: an hour of two fingers at 500 Hz is 0.4 of it
+MOST_BYTES = (
+    1 << 30
+)  # of all arrays of one file, unpacked: an hour of two fingers at 500 Hz is 0.4 of it
 
 
 class UnreadableArraysError(ValueError):

@@ -10,7 +10,15 @@ from typing import Any
 from pomona.executive.values.findings import Finding, Findings, Source, did_you_mean
 from pomona.executive.values.kinds import Schema
 from pomona.executive.values.plain_text import is_file, read_plain_text
-from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar, read_yaml, shape_of
+from pomona.executive.values.yaml_nodes import (
+    Reader,
+    Refused,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    read_yaml,
+    shape_of,
+)
 
 MAX_INCLUDES = 8  # a file may include one that includes another, so deep
 _INCLUDE = "a file, or a block of one (sim.yaml#world), whose entries hold where this mapping has none of its own"
@@ -112,7 +120,9 @@ class _Opener:
     shipped: Path | None
     files: dict[str, str] = field(default_factory=dict)
 
-    def open(self, path: Path, included_at: YamlScalar | None, chain: tuple[Path, ...]) -> YamlMapping | None:
+    def open(
+        self, path: Path, included_at: YamlScalar | None, chain: tuple[Path, ...]
+    ) -> YamlMapping | None:
         text = self._text(path, included_at)
         if text is None:
             return None
@@ -121,7 +131,9 @@ class _Opener:
         if root is None:
             return None
         if not isinstance(root, YamlMapping):
-            self.findings.error(root, "shape", f"{self.what} is a mapping ('key: value'), this is {shape_of(root)}")
+            self.findings.error(
+                root, "shape", f"{self.what} is a mapping ('key: value'), this is {shape_of(root)}"
+            )
             return None
         return self._expanded(root, path, (*chain, path))
 
@@ -148,7 +160,9 @@ class _Opener:
                 lacking = lacking or included is None
                 entries = (included or {}) | entries
             else:
-                inner = self._expanded(value, path, chain) if isinstance(value, YamlMapping) else value
+                inner = (
+                    self._expanded(value, path, chain) if isinstance(value, YamlMapping) else value
+                )
                 entries[name] = (key, inner)
         return replace(node, entries=entries, lacking=lacking)
 
@@ -157,12 +171,18 @@ class _Opener:
     ) -> dict[str, tuple[YamlScalar, YamlNode]] | None:
         """Return its entries; None when it cannot be read, which is a finding."""
         if not isinstance(node, YamlScalar) or node.is_null:
-            self.findings.error(node, "shape", "'include' names a file", "write include: shared/workspace.yaml")
+            self.findings.error(
+                node, "shape", "'include' names a file", "write include: shared/workspace.yaml"
+            )
             return None
         file, _, block = node.text.partition("#")
         target = self._target(path.parent, file)
         if target in chain or len(chain) > MAX_INCLUDES:
-            words = "includes itself" if target in chain else f"is included more than {MAX_INCLUDES} files deep"
+            words = (
+                "includes itself"
+                if target in chain
+                else f"is included more than {MAX_INCLUDES} files deep"
+            )
             self.findings.error(node, "include", f"{target} {words}")
             return None
         opened = self.open(target, node, chain)
@@ -175,7 +195,9 @@ class _Opener:
         shipped = self.shipped / file
         return shipped if str(shipped) in self.texts or is_file(shipped) else beside
 
-    def _block(self, root: YamlMapping, path: str, at: YamlScalar) -> dict[str, tuple[YamlScalar, YamlNode]] | None:
+    def _block(
+        self, root: YamlMapping, path: str, at: YamlScalar
+    ) -> dict[str, tuple[YamlScalar, YamlNode]] | None:
         """Return the entries of a mapping inside a file, by its keys, `devices/camera`, or of the whole file."""
         for name in filter(None, path.split("/")):
             inner = root.get(name)
@@ -187,19 +209,25 @@ class _Opener:
         return root.entries
 
 
-def _options(root: YamlMapping, reader: Reader, findings: Findings) -> tuple[tuple[Option, ...], dict[str, YamlScalar]]:
+def _options(
+    root: YamlMapping, reader: Reader, findings: Findings
+) -> tuple[tuple[Option, ...], dict[str, YamlScalar]]:
     node = root.get("options")
     if node is None or (isinstance(node, YamlScalar) and node.is_null):
         return (), {}
     if not isinstance(node, YamlMapping):
-        findings.error(node, "shape", f"options are a mapping from names to values, this is {shape_of(node)}")
+        findings.error(
+            node, "shape", f"options are a mapping from names to values, this is {shape_of(node)}"
+        )
         return (), {}
     values: dict[str, YamlScalar] = {}
     options = []
     for name, (key, written) in node.entries.items():
         try:
             if not isinstance(written, YamlScalar):
-                raise reader.refuse(written, f"the option '{name}' must be a single value", code="shape")
+                raise reader.refuse(
+                    written, f"the option '{name}' must be a single value", code="shape"
+                )
         except Refused:
             continue
         values[name] = written

@@ -144,7 +144,9 @@ class Findings:
     def __init__(self) -> None:
         self._found: dict[tuple[str, int, int, str, str], Finding] = {}
 
-    def error(self, where: Located, code: str, message: str, hint: str = "", edits: Sequence[Edit] = ()) -> None:
+    def error(
+        self, where: Located, code: str, message: str, hint: str = "", edits: Sequence[Edit] = ()
+    ) -> None:
         """Report an error: the file cannot be used."""
         self._add(where, "error", code, message, hint, edits)
 
@@ -163,18 +165,39 @@ class Findings:
             self.add(finding)
 
     def _add(
-        self, where: Located, severity: Severity, code: str, message: str, hint: str, edits: Sequence[Edit] = ()
+        self,
+        where: Located,
+        severity: Severity,
+        code: str,
+        message: str,
+        hint: str,
+        edits: Sequence[Edit] = (),
     ) -> None:
         source, line, column, length = where.source, where.line, where.column, max(where.length, 1)
         excerpt = source.excerpt(line)
         if isinstance(hint, Instead):
             at = excerpt.rfind(hint.wrong, column - 1, column - 1 + length)
             edits = [Edit(line, at + 1, len(hint.wrong), hint.right)] if at >= 0 else []
-        self.add(Finding(source.path, line, column, severity, code, message, str(hint), excerpt, length, tuple(edits)))
+        self.add(
+            Finding(
+                source.path,
+                line,
+                column,
+                severity,
+                code,
+                message,
+                str(hint),
+                excerpt,
+                length,
+                tuple(edits),
+            )
+        )
 
     def sorted(self) -> list[Finding]:
         """Errors before warnings, in reading order; without a line (a file that cannot be opened, `--set`) first."""
-        return sorted(self._found.values(), key=lambda f: (f.path, f.severity, f.line, f.column, f.code))
+        return sorted(
+            self._found.values(), key=lambda f: (f.path, f.severity, f.line, f.column, f.code)
+        )
 
     @property
     def errors(self) -> bool:
@@ -234,14 +257,20 @@ def _close_to(word: str, candidates: tuple[str, ...]) -> str:
     close = get_close_matches(word, candidates, n=3, cutoff=0.6)
     if not close:
         lower = {candidate.lower(): candidate for candidate in candidates}
-        close = [lower[match] for match in get_close_matches(word.lower(), list(lower), n=3, cutoff=0.6)]
+        close = [
+            lower[match] for match in get_close_matches(word.lower(), list(lower), n=3, cutoff=0.6)
+        ]
     if not close:
         return ""
-    best = max(close, key=lambda one: (round(SequenceMatcher(None, one, word).ratio(), 2), -len(one)))
+    best = max(
+        close, key=lambda one: (round(SequenceMatcher(None, one, word).ratio(), 2), -len(one))
+    )
     return Instead(f"did you mean '{best}'?", word, best)
 
 
-MAX_COMPARED = 20_000  # words compared in one reading, about a second's work (30 000 took 20 s without it)
+MAX_COMPARED = (
+    20_000  # words compared in one reading, about a second's work (30 000 took 20 s without it)
+)
 MAX_EXCERPT = 160
 MAX_SHOWN = 200  # findings that are written out; who has more mends the first ones first
 
@@ -271,7 +300,11 @@ def format_findings(findings: Sequence[Finding]) -> str:
     """Return all findings and their count."""
     errors = sum(f.severity == "error" for f in findings)
     warnings = len(findings) - errors
-    counts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]
+    counts = [
+        f"{n} {word}{'s' if n > 1 else ''}"
+        for n, word in ((errors, "error"), (warnings, "warning"))
+        if n
+    ]
     shown = [*map(format_finding, findings[:MAX_SHOWN])]
     if len(findings) > MAX_SHOWN:
         shown.append(f"… and {len(findings) - MAX_SHOWN} more that are not shown")

@@ -24,14 +24,20 @@ def is_cut_off(content: bytes) -> bool:
             at += 1
         elif marker == _END:
             return False
-        elif marker == 0x00 or marker in _ALONE:  # a byte of the picture, or a point to start again from
+        elif (
+            marker == 0x00 or marker in _ALONE
+        ):  # a byte of the picture, or a point to start again from
             at += 2
         else:
             at += 2 + int.from_bytes(content[at + 2 : at + 4], "big")
             data = marker == _SCAN
 
 
-FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of segments that hold the image's size
+FRAMES = frozenset(range(0xC0, 0xD0)) - {
+    0xC4,
+    0xC8,
+    0xCC,
+}  # markers of segments that hold the image's size
 PNG = b"\x89PNG\r\n\x1a\n"
 
 

@@ -15,7 +15,13 @@ import shutil
 import subprocess
 import sys
 from functools import cache, lru_cache
-from importlib.metadata import EntryPoints, PackageNotFoundError, distribution as metadata_of, metadata, version
+from importlib.metadata import (
+    EntryPoints,
+    PackageNotFoundError,
+    distribution as metadata_of,
+    metadata,
+    version,
+)
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -43,7 +49,9 @@ def installed_version() -> str:
 
 def entry_points(**wanted: str) -> EntryPoints:
     """Return those of the installed packages; the files of all (15 ms) are read again after an installation only."""
-    folders = tuple((folder, os.stat(folder).st_mtime_ns) for folder in sys.path if os.path.exists(folder))
+    folders = tuple(
+        (folder, os.stat(folder).st_mtime_ns) for folder in sys.path if os.path.exists(folder)
+    )
     found: EntryPoints = _read_entry_points(folders).select(**wanted)
     return found
 
@@ -106,7 +114,13 @@ def commit_here() -> str:
 
 
 def _git(*arguments: str) -> str:
-    command = ["git", "--no-optional-locks", "-C", str(_POMONA), *arguments]  # reading must not lock the repository
+    command = [
+        "git",
+        "--no-optional-locks",
+        "-C",
+        str(_POMONA),
+        *arguments,
+    ]  # reading must not lock the repository
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10.0)
     except (OSError, subprocess.SubprocessError):
@@ -168,7 +182,9 @@ def need(module: str, extra: str, what: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise UsageError(f"{what} needs the extra '{extra}': {install_extra(extra)} ({error})") from error
+        raise UsageError(
+            f"{what} needs the extra '{extra}': {install_extra(extra)} ({error})"
+        ) from error
 
 
 def remedy(module: str) -> str:
@@ -176,4 +192,6 @@ def remedy(module: str) -> str:
     extra = _EXTRA_OF.get(module.partition(".")[0], "")
     if extra in (metadata(distribution()).get_all("Provides-Extra") or ()):
         return install_extra(extra)
-    return "pomona doctor" if distribution() == WHOLE else reinstall(distribution(), requirements=True)
+    return (
+        "pomona doctor" if distribution() == WHOLE else reinstall(distribution(), requirements=True)
+    )

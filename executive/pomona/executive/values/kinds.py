@@ -28,7 +28,10 @@ T = TypeVar("T")
 Schema = dict[str, Any]
 
 _WHOLE = re.compile(r"\s*[-+]?\d{1,18}(\.0*)?\s*", re.ASCII)
-OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}  # a scalar with a placeholder for an option
+OPTION: Schema = {
+    "type": "string",
+    "pattern": r"\{[^{}]+\}",
+}  # a scalar with a placeholder for an option
 
 
 class Kind(ABC, Generic[T]):
@@ -64,16 +67,22 @@ class ScalarKind(Kind[T]):
         try:
             return self.parse(text)
         except Unfit as error:
-            raise argparse.ArgumentTypeError("; ".join(filter(None, (error.message, error.hint)))) from None
+            raise argparse.ArgumentTypeError(
+                "; ".join(filter(None, (error.message, error.hint)))
+            ) from None
 
     def read(self, node: YamlNode, reader: Reader) -> T:
         found = reader.filled(node)
         if not isinstance(found, YamlScalar):
-            raise reader.refuse(found, f"{reader.title} must be {self.words}, not {shape_of(found)}", code="shape")
+            raise reader.refuse(
+                found, f"{reader.title} must be {self.words}, not {shape_of(found)}", code="shape"
+            )
         try:
             return self.parse(found.text)
         except Unfit as error:
-            raise reader.refuse(found, f"{reader.title}: {error.message}", error.hint, error.code) from None
+            raise reader.refuse(
+                found, f"{reader.title}: {error.message}", error.hint, error.code
+            ) from None
 
     def schema(self, options: bool = False) -> Schema:
         plain = self.plain_schema()
@@ -96,9 +105,13 @@ class Text(ScalarKind[str]):
 
     def plain_schema(self) -> Schema:
         if self.choices:
-            numbers = [int(choice) for choice in self.choices if choice.isdecimal()]  # so YAML reads them unquoted
+            numbers = [
+                int(choice) for choice in self.choices if choice.isdecimal()
+            ]  # so YAML reads them unquoted
             return {"enum": [*self.choices, *numbers]}
-        return {"type": ["string", "number", "boolean"]} | ({"pattern": f"^{self.pattern}$"} if self.pattern else {})
+        return {"type": ["string", "number", "boolean"]} | (
+            {"pattern": f"^{self.pattern}$"} if self.pattern else {}
+        )
 
 
 class Flag(ScalarKind[bool]):
@@ -131,7 +144,9 @@ class Number(ScalarKind[float]):
     def within(self, value: float, text: str) -> float:
         """Return the value if it lies in the range; raise Unfit otherwise."""
         if not is_within(value, self.low, self.high):
-            raise Unfit(f"it is {text.strip()}, but must be {between(self.low, self.high)}", code="range")
+            raise Unfit(
+                f"it is {text.strip()}, but must be {between(self.low, self.high)}", code="range"
+            )
         return value
 
     def plain_schema(self) -> Schema:
@@ -171,7 +186,13 @@ class Measure(ScalarKind[float]):
             raise Unfit(str(error)) from None
         if not is_within(value, self.low, self.high):
             low, high = self._ends
-            limits = f"between {low} and {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+            limits = (
+                f"between {low} and {high}"
+                if low and high
+                else f"at least {low}"
+                if low
+                else f"at most {high}"
+            )
             raise Unfit(f"it is {text.strip()}, but must be {limits}", code="range")
         return value
 
@@ -192,7 +213,9 @@ class Span(ScalarKind[tuple[float, float]]):
 
     def _ordered(self, low: float, high: float) -> tuple[float, float]:
         if low > high:
-            raise Unfit(f"it is a range from {low:g} down to {high:g}", "write the smaller end first")
+            raise Unfit(
+                f"it is a range from {low:g} down to {high:g}", "write the smaller end first"
+            )
         return low, high
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[float, float]:
@@ -207,7 +230,9 @@ class Span(ScalarKind[tuple[float, float]]):
     def plain_schema(self) -> Schema:
         ends = self.of.plain_schema()
         text: Schema = {"type": "string", "pattern": r"\.\."}
-        return {"anyOf": [ends, text, {"type": "array", "items": ends, "minItems": 2, "maxItems": 2}]}
+        return {
+            "anyOf": [ends, text, {"type": "array", "items": ends, "minItems": 2, "maxItems": 2}]
+        }
 
 
 class Row(Kind[tuple[float, ...]]):
@@ -229,7 +254,10 @@ class Row(Kind[tuple[float, ...]]):
             texts: list[tuple[YamlNode, str]] = [(found, f"{number} {unit}") for number in numbers]
         elif isinstance(found, YamlList) and self.size in (None, len(found.items)) and found.items:
             items = [reader.filled(item) for item in found.items]
-            texts = [(item, item.text if isinstance(item, YamlScalar) else shape_of(item)) for item in items]
+            texts = [
+                (item, item.text if isinstance(item, YamlScalar) else shape_of(item))
+                for item in items
+            ]
         else:
             raise self._refused(found, reader)
         values = []
@@ -237,15 +265,23 @@ class Row(Kind[tuple[float, ...]]):
             try:
                 values.append(self.of.parse(text))
             except Unfit as error:
-                raise reader.refuse(at, f"{reader.title}: {error.message}", error.hint, error.code) from None
+                raise reader.refuse(
+                    at, f"{reader.title}: {error.message}", error.hint, error.code
+                ) from None
         return tuple(values)
 
     def _refused(self, node: YamlNode, reader: Reader) -> Refused:
-        hint = f"write [a, b, …], or 'a b … {self.of.quantity.si_unit}'" if isinstance(self.of, Measure) else ""
+        hint = (
+            f"write [a, b, …], or 'a b … {self.of.quantity.si_unit}'"
+            if isinstance(self.of, Measure)
+            else ""
+        )
         return reader.refuse(node, f"{reader.title} must be {self.words}", hint, "shape")
 
     def schema(self, options: bool = False) -> Schema:
-        rows: list[Schema] = [{"type": "array", "items": self.of.schema(options), "minItems": self.size or 1}]
+        rows: list[Schema] = [
+            {"type": "array", "items": self.of.schema(options), "minItems": self.size or 1}
+        ]
         if self.size is not None:
             rows[0]["maxItems"] = self.size
         if isinstance(self.of, Measure):
@@ -268,7 +304,12 @@ class Counts(Kind[tuple[int, ...]]):
         return tuple(read_each(self.of, [(item, reader) for item in found.items]))
 
     def schema(self, options: bool = False) -> Schema:
-        return {"type": "array", "items": self.of.schema(options), "minItems": self.size, "maxItems": self.size}
+        return {
+            "type": "array",
+            "items": self.of.schema(options),
+            "minItems": self.size,
+            "maxItems": self.size,
+        }
 
 
 class OrWord(ScalarKind[Any]):
@@ -281,7 +322,9 @@ class OrWord(ScalarKind[Any]):
         return None if text.strip() == self.word else self.of.parse(text)
 
     def read(self, node: YamlNode, reader: Reader) -> Any:
-        return self.of.read(node, reader) if isinstance(node, YamlList) else super().read(node, reader)
+        return (
+            self.of.read(node, reader) if isinstance(node, YamlList) else super().read(node, reader)
+        )
 
     def plain_schema(self) -> Schema:
         return {"anyOf": [{"const": self.word}, self.of.plain_schema()]}
@@ -307,7 +350,11 @@ class PathTo(ScalarKind[Path]):
         except (OSError, RuntimeError, ValueError):
             path, there = given, False
         if not there:
-            words = f"{reader.title}: {path} does not exist" if not exists(path) else f"{path} is not a {self.what}"
+            words = (
+                f"{reader.title}: {path} does not exist"
+                if not exists(path)
+                else f"{path} is not a {self.what}"
+            )
             raise reader.refuse(reader.filled(node), words, self.hint, "file")
         return path.resolve()
 
@@ -337,15 +384,28 @@ class Words(Kind[tuple[str, ...]]):
         known = set[str]()
         for at, word in given:
             if self.choices and word not in self.choices:
-                raise reader.refuse(at, f"{reader.title}: there is no '{word}'", choose(word, self.choices))
+                raise reader.refuse(
+                    at, f"{reader.title}: there is no '{word}'", choose(word, self.choices)
+                )
             if self.once and word in known:
-                raise reader.refuse(at, f"{reader.title}: '{word}' is given twice", code="duplicate")
+                raise reader.refuse(
+                    at, f"{reader.title}: '{word}' is given twice", code="duplicate"
+                )
             known.add(word)
         return tuple(word for _, word in given)
 
     def schema(self, options: bool = False) -> Schema:
-        word: Schema = {"enum": list(self.choices)} if self.choices else {"type": ["string", "number", "boolean"]}
-        return {"anyOf": [{"type": "string"}, {"type": "array", "items": word, "uniqueItems": self.once}]}
+        word: Schema = (
+            {"enum": list(self.choices)}
+            if self.choices
+            else {"type": ["string", "number", "boolean"]}
+        )
+        return {
+            "anyOf": [
+                {"type": "string"},
+                {"type": "array", "items": word, "uniqueItems": self.once},
+            ]
+        }
 
 
 class AsWritten(Kind[YamlScalar]):
@@ -356,7 +416,9 @@ class AsWritten(Kind[YamlScalar]):
     def read(self, node: YamlNode, reader: Reader) -> YamlScalar:
         found = reader.filled(node)
         if not isinstance(found, YamlScalar) or found.is_null:
-            raise reader.refuse(found, f"{reader.title} must be {self.words}, not {shape_of(found)}", code="shape")
+            raise reader.refuse(
+                found, f"{reader.title} must be {self.words}, not {shape_of(found)}", code="shape"
+            )
         return found
 
     def schema(self, options: bool = False) -> Schema:
@@ -371,8 +433,12 @@ class ListOf(Kind[tuple[T, ...]]):
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[T, ...]:
         if not isinstance(node, YamlList):
-            raise reader.refuse(node, f"{reader.title} must be {self.words}, not {shape_of(node)}", code="shape")
-        each = [(item, reader.inside(str(number))) for number, item in enumerate(node.items, start=1)]
+            raise reader.refuse(
+                node, f"{reader.title} must be {self.words}, not {shape_of(node)}", code="shape"
+            )
+        each = [
+            (item, reader.inside(str(number))) for number, item in enumerate(node.items, start=1)
+        ]
         return tuple(read_each(self.of, each))
 
     def schema(self, options: bool = False) -> Schema:
@@ -390,7 +456,9 @@ class MappingOf(Kind[Mapping[str, T]]):
         if isinstance(node, YamlScalar) and node.is_null:
             return {}
         if not isinstance(node, YamlMapping):
-            raise reader.refuse(node, f"{reader.title} must be a mapping, not {shape_of(node)}", code="shape")
+            raise reader.refuse(
+                node, f"{reader.title} must be a mapping, not {shape_of(node)}", code="shape"
+            )
         entries = list(node.entries.values())
         values = read_each(self.of, [(value, reader.inside(key.text)) for key, value in entries])
         return dict(zip(node.entries, values, strict=True))
@@ -447,5 +515,7 @@ def escaped(text: str) -> str:
 def bounds_schema(low: float | None, high: float | None) -> Schema:
     """Limits of a number; one that is infinite or None is none."""
     return {
-        key: bound for key, bound in (("minimum", low), ("maximum", high)) if bound is not None and math.isfinite(bound)
+        key: bound
+        for key, bound in (("minimum", low), ("maximum", high))
+        if bound is not None and math.isfinite(bound)
     }

@@ -14,7 +14,9 @@ MOST_BYTES = {".stl": 64_000_000, ".obj": 32_000_000, ".ply": 16_000_000}
 MOST_TRIANGLES = 200_000  # a scan of a fruit has 20 000
 MOST_LINES = 1_500_000  # an STL file of `MOST_TRIANGLES` in text has seven for each
 LONGEST_LINE = 4096  # of a file in text: longer ones hold faces of hundreds of corners [byte]
-MOST_NUMBERS = 3_000_000  # in text: an OBJ file of `MOST_TRIANGLES` without common corners holds 2.4 million
+MOST_NUMBERS = (
+    3_000_000  # in text: an OBJ file of `MOST_TRIANGLES` without common corners holds 2.4 million
+)
 _HEADER = 4096  # a PLY file's header ends within these bytes
 
 SUFFIXES = tuple(MOST_BYTES)
@@ -41,7 +43,13 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     except Exception as error:  # trimesh's readers may raise any exception
         words = " ".join(str(error).strip().strip("'").split())[:200] or type(error).__name__
         raise UnreadableMeshError(f"is no mesh that can be read ({words})") from error
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+    if (
+        vertices.ndim != 2
+        or vertices.shape[1] != 3
+        or faces.ndim != 2
+        or faces.shape[1] != 3
+        or not len(faces)
+    ):
         raise UnreadableMeshError("is empty: it holds no triangles")
     _bound(len(faces), MOST_TRIANGLES, "triangles")
     _bound(len(vertices), 3 * MOST_TRIANGLES, "vertices")
@@ -54,14 +62,22 @@ def _judge(path: Path) -> None:
     """Judge a file's name, its size, and the counts in it, without a library."""
     size, suffix = path.stat().st_size, path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise UnreadableMeshError(f"is none of {', '.join(SUFFIXES)}: export it in one of these formats")
+        raise UnreadableMeshError(
+            f"is none of {', '.join(SUFFIXES)}: export it in one of these formats"
+        )
     if not path.is_file():
         raise UnreadableMeshError("is not a file")
     most = MOST_BYTES[suffix]
     if size > most:
-        raise UnreadableMeshError(f"has {size / 1e6:.0f} MB, {most / 1e6:.0f} MB are read at most: {SIMPLIFY}")
+        raise UnreadableMeshError(
+            f"has {size / 1e6:.0f} MB, {most / 1e6:.0f} MB are read at most: {SIMPLIFY}"
+        )
     content = path.read_bytes()
-    if suffix == ".stl" and len(content) >= 84 and len(content) == 84 + 50 * struct.unpack_from("<L", content, 80)[0]:
+    if (
+        suffix == ".stl"
+        and len(content) >= 84
+        and len(content) == 84 + 50 * struct.unpack_from("<L", content, 80)[0]
+    ):
         _bound(len(content) // 50, MOST_TRIANGLES, "triangles")
     elif suffix == ".ply" and _ply_is_binary(content):
         return
@@ -78,14 +94,18 @@ def _ply_is_binary(content: bytes) -> bool:
     """Judge the counts in a PLY file's header; return True if its values are not in text."""
     header, end, _ = content[:_HEADER].partition(b"end_header")
     if not end:
-        raise UnreadableMeshError(f"is no mesh that can be read (no PLY header ends within {_HEADER} bytes)")
+        raise UnreadableMeshError(
+            f"is no mesh that can be read (no PLY header ends within {_HEADER} bytes)"
+        )
     for line in header.splitlines():
         words = line.split()
         if len(words) == 3 and words[0] == b"element":
             if not words[2].isdigit() or len(words[2]) > 12:
                 raise UnreadableMeshError("is no mesh that can be read (its header counts nothing)")
             most = MOST_TRIANGLES if words[1] == b"face" else 3 * MOST_TRIANGLES
-            _bound(int(words[2]), most, "triangles" if words[1] == b"face" else "elements of one kind")
+            _bound(
+                int(words[2]), most, "triangles" if words[1] == b"face" else "elements of one kind"
+            )
     return b"format ascii" not in header
 
 

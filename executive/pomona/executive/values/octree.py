@@ -27,11 +27,17 @@ def octree(cells: Int64, codes: UInt8) -> tuple[bytes, int]:
     """
     keys = cells + 2 ** (LEVELS - 1)
     if len(keys) and (keys.min() < 0 or keys.max() >= 2**LEVELS):
-        raise ValueError(f"cells beyond {2 ** (LEVELS - 1)} from the origin are more than OctoMap can number")
+        raise ValueError(
+            f"cells beyond {2 ** (LEVELS - 1)} from the origin are more than OctoMap can number"
+        )
     levels: list[tuple[Int64, UInt8]] = []
     for _ in range(LEVELS if len(keys) else 0):
         parents, children = _parents(keys, codes)
-        inner = ~((children == children[:, :1]).all(axis=1) & (children[:, 0] != INNER) & (children[:, 0] != 0))
+        inner = ~(
+            (children == children[:, :1]).all(axis=1)
+            & (children[:, 0] != INNER)
+            & (children[:, 0] != 0)
+        )
         levels.append((parents[inner], children[inner]))
         keys, codes = parents, np.where(inner, INNER, children[:, 0]).astype(np.uint8)
     nodes = int(bool(len(keys))) + sum(int(np.count_nonzero(children)) for _, children in levels)
@@ -51,7 +57,10 @@ def _depth_first(levels: list[tuple[Int64, UInt8]]) -> bytes:
     if not levels:
         return b""
     rows = [{tuple(key): row for row, key in enumerate(keys.tolist())} for keys, _ in levels]
-    packed = [(children.astype(np.uint16) << (2 * np.arange(8, dtype=np.uint16))).sum(axis=1) for _, children in levels]
+    packed = [
+        (children.astype(np.uint16) << (2 * np.arange(8, dtype=np.uint16))).sum(axis=1)
+        for _, children in levels
+    ]
     written = bytearray()
     stack = [(0, (0, 0, 0))]
     while stack:
@@ -59,5 +68,10 @@ def _depth_first(levels: list[tuple[Int64, UInt8]]) -> bytes:
         row = rows[depth][key]
         written += int(packed[depth][row]).to_bytes(2, "little")
         for c in np.flatnonzero(levels[depth][1][row] == INNER)[::-1].tolist():
-            stack.append((depth + 1, (2 * key[0] + (c & 1), 2 * key[1] + (c >> 1 & 1), 2 * key[2] + (c >> 2))))
+            stack.append(
+                (
+                    depth + 1,
+                    (2 * key[0] + (c & 1), 2 * key[1] + (c >> 1 & 1), 2 * key[2] + (c >> 2)),
+                )
+            )
     return bytes(written)

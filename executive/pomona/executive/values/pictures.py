@@ -21,14 +21,31 @@ from pomona.executive.values.image_bytes import is_cut_off, size_of_image
 ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".heic", ".heif", ".avif")
 """Endings of files that are taken for pictures in a folder; one that cannot be decoded is named, not left out."""
 
-MOST_PIXELS = 250_000_000  # of a picture that is decoded [px]: 0.75 GB; the largest photographs have 0.15e9
+MOST_PIXELS = (
+    250_000_000  # of a picture that is decoded [px]: 0.75 GB; the largest photographs have 0.15e9
+)
 MOST_BYTES = 1 << 30  # of a file [bytes]: an uncompressed picture of `MOST_PIXELS`
-DARK = 4096  # values of 16 bits that all lie below are the 12 bits of a sensor, and black as a picture
+DARK = (
+    4096  # values of 16 bits that all lie below are the 12 bits of a sensor, and black as a picture
+)
 
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"
-_FTYP = {b"heic": "HEIC", b"heix": "HEIC", b"hevc": "HEIC", b"mif1": "HEIC", b"msf1": "HEIC", b"avif": "AVIF"}
-_EXIF, _TIFF = (b"Exif", b"eXIf", b"EXIF", b"exif"), (b"II*", b"MM\0*")  # marks of data in which a turn may stand
-_ORIENTATION, _UPRIGHT = 0x0112, 1  # tag of Exif, and its value for pixels that are stored as they are seen
+_FTYP = {
+    b"heic": "HEIC",
+    b"heix": "HEIC",
+    b"hevc": "HEIC",
+    b"mif1": "HEIC",
+    b"msf1": "HEIC",
+    b"avif": "AVIF",
+}
+_EXIF, _TIFF = (
+    (b"Exif", b"eXIf", b"EXIF", b"exif"),
+    (b"II*", b"MM\0*"),
+)  # marks of data in which a turn may stand
+_ORIENTATION, _UPRIGHT = (
+    0x0112,
+    1,
+)  # tag of Exif, and its value for pixels that are stored as they are seen
 
 
 class UnusablePicture(ValueError):
@@ -117,21 +134,31 @@ def _decoded(content: bytes, flags: int) -> NDArray[Any]:
     if not content:
         raise UnusablePicture("cannot be read as a picture: it is empty")
     if is_lfs_pointer(content):
-        raise UnusablePicture("cannot be read as a picture: it is a pointer of Git LFS; `git lfs pull` fetches it")
+        raise UnusablePicture(
+            "cannot be read as a picture: it is a pointer of Git LFS; `git lfs pull` fetches it"
+        )
     if is_cut_off(content):
         raise UnusablePicture("cannot be read as a picture: its end is missing")
     width, height, count = _header(content)
     if width * height > MOST_PIXELS:
-        raise UnusablePicture(f"cannot be read as a picture: {width} × {height} px are more than {MOST_PIXELS:.3g} px")
+        raise UnusablePicture(
+            f"cannot be read as a picture: {width} × {height} px are more than {MOST_PIXELS:.3g} px"
+        )
     if count > 1:
-        raise UnusablePicture(f"holds {count} pictures: store each that is wanted in a file of its own")
+        raise UnusablePicture(
+            f"holds {count} pictures: store each that is wanted in a file of its own"
+        )
     try:
         image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except (cv2.error, MemoryError):  # a header with a size beyond any memory
         image = None
     if image is None:
         kind = _FTYP.get(content[8:12], "") if content[4:8] == b"ftyp" else ""
-        why = f"it is {kind}: convert it to JPEG or PNG" if kind else "it is not one, or it is truncated"
+        why = (
+            f"it is {kind}: convert it to JPEG or PNG"
+            if kind
+            else "it is not one, or it is truncated"
+        )
         raise UnusablePicture(f"cannot be read as a picture: {why}")
     return image
 
@@ -143,7 +170,9 @@ def _header(content: bytes) -> tuple[int, int, int]:
         return width, height, 1
     try:
         with Image.open(io.BytesIO(content)) as header:
-            return *header.size, sum(_is_picture(header, k) for k in range(getattr(header, "n_frames", 1)))
+            return *header.size, sum(
+                _is_picture(header, k) for k in range(getattr(header, "n_frames", 1))
+            )
     except Image.DecompressionBombError:
         return MOST_PIXELS, MOST_PIXELS, 1
     except Exception:  # Pillow's readers may raise any exception; OpenCV decides
@@ -152,7 +181,9 @@ def _header(content: bytes) -> tuple[int, int, int]:
 
 def _is_picture(header: Any, frame: int) -> bool:
     header.seek(frame)
-    return not getattr(header, "tag_v2", {}).get(254, 0) & 0b101  # in a TIFF: a preview, or a mask of another page
+    return (
+        not getattr(header, "tag_v2", {}).get(254, 0) & 0b101
+    )  # in a TIFF: a preview, or a mask of another page
 
 
 def _orientation(content: bytes) -> int:

@@ -7,7 +7,9 @@ import errno
 from collections.abc import Sequence
 from pathlib import Path
 
-MOST_BYTES = 16 * 1024 * 1024  # of a file: four for each character of a Groot2 project of 4 Mi characters
+MOST_BYTES = (
+    16 * 1024 * 1024
+)  # of a file: four for each character of a Groot2 project of 4 Mi characters
 
 
 class NotUtf8Error(UnicodeDecodeError):
@@ -15,7 +17,9 @@ class NotUtf8Error(UnicodeDecodeError):
 
     def __str__(self) -> str:
         utf_16 = self.object.startswith((b"\xff\xfe", b"\xfe\xff"))
-        return f"{'it is UTF-16' if utf_16 else f'byte {self.start} is not UTF-8'}; save it as UTF-8"
+        return (
+            f"{'it is UTF-16' if utf_16 else f'byte {self.start} is not UTF-8'}; save it as UTF-8"
+        )
 
 
 def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
@@ -27,7 +31,9 @@ def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
         ValueError: the path holds a character that no path may.
     """
     if path.exists() and not path.is_file():
-        raise OSError(*((errno.EISDIR, "Is a directory") if path.is_dir() else (errno.EINVAL, "Not a file")))
+        raise OSError(
+            *((errno.EISDIR, "Is a directory") if path.is_dir() else (errno.EINVAL, "Not a file"))
+        )
     with path.open(encoding="utf-8-sig") as stream:
         if path.stat().st_size > most:
             raise OSError(errno.EFBIG, f"Larger than {most // 1024} KiB")
@@ -41,7 +47,9 @@ class NoTableError(ValueError):
     """The file is no table, or not the one that is needed; the text holds the reason."""
 
 
-def read_table(path: Path, needed: Sequence[str], most: int = MOST_BYTES) -> list[tuple[int, dict[str, str]]]:
+def read_table(
+    path: Path, needed: Sequence[str], most: int = MOST_BYTES
+) -> list[tuple[int, dict[str, str]]]:
     """Return the rows of a table of comma-separated values, each with the number of its line.
 
     Raises NoTableError: it cannot be read, or a needed column is missing or there twice.
@@ -56,7 +64,9 @@ def read_table(path: Path, needed: Sequence[str], most: int = MOST_BYTES) -> lis
     columns = reader.fieldnames or []
     missing = [name for name in needed if name not in columns]
     if missing and len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
-        raise NoTableError("its columns are not parted by commas: save it with commas, and numbers with a point")
+        raise NoTableError(
+            "its columns are not parted by commas: save it with commas, and numbers with a point"
+        )
     if missing:
         raise NoTableError(f"has no column {', '.join(missing)}")
     twice = [name for name in needed if columns.count(name) > 1]

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-WORDS = {signal.SIGINT: "interrupted from the keyboard", signal.SIGTERM: "the process was terminated (SIGTERM)"}
+WORDS = {
+    signal.SIGINT: "interrupted from the keyboard",
+    signal.SIGTERM: "the process was terminated (SIGTERM)",
+}
 if hasattr(signal, "SIGHUP"):  # Windows has none
     WORDS[signal.SIGHUP] = "the terminal was closed (SIGHUP)"
 """Description of each signal in messages."""

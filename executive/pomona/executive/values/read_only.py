@@ -25,7 +25,9 @@ LARGE = 65_536
 owner. A copy of less takes some microseconds."""
 
 
-_AS_THEY_ARE = frozenset((float, int, bool, str, type(None)))  # the most frequent types, found without base classes
+_AS_THEY_ARE = frozenset(
+    (float, int, bool, str, type(None))
+)  # the most frequent types, found without base classes
 
 
 def read_only(value: Any) -> Any:
@@ -96,7 +98,9 @@ def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         array.setflags(write=False)
         return array
     owner: Any = array.base
-    if isinstance(owner, bytes) and not array.flags.writeable:  # pickle gives writable arrays over bytes
+    if (
+        isinstance(owner, bytes) and not array.flags.writeable
+    ):  # pickle gives writable arrays over bytes
         return array
     import numpy as np
 
@@ -128,7 +132,10 @@ class ReadOnly:
                 object.__setattr__(self, name, kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _anew, (type(self), {name: _picklable(getattr(self, name)) for name in _names(type(self))})
+        return _anew, (
+            type(self),
+            {name: _picklable(getattr(self, name)) for name in _names(type(self))},
+        )
 
 
 def _anew(kind: Any, values: Mapping[str, Any]) -> Any:

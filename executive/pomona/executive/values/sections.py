@@ -19,7 +19,15 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkabl
 
 from pomona.executive.values.findings import Located, did_you_mean
 from pomona.executive.values.kinds import Kind, ScalarKind, Schema
-from pomona.executive.values.yaml_nodes import Reader, Refused, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
+from pomona.executive.values.yaml_nodes import (
+    Reader,
+    Refused,
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    shape_of,
+)
 
 S = TypeVar("S")
 _KIND = "kind"
@@ -81,7 +89,9 @@ def declared(section: type) -> Iterator[DeclaredValue]:
         if _KIND in field.metadata:
             meta = field.metadata
             default = None if meta["default"] is _REQUIRED else meta["default"]
-            yield DeclaredValue(field.name, meta[_KIND], meta["help"], meta["default"] is _REQUIRED, default)
+            yield DeclaredValue(
+                field.name, meta[_KIND], meta["help"], meta["default"] is _REQUIRED, default
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +105,9 @@ class Placed(Generic[S]):
     def refuse(self, problem: Problem) -> Refused | None:
         """Make a finding at a value's place, or at the section when it was not written; a warning refuses nothing."""
         if problem.warning:
-            self.reader.findings.warning(self.place(problem.key), "value", self._titled(problem), problem.hint)
+            self.reader.findings.warning(
+                self.place(problem.key), "value", self._titled(problem), problem.hint
+            )
             return None
         return self.reader.refuse(self.place(problem.key), self._titled(problem), problem.hint)
 
@@ -134,7 +146,9 @@ class Section(Kind[S]):
         """
         what = reader.title or "the file"
         if not isinstance(node, YamlMapping):
-            raise reader.refuse(node, f"{what} must be a mapping, not {shape_of(node)}", code="shape")
+            raise reader.refuse(
+                node, f"{what} must be a mapping, not {shape_of(node)}", code="shape"
+            )
         known = {entry.name: entry for entry in declared(self.of)}
         refused = self._unknown(node, reader, (*known, *self.ignore), what)
         given: dict[str, Any] = {}
@@ -145,7 +159,9 @@ class Section(Kind[S]):
                     if entry.required and node.lacking:
                         raise Refused(name)
                     if entry.required:
-                        raise reader.refuse(written or node, f"{what} needs '{name}'", entry.help, "missing-key")
+                        raise reader.refuse(
+                            written or node, f"{what} needs '{name}'", entry.help, "missing-key"
+                        )
                 else:
                     given[name] = entry.kind.read(written, reader.inside(name))
             except Refused as error:
@@ -159,12 +175,19 @@ class Section(Kind[S]):
             raise refused
         return placed
 
-    def _unknown(self, node: YamlMapping, reader: Reader, known: tuple[str, ...], what: str) -> Refused | None:
+    def _unknown(
+        self, node: YamlMapping, reader: Reader, known: tuple[str, ...], what: str
+    ) -> Refused | None:
         refused = None
         for key, _ in node.entries.values():
             if key.text not in known:
-                hint = did_you_mean(key.text, known) or f"{what} has {', '.join(known) or 'no settings'}"
-                refused = reader.refuse(key, f"{what} has no setting '{key.text}'", hint, "unknown-key")
+                hint = (
+                    did_you_mean(key.text, known)
+                    or f"{what} has {', '.join(known) or 'no settings'}"
+                )
+                refused = reader.refuse(
+                    key, f"{what} has no setting '{key.text}'", hint, "unknown-key"
+                )
         return refused
 
     def schema(self, options: bool = False) -> Schema:
@@ -193,7 +216,11 @@ def _is_null(node: YamlNode) -> bool:
 
 def _plain(default: Any) -> Any:
     if dataclasses.is_dataclass(default):
-        return {f.name: _plain(v) for f in dataclasses.fields(default) if (v := getattr(default, f.name)) is not None}
+        return {
+            f.name: _plain(v)
+            for f in dataclasses.fields(default)
+            if (v := getattr(default, f.name)) is not None
+        }
     if isinstance(default, tuple):
         return [_plain(item) for item in default]
     return dict(default) if isinstance(default, Mapping) else default

@@ -21,7 +21,9 @@ def sentence_of(error: BaseException) -> str:
         return f"{name}, which cannot be shown: {type(second).__name__}"
     if isinstance(error, MemoryError) and not text:
         return "MemoryError: there is no memory left"
-    if not text or isinstance(error, (LookupError, SystemExit)):  # 'mesh', list index out of range, 0
+    if not text or isinstance(
+        error, (LookupError, SystemExit)
+    ):  # 'mesh', list index out of range, 0
         return f"{name}: {text}" if text else name
     return text
 

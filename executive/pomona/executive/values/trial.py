@@ -15,12 +15,23 @@ from collections.abc import Sequence
 from pathlib import Path
 
 PROCESSOR_S = 4  # limit of a trial; the shipped networks take 0.5 s for loading and one picture [s]
-MEMORY = 512 << 20  # limit beyond that of the imported libraries; the shipped networks take 0.2 of it [byte]
+MEMORY = (
+    512 << 20
+)  # limit beyond that of the imported libraries; the shipped networks take 0.2 of it [byte]
 WALL_S = 120.0  # on a busy machine; it only ends a process that waits [s]
-_NO_MEMORY = ("bad_alloc", "bad alloc", "failed to allocate", "allocate memory", "memoryerror", "out of memory")
+_NO_MEMORY = (
+    "bad_alloc",
+    "bad alloc",
+    "failed to allocate",
+    "allocate memory",
+    "memoryerror",
+    "out of memory",
+)
 
 
-def trial(function: str, *arguments: str, memory: int = MEMORY, processor_s: int = PROCESSOR_S) -> str:
+def trial(
+    function: str, *arguments: str, memory: int = MEMORY, processor_s: int = PROCESSOR_S
+) -> str:
     """Return the reason why a trial failed, as the rest of a sentence about the file; an empty text if it succeeded.
 
     Args:
@@ -28,9 +39,20 @@ def trial(function: str, *arguments: str, memory: int = MEMORY, processor_s: int
         memory: limit beyond that of the function's module and its imports [byte].
         processor_s: limit of processor time after the imports [s].
     """
-    command = [sys.executable, "-P", "-m", __name__, function, str(memory), str(processor_s), *arguments]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        __name__,
+        function,
+        str(memory),
+        str(processor_s),
+        *arguments,
+    ]
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=WALL_S)
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=WALL_S
+        )
     except subprocess.TimeoutExpired:
         return f"was not read within {WALL_S:g} s"
     if done.returncode == 0:

@@ -34,7 +34,11 @@ def _scale(bound: float) -> float:
 
 def with_article(noun: str) -> str:
     """`a length`, `an angle`, `a number of pixels`."""
-    return "a number of pixels" if noun == "pixels" else f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+    return (
+        "a number of pixels"
+        if noun == "pixels"
+        else f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,11 @@ class Quantity:
         """
         written = split_unit(text)
         if written is None:
-            how = "a number or a percentage" if self.bare else f"a number and a unit, such as '1 {self.si_unit}'"
+            how = (
+                "a number or a percentage"
+                if self.bare
+                else f"a number and a unit, such as '1 {self.si_unit}'"
+            )
             if split_unit(text.replace(",", ".", 1)) is not None:
                 how = f"'{text.strip().replace(',', '.', 1)}', with a point"
             raise ValueError(f"'{text}' is not {with_article(self.name)}: write {how}")
@@ -87,9 +95,13 @@ class Quantity:
         if self.bare:
             return f"{value:.6g}"
         readable = [
-            (f"{value / size:.6g}", unit) for unit, size in self.units.items() if 1.0 <= abs(value) / size < 1000.0
+            (f"{value / size:.6g}", unit)
+            for unit, size in self.units.items()
+            if 1.0 <= abs(value) / size < 1000.0
         ]
-        number, unit = min(readable, key=lambda entry: len(entry[0]), default=(f"{value:.6g}", self.si_unit))
+        number, unit = min(
+            readable, key=lambda entry: len(entry[0]), default=(f"{value:.6g}", self.si_unit)
+        )
         return f"{number} {unit}"
 
 
@@ -97,7 +109,9 @@ _DEGREE = math.pi / 180.0
 
 LENGTH = Quantity("length", {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6})
 ANGLE = Quantity("angle", {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE})
-TIME = Quantity("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}, most=1e10)  # 317 years
+TIME = Quantity(
+    "time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}, most=1e10
+)  # 317 years
 MASS = Quantity("mass", {"kg": 1.0, "g": 1e-3})
 FORCE = Quantity("force", {"N": 1.0, "mN": 1e-3})
 TORQUE = Quantity("torque", {"N·m": 1.0, "Nm": 1.0, "N·mm": 1e-3, "Nmm": 1e-3})

@@ -10,7 +10,9 @@ from pomona.executive.values.findings import Edit, Findings, Source, Spot
 
 MAX_DEPTH = 80  # levels of lists and mappings in one file
 TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
-_FLOW = re.compile(r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]""")
+_FLOW = re.compile(
+    r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]"""
+)
 """A quoted scalar (closed or not), a comment, or a bracket of a flow collection."""
 _CLOSING = {"{": "}", "[": "]"}
 _KEY = re.compile(r"""("[^"]*"|'[^']*'|[^\s\-"'#\[\]{}][^:#]*?)\s*:(?=\s|$)""")
@@ -26,7 +28,9 @@ class _Block(NamedTuple):
     name: str
 
 
-def report_unreadable(source: Source, error: Any, findings: Findings, modifiers: Collection[str] = ()) -> None:
+def report_unreadable(
+    source: Source, error: Any, findings: Findings, modifiers: Collection[str] = ()
+) -> None:
     """Report why a text is not YAML, from the parser's error with marks.
 
     `modifiers` are words that stand beside a node's type in this kind of file.
@@ -58,12 +62,19 @@ def report_unreadable(source: Source, error: Any, findings: Findings, modifiers:
             findings.error(spot, "yaml", message, edits=edits)
             return
     context = f"{error.context}, " if error.context else ""
-    hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
+    hint = (
+        'values with braces, colons or # stand in quotes: "{name}"'
+        if "{" in source.excerpt(line)
+        else ""
+    )
     problem = f"not YAML: {context}{error.problem or 'cannot be read'}"
     if _CURVED & set(source.excerpt(line)):
         problem, hint = "curved quotes do not quote in YAML", 'write straight ones: "{name}"'
     if source.text.startswith("%YAML:1.0"):
-        problem, hint = "this is a file of OpenCV's FileStorage, and no YAML", "name it intrinsics.yaml beside frames"
+        problem, hint = (
+            "this is a file of OpenCV's FileStorage, and no YAML",
+            "name it intrinsics.yaml beside frames",
+        )
     findings.error(Spot(source, line, column), "yaml", problem, hint)
 
 
@@ -87,7 +98,9 @@ def report_false_spaces(source: Source, findings: Findings) -> bool:
     """
     found, text_of = False, -1  # indentation of the key to which a text of several lines belongs
     plain_text = _FLOW.sub(lambda match: re.sub(r"[^\n\[\]{}]", " ", match[0]), source.text)
-    for line, (text, plain) in enumerate(zip(source.text.split("\n"), plain_text.split("\n"), strict=True), start=1):
+    for line, (text, plain) in enumerate(
+        zip(source.text.split("\n"), plain_text.split("\n"), strict=True), start=1
+    ):
         indentation = len(text) - len(text.lstrip(" "))
         if text.strip() and text_of >= 0 and indentation <= text_of:
             text_of = -1
@@ -98,7 +111,13 @@ def report_false_spaces(source: Source, findings: Findings) -> bool:
             sign, found = plain[places[0] - 1], True
             message = f"U+{ord(sign):04X} ({FALSE_SPACES[sign]}) is no space in YAML: put a space in its place"
             edits = [Edit(line, at, 1, "" if plain[at - 1] == "\u200b" else " ") for at in places]
-            findings.error(Spot(source, line, places[0]), "space", message, "in a text, put it in quotes", edits)
+            findings.error(
+                Spot(source, line, places[0]),
+                "space",
+                message,
+                "in a text, put it in quotes",
+                edits,
+            )
         if _BLOCK_SCALAR.search(text):
             text_of = indentation
     return found
@@ -115,8 +134,16 @@ def _unclosed_quote(source: Source, first: int, last: int) -> _Found | None:
             quote = match[0][0]
             if quote in "\"'" and (len(match[0]) == 1 or not match[0].endswith(quote)):
                 wire = _WIRE.match(match[0])
-                edits = [Edit(line, match.start() + wire.end() + 1, 0, quote)] if wire is not None else []
-                where = f"add {quote} behind {wire[0][1:]}" if wire is not None else "add one where the text ends"
+                edits = (
+                    [Edit(line, match.start() + wire.end() + 1, 0, quote)]
+                    if wire is not None
+                    else []
+                )
+                where = (
+                    f"add {quote} behind {wire[0][1:]}"
+                    if wire is not None
+                    else "add one where the text ends"
+                )
                 message = f"the {quote} that opens here is not closed: {where}"
                 return Spot(source, line, match.start() + 1, len(match[0])), message, edits
     return None
@@ -140,7 +167,11 @@ def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
         return None
     here = line == start + 1 and not text[:end].endswith(",")
     edits = [Edit(start, end + 1, 0, missing)] if here else []
-    where = f"add {missing} at the end of the line" if here else f"add {_CLOSING[bracket]} where it ends"
+    where = (
+        f"add {missing} at the end of the line"
+        if here
+        else f"add {_CLOSING[bracket]} where it ends"
+    )
     message = f"the {bracket} that opens here is not closed: {where}"
     return Spot(source, start, opened.column + 1), message, edits
 
@@ -150,7 +181,9 @@ def _comma_or_bracket(source: Source, problem: str, line: int, column: int) -> _
     text = source.excerpt(line)
     here, before = text[column - 1 : column], text[: column - 1].rstrip()
     if "expected ','" in problem:
-        word = re.search(r"\s(\w+)$", before) if here == ":" else re.match(r"\w+", text[column - 1 :])
+        word = (
+            re.search(r"\s(\w+)$", before) if here == ":" else re.match(r"\w+", text[column - 1 :])
+        )
         if word is None:
             return None
         at = word.start(1) if here == ":" else column - 1
@@ -177,7 +210,10 @@ def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found 
         if match[3] == ":":
             message, edit = f"a space is missing behind '{word}:'", Edit(number, at + 1, 0, " ")
         elif number == line or not match[3].strip():
-            message, edit = f"a colon is missing behind '{word}': write '{word}: …'", Edit(number, at, 0, ":")
+            message, edit = (
+                f"a colon is missing behind '{word}': write '{word}: …'",
+                Edit(number, at, 0, ":"),
+            )
         else:
             continue
         return Spot(source, number, match.start(2) + 1, len(word)), message, [edit]
@@ -188,7 +224,11 @@ def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found 
         return None
     start = text.index(value, key.end()) + 1
     message = f"the value of '{key[1]}' holds a colon: put it in quotes"
-    return Spot(source, line, start, len(value)), message, [Edit(line, start, len(value), f'"{value}"')]
+    return (
+        Spot(source, line, start, len(value)),
+        message,
+        [Edit(line, start, len(value), f'"{value}"')],
+    )
 
 
 def _item_among_keys(source: Source, line: int) -> _Found | None:
@@ -216,7 +256,9 @@ def _misplaced(source: Source, line: int, modifiers: Collection[str]) -> _Found 
         return None
     word = "this item" if key is None else f"'{key[1]}'"
     if key is not None and key[1] in modifiers:
-        blocks = [block for block in blocks if block.name[:1].isupper() or block.name not in modifiers] or blocks
+        blocks = [
+            block for block in blocks if block.name[:1].isupper() or block.name not in modifiers
+        ] or blocks
     nearest = min(abs(block.column - stands) for block in blocks)
     fits = [block for block in reversed(blocks) if abs(block.column - stands) == nearest]
     if nearest == 0:
@@ -256,7 +298,9 @@ def _open_blocks(source: Source, line: int) -> list[_Block]:
         if not content or content.startswith("#") or (verbatim and indent >= verbatim):
             continue
         verbatim, inside = 0, brackets > 0
-        brackets += sum({"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0) for match in _FLOW.finditer(text))
+        brackets += sum(
+            {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0) for match in _FLOW.finditer(text)
+        )
         if inside:
             continue
         at = indent
@@ -268,7 +312,11 @@ def _open_blocks(source: Source, line: int) -> list[_Block]:
             at += 1 + len(text[at + 1 :]) - len(text[at + 1 :].lstrip())
         key = _KEY.match(text, at)
         if key is not None:
-            blocks = [block for block in blocks if block.column < at + 1 or (block.is_list and block.column == at + 1)]
+            blocks = [
+                block
+                for block in blocks
+                if block.column < at + 1 or (block.is_list and block.column == at + 1)
+            ]
             blocks.append(_Block(at + 1, False, key[1].strip("\"'")))
         if _BLOCK_SCALAR.search(text):
             verbatim = indent + 1
@@ -277,7 +325,9 @@ def _open_blocks(source: Source, line: int) -> list[_Block]:
 
 def _line_before(source: Source, line: int) -> int:
     """Return the nearest line above that is not empty, or the line itself."""
-    return next((number for number in range(line - 1, 0, -1) if source.excerpt(number).strip()), line)
+    return next(
+        (number for number in range(line - 1, 0, -1) if source.excerpt(number).strip()), line
+    )
 
 
 def _too_deep_at(text: str) -> tuple[int, int] | None:

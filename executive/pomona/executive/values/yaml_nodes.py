@@ -14,7 +14,12 @@ from typing import Any
 import yaml
 
 from pomona.executive.values.findings import Edit, Findings, Located, Source, Spot, did_you_mean
-from pomona.executive.values.yaml_errors import MAX_DEPTH, TOO_DEEP, report_false_spaces, report_unreadable
+from pomona.executive.values.yaml_errors import (
+    MAX_DEPTH,
+    TOO_DEEP,
+    report_false_spaces,
+    report_unreadable,
+)
 
 MAX_CHARACTERS = 512 * 1024
 MAX_NODES = 100_000
@@ -107,9 +112,15 @@ def read_yaml(
     except yaml.MarkedYAMLError as error:
         report_unreadable(source, error, findings, modifiers)
     except (yaml.YAMLError, UnicodeError, ValueError) as error:
-        read = source.text.encode(errors="replace")[: getattr(error, "position", 0)].decode(errors="replace")
+        read = source.text.encode(errors="replace")[: getattr(error, "position", 0)].decode(
+            errors="replace"
+        )
         spot = Spot(source, read.count("\n") + 1, len(read) - read.rfind("\n"))
-        findings.error(spot, "yaml", f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}")
+        findings.error(
+            spot,
+            "yaml",
+            f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}",
+        )
     finally:
         if loader is not None:
             loader.dispose()
@@ -132,19 +143,30 @@ class Composer:
         event = get()
         if isinstance(event, yaml.StreamEndEvent):
             hint = "begin it with 'pomona: 1'" if self.what == "a tree file" else ""
-            self.findings.error(self._scalar_at(event), "empty", f"the file is empty, {self.what} is a mapping", hint)
+            self.findings.error(
+                self._scalar_at(event),
+                "empty",
+                f"the file is empty, {self.what} is a mapping",
+                hint,
+            )
             return None
         root = self.node(get(), 0)
         get()  # document end
         event = get()
         if not isinstance(event, yaml.StreamEndEvent):
-            self.findings.error(self._scalar_at(event), "yaml", f"{self.what} holds one document, here starts another")
+            self.findings.error(
+                self._scalar_at(event),
+                "yaml",
+                f"{self.what} holds one document, here starts another",
+            )
         self.find_comments(self.source.lines)
         return root
 
     def _scalar_at(self, event: Any) -> YamlScalar:
         start, end = event.start_mark, event.end_mark
-        return YamlScalar(self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, "", True)
+        return YamlScalar(
+            self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, "", True
+        )
 
     def _refuse(self, event: Any, code: str, message: str, hint: str = "") -> Unreadable:
         self.findings.error(self._scalar_at(event), code, message, hint)
@@ -161,9 +183,13 @@ class Composer:
             raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file")
         if kind is yaml.AliasEvent:
             message = f"YAML aliases (*) are not allowed in {self.what}"
-            raise self._refuse(event, "alias", message, "write the value again, or make it a constant or a subtree")
+            raise self._refuse(
+                event, "alias", message, "write the value again, or make it a constant or a subtree"
+            )
         if event.tag is not None and event.tag != "!":
-            raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in {self.what}")
+            raise self._refuse(
+                event, "tag", f"YAML tags ({event.tag}) are not allowed in {self.what}"
+            )
         if kind is _SCALAR:
             return self._scalar(event)
         self.count += 1
@@ -179,7 +205,9 @@ class Composer:
         self.count += 1
         start, end, plain = event.start_mark, event.end_mark, not event.style
         line, end_line = start.line + 1, end.line + 1
-        scalar = YamlScalar(self.source, line, start.column + 1, end_line, end.column + 1, event.value, plain)
+        scalar = YamlScalar(
+            self.source, line, start.column + 1, end_line, end.column + 1, event.value, plain
+        )
         if not plain or line != end_line:
             self.scalars.append(scalar)
         return scalar
@@ -201,7 +229,11 @@ class Composer:
                 self.findings.error(key, "key", "a key must be a word", hint)
             elif key.plain and _UNSPACED_ITEM.match(key.text):
                 alike = re.compile(rf" {{{key.column - 1}}}-[A-Za-z]")
-                lines = [n for n, text in enumerate(self.source.lines, 1) if n >= key.line and alike.match(text)]
+                lines = [
+                    n
+                    for n, text in enumerate(self.source.lines, 1)
+                    if n >= key.line and alike.match(text)
+                ]
                 edits = [Edit(line, key.column + 1, 0, " ") for line in lines]
                 self.findings.error(key, "yaml", "a space is missing behind '-'", edits=edits)
                 raise Unreadable
@@ -241,7 +273,11 @@ def written(node: YamlNode) -> str:
     if isinstance(node, YamlList):
         return f"[{', '.join(map(written, node.items))}]"
     assert isinstance(node, YamlMapping)
-    return "{" + ", ".join(f"{key.text}: {written(value)}" for key, value in node.entries.values()) + "}"
+    return (
+        "{"
+        + ", ".join(f"{key.text}: {written(value)}" for key, value in node.entries.values())
+        + "}"
+    )
 
 
 class ShapeCheck:
@@ -254,16 +290,22 @@ class ShapeCheck:
         """Return the node as a mapping; anything else is reported, and gives None."""
         if isinstance(node, YamlMapping):
             return node
-        self.findings.error(node, "shape", f"{what} is a mapping ('key: value'), this is {shape_of(node)}")
+        self.findings.error(
+            node, "shape", f"{what} is a mapping ('key: value'), this is {shape_of(node)}"
+        )
         return None
 
-    def entries(self, node: YamlNode | None, what: str, how: str) -> list[tuple[YamlScalar, YamlNode]]:
+    def entries(
+        self, node: YamlNode | None, what: str, how: str
+    ) -> list[tuple[YamlScalar, YamlNode]]:
         """Entries of a mapping that may be left out or empty."""
         if node is None or (isinstance(node, YamlScalar) and node.is_null):
             return []
         if isinstance(node, YamlMapping):
             return list(node.entries.values())
-        self.findings.error(node, "shape", f"{what} are a mapping, this is {shape_of(node)}", f"write {how}")
+        self.findings.error(
+            node, "shape", f"{what} are a mapping, this is {shape_of(node)}", f"write {how}"
+        )
         return []
 
     def text(self, node: YamlNode | None) -> YamlScalar | None:
@@ -312,7 +354,9 @@ class Reader:
 
     findings: Findings  # receives every error and warning
     title: str = ""  # of the value, for messages: `devices.arm.lead`
-    options: Mapping[str, YamlScalar] | None = None  # values of `{name}`, or None in files without options
+    options: Mapping[str, YamlScalar] | None = (
+        None  # values of `{name}`, or None in files without options
+    )
 
     def inside(self, key: str) -> Reader:
         """Return the reader of a value in this one."""

@@ -66,7 +66,9 @@ class Alerts:
             self._run, self._counted = event.run, False
         if not isinstance(event, RunEnded):
             return None
-        if self._counted and self._outcomes:  # it has ended otherwise than it seemed: its record was lost, for instance
+        if (
+            self._counted and self._outcomes
+        ):  # it has ended otherwise than it seemed: its record was lost, for instance
             self._outcomes.pop()
         self._counted = bool(self._run)
         leaf = event.reason
@@ -113,7 +115,9 @@ class Alerts:
 
     def _tell(self, body: bytes) -> None:
         problem: Exception | None = None
-        asked = urllib.request.Request(self._rule.address, body, {"content-type": "application/json"}, method="POST")
+        asked = urllib.request.Request(
+            self._rule.address, body, {"content-type": "application/json"}, method="POST"
+        )
         for _ in range(TRIES):
             try:
                 with _OPENER.open(asked, timeout=PATIENCE):  # http or https: the rule is judged
@@ -121,7 +125,11 @@ class Alerts:
             except HTTPError as error:
                 error.close()  # it holds the connection
                 problem = error
-            except (OSError, HTTPException, ValueError) as error:  # the answer may be no HTTP at all
+            except (
+                OSError,
+                HTTPException,
+                ValueError,
+            ) as error:  # the answer may be no HTTP at all
                 problem = error
         logger.warning("the alert was not taken by %s: %s", self._rule.address, problem)
 
@@ -146,5 +154,7 @@ def _unusable(address: str) -> str:
     if not usable:
         return "an address begins with http:// or https://, and names a host"
     return (
-        "" if address.isascii() and not re.search(r"[\s\x00-\x1f\x7f]", address) else "a blank or such a sign is in it"
+        ""
+        if address.isascii() and not re.search(r"[\s\x00-\x1f\x7f]", address)
+        else "a blank or such a sign is in it"
     )

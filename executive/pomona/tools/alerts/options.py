@@ -18,7 +18,9 @@ SHARE = Measure(RATIO, low="0 %", high="100 %")
 def add_alerts(parser: argparse.ArgumentParser) -> None:
     """Register the options."""
     parser.add_argument(
-        "--alert-to", metavar="URL", help="post a JSON object to URL when the success rate is below --alert-below"
+        "--alert-to",
+        metavar="URL",
+        help="post a JSON object to URL when the success rate is below --alert-below",
     )
     parser.add_argument(
         "--alert-below",
@@ -28,11 +30,17 @@ def add_alerts(parser: argparse.ArgumentParser) -> None:
         help="minimum success rate of the last runs (default: 80%%)",
     )
     parser.add_argument(
-        "--alert-over", type=int, default=20, metavar="N", help="number of last runs for the success rate (default: 20)"
+        "--alert-over",
+        type=int,
+        default=20,
+        metavar="N",
+        help="number of last runs for the success rate (default: 20)",
     )
 
 
-def alerts_of(options: argparse.Namespace, before: Iterable[tuple[bool, str]] = ()) -> Alerts | None:
+def alerts_of(
+    options: argparse.Namespace, before: Iterable[tuple[bool, str]] = ()
+) -> Alerts | None:
     """Return the alerts that the options request, or None. Raises UsageError: the options are inconsistent."""
     if options.alert_to is None:
         return None

@@ -57,7 +57,9 @@ class Approvals:
         """Return the requests, oldest first."""
         return requests_in(self._folder.records)
 
-    def ask(self, tree: str, cell: str, seed: int, settings: Mapping[str, str], reason: str, call: int) -> str:
+    def ask(
+        self, tree: str, cell: str, seed: int, settings: Mapping[str, str], reason: str, call: int
+    ) -> str:
         """Write a request with copies of the tree and the files that it calls; return its name.
 
         Args:
@@ -116,7 +118,9 @@ def _copy(document: Document, path: Path, place: Path) -> Path:
 
 
 def _patch(old: str, new: str, old_name: str, new_name: str) -> str:
-    lines = difflib.unified_diff(old.splitlines(), new.splitlines(), old_name, new_name, lineterm="")
+    lines = difflib.unified_diff(
+        old.splitlines(), new.splitlines(), old_name, new_name, lineterm=""
+    )
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -167,7 +171,9 @@ def request_facts(records: Path) -> list[dict[str, Any]]:
             found.append({"name": place.name, "problem": str(error)})
             continue
         kind = outline.kind if outline is not None else "?"
-        found.append({**asdict(asked), "tree": asked.tree.stem, "cell": str(asked.cell), "kind": kind})
+        found.append(
+            {**asdict(asked), "tree": asked.tree.stem, "cell": str(asked.cell), "kind": kind}
+        )
     return found
 
 
@@ -182,10 +188,21 @@ def described(request: RunRequest, records: Path) -> Iterator[str]:
     yield f"{request.name}: {request.tree.stem} on the cell {request.cell}, asked {request.asked}"
     yield f"reason: {request.reason}"
     known = request.difference_to
-    yield f"difference to the run {known}:" if known else "no tree of this name has run; the whole tree:"
+    yield (
+        f"difference to the run {known}:"
+        if known
+        else "no tree of this name has run; the whole tree:"
+    )
     yield request.difference.rstrip() or "none"
     sets = [f"--set={key}={value}" for key, value in request.settings.items()]
-    command = ["pomona", "run", str(request.tree), f"--cell={request.cell}", f"--seed={request.seed}", *sets]
+    command = [
+        "pomona",
+        "run",
+        str(request.tree),
+        f"--cell={request.cell}",
+        f"--seed={request.seed}",
+        *sets,
+    ]
     yield f"to start it: {shlex.join([*command, f'--record={records}'])}"
 
 

@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import IO, Protocol
 
 MOST_OUTPUT = 4 * 1024**2  # of a command [bytes]; the rest is dropped
-STOPPED = 124  # status of a command that was stopped at its limit, as `timeout` of coreutils returns it
+STOPPED = (
+    124  # status of a command that was stopped at its limit, as `timeout` of coreutils returns it
+)
 GRACE = 10.0  # time for a run to reach its safe state and close its record after its limit [s]
 
 _EXCERPT = re.compile(r"\s*\d* \| ")
@@ -67,7 +69,13 @@ class BoundedCommands:
     def __call__(self, words: Sequence[str], limit: float) -> Answer:
         """See `Commands`."""
         self._records.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, "-m", "pomona.tools.assistants.confined", str(self._folder), str(self._records)]
+        command = [
+            sys.executable,
+            "-m",
+            "pomona.tools.assistants.confined",
+            str(self._folder),
+            str(self._records),
+        ]
         with (
             tempfile.TemporaryDirectory(prefix="pomona-mcp-") as place,
             open(Path(place, "out"), "w+b") as out,
@@ -93,9 +101,15 @@ class BoundedCommands:
 
 def _environment(place: str) -> dict[str, str]:
     """Return the variables of a command. Its compiled code is its own, so it writes none that another process loads."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "pomona", "assistants")
+    cache = Path(
+        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "pomona", "assistants"
+    )
     cache.mkdir(parents=True, exist_ok=True)
-    own = {"TMPDIR": place, "XDG_CACHE_HOME": str(cache), "NUMBA_CACHE_DIR": str(cache / "compiled")}
+    own = {
+        "TMPDIR": place,
+        "XDG_CACHE_HOME": str(cache),
+        "NUMBA_CACHE_DIR": str(cache / "compiled"),
+    }
     return {**own, "COLUMNS": "120", "NO_COLOR": "1"}
 
 

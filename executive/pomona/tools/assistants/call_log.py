@@ -37,7 +37,9 @@ class CallLog:
         """Return the number of the next call."""
         return next(self._numbers)
 
-    def write(self, call: int, method: str, asked: Mapping[str, Any], refused: str, seconds: float) -> None:
+    def write(
+        self, call: int, method: str, asked: Mapping[str, Any], refused: str, seconds: float
+    ) -> None:
         """Append one request: its number, its arguments, why it was refused if it was, its duration.
 
         Raises OSError: it cannot be written.

@@ -19,20 +19,33 @@ from pomona.tools.assistants.work_folder import WorkFolder
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("mcp", help="a door for assistants (Model Context Protocol); started by them")
+    parser = subparsers.add_parser(
+        "mcp", help="a door for assistants (Model Context Protocol); started by them"
+    )
     parser.description = (
         "Serves one folder to an assistant: it reads and writes tree files, checks them, runs them on simulated cells "
         "and reads records. It cannot start a real cell: it writes a request, which --requests shows to the operator."
     )
     parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="the only folder that the assistant reads and writes"
+        "folder",
+        type=Path,
+        metavar="FOLDER",
+        help="the only folder that the assistant reads and writes",
     )
     parser.add_argument(
-        "--most-runs", type=Whole(0).option, default=50, metavar="N", help="simulated runs (default: 50)"
+        "--most-runs",
+        type=Whole(0).option,
+        default=50,
+        metavar="N",
+        help="simulated runs (default: 50)",
     )
     about = "time of one run (default: 600 s)"
-    parser.add_argument("--limit", type=Measure(TIME, "1 s").option, default=600.0, metavar="TIME", help=about)
-    parser.add_argument("--requests", action="store_true", help="show the requests to the operator, and end")
+    parser.add_argument(
+        "--limit", type=Measure(TIME, "1 s").option, default=600.0, metavar="TIME", help=about
+    )
+    parser.add_argument(
+        "--requests", action="store_true", help="show the requests to the operator, and end"
+    )
     parser.add_argument("--dismiss", metavar="REQUEST", help="remove a request, and end")
     add_records_folder(parser)
     parser.set_defaults(main=main)
@@ -46,7 +59,9 @@ def main(options: argparse.Namespace) -> int:
     if options.requests:
         return _print_requests(folder)
     if sys.platform == "win32":
-        raise UsageError("pomona mcp needs Linux or macOS: its commands are bounded by means of these systems")
+        raise UsageError(
+            "pomona mcp needs Linux or macOS: its commands are bounded by means of these systems"
+        )
     need("mcp", "mcp", "pomona mcp")
     from pomona.tools.assistants.bounded import BoundedCommands
     from pomona.tools.assistants.call_log import CallLog
@@ -57,7 +72,9 @@ def main(options: argparse.Namespace) -> int:
     door = Door(folder, commands, most_runs=options.most_runs, limit=options.limit)
     server = DoorServer(door, CallLog(folder.records))
     if sys.stdin.isatty():
-        Screen(stderr=True).print("an assistant starts this command and writes to its standard input; Ctrl-C ends it")
+        Screen(stderr=True).print(
+            "an assistant starts this command and writes to its standard input; Ctrl-C ends it"
+        )
     server.run()
     return 0
 
@@ -67,7 +84,9 @@ def _print_requests(folder: WorkFolder) -> int:
     for request in requests:
         for paragraph in described(read_request(request), folder.records):
             console.print(paragraph, soft_wrap=True)
-        console.print(f"to remove it: pomona mcp {folder.root} --dismiss {request.name}\n", soft_wrap=True)
+        console.print(
+            f"to remove it: pomona mcp {folder.root} --dismiss {request.name}\n", soft_wrap=True
+        )
     if not requests:
         console.print("no requests")
     return 0
@@ -76,6 +95,8 @@ def _print_requests(folder: WorkFolder) -> int:
 def _dismiss(folder: WorkFolder, name: str) -> int:
     request = next((path for path in Approvals(folder).open() if path.name == name), None)
     if request is None:
-        raise UsageError(f"there is no request '{name}' in {folder.records / PLACE}: --requests lists them")
+        raise UsageError(
+            f"there is no request '{name}' in {folder.records / PLACE}: --requests lists them"
+        )
     dismiss(request)
     return 0

@@ -18,14 +18,24 @@ from pathlib import Path
 
 from pomona.executive.values.installation import installed_trees
 
-_CREATE, _ADD, _RESTRICT = 444, 445, 446  # system calls of Landlock, the same on x86_64 and aarch64 (linux/unistd.h)
-_VERSION, _BENEATH = 1, 1  # LANDLOCK_CREATE_RULESET_VERSION, LANDLOCK_RULE_PATH_BENEATH (linux/landlock.h)
+_CREATE, _ADD, _RESTRICT = (
+    444,
+    445,
+    446,
+)  # system calls of Landlock, the same on x86_64 and aarch64 (linux/unistd.h)
+_VERSION, _BENEATH = (
+    1,
+    1,
+)  # LANDLOCK_CREATE_RULESET_VERSION, LANDLOCK_RULE_PATH_BENEATH (linux/landlock.h)
 _READ = 0b1101  # execute, read a file, read a folder
 _EVERY = (1 << 13) - 1  # all rights of version 1
 _REFER, _TRUNCATE = 1 << 13, 1 << 14  # from version 2 and 3 on
 _NETWORK, _TCP = 4, 0b11  # from this version on: bind and connect
 _FILE_RIGHTS = 0b111 | _TRUNCATE  # those that apply to a file that is no folder
-_NO_NEW_PRIVILEGES, _END_WITH_PARENT = 38, 1  # PR_SET_NO_NEW_PRIVS, PR_SET_PDEATHSIG (linux/prctl.h)
+_NO_NEW_PRIVILEGES, _END_WITH_PARENT = (
+    38,
+    1,
+)  # PR_SET_NO_NEW_PRIVS, PR_SET_PDEATHSIG (linux/prctl.h)
 MOST_FILE = 4 * 1024**3  # of a file that a command writes [bytes]
 _SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc", "/sys")
 _SHARED = ("/dev", "/dev/shm")
@@ -95,7 +105,9 @@ def main(arguments: list[str]) -> int:
         resource.setrlimit(resource.RLIMIT_FSIZE, (MOST_FILE, MOST_FILE))
     readable = [folder, str(installed_trees()), *_packages(), *_SYSTEM]
     if not confine(readable, [*_writable(writable), *_SHARED]) and words[:1] == ["run"]:
-        sys.stderr.write("this system cannot keep a run inside a folder (that needs Landlock, Linux 5.13 or newer)\n")
+        sys.stderr.write(
+            "this system cannot keep a run inside a folder (that needs Landlock, Linux 5.13 or newer)\n"
+        )
         return 2
     from pomona.executive.cli import main as carry_out  # in the restrictions already
 

@@ -42,13 +42,20 @@ Settings = dict[str, str]
 class Door:
     """Tools for an assistant, in one folder. One command runs at a time; the others wait."""
 
-    def __init__(self, folder: WorkFolder, commands: Commands, *, most_runs: int = 50, limit: float = 600.0) -> None:
+    def __init__(
+        self, folder: WorkFolder, commands: Commands, *, most_runs: int = 50, limit: float = 600.0
+    ) -> None:
         """
         Args:
             most_runs: simulated runs that may be started.
             limit: of the time of a run [s].
         """
-        self.folder, self._commands, self._limit, self.most_runs = folder, commands, limit, most_runs
+        self.folder, self._commands, self._limit, self.most_runs = (
+            folder,
+            commands,
+            limit,
+            most_runs,
+        )
         self.runs_started = 0
         self.approvals = Approvals(folder)
         self._lock = threading.Lock()
@@ -70,7 +77,9 @@ class Door:
         installed = installed_trees()
         cells = {path.stem: _kind(path) for path in sorted((installed / "cells").glob("*.yaml"))}
         trees = sorted(path.stem for path in installed.glob("*.yaml"))
-        return json_text({"files": self.folder.files(), "installed_trees": trees, "installed_cells": cells})
+        return json_text(
+            {"files": self.folder.files(), "installed_trees": trees, "installed_cells": cells}
+        )
 
     def read_file(self, path: str) -> str:
         """Read a file of the folder, or an installed tree by its name. The answer begins with the text's version.
@@ -78,7 +87,9 @@ class Door:
         Next: change the text and give it to `write_file` with this version.
         """
         tree = self.folder.tree(path)
-        text = self.folder.read(find_tree(str(self.folder.root / tree) if tree.startswith("./") else tree))
+        text = self.folder.read(
+            find_tree(str(self.folder.root / tree) if tree.startswith("./") else tree)
+        )
         return f"version: {version_of(text)}\n{text}"
 
     def write_file(self, path: str, text: str, version: str = "", replace: bool = False) -> str:
@@ -88,7 +99,9 @@ class Door:
         `replace` is true. Leave it empty for a new file. Next: `check`.
         """
         written = self.folder.write(path, text, version, replace)
-        return f"{self.folder.shown(written)} is written, version {version_of(text)}. Next: check it."
+        return (
+            f"{self.folder.shown(written)} is written, version {version_of(text)}. Next: check it."
+        )
 
     # ------------------------------------------------------------------------------------------- the language
 
@@ -105,7 +118,9 @@ class Door:
             return json_text({skill.name: skill.summary for skill in listing})
         found = next((skill for skill in listing if skill.name == name), None)
         if found is None:
-            raise UsageError(f"no skill '{name[:60]}'; {did_you_mean(name, registry) or 'call skills without a name'}")
+            raise UsageError(
+                f"no skill '{name[:60]}'; {did_you_mean(name, registry) or 'call skills without a name'}"
+            )
         codes = {code: _meaning(code) for code in found.failures}
         return json_text({**dataclasses.asdict(found), "failures": codes}, indent=1)
 
@@ -118,12 +133,18 @@ class Door:
         """
         types = NodeTypes.installed()
         if not name:
-            return json_text({word: f"{found.role}: {found.summary}" for word, found in types.items()})
+            return json_text(
+                {word: f"{found.role}: {found.summary}" for word, found in types.items()}
+            )
         found = types.get(name)
         if found is None:
-            raise UsageError(f"no word '{name[:60]}'; {did_you_mean(name, types) or 'call words without a name'}")
+            raise UsageError(
+                f"no word '{name[:60]}'; {did_you_mean(name, types) or 'call words without a name'}"
+            )
         beside = {slot: field.help or type(field).__name__ for slot, field in found.slots.items()}
-        return json_text({"word": name, "role": found.role, "summary": found.summary, "takes": beside}, indent=1)
+        return json_text(
+            {"word": name, "role": found.role, "summary": found.summary, "takes": beside}, indent=1
+        )
 
     def failure_codes(self, code: str = "") -> str:
         """List the failure codes with their meanings, or one with its meaning and remedy.
@@ -134,7 +155,9 @@ class Door:
         if not code:
             return json_text({name: about.meaning for name, about in codes.items()})
         if code not in codes:
-            raise UsageError(f"no failure code '{code[:60]}'; {did_you_mean(code, codes) or 'call it without a code'}")
+            raise UsageError(
+                f"no failure code '{code[:60]}'; {did_you_mean(code, codes) or 'call it without a code'}"
+            )
         return json_text(dataclasses.asdict(codes[code]), indent=1)
 
     # ------------------------------------------------------------------------------------------- before a run
@@ -154,10 +177,16 @@ class Door:
             raise UsageError(answer.problem) from None
         keys = ("path", "line", "column", "severity", "code", "message", "hint", "excerpt")
         errors = sum(finding["severity"] == "error" for finding in found)
-        following = "correct the errors, then check again" if errors else "dry_run, or test a scenario"
-        findings = [{key: finding[key] for key in keys if finding[key]} for finding in found[:MOST_FINDINGS]]
+        following = (
+            "correct the errors, then check again" if errors else "dry_run, or test a scenario"
+        )
+        findings = [
+            {key: finding[key] for key in keys if finding[key]} for finding in found[:MOST_FINDINGS]
+        ]
         more = {"left out": len(found) - MOST_FINDINGS} if len(found) > MOST_FINDINGS else {}
-        return json_text({"errors": errors, "findings": findings, **more, "next": following}, indent=1)
+        return json_text(
+            {"errors": errors, "findings": findings, **more, "next": following}, indent=1
+        )
 
     def show(self, tree: str) -> str:
         """Draw a tree as text. Next: `check` or `dry_run`."""
@@ -170,7 +199,9 @@ class Door:
         """
         given = f"--dry={self.folder.shown(self.folder.file(mocks))}" if mocks else "--dry"
         words = ["run", self.folder.tree(tree), given, "--json", "--no-record", *_set(settings)]
-        return _summary(self._command(words, QUICK, (0, 1, 3)), "test a scenario, or run it on a simulated cell")
+        return _summary(
+            self._command(words, QUICK, (0, 1, 3)), "test a scenario, or run it on a simulated cell"
+        )
 
     def test(self, scenario: str) -> str:
         """Run a scenario file: a tree with mocks, answers and expected ends; names nodes that no case has reached.
@@ -181,7 +212,9 @@ class Door:
 
     # ------------------------------------------------------------------------------------------- runs
 
-    def run(self, tree: str, cell: str = "", seed: int = 0, settings: Settings | None = None) -> str:
+    def run(
+        self, tree: str, cell: str = "", seed: int = 0, settings: Settings | None = None
+    ) -> str:
         """Run a tree on a simulated cell (by default the installed one), recorded. A real cell is refused.
 
         `settings`: parameters of the tree and options of the cell. Next: `explain` the run.
@@ -193,7 +226,14 @@ class Door:
             raise UsageError(
                 f"the cell '{cell[:60]}' is {kind}, not simulated: `approve` asks the operator to start it"
             )
-        words = ["run", target, "--simulated", "--json", f"--seed={seed}", f"--record={self.folder.records}"]
+        words = [
+            "run",
+            target,
+            "--simulated",
+            "--json",
+            f"--seed={seed}",
+            f"--record={self.folder.records}",
+        ]
         words += [*self._cell(cell), *_set(settings)]
         with self._lock:
             if self.runs_started >= self.most_runs:
@@ -209,13 +249,33 @@ class Door:
 
     def runs(self) -> str:
         """List the recorded runs, newest first, at most 100. Next: `explain` one."""
-        keys = ("run", "state", "tree", "cell", "cell_kind", "seed", "settings", "outcome", "code", "message", "time")
+        keys = (
+            "run",
+            "state",
+            "tree",
+            "cell",
+            "cell_kind",
+            "seed",
+            "settings",
+            "outcome",
+            "code",
+            "message",
+            "time",
+        )
         found = [run.as_json() for run in RunIndex(self.folder.records).read()[:100]]
-        return json_text([{key: run[key] for key in keys if run[key] not in (None, "", {})} for run in found], indent=1)
+        return json_text(
+            [{key: run[key] for key in keys if run[key] not in (None, "", {})} for run in found],
+            indent=1,
+        )
 
     def explain(self, run: str = "last", whole: bool = False) -> str:
         """Explain a recorded run: events, causes, remedy; with `whole` every moment. Next: change the tree."""
-        words = ["explain", self.folder.record(run), f"--record={self.folder.records}", *(["--all"] if whole else [])]
+        words = [
+            "explain",
+            self.folder.record(run),
+            f"--record={self.folder.records}",
+            *(["--all"] if whole else []),
+        ]
         return _cut(self._command(words, QUICK).out)
 
     def evidence(self, runs: list[str]) -> str:
@@ -226,9 +286,13 @@ class Door:
         if not 0 < len(runs) <= 100:
             raise UsageError("name 1 to 100 runs: the tool `runs` lists them")
         names = [self.folder.record(run) for run in runs]
-        return self._command(["evidence", *names, f"--record={self.folder.records}"], QUICK, (0, 1)).out
+        return self._command(
+            ["evidence", *names, f"--record={self.folder.records}"], QUICK, (0, 1)
+        ).out
 
-    def approve(self, tree: str, cell: str, reason: str, seed: int = 0, settings: Settings | None = None) -> str:
+    def approve(
+        self, tree: str, cell: str, reason: str, seed: int = 0, settings: Settings | None = None
+    ) -> str:
         """Ask the operator to run a tree on a cell that is not simulated. Nothing is started.
 
         The operator reads tree, difference to the last version that ran, cell and reason, and starts the run.
@@ -236,15 +300,17 @@ class Door:
         Raises UsageError: the cell is simulated, or the tree has errors on it.
         """
         if not self._not_simulated(cell):
-            raise UsageError(f"the cell '{cell[:60] or 'default'}' is simulated: `run` starts it without an approval")
+            raise UsageError(
+                f"the cell '{cell[:60] or 'default'}' is simulated: `run` starts it without an approval"
+            )
         checked = json.loads(self.check(tree, cell, settings))
         if checked["errors"]:
-            raise UsageError(f"the tree has {checked['errors']} errors on this cell: `check` lists them")
+            raise UsageError(
+                f"the tree has {checked['errors']} errors on this cell: `check` lists them"
+            )
         target, where = self.folder.tree(tree), self.folder.cell(cell)
         name = self.approvals.ask(target, where, seed, settings or {}, reason, call_number.get())
-        return (
-            f"request {name} is written. The operator reads it and starts the run, or does not; `runs` lists it then."
-        )
+        return f"request {name} is written. The operator reads it and starts the run, or does not; `runs` lists it then."
 
     # ------------------------------------------------------------------------------------------- inside
 
@@ -253,8 +319,16 @@ class Door:
         if part == "explanation":
             return self.explain(run, whole=True)
         if part != "summary":
-            raise UsageError(f"a record has no part '{ascii(part[:60])[1:-1]}': there are {', '.join(PARTS)}")
-        words = ["runs", "show", self.folder.record(run), "--json", f"--record={self.folder.records}"]
+            raise UsageError(
+                f"a record has no part '{ascii(part[:60])[1:-1]}': there are {', '.join(PARTS)}"
+            )
+        words = [
+            "runs",
+            "show",
+            self.folder.record(run),
+            "--json",
+            f"--record={self.folder.records}",
+        ]
         return self._command(words, QUICK).out
 
     def _command(self, words: Sequence[str], limit: float, good: tuple[int, ...] = (0,)) -> Answer:
@@ -281,12 +355,19 @@ class Door:
 
     def _sign(self, record: Path, **arguments: Any) -> None:
         """Note in a record that an assistant started its run."""
-        text = json_text({"started by": "an assistant (pomona mcp)", "call": call_number.get(), **arguments}, indent=1)
+        text = json_text(
+            {"started by": "an assistant (pomona mcp)", "call": call_number.get(), **arguments},
+            indent=1,
+        )
         (record / STARTED_BY).write_text(text + "\n", encoding="utf-8")
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= MOST_ANSWER else f"{text[:MOST_ANSWER]}\n… cut after {MOST_ANSWER} characters"
+    return (
+        text
+        if len(text) <= MOST_ANSWER
+        else f"{text[:MOST_ANSWER]}\n… cut after {MOST_ANSWER} characters"
+    )
 
 
 def _kind(cell: Path) -> str:
@@ -304,7 +385,9 @@ def _set(settings: Mapping[str, str] | None) -> list[str]:
     found = []
     for key, value in (settings or {}).items():
         if not _KEY.fullmatch(key) or len(value) > MOST_VALUE or not value.isprintable():
-            raise UsageError(f"the setting '{ascii(key[:60])[1:-1]}' has a name or a value that no setting has")
+            raise UsageError(
+                f"the setting '{ascii(key[:60])[1:-1]}' has a name or a value that no setting has"
+            )
         found.append(f"--set={key}={value}")
     if len(found) > MOST_SETTINGS:
         raise UsageError(f"more than {MOST_SETTINGS} settings")

@@ -18,7 +18,9 @@ from mcp_types import (
 )
 from pydantic import ValidationError
 
-MOST_LINE = 8 * 1024**2  # characters: a text that is written has 256 KiB at most, each character up to six in JSON
+MOST_LINE = (
+    8 * 1024**2
+)  # characters: a text that is written has 256 KiB at most, each character up to six in JSON
 
 
 class ReadableLines:
@@ -70,9 +72,15 @@ def unreadable(line: str) -> JSONRPCError | None:
         if found["type"] == "json_invalid":
             return _error(_id_of(line), PARSE_ERROR, found["msg"])
         where = "".join(f"{part}: " for part in found["loc"][1:])
-        return _error(_id_of(line), INVALID_REQUEST, f"no message of JSON-RPC 2.0: {where}{found['msg']}")
+        return _error(
+            _id_of(line), INVALID_REQUEST, f"no message of JSON-RPC 2.0: {where}{found['msg']}"
+        )
     if isinstance(message, JSONRPCNotification) and "id" in json.loads(line):
-        return _error(None, INVALID_REQUEST, "no message of JSON-RPC 2.0: id: neither a whole number nor a text")
+        return _error(
+            None,
+            INVALID_REQUEST,
+            "no message of JSON-RPC 2.0: id: neither a whole number nor a text",
+        )
     return None
 
 

@@ -36,7 +36,9 @@ INSTRUCTIONS = (
 LOGGED = ("tools/call", "resources/read")
 MOST_RESOURCES = 100  # newest records in the list of resources
 MOST_REFUSAL = 1000  # characters
-_DETAIL = re.compile(r" \[type=.*?, input_type=\w+\]| For further information visit \S+|^Error executing tool \w+: ")
+_DETAIL = re.compile(
+    r" \[type=.*?, input_type=\w+\]| For further information visit \S+|^Error executing tool \w+: "
+)
 
 Context = ServerRequestContext[Any, Any]
 Next = Callable[[Context], Awaitable[HandlerResult]]
@@ -47,15 +49,23 @@ class DoorServer(MCPServer[Any]):
 
     def __init__(self, door: Door, log: CallLog) -> None:
         super().__init__(
-            "pomona", version=installed_version(), instructions=INSTRUCTIONS, log_level="CRITICAL", subscriptions=False
+            "pomona",
+            version=installed_version(),
+            instructions=INSTRUCTIONS,
+            log_level="CRITICAL",
+            subscriptions=False,
         )
         self._door, self._log = door, log
         for tool in door.tools():
-            notes = ToolAnnotations(destructive_hint=tool.__name__ == "write_file", open_world_hint=False)
+            notes = ToolAnnotations(
+                destructive_hint=tool.__name__ == "write_file", open_world_hint=False
+            )
             about = (inspect.getdoc(tool) or "").partition("\n\nRaises")[0]
             call = _refusing(tool, ToolError)
             self.add_tool(call, description=about, annotations=notes, structured_output=False)
-        add = self.resource("pomona://runs/{run}/{part}", name="record", description=f"a record: {', '.join(PARTS)}")
+        add = self.resource(
+            "pomona://runs/{run}/{part}", name="record", description=f"a record: {', '.join(PARTS)}"
+        )
         add(_refusing(door.record_part, ResourceError))
         self.middleware.append(self._logged)
 
@@ -63,7 +73,11 @@ class DoorServer(MCPServer[Any]):
         """List the newest records."""
         runs = RunIndex(self._door.folder.records).read()[:MOST_RESOURCES]
         return [
-            Resource(uri=f"pomona://runs/{run.run}/{part}", name=f"{run.run} {part}", mime_type="text/plain")
+            Resource(
+                uri=f"pomona://runs/{run.run}/{part}",
+                name=f"{run.run} {part}",
+                mime_type="text/plain",
+            )
             for run in runs
             for part in PARTS
         ]
@@ -95,21 +109,27 @@ class DoorServer(MCPServer[Any]):
             self._log.write(call, ctx.method, asked, refused, time.monotonic() - began)
         except OSError as error:
             raise MCPError(
-                code=INTERNAL_ERROR, message=f"{self._log.path}: {error.strerror}: no log, no answer"
+                code=INTERNAL_ERROR,
+                message=f"{self._log.path}: {error.strerror}: no log, no answer",
             ) from None
         if refusal is not None:
             raise MCPError(code=INVALID_PARAMS, message=refused)
         return answer if not refused else {**answer, "content": [{"type": "text", "text": refused}]}
 
-    async def _answered(self, context: Context, follow: Next, asked: Mapping[str, Any]) -> tuple[Any, Exception | None]:
+    async def _answered(
+        self, context: Context, follow: Next, asked: Mapping[str, Any]
+    ) -> tuple[Any, Exception | None]:
         arguments = asked.get("arguments") or {}
-        tool = next((tool for tool in await self.list_tools() if tool.name == asked.get("name")), None)
+        tool = next(
+            (tool for tool in await self.list_tools() if tool.name == asked.get("name")), None
+        )
         known = tool.input_schema["properties"] if tool is not None else {}
         for name in arguments if tool is not None and isinstance(arguments, dict) else ():
             if name not in known:
                 hint = did_you_mean(str(name), known) or f"it has {', '.join(known) or 'none'}"
                 return None, MCPError(
-                    INVALID_PARAMS, f"{asked['name']} has no argument '{_line(str(name))[:60]}'; {hint}"
+                    INVALID_PARAMS,
+                    f"{asked['name']} has no argument '{_line(str(name))[:60]}'; {hint}",
                 )
         try:
             return await follow(context), None

@@ -17,7 +17,9 @@ from pomona.executive.values.findings import Findings, Source, did_you_mean
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar, read_yaml
 
-MOST_TEXT = 256 * 1024  # largest file that the door reads or writes [bytes]: a tree of 1 000 nodes has 60 kB
+MOST_TEXT = (
+    256 * 1024
+)  # largest file that the door reads or writes [bytes]: a tree of 1 000 nodes has 60 kB
 MOST_NAME = 200  # characters of a path; file systems allow 255 bytes in each part
 WRITTEN = ("tree", "scenario", "mocks")  # kinds of files that the door writes
 MOST_LISTED = 500  # files of the folder that are listed, and up to which new ones are written
@@ -52,9 +54,13 @@ class WorkFolder:
         """
         path = Path(name)
         if not name.strip() or len(name) > MOST_NAME or not name.isprintable():
-            raise UsageError(f"'{_short(name)}' is no file name: 1 to {MOST_NAME} printable characters are allowed")
+            raise UsageError(
+                f"'{_short(name)}' is no file name: 1 to {MOST_NAME} printable characters are allowed"
+            )
         if path.is_absolute() or ".." in path.parts or name.startswith(("-", "~")):
-            raise UsageError(f"'{_short(name)}' is outside the folder: use a path relative to it, without '..'")
+            raise UsageError(
+                f"'{_short(name)}' is outside the folder: use a path relative to it, without '..'"
+            )
         try:
             resolved = (self.root / path).resolve()
         except (OSError, RuntimeError) as error:
@@ -72,7 +78,9 @@ class WorkFolder:
         path = self.inside(name)
         if not path.is_file():
             known = did_you_mean(name, self.files())
-            raise UsageError(f"there is no file '{_short(name)}' in the folder{known and f'; {known}'}")
+            raise UsageError(
+                f"there is no file '{_short(name)}' in the folder{known and f'; {known}'}"
+            )
         return path
 
     def tree(self, name: str) -> str:
@@ -100,11 +108,16 @@ class WorkFolder:
         tree = root.get("tree") if isinstance(root, YamlMapping) else None
         if not isinstance(tree, YamlScalar):
             raise UsageError(f"{name}: no scenario file: it has no 'tree'")
-        for base, allowed in ((path.parent, self.root), (installed_trees(), installed_trees().resolve())):
+        for base, allowed in (
+            (path.parent, self.root),
+            (installed_trees(), installed_trees().resolve()),
+        ):
             tested = (base / tree.text).resolve()
             if tested.is_file():
                 if not tested.is_relative_to(allowed):
-                    raise UsageError(f"{name}: its tree '{_short(tree.text)}' is outside the folder")
+                    raise UsageError(
+                        f"{name}: its tree '{_short(tree.text)}' is outside the folder"
+                    )
                 break
         return self.shown(path)
 
@@ -124,8 +137,12 @@ class WorkFolder:
         """Return the YAML files in the folder, without records and links, the first `MOST_LISTED`."""
         found: list[str] = []
         for folder, folders, names in os.walk(self.root):
-            folders[:] = sorted(f for f in folders if not f.startswith(".") and Path(folder, f) != self.records)
-            paths = (Path(folder, name) for name in sorted(names) if name.endswith((".yaml", ".yml")))
+            folders[:] = sorted(
+                f for f in folders if not f.startswith(".") and Path(folder, f) != self.records
+            )
+            paths = (
+                Path(folder, name) for name in sorted(names) if name.endswith((".yaml", ".yml"))
+            )
             found += [str(path.relative_to(self.root)) for path in paths if not path.is_symlink()]
             if len(found) > MOST_LISTED:
                 return found[:MOST_LISTED]
@@ -152,28 +169,42 @@ class WorkFolder:
                 present = version_of(self.read(path))
                 if not replace and version != present:
                     why = "has changed since you read it" if version else "exists"
-                    raise UsageError(f"{name} {why} (version {present}): read it, then write with this version")
+                    raise UsageError(
+                        f"{name} {why} (version {present}): read it, then write with this version"
+                    )
                 os.replace(fresh, path)
             elif len(self.files()) >= MOST_LISTED:
-                raise UsageError(f"the folder holds {MOST_LISTED} files already: no new one is written")
+                raise UsageError(
+                    f"the folder holds {MOST_LISTED} files already: no new one is written"
+                )
             elif version:
-                raise UsageError(f"{name} no longer exists: write it without a version to make it again")
+                raise UsageError(
+                    f"{name} no longer exists: write it without a version to make it again"
+                )
             else:
-                os.link(fresh, path)  # unlike a renaming it does not write over a file that is made meanwhile
+                os.link(
+                    fresh, path
+                )  # unlike a renaming it does not write over a file that is made meanwhile
         return path
 
     def _writable(self, name: str, text: str) -> Path:
         """Return the path to write. Raises UsageError: this is no place or no text for a tree or a scenario."""
         path = self.inside(name)
-        if path.is_relative_to(self.records) or any(part.startswith(".") for part in Path(name).parts):
-            raise UsageError(f"'{name}' is no place for a tree: records and hidden folders are not written")
+        if path.is_relative_to(self.records) or any(
+            part.startswith(".") for part in Path(name).parts
+        ):
+            raise UsageError(
+                f"'{name}' is no place for a tree: records and hidden folders are not written"
+            )
         if path.suffix != ".yaml" or (self.root / name).is_symlink() or path.is_dir():
             raise UsageError(f"'{name}' is not written: only regular files that end with .yaml are")
         if len(text.encode(errors="replace")) > MOST_TEXT:
             raise UsageError(f"the text is larger than {MOST_TEXT // 1024} KiB")
         kind = kind_of(text)
         if kind not in WRITTEN:
-            raise UsageError(f"this text is {kind}: only trees ('root:'), scenarios ('cases:') and mocks are written")
+            raise UsageError(
+                f"this text is {kind}: only trees ('root:'), scenarios ('cases:') and mocks are written"
+            )
         return path
 
 
@@ -185,7 +216,10 @@ def kind_of(text: str) -> str:
         return "tree"
     if "mocks" in keys and set(keys) <= set(MOCKS_KEYS):
         return "mocks"
-    return next((name for name in kind_names() if file_kind(name).recognises(keys)), "no YAML of a known kind")
+    return next(
+        (name for name in kind_names() if file_kind(name).recognises(keys)),
+        "no YAML of a known kind",
+    )
 
 
 def version_of(text: str) -> str:

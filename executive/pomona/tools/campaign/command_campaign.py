@@ -9,7 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from pomona.executive.errors import UsageError
 from pomona.executive.images import EXTRA
@@ -32,7 +39,9 @@ def add(subparsers: Any) -> None:
         help="folder of results (default: runs/campaign_NAME); a campaign that was stopped goes on there",
     )
     add_engine_options(parser)
-    parser.add_argument("--seeds", type=int, metavar="N", help="run only the first N seeds of every combination")
+    parser.add_argument(
+        "--seeds", type=int, metavar="N", help="run only the first N seeds of every combination"
+    )
     parser.add_argument(
         "--only",
         action="append",
@@ -41,8 +50,15 @@ def add(subparsers: Any) -> None:
         help="only runs with this value of a key under `vary`, or arm=NAME; may be repeated",
     )
     parser.add_argument("--record", action="store_true", help="also keep a record of every run")
-    parser.add_argument("--report", action="store_true", help="run nothing; write the report of the present results")
-    parser.add_argument("--report-to", type=Path, metavar="DIR", help="folder of the report (default: that of results)")
+    parser.add_argument(
+        "--report", action="store_true", help="run nothing; write the report of the present results"
+    )
+    parser.add_argument(
+        "--report-to",
+        type=Path,
+        metavar="DIR",
+        help="folder of the report (default: that of results)",
+    )
     add_alerts(parser)
     parser.set_defaults(main=main)
 
@@ -71,7 +87,11 @@ def main(options: argparse.Namespace) -> int:
             console.print("interrupted; the same command goes on from here")
         if alerts is not None:
             alerts.wait()
-    results = list(finished_runs(campaign, out, lambda problem: console.print(problem, style="yellow")).values())
+    results = list(
+        finished_runs(
+            campaign, out, lambda problem: console.print(problem, style="yellow")
+        ).values()
+    )
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
     folder, name = options.report_to or out, report_name(options.seeds, options.only)
@@ -84,7 +104,10 @@ def main(options: argparse.Namespace) -> int:
 def report_name(seeds: int | None, only: Sequence[str]) -> str:
     """Return the name of a report's files: one of some runs stands beside that of all, and does not replace it."""
     parts = [f"seeds_{seeds}"] if seeds is not None else []
-    words = [f"{'only_' if not parts and not n else ''}{text.replace('=', '_')}" for n, text in enumerate(only)]
+    words = [
+        f"{'only_' if not parts and not n else ''}{text.replace('=', '_')}"
+        for n, text in enumerate(only)
+    ]
     return re.sub(r"[^\w.-]", "_", "_".join(["report", *parts, *words]))
 
 
@@ -119,7 +142,10 @@ class _Shown:
         self._campaign, self._console, self._alerts = campaign, console, alerts
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
         self._bar = Progress(
-            TextColumn("{task.description}", markup=False), *columns, console=console, disable=not console.is_terminal
+            TextColumn("{task.description}", markup=False),
+            *columns,
+            console=console,
+            disable=not console.is_terminal,
         )
         self._task = self._bar.add_task(campaign.name, total=len(campaign.runs))
         self._good = self._ended = 0
@@ -133,19 +159,32 @@ class _Shown:
         self._bar.stop()
 
     def ended(self, result: dict[str, Any], done: int, of: int) -> None:
-        from pomona.tools.campaign.report import failure_code, failure_message  # over scipy and matplotlib
+        from pomona.tools.campaign.report import (
+            failure_code,
+            failure_message,
+        )  # over scipy and matplotlib
 
         good = succeeded(result, self._campaign.conditions)
         self._good += good
         if self._alerts is not None:
-            self._alerts.count(good, failure_code(result, self._campaign.conditions), result["name"])
+            self._alerts.count(
+                good, failure_code(result, self._campaign.conditions), result["name"]
+            )
         self._ended += 1
-        self._bar.update(self._task, completed=done, description=f"{self._campaign.name} {self._good}/{self._ended} ✓")
+        self._bar.update(
+            self._task,
+            completed=done,
+            description=f"{self._campaign.name} {self._good}/{self._ended} ✓",
+        )
         left = (time.monotonic() - self._started) / self._ended * (of - done) / 60.0
         line = f"{'✓' if good else '✗'} {result['name']}"
         if not good:
-            line += f"  {failure_code(result, self._campaign.conditions)}: {failure_message(result)}"
+            line += (
+                f"  {failure_code(result, self._campaign.conditions)}: {failure_message(result)}"
+            )
         if not self._console.is_terminal:
-            line = f"[{done}/{of}] {line}   {self._good}/{self._ended} succeeded, {left:.0f} min left"
+            line = (
+                f"[{done}/{of}] {line}   {self._good}/{self._ended} succeeded, {left:.0f} min left"
+            )
         if not good or not self._console.is_terminal:
             self._bar.console.print(line, soft_wrap=True)

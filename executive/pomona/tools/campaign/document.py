@@ -138,20 +138,29 @@ def _markdown_table(table: Table) -> str:
     def line(cells: Sequence[str]) -> str:
         return "| " + " | ".join(cell.replace("|", "/").replace("\n", " ") for cell in cells) + " |"
 
-    rule = "|" + "---|" * len(table.header) if table.words else "|---|" + "--:|" * (len(table.header) - 1)
+    rule = (
+        "|" + "---|" * len(table.header)
+        if table.words
+        else "|---|" + "--:|" * (len(table.header) - 1)
+    )
     lines = [line(table.header), rule, *map(line, table.rows)]
     return (f"*{table.caption}*\n\n" if table.caption else "") + "\n".join(lines)
 
 
 def _markdown_tiles(tiles: Sequence[Tile]) -> str:
     mark = {True: "✓ ", False: "✗ ", None: ""}
-    return "\n".join(f"- {mark[t.met]}**{t.value}** {t.label}" + (f" ({t.note})" if t.note else "") for t in tiles)
+    return "\n".join(
+        f"- {mark[t.met]}**{t.value}** {t.label}" + (f" ({t.note})" if t.note else "")
+        for t in tiles
+    )
 
 
 def to_html(document: ReportPage) -> str:
     """Return the document as one HTML page."""
     body = "\n".join(_html(block) for block in document.blocks)
-    return _PAGE.format(title=html.escape(document.title), style=_STYLE, about=_inline(document.about), body=body)
+    return _PAGE.format(
+        title=html.escape(document.title), style=_STYLE, about=_inline(document.about), body=body
+    )
 
 
 def _html(block: Block) -> str:
@@ -177,7 +186,11 @@ def _html(block: Block) -> str:
 def _html_table(table: Table) -> str:
     def row(cells: Sequence[str]) -> str:
         first, *rest = cells
-        return f"<tr><th>{_inline(first)}</th>" + "".join(f"<td>{_inline(cell)}</td>" for cell in rest) + "</tr>"
+        return (
+            f"<tr><th>{_inline(first)}</th>"
+            + "".join(f"<td>{_inline(cell)}</td>" for cell in rest)
+            + "</tr>"
+        )
 
     head = "".join(f"<th>{_inline(cell)}</th>" for cell in table.header)
     caption = f"<p class=caption>{_inline(table.caption)}</p>" if table.caption else ""

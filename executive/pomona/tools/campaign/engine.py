@@ -20,10 +20,19 @@ from pomona.executive.values.installation import entry_points
 GROUP = "pomona.engines"
 TRIES = 2  # number of processes that try an order; an order whose processes all die is given up
 
-RENEWED_AFTER = 40  # orders of a worker before a fresh one: simulators leave some 25 MB behind each run
+RENEWED_AFTER = (
+    40  # orders of a worker before a fresh one: simulators leave some 25 MB behind each run
+)
 
 ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "LP_NUM_THREADS"), "1"
+    (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMBA_NUM_THREADS",
+        "LP_NUM_THREADS",
+    ),
+    "1",
 ) | {"OPENCV_FOR_THREADS_NUM": "1"}
 """Environment of a worker. Workers fill the cores; threads inside them would only wait for each other, and sums that
 several threads share out depend on how many there are."""
@@ -64,7 +73,9 @@ class Engine(Protocol):
         """
 
 
-def open_engine(name: str, workers: int | None = None, address: str | None = None) -> AbstractContextManager[Engine]:
+def open_engine(
+    name: str, workers: int | None = None, address: str | None = None
+) -> AbstractContextManager[Engine]:
     """Start an engine; leaving the context ends its processes.
 
     Args:
@@ -91,6 +102,12 @@ def one_per_core() -> int:
 def add_engine_options(parser: Any) -> None:
     """`--engine`, `--workers` and `--address` of a subcommand."""
     names = sorted(entry.name for entry in entry_points(group=GROUP))
-    parser.add_argument("--engine", default="local", choices=names, help="where processes run (default: local)")
-    parser.add_argument("--workers", type=int, default=None, help="processes at once (default: one per core)")
-    parser.add_argument("--address", help="of a Ray cluster, HOST:PORT (default: Ray on this machine alone)")
+    parser.add_argument(
+        "--engine", default="local", choices=names, help="where processes run (default: local)"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=None, help="processes at once (default: one per core)"
+    )
+    parser.add_argument(
+        "--address", help="of a Ray cluster, HOST:PORT (default: Ray on this machine alone)"
+    )

@@ -24,11 +24,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pomona.executive.cell.services import Score
-from pomona.executive.values.kinds import AsWritten, Kind, ListOf, MappingOf, Schema, Text, read_each
+from pomona.executive.values.kinds import (
+    AsWritten,
+    Kind,
+    ListOf,
+    MappingOf,
+    Schema,
+    Text,
+    read_each,
+)
 from pomona.executive.values.sections import Section, value
-from pomona.executive.values.yaml_nodes import Reader, YamlList, YamlMapping, YamlNode, YamlScalar, shape_of
+from pomona.executive.values.yaml_nodes import (
+    Reader,
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    shape_of,
+)
 
-MAX_SEEDS = 1000  # largest number of seeds of a combination, and distance of two combinations' first seeds
+MAX_SEEDS = (
+    1000  # largest number of seeds of a combination, and distance of two combinations' first seeds
+)
 
 Values = Mapping[str, YamlScalar]
 Variations = Mapping[str, tuple[YamlScalar, ...]]
@@ -46,11 +63,18 @@ class Seeds(Kind[int | tuple[int, ...]]):
         text = node.text if isinstance(node, YamlScalar) else ""
         if text.isascii() and text.isdigit() and 1 <= int(text[:9]) <= MAX_SEEDS and len(text) < 9:
             return int(text)
-        raise reader.refuse(node, f"'{reader.title}' is {self.words}", "write 'seeds: 3' or 'seeds: [3, 7, 11]'")
+        raise reader.refuse(
+            node, f"'{reader.title}' is {self.words}", "write 'seeds: 3' or 'seeds: [3, 7, 11]'"
+        )
 
     def schema(self, options: bool = False) -> Schema:
         count = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}
-        return {"anyOf": [count, {"type": "array", "items": _Seed().schema(), "minItems": 1, "uniqueItems": True}]}
+        return {
+            "anyOf": [
+                count,
+                {"type": "array", "items": _Seed().schema(), "minItems": 1, "uniqueItems": True},
+            ]
+        }
 
 
 class _Seed(Kind[int]):
@@ -113,8 +137,12 @@ class OrNothing(Section["ArmSection"]):
 class ArmSection:
     """Settings of one arm."""
 
-    tree: YamlScalar | None = value(AsWritten(), None, "a tree: a file, or the name of an installed one")
-    cell: YamlScalar | None = value(AsWritten(), None, "a cell: a file, or the name of an installed one")
+    tree: YamlScalar | None = value(
+        AsWritten(), None, "a tree: a file, or the name of an installed one"
+    )
+    cell: YamlScalar | None = value(
+        AsWritten(), None, "a cell: a file, or the name of an installed one"
+    )
     set: Values = value(MappingOf(AsWritten()), {}, "settings of this arm's runs")
     seeds: int | tuple[int, ...] | None = value(Seeds(), None, "how many seeds, or which")
     only: Variations = value(MappingOf(OneOrMore()), {}, "values of the variables for this arm")
@@ -128,11 +156,19 @@ class CampaignSection:
     campaign: str = value(Text(), help="the campaign's name")
     description: str = value(Text(), "", "for the report")
     tree: YamlScalar = value(AsWritten(), help="a tree: a file, or the name of an installed one")
-    cell: YamlScalar | None = value(AsWritten(), None, "a cell: a file or an installed one's name; sim without it")
-    seeds: int | tuple[int, ...] = value(Seeds(), 1, "how many seeds of every combination, or which")
-    vary: Variations = value(MappingOf(OneOrMore()), {}, "parameters of the tree and options of the cell, with values")
+    cell: YamlScalar | None = value(
+        AsWritten(), None, "a cell: a file or an installed one's name; sim without it"
+    )
+    seeds: int | tuple[int, ...] = value(
+        Seeds(), 1, "how many seeds of every combination, or which"
+    )
+    vary: Variations = value(
+        MappingOf(OneOrMore()), {}, "parameters of the tree and options of the cell, with values"
+    )
     set: Values = value(MappingOf(AsWritten()), {}, "settings of every run")
-    arms: Mapping[str, ArmSection] = value(MappingOf(OrNothing(ArmSection)), {}, "alternatives to compare")
+    arms: Mapping[str, ArmSection] = value(
+        MappingOf(OrNothing(ArmSection)), {}, "alternatives to compare"
+    )
     score: Score = value(Section(Score), Score(), "additional scores beside the cell's")
 
 

@@ -13,7 +13,15 @@ from weakref import WeakKeyDictionary
 
 from pomona.executive.errors import UsageError
 from pomona.executive.running.compute import Worker
-from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
+from pomona.tools.campaign.engine import (
+    ONE_THREAD,
+    RENEWED_AFTER,
+    TRIES,
+    Engine,
+    OrderLost,
+    OrderTooLong,
+    one_per_core,
+)
 
 
 @dataclass(slots=True)
@@ -44,7 +52,9 @@ class LocalEngine:
                     index, tries = queue.pop()
                     self._start(function, orders[index], index, tries, limit)
                 nearest = min(running.ends for running in self._busy.values())
-                for connection in wait(list(self._busy), timeout=max(0.0, nearest - time.monotonic())):
+                for connection in wait(
+                    list(self._busy), timeout=max(0.0, nearest - time.monotonic())
+                ):
                     running = self._busy.pop(connection)
                     try:
                         _succeeded, answer = running.worker.connection.recv()
@@ -53,11 +63,16 @@ class LocalEngine:
                         if running.tries < TRIES:
                             queue.append((running.index, running.tries + 1))
                         else:
-                            yield running.index, OrderLost(f"its process died {TRIES} times (exit code {code})")
+                            yield (
+                                running.index,
+                                OrderLost(f"its process died {TRIES} times (exit code {code})"),
+                            )
                     else:
                         self._rest(running.worker)
                         yield running.index, answer
-                late = [running for running in self._busy.values() if running.ends <= time.monotonic()]
+                late = [
+                    running for running in self._busy.values() if running.ends <= time.monotonic()
+                ]
                 for running in late:
                     del self._busy[running.worker.connection]
                 _end(late)
@@ -75,7 +90,12 @@ class LocalEngine:
         self._idle.clear()
 
     def _start(
-        self, function: Callable[..., Any], order: tuple[Any, ...], index: int, tries: int, limit: float
+        self,
+        function: Callable[..., Any],
+        order: tuple[Any, ...],
+        index: int,
+        tries: int,
+        limit: float,
     ) -> None:
         worker = self._idle.pop() if self._idle else _spawn()
         worker.connection.send((function, order))

@@ -48,7 +48,11 @@ class Plot:
 
     def __init__(self, rows: int = 1, columns: int = 1, height: float = 3.2, **grid: Any) -> None:
         self._context = mpl.rc_context(_STYLE)
-        self._shape, self._size, self._grid = (rows, columns), (9.6, height), grid  # of a figure [in]
+        self._shape, self._size, self._grid = (
+            (rows, columns),
+            (9.6, height),
+            grid,
+        )  # of a figure [in]
         self.svg = ""
 
     def __enter__(self) -> Plot:
@@ -75,7 +79,11 @@ def _small(svg: str) -> str:
 
 
 def rate_map(
-    axes: Any, rates: Sequence[Sequence[float]], rows: Sequence[str], columns: Sequence[str], title: str
+    axes: Any,
+    rates: Sequence[Sequence[float]],
+    rows: Sequence[str],
+    columns: Sequence[str],
+    title: str,
 ) -> None:
     """Success rates (0 … 1, NaN for none) as coloured cells with their percentages."""
     grid = np.ma.masked_invalid(np.asarray(rates, dtype=np.float64))
@@ -89,11 +97,21 @@ def rate_map(
     for (i, j), rate in np.ndenumerate(np.ma.filled(grid, np.nan)):
         if np.isfinite(rate):
             dark = rate < 0.15 or rate > 0.85
-            axes.text(j, i, f"{100 * rate:.0f}", ha="center", va="center", color="white" if dark else INK, fontsize=9)
+            axes.text(
+                j,
+                i,
+                f"{100 * rate:.0f}",
+                ha="center",
+                va="center",
+                color="white" if dark else INK,
+                fontsize=9,
+            )
     axes.set_title(title)
 
 
-def spread(axes: Any, groups: Mapping[str, Sequence[float]], label: str, colours: Sequence[str] = SERIES) -> None:
+def spread(
+    axes: Any, groups: Mapping[str, Sequence[float]], label: str, colours: Sequence[str] = SERIES
+) -> None:
     """Every value as a dot, its quartiles as a box, group beside group."""
     names = [name for name, values in groups.items() if len(values)]
     jitter = np.random.default_rng(0)
@@ -102,12 +120,27 @@ def spread(axes: Any, groups: Mapping[str, Sequence[float]], label: str, colours
         colour = colours[list(groups).index(name) % len(colours)]
         few = values.size < FEWEST
         across = at + jitter.uniform(-0.16, 0.16, values.size)
-        axes.scatter(across, values, s=24 if few else 7, alpha=0.8 if few else 0.35, color=colour, linewidths=0)
+        axes.scatter(
+            across,
+            values,
+            s=24 if few else 7,
+            alpha=0.8 if few else 0.35,
+            color=colour,
+            linewidths=0,
+        )
         if few:
             continue
         low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
-        axes.plot([at - 0.28, at + 0.28], [middle, middle], color=colour, linewidth=2.2, solid_capstyle="butt")
-        axes.add_patch(mpl.patches.Rectangle((at - 0.28, low), 0.56, high - low, fill=False, edgecolor=colour))
+        axes.plot(
+            [at - 0.28, at + 0.28],
+            [middle, middle],
+            color=colour,
+            linewidth=2.2,
+            solid_capstyle="butt",
+        )
+        axes.add_patch(
+            mpl.patches.Rectangle((at - 0.28, low), 0.56, high - low, fill=False, edgecolor=colour)
+        )
     axes.set_xticks(range(len(names)), names)
     axes.set_xlim(-0.6, max(len(names) - 0.4, 0.6))
     axes.grid(visible=False, axis="x")

@@ -14,7 +14,15 @@ from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import need
-from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
+from pomona.tools.campaign.engine import (
+    ONE_THREAD,
+    RENEWED_AFTER,
+    TRIES,
+    Engine,
+    OrderLost,
+    OrderTooLong,
+    one_per_core,
+)
 
 LOOK = 1.0  # time limits are looked at this often [s]
 
@@ -47,7 +55,9 @@ class RayEngine:
             while queue or busy:
                 while queue and len(busy) < self.workers:
                     index, tries = queue.pop()
-                    busy[task.remote(*orders[index])] = _Running(index, tries, time.monotonic() + limit)
+                    busy[task.remote(*orders[index])] = _Running(
+                        index, tries, time.monotonic() + limit
+                    )
                 ended, _ = ray.wait(list(busy), num_returns=1, timeout=LOOK)
                 for reference in ended:
                     running = busy.pop(reference)
@@ -62,7 +72,9 @@ class RayEngine:
                         first = str(error).splitlines()[0] if str(error) else type(error).__name__
                         answer = OrderLost(f"its process died {TRIES} times ({first})")
                     yield running.index, answer
-                for reference in [r for r, running in busy.items() if running.ends <= time.monotonic()]:
+                for reference in [
+                    r for r, running in busy.items() if running.ends <= time.monotonic()
+                ]:
                     ray.cancel(reference, force=True)
                     yield busy.pop(reference).index, OrderTooLong(f"not done within {limit:.0f} s")
         finally:
@@ -78,7 +90,9 @@ def open_ray(workers: int | None, address: str | None) -> Iterator[Engine]:
     try:
         ray.init(address=address or "local", log_to_driver=False, logging_level="error", **here)
     except (ConnectionError, RuntimeError, ValueError, OSError) as error:
-        raise UsageError(f"Ray cannot be reached at {address or 'this machine'}: {error}") from error
+        raise UsageError(
+            f"Ray cannot be reached at {address or 'this machine'}: {error}"
+        ) from error
     try:
         yield RayEngine(ray, workers or max(1, int(ray.cluster_resources().get("CPU", 1))))
     finally:

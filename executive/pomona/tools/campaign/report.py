@@ -21,7 +21,9 @@ RUN_FIGURES: Figures = {
     "robot time [s]": lambda r: r.get("time_s"),
     "computing [s]": lambda r: sum(r.get("compute_s", {}).values()),
     "wall time [s]": lambda r: r.get("wall_s"),
-    "attempts": lambda r: max((a["number"] for a in r.get("attempts", []) if a["succeeded"]), default=None),
+    "attempts": lambda r: max(
+        (a["number"] for a in r.get("attempts", []) if a["succeeded"]), default=None
+    ),
 }
 MAX_PLOTTED = 4
 
@@ -77,7 +79,9 @@ def commits(results: Sequence[Result]) -> str:
     found = Counter(str(result.get("commit") or "unknown") for result in results)
     if len(found) == 1:
         return f"commit `{next(iter(found))}`"
-    return "commits " + ", ".join(f"`{commit}` ({count} runs)" for commit, count in found.most_common())
+    return "commits " + ", ".join(
+        f"`{commit}` ({count} runs)" for commit, count in found.most_common()
+    )
 
 
 def report(campaign: Campaign, results: Sequence[Result], source: str) -> ReportPage:
@@ -100,8 +104,15 @@ def report(campaign: Campaign, results: Sequence[Result], source: str) -> Report
     if len(by_arm) > 1:
         document.add(*comparison(campaign, by_arm))
     document.add(*success_maps(campaign, by_arm))
-    document.add(Heading("Figures of successful runs"), *spreads(campaign, by_arm), *figures(campaign, by_arm))
-    document.add(Heading("Time, skill by skill"), *(by_skill(campaign, name, runs) for name, runs in by_arm.items()))
+    document.add(
+        Heading("Figures of successful runs"),
+        *spreads(campaign, by_arm),
+        *figures(campaign, by_arm),
+    )
+    document.add(
+        Heading("Time, skill by skill"),
+        *(by_skill(campaign, name, runs) for name, runs in by_arm.items()),
+    )
     document.add(Heading("Failures"), *failures(campaign, results))
     document.add(
         Paragraph(
@@ -123,10 +134,15 @@ def overview(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> Tabl
     return Table(("arm", "success", "robot time, median [s]", "wall time, median [s]"), tuple(rows))
 
 
-def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Paragraph | Bullets]:
+def comparison(
+    campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]
+) -> list[Paragraph | Bullets]:
     """Return each arm beside the first, on the same seeds of the same combinations."""
     first, *others = by_arm
-    good = {name: {_place(run): succeeded(run, campaign.conditions) for run in runs} for name, runs in by_arm.items()}
+    good = {
+        name: {_place(run): succeeded(run, campaign.conditions) for run in runs}
+        for name, runs in by_arm.items()
+    }
     lines = []
     for other in others:
         shared = good[first].keys() & good[other].keys()
@@ -144,7 +160,9 @@ def _place(run: Result) -> tuple[object, ...]:
     return (*sorted(run["varied"].items()), run.get("number"))
 
 
-def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[SvgPlot | Table]:
+def success_maps(
+    campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]
+) -> list[SvgPlot | Table]:
     """Success over the first two things that vary, as a picture and as tables."""
     keys = list(campaign.vary)
     if not keys:
@@ -171,9 +189,14 @@ def rate_grid(campaign: Campaign, runs: Sequence[Result]) -> list[list[float]]:
     row_key, column_key = list(campaign.vary)[:2]
     found: dict[tuple[str, str], list[bool]] = defaultdict(list)
     for run in runs:
-        found[run["varied"][row_key], run["varied"][column_key]].append(succeeded(run, campaign.conditions))
+        found[run["varied"][row_key], run["varied"][column_key]].append(
+            succeeded(run, campaign.conditions)
+        )
     return [
-        [sum(cell) / len(cell) if (cell := found[row, column]) else math.nan for column in campaign.vary[column_key]]
+        [
+            sum(cell) / len(cell) if (cell := found[row, column]) else math.nan
+            for column in campaign.vary[column_key]
+        ]
         for row in campaign.vary[row_key]
     ]
 
@@ -185,7 +208,10 @@ def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence
     for value in campaign.vary[keys[0]]:
         of_row = [r for r in runs if r["varied"][keys[0]] == value]
         cells = [[r for r in of_row if r["varied"][keys[1]] == column] for column in columns]
-        counts = [f"{sum(succeeded(r, conditions) for r in cell)}/{len(cell)}" if cell else "–" for cell in cells]
+        counts = [
+            f"{sum(succeeded(r, conditions) for r in cell)}/{len(cell)}" if cell else "–"
+            for cell in cells
+        ]
         rows.append((value, *counts, rate(of_row, conditions) if of_row else "–"))
     corner = f"{keys[0]} \\ {keys[1]}" if len(keys) >= 2 else keys[0]
     return Table((corner, *columns, "all"), tuple(rows), name)
@@ -207,7 +233,9 @@ def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[
             axes.set_ylim(bottom=min(0.0, *(min(v) for v in groups.values() if v)))
     return [
         SvgPlot(
-            "figures", plot.svg, "Each dot a successful run; the line is the median, the box holds the middle half."
+            "figures",
+            plot.svg,
+            "Each dot a successful run; the line is the median, the box holds the middle half.",
         )
     ]
 
@@ -221,19 +249,32 @@ def figures(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[
             values = numbers(_good(campaign, runs), pick)
             if values:
                 extremes = f"{min(values):.3g} … {max(values):.3g}"
-                rows.append((name, say(median(values)), say(mean(values)), extremes, str(len(values))))
+                rows.append(
+                    (name, say(median(values)), say(mean(values)), extremes, str(len(values)))
+                )
         if rows:
-            tables.append(Table(("figure", "median", "mean", "least … most", "runs"), tuple(rows), arm))
+            tables.append(
+                Table(("figure", "median", "mean", "least … most", "runs"), tuple(rows), arm)
+            )
     return tables
 
 
 def by_skill(campaign: Campaign, arm: str, runs: Sequence[Result]) -> Table:
     """Return the time of the robot and of computing, skill by skill."""
     good = _good(campaign, runs)
-    names = sorted({name for run in good for kind in ("robot_time_s", "compute_s") for name in run.get(kind, {})})
+    names = sorted(
+        {
+            name
+            for run in good
+            for kind in ("robot_time_s", "compute_s")
+            for name in run.get(kind, {})
+        }
+    )
     rows = []
     for name in names:
-        robot, computing = ([run.get(k, {}).get(name, 0.0) for run in good] for k in ("robot_time_s", "compute_s"))
+        robot, computing = (
+            [run.get(k, {}).get(name, 0.0) for run in good] for k in ("robot_time_s", "compute_s")
+        )
         rows.append((name, say(median(robot)), say(median(computing))))
     return Table(("skill", "robot, median [s]", "computing, median [s]"), tuple(rows), arm)
 
@@ -268,7 +309,11 @@ def failure_code(run: Result, conditions: tuple[str, ...]) -> str:
 def failure_message(run: Result) -> str:
     """Return the reason as a sentence."""
     reason = run.get("reason")
-    return str(reason.get("message")) if reason else "the tree succeeded, the simulated world reports a failure"
+    return (
+        str(reason.get("message"))
+        if reason
+        else "the tree succeeded, the simulated world reports a failure"
+    )
 
 
 def _command(run: Result, orders: Mapping[str, Any]) -> str:

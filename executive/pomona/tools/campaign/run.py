@@ -58,7 +58,9 @@ def run_order(order: RunOrder) -> Result:
     return executed.summary.as_json(executed.record)
 
 
-def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _problem: None) -> dict[str, Result]:
+def read_results(
+    folder: Path, on_problem: Callable[[str], None] = lambda _problem: None
+) -> dict[str, Result]:
     """Return finished runs by name, without a last line that a kill cut off.
 
     Args:
@@ -181,7 +183,10 @@ def _result(run: CampaignRun, answer: Any, commit: str) -> Result:
 
 
 def _broken(code: str, message: str, outcome: str) -> Result:
-    return {"outcome": outcome, "reason": {"node": "", "code": code, "message": message, "data": {}}}
+    return {
+        "outcome": outcome,
+        "reason": {"node": "", "code": code, "message": message, "data": {}},
+    }
 
 
 def _write(stream: FileIO, line: bytes) -> None:
@@ -214,4 +219,6 @@ def _append(path: Path) -> Iterator[FileIO]:
 def succeeded(result: Mapping[str, Any], conditions: tuple[str, ...]) -> bool:
     """The tree succeeded and, where there is a simulated world, the world agrees."""
     truth = result.get("truth")
-    return result.get("outcome") == "success" and (not truth or all(bool(truth.get(name)) for name in conditions))
+    return result.get("outcome") == "success" and (
+        not truth or all(bool(truth.get(name)) for name in conditions)
+    )

@@ -106,7 +106,9 @@ def judge_campaign(path: Path, findings: Findings) -> Campaign | None:
     try:
         placed = CAMPAIGN.read_placed(written.root, written.reader)
     except Refused:
-        names.check(written.root)  # beside a value that cannot be used, wrong names are reported in the same pass
+        names.check(
+            written.root
+        )  # beside a value that cannot be used, wrong names are reported in the same pass
         return None
     return _Planner(names, findings, placed).campaign()
 
@@ -124,7 +126,11 @@ class _Names:
         """Report a tree and a cell that do not exist, and settings that they do not have."""
         if not isinstance(root, YamlMapping):
             return
-        given = {name: node for name in ("tree", "cell") if isinstance(node := root.get(name), YamlScalar)}
+        given = {
+            name: node
+            for name in ("tree", "cell")
+            if isinstance(node := root.get(name), YamlScalar)
+        }
         if "tree" not in given:
             return
         tree = self.file(given["tree"], find_tree, root)
@@ -134,7 +140,11 @@ class _Names:
                 self.check_keys(tree, cell, keys_of(root, name))
 
     def file(
-        self, written: YamlScalar | None, find: Callable[[str], Path], node: YamlNode, default: str = ""
+        self,
+        written: YamlScalar | None,
+        find: Callable[[str], Path],
+        node: YamlNode,
+        default: str = "",
     ) -> Path | None:
         """Return a tree or cell: beside the campaign file, by path, or by name; None with a finding without one."""
         name = default if written is None else written.text
@@ -167,7 +177,9 @@ class _Names:
     def options_of(self, cell: Path) -> frozenset[str]:
         if cell not in self.options:
             outline = outline_cell(cell, self.findings)
-            self.options[cell] = frozenset(option.name for option in outline.options) if outline else frozenset()
+            self.options[cell] = (
+                frozenset(option.name for option in outline.options) if outline else frozenset()
+            )
         return self.options[cell]
 
 
@@ -201,13 +213,16 @@ class _Planner:
         texts |= {path: "".join(file.files.values()) for path, file in self.cells.items()}
         runs = tuple(_plan(arms, vary, texts))
         score = said.score.over(self.cells[arms[0].cell].score)
-        return Campaign(said.campaign, said.description, vary, tuple(arm.name for arm in arms), runs, score)
+        return Campaign(
+            said.campaign, said.description, vary, tuple(arm.name for arm in arms), runs, score
+        )
 
     def has_size(self, arms: Sequence[_Arm], vary: Mapping[str, tuple[str, ...]]) -> bool:
         """Report more runs than a campaign has, or more values than are judged, before either is listed."""
         combinations = math.prod(map(len, vary.values()))
         runs = sum(
-            arm.count * math.prod(len(arm.only.get(key, values)) for key, values in vary.items()) for arm in arms
+            arm.count * math.prod(len(arm.only.get(key, values)) for key, values in vary.items())
+            for arm in arms
         )
         judged = len(arms) * max(1, sum(map(len, vary.values())))
         message = ""
@@ -218,15 +233,25 @@ class _Planner:
         elif judged > MAX_JUDGED:
             message = f"{judged} settings to check, each value of 'vary' for each arm; at most {MAX_JUDGED} are checked"
         if message:
-            self.findings.error(self.placed.node, "too-many", message, "make several campaigns of it")
+            self.findings.error(
+                self.placed.node, "too-many", message, "make several campaigns of it"
+            )
         return not message
 
     def arms(self, whole: _Arm) -> list[_Arm]:
         written = self.placed.node.get("arms")
         arms = []
         for name, said in self.placed.values.arms.items():
-            tree = whole.tree if said.tree is None else self.names.file(said.tree, find_tree, self.placed.node)
-            cell = whole.cell if said.cell is None else self.names.file(said.cell, find_cell, self.placed.node)
+            tree = (
+                whole.tree
+                if said.tree is None
+                else self.names.file(said.tree, find_tree, self.placed.node)
+            )
+            cell = (
+                whole.cell
+                if said.cell is None
+                else self.names.file(said.cell, find_cell, self.placed.node)
+            )
             if tree is None or cell is None:
                 continue
             seeds = whole.seeds if said.seeds is None else said.seeds
@@ -239,16 +264,30 @@ class _Planner:
             arms.append(arm)
         return arms
 
-    def check_only(self, only: Mapping[str, tuple[YamlScalar, ...]], keys: Mapping[str, YamlScalar]) -> None:
-        vary = {key: [value.text for value in values] for key, values in self.placed.values.vary.items()}
+    def check_only(
+        self, only: Mapping[str, tuple[YamlScalar, ...]], keys: Mapping[str, YamlScalar]
+    ) -> None:
+        vary = {
+            key: [value.text for value in values] for key, values in self.placed.values.vary.items()
+        }
         for name, values in only.items():
             if name not in vary:
-                self.findings.error(keys[name], "unknown-key", f"'vary' has no key '{name}'", did_you_mean(name, vary))
+                self.findings.error(
+                    keys[name],
+                    "unknown-key",
+                    f"'vary' has no key '{name}'",
+                    did_you_mean(name, vary),
+                )
                 continue
             for value in values:
                 if value.text not in vary[name]:
                     hint = did_you_mean(value.text, vary[name])
-                    self.findings.error(value, "unknown-value", f"'vary' gives '{name}' no value '{value.text}'", hint)
+                    self.findings.error(
+                        value,
+                        "unknown-value",
+                        f"'vary' gives '{name}' no value '{value.text}'",
+                        hint,
+                    )
 
     def judge(self, arm: _Arm) -> bool:
         """Yield each varied value with the first values of the others, as each run will be checked again.
@@ -256,23 +295,38 @@ class _Planner:
         Unknown settings have a finding already and are left out.
         """
         vary = {
-            key: [value for value in values if key not in arm.only or value.text in arm.only[key]] or [*values]
+            key: [value for value in values if key not in arm.only or value.text in arm.only[key]]
+            or [*values]
             for key, values in self.placed.values.vary.items()
             if key in self.names.known(arm.tree, arm.cell)
         }
         good = True
-        settings = {key: value for key, value in arm.settings.items() if key in self.names.known(arm.tree, arm.cell)}
+        settings = {
+            key: value
+            for key, value in arm.settings.items()
+            if key in self.names.known(arm.tree, arm.cell)
+        }
         first = {**settings, **{key: values[0] for key, values in vary.items()}}
-        for settings in [first, *({**first, key: v} for key, values in vary.items() for v in values[1:])]:
+        for settings in [
+            first,
+            *({**first, key: v} for key, values in vary.items() for v in values[1:]),
+        ]:
             judged = judge(self.names.document(arm.tree), _skills(), settings, arm.cell)
-            self.findings.extend(found for found in judged.findings.sorted() if found.severity == "error")
+            self.findings.extend(
+                found for found in judged.findings.sorted() if found.severity == "error"
+            )
             if judged.cell is None or judged.findings.errors:
                 good = False
             else:
                 self.cells[arm.cell] = judged.cell
         if good and self.cells[arm.cell].kind == "real":
             words = f"'{arm.cell.stem}' is a real cell: between runs an operator must acknowledge the safe state"
-            self.findings.error(self.placed.node, "real-cell", words, "campaigns are for simulated and emulated cells")
+            self.findings.error(
+                self.placed.node,
+                "real-cell",
+                words,
+                "campaigns are for simulated and emulated cells",
+            )
             good = False
         return good
 
@@ -315,7 +369,14 @@ def _plan(
                     continue
                 settings = {key: value.text for key, value in arm.settings.items()}
                 order = RunOrder(arm.tree, arm.cell, seed, {**settings, **varied})
-                parts = (texts[arm.tree], texts[arm.cell], str(seed), repr(sorted(order.settings.items())))
+                parts = (
+                    texts[arm.tree],
+                    texts[arm.cell],
+                    str(seed),
+                    repr(sorted(order.settings.items())),
+                )
                 fingerprint = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-                name = "/".join([arm.name, *(f"{key}={value}" for key, value in varied.items()), f"seed={seed}"])
+                name = "/".join(
+                    [arm.name, *(f"{key}={value}" for key, value in varied.items()), f"seed={seed}"]
+                )
                 yield CampaignRun(name, arm.name, varied, number, order, fingerprint)

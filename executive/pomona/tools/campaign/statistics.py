@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-FEWEST = 5  # runs from which a mean or median has an interval: of fewer it is wider than the question
+FEWEST = (
+    5  # runs from which a mean or median has an interval: of fewer it is wider than the question
+)
 
 
 @dataclass(frozen=True, slots=True)

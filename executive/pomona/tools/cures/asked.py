@@ -18,7 +18,9 @@ def asked_change(text: str, order: RunOrder, judged: Judged) -> SingleChange:
     name, equals, value = text.partition("=")
     name, value = name.strip(), value.strip()
     if not (name and equals and value):
-        raise UsageError(f"--set {text}: write NAME=VALUE, with a parameter, an option or NODE.port as the name")
+        raise UsageError(
+            f"--set {text}: write NAME=VALUE, with a parameter, an option or NODE.port as the name"
+        )
     cell = judged.cell
     knobs = Knobs(
         judged.analysis, order.settings, cell.options if cell is not None else (), str(order.cell),
@@ -26,7 +28,10 @@ def asked_change(text: str, order: RunOrder, judged: Judged) -> SingleChange:
     )  # fmt: skip
     knob = _of_node(name, knobs) if "." in name else knobs.parameter(name) or knobs.option(name)
     if knob is None:
-        known = [*judged.analysis.document.main.parameters, *(option.name for option in knobs.options)]
+        known = [
+            *judged.analysis.document.main.parameters,
+            *(option.name for option in knobs.options),
+        ]
         hint = did_you_mean(name, known) or f"known: {', '.join(known) or 'none'}"
         raise UsageError(f"--set {text}: neither the tree nor the cell has '{name}': {hint}")
     return knob.changed(value, 1.0)
@@ -49,9 +54,15 @@ def _of_node(name: str, knobs: Knobs) -> Knob:
         return next(iter(found.values()))
     if found:
         lines = ", ".join(str(knob.line) for knob in found.values())
-        raise UsageError(f"--set {name}: {len(found)} nodes are meant, in lines {lines}: use the name of one")
+        raise UsageError(
+            f"--set {name}: {len(found)} nodes are meant, in lines {lines}: use the name of one"
+        )
     if not has:
         raise UsageError(f"--set {name}: the tree has no node '{label}' with ports")
     if slot in has:
-        raise UsageError(f"--set {name}: it is wired, or holds no single value: change the parameter that it reads")
-    raise UsageError(f"--set {name}: {label} has no '{slot}': {did_you_mean(slot, has) or ', '.join(has)}")
+        raise UsageError(
+            f"--set {name}: it is wired, or holds no single value: change the parameter that it reads"
+        )
+    raise UsageError(
+        f"--set {name}: {label} has no '{slot}': {did_you_mean(slot, has) or ', '.join(has)}"
+    )

@@ -73,8 +73,13 @@ def candidates(knobs: Knobs, evidence: RunEvidence) -> list[CureCandidate]:
             key = (change.name, change.path, change.line, change.after)
             if key not in found or found[key].likely < candidate.likely:
                 found[key] = candidate
-    found |= {(c.change.name, c.change.path, c.change.line, c.change.after): c for c in search.orders}
-    return sorted(found.values(), key=lambda c: (-round(c.likely, 6), c.change.size, c.change.path, c.change.line))
+    found |= {
+        (c.change.name, c.change.path, c.change.line, c.change.after): c for c in search.orders
+    }
+    return sorted(
+        found.values(),
+        key=lambda c: (-round(c.likely, 6), c.change.size, c.change.path, c.change.line),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +98,14 @@ def hints(code: str) -> Hints:
     known = failure_codes().get(code)
     found: dict[str, RemedyHint] = {}
     for match in re.finditer(r"`([a-z_]+)`", known.remedy if known is not None else ""):
-        words = re.findall(r"[a-z]+", known.remedy[: match.start()].lower()) if known is not None else []
-        verbs = [sign for word in words for sign, known_verbs in _VERBS.items() if word in known_verbs]
+        words = (
+            re.findall(r"[a-z]+", known.remedy[: match.start()].lower())
+            if known is not None
+            else []
+        )
+        verbs = [
+            sign for word in words for sign, known_verbs in _VERBS.items() if word in known_verbs
+        ]
         found.setdefault(match[1], RemedyHint(verbs[-1] if verbs else 0))
     return found
 
@@ -134,8 +145,12 @@ class _Search:
     blamed: dict[tuple[str, str, int, int], _Blame] = field(default_factory=dict)
     orders: list[CureCandidate] = field(default_factory=list)
     followed: dict[int, float] = field(default_factory=dict)
-    calls: dict[int, list[tuple[TreeNode, Resolved]]] = field(default_factory=dict)  # of each definition, by its id
-    paths: dict[str, tuple[TreeNode, str]] = field(default_factory=dict)  # node and word of a run's path
+    calls: dict[int, list[tuple[TreeNode, Resolved]]] = field(
+        default_factory=dict
+    )  # of each definition, by its id
+    paths: dict[str, tuple[TreeNode, str]] = field(
+        default_factory=dict
+    )  # node and word of a run's path
 
     def run(self) -> None:
         """Follow each failure to the places behind it, then take the others that may matter."""
@@ -153,7 +168,10 @@ class _Search:
                 self._node(self.paths[path][0], _Trail(RAN, "it ran", follow=False))
         settings = self.knobs.settings
         for name in self.knobs.analysis.document.main.parameters:
-            self._blame(self.knobs.parameter(name), _Trail(GIVEN * RAN if name in settings else RAN, "a parameter"))
+            self._blame(
+                self.knobs.parameter(name),
+                _Trail(GIVEN * RAN if name in settings else RAN, "a parameter"),
+            )
         for option in self.knobs.options:
             weight = GIVEN * OPTION if option.name in settings else OPTION
             self._blame(self.knobs.option(option.name), _Trail(weight, "an option of the cell"))
@@ -166,9 +184,14 @@ class _Search:
         found: dict[str, tuple[TreeNode, str]] = {}
         for facts in self.evidence.started.nodes if self.evidence.started is not None else ():
             path, kind = str(facts.get("path")), str(facts.get("kind"))
-            names = path.rsplit("/", 1)[-1].partition(":")[0].partition("#")[0], str(facts.get("name"))
+            names = (
+                path.rsplit("/", 1)[-1].partition(":")[0].partition("#")[0],
+                str(facts.get("name")),
+            )
             here = written.get((str(facts.get("file")), _whole(facts.get("line"))), [])
-            fitting = [n for n in here if n.label in names] or [n for n in here if kind in (n.kind, *n.decorators)]
+            fitting = [n for n in here if n.label in names] or [
+                n for n in here if kind in (n.kind, *n.decorators)
+            ]
             if fitting:
                 found[path] = (fitting[0], kind)
         return found
@@ -179,11 +202,15 @@ class _Search:
         if failed.path not in self.paths:
             return
         node, kind = self.paths[failed.path]
-        trail = _Trail(OWN * failed.weight, f"{node.label} failed with {failed.code}", hints(failed.code))
+        trail = _Trail(
+            OWN * failed.weight, f"{node.label} failed with {failed.code}", hints(failed.code)
+        )
         if kind in node.decorators:
             direction = 1 if failed.code == "TIMEOUT" else 0
             self._modifier(failed.path, MODIFIER * failed.weight, direction, trail.why)
-            trail = replace(trail, hinted={})  # the remedy is about the modifier: a planner's `budget` is not meant
+            trail = replace(
+                trail, hinted={}
+            )  # the remedy is about the modifier: a planner's `budget` is not meant
         self._node(node, trail)
         self._orders(failed, node)
 
@@ -200,7 +227,9 @@ class _Search:
 
     def _node(self, node: TreeNode, trail: _Trail) -> None:
         """Blame all inputs of a node, and the nodes that wrote them."""
-        if trail.weight < LEAST or (trail.follow and self.followed.get(id(node), 0.0) >= trail.weight):
+        if trail.weight < LEAST or (
+            trail.follow and self.followed.get(id(node), 0.0) >= trail.weight
+        ):
             return
         if trail.follow:
             self.followed[id(node)] = trail.weight
@@ -244,7 +273,9 @@ class _Search:
 
     def _writers(self, definition: Definition, name: str, depth: int = 0) -> Iterator[TreeNode]:
         """Yield the nodes that write a name, those of called subtrees included."""
-        for node in definition.root.walk() if definition.root is not None and depth < DEEPEST_CAUSE else ():
+        for node in (
+            definition.root.walk() if definition.root is not None and depth < DEEPEST_CAUSE else ()
+        ):
             for _, found in self.knobs.layers(node):
                 for port, target in found.outputs.items():
                     if target != name:
@@ -262,7 +293,11 @@ class _Search:
         weight = trail.weight * hint.factor
         key = knob.path, knob.setting or knob.name, knob.line, knob.start
         if key not in self.blamed or self.blamed[key].weight < weight:
-            why = f"{trail.why}; the remedy names `{knob.slot}`" if hint.factor == REMEDY else trail.why
+            why = (
+                f"{trail.why}; the remedy names `{knob.slot}`"
+                if hint.factor == REMEDY
+                else trail.why
+            )
             self.blamed[key] = _Blame(knob, weight, hint.direction, why)
 
     def _orders(self, failed: FailedNode, node: TreeNode) -> None:
@@ -270,12 +305,16 @@ class _Search:
         known = failure_codes().get(failed.code)
         earlier = EARLIER if known is not None and " before " in known.remedy else 1.0
         for above, parent in enumerate(self._above(node)):
-            inside = next((i for i, child in enumerate(parent.children) if node in child.walk()), None)
+            inside = next(
+                (i for i, child in enumerate(parent.children) if node in child.walk()), None
+            )
             if inside is None:
                 continue
             for change, distance in moved(parent, inside):
                 likely = ORDER * failed.weight * earlier * 0.7**above / distance
-                self.orders.append(CureCandidate(change, likely, f"{node.label} failed with {failed.code}"))
+                self.orders.append(
+                    CureCandidate(change, likely, f"{node.label} failed with {failed.code}")
+                )
 
     def _above(self, node: TreeNode) -> list[TreeNode]:
         """Return the composites around a node in its definition, the nearest first."""

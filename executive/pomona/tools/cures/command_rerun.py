@@ -108,7 +108,9 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
         raise UsageError(f"{record}: the record does not hold the start of the run")
     kind = started.cell_kind
     if kind not in REPEATABLE:
-        raise UsageError(f"{record}: only a simulated run can be repeated, this one was on a cell of kind {kind}")
+        raise UsageError(
+            f"{record}: only a simulated run can be repeated, this one was on a cell of kind {kind}"
+        )
     speeds = tuple(act for act in acts if act.action == "speed")
     remarks = [
         f"{act.who} did {act.action} at {act.t:.2f} s: a repetition has no operator"

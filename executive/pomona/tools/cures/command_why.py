@@ -67,12 +67,29 @@ def add(subparsers: Any) -> None:
         "Exit status: 0 a cure was found, 1 none within the budget, 2 unusable input.",
     )
     parser.add_argument("run", help=RUN)
-    parser.add_argument("--budget", type=_time, default=60.0, metavar="TIME", help="real time to spend (default: 60 s)")
-    parser.add_argument("--jobs", type=_count, default=None, help="processes at once (default: one per core)")
-    parser.add_argument("--seeds", type=_seeds, default=5, help="other seeds that a cure must pass (default: 5)")
-    parser.add_argument("--cures", type=_count, default=1, help="end after so many cures (default: 1)")
-    parser.add_argument("--cell", help="for a run on a real cell: the cell to simulate it on (default: the usual one)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
+    parser.add_argument(
+        "--budget",
+        type=_time,
+        default=60.0,
+        metavar="TIME",
+        help="real time to spend (default: 60 s)",
+    )
+    parser.add_argument(
+        "--jobs", type=_count, default=None, help="processes at once (default: one per core)"
+    )
+    parser.add_argument(
+        "--seeds", type=_seeds, default=5, help="other seeds that a cure must pass (default: 5)"
+    )
+    parser.add_argument(
+        "--cures", type=_count, default=1, help="end after so many cures (default: 1)"
+    )
+    parser.add_argument(
+        "--cell",
+        help="for a run on a real cell: the cell to simulate it on (default: the usual one)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the last line"
+    )
     add_records_folder(parser)
     parser.set_defaults(main=main)
 
@@ -84,10 +101,20 @@ def main(options: argparse.Namespace) -> int:
     case = read_case(record, options.cell)
     if case.simulated:
         console.print(SIMULATION, soft_wrap=True)
-    console.print(f"{len(case.candidates)} single changes may cure it; budget {seconds(options.budget)}")
-    with contextlib.closing(TrialPool(options.jobs or one_per_core(), run_trial, case.conditions)) as pool:
+    console.print(
+        f"{len(case.candidates)} single changes may cure it; budget {seconds(options.budget)}"
+    )
+    with contextlib.closing(
+        TrialPool(options.jobs or one_per_core(), run_trial, case.conditions)
+    ) as pool:
         search = CureSearch(
-            case.order, case.candidates, usable, options.seeds, options.cures, options.budget, _progress(console)
+            case.order,
+            case.candidates,
+            usable,
+            options.seeds,
+            options.cures,
+            options.budget,
+            _progress(console),
         )
         answer = search.run(pool)
     _print(console, answer, case)
@@ -110,16 +137,22 @@ def read_case(record: Path, cell: str | None = None) -> FailedRun:
     if started is None:
         raise UsageError(f"{record}: the record does not hold the start of the run")
     if ended is None:
-        raise UsageError(f"{record}: the run has no end, so it did not fail; `pomona explain` shows how far it came")
+        raise UsageError(
+            f"{record}: the run has no end, so it did not fail; `pomona explain` shows how far it came"
+        )
     if ended.outcome == "stopped":
-        raise UsageError(f"{record}: the run was stopped from outside: no change of the tree cures that")
+        raise UsageError(
+            f"{record}: the run was stopped from outside: no change of the tree cures that"
+        )
     simulated = started.cell_kind not in REPEATABLE
     order = _simulated(started, cell) if simulated else _own(started, evidence, cell)
     judged = judged_order(order)
     if wrong := first_error(judged):
         raise UsageError(f"{record}: its tree cannot be rebuilt here: {wrong}")
     conditions = _conditions(judged.cell)
-    if ended.outcome == "success" and (simulated or not disagrees("success", plain(ended.truth), conditions)):
+    if ended.outcome == "success" and (
+        simulated or not disagrees("success", plain(ended.truth), conditions)
+    ):
         raise UsageError(f"{record}: the run succeeded: there is nothing to cure")
     options = () if simulated or judged.cell is None else judged.cell.options
     text = order.texts.get(str(order.cell), "")
@@ -129,7 +162,9 @@ def read_case(record: Path, cell: str | None = None) -> FailedRun:
 
 def _own(started: RunStarted, evidence: RunEvidence, cell: str | None) -> RunOrder:
     if cell is not None:
-        raise UsageError(f"--cell is for runs on a real cell: this one is repeated on its own cell, {started.cell}")
+        raise UsageError(
+            f"--cell is for runs on a real cell: this one is repeated on its own cell, {started.cell}"
+        )
     return order_of(started, tuple(act for act in evidence.acts if act.action == "speed"), None)
 
 
@@ -137,7 +172,9 @@ def _simulated(started: RunStarted, cell: str | None) -> RunOrder:
     """Return the order of a real run on a simulated cell, with the settings of its tree alone."""
     usual = find_cell(cell or default_name("cell"))
     texts = {started.tree_path: started.tree_text, **started.tree_files}
-    order = RunOrder(Path(started.tree_path), usual, started.seed, dict(started.settings), texts=texts)
+    order = RunOrder(
+        Path(started.tree_path), usual, started.seed, dict(started.settings), texts=texts
+    )
     judged = judged_order(replace(order, settings={}))
     for_tree, _ = split_settings(judged.analysis.document, order.settings)
     return replace(order, settings=for_tree)
@@ -179,20 +216,31 @@ def _progress(console: Screen) -> Any:
 def _end(trial: Trial) -> str:
     if trial.succeeded:
         return f"succeeded after {seconds(trial.time)}"
-    return f"{trial.code or trial.outcome} after {seconds(trial.time)}" if trial.time else trial.code or trial.outcome
+    return (
+        f"{trial.code or trial.outcome} after {seconds(trial.time)}"
+        if trial.time
+        else trial.code or trial.outcome
+    )
 
 
 def _print(console: Screen, answer: CureAnswer, case: FailedRun) -> None:
     if answer.original is not None and answer.original.succeeded:
         where = "on the simulated cell" if case.simulated else "with the present versions"
-        console.print(f"the failure does not repeat {where}: without a change the run succeeds", soft_wrap=True)
+        console.print(
+            f"the failure does not repeat {where}: without a change the run succeeds",
+            soft_wrap=True,
+        )
         return
     shown = [*answer.cures(), *answer.lucky()]
     if shown:
         console.print(_table(shown, answer, case))
-    spent = f"{len(answer.tried)} changes tried in {seconds(answer.spent)}, {answer.untried} not tried"
+    spent = (
+        f"{len(answer.tried)} changes tried in {seconds(answer.spent)}, {answer.untried} not tried"
+    )
     if not answer.cures():
-        console.print(f"no cure within the budget: {spent}; `--budget` sets a longer one", soft_wrap=True)
+        console.print(
+            f"no cure within the budget: {spent}; `--budget` sets a longer one", soft_wrap=True
+        )
         return
     best = answer.cures()[0].candidate
     console.print(f"the cure: {best.change.sentence}", soft_wrap=True)
@@ -211,7 +259,9 @@ def _table(shown: Sequence[TriedChange], answer: CureAnswer, case: FailedRun) ->
     force = force_of(plain(ended.truth))
     known = 1 + len(answer.others)
     own = sum(trial.succeeded for trial in answer.others.values())
-    table.add_row("none", f"{own} of {known}", seconds(ended.time), "–" if force is None else f"{force:.1f} N")
+    table.add_row(
+        "none", f"{own} of {known}", seconds(ended.time), "–" if force is None else f"{force:.1f} N"
+    )
     for tried in shown:
         trial = tried.trial
         table.add_row(
@@ -236,7 +286,9 @@ def as_json(record: Path, answer: CureAnswer, case: FailedRun) -> dict[str, Any]
             "code": case.evidence.failed()[0].code if case.evidence.failed() else "",
             "time_s": ended.time,
             "force_n": force_of(plain(ended.truth)),
-            "repeats": None if original is None or original.outcome == "lost" else not original.succeeded,
+            "repeats": None
+            if original is None or original.outcome == "lost"
+            else not original.succeeded,
             "successes_of_other_seeds": sum(trial.succeeded for trial in answer.others.values()),
             "other_seeds": len(answer.others),
         },

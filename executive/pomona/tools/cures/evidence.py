@@ -16,7 +16,9 @@ from pomona.executive.running.events import (
     RunStarted,
 )
 
-ON_THE_WAY = 0.5  # weight of all failures before the last one, together, relative to it: an assumption
+ON_THE_WAY = (
+    0.5  # weight of all failures before the last one, together, relative to it: an assumption
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,9 @@ class RunEvidence:
         others = [(key, count) for key, count in self.failures.most_common() if key not in keys]
         total = sum(self.failures.values())
         for (path, code), count in others:
-            found.append(FailedNode(path, code, self.messages[path, code], ON_THE_WAY * count / total))
+            found.append(
+                FailedNode(path, code, self.messages[path, code], ON_THE_WAY * count / total)
+            )
         return found
 
 

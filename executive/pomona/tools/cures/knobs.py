@@ -17,7 +17,9 @@ from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 from pomona.tools.cures.change import SingleChange, TextPiece, offset
 from pomona.tools.cures.other_values import text_of
 
-_PLAIN = re.compile(r"[A-Za-z0-9_.°%/²+-][A-Za-z0-9_.°%/²+ -]*")  # texts that need no quotes in YAML, also in braces
+_PLAIN = re.compile(
+    r"[A-Za-z0-9_.°%/²+-][A-Za-z0-9_.°%/²+ -]*"
+)  # texts that need no quotes in YAML, also in braces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +67,11 @@ class Knob:
 
 def quoted(text: str) -> str:
     """Return a text as YAML reads it again, with quotes where it needs them."""
-    return text if _PLAIN.fullmatch(text) else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return (
+        text
+        if _PLAIN.fullmatch(text)
+        else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    )
 
 
 @dataclass(slots=True, eq=False)
@@ -105,7 +111,11 @@ class Knobs:
             return found.skill.inputs
         if found.subtree is not None:
             return self.analysis.interfaces[id(found.subtree)].inputs
-        words = {slot: taken.port for slot, taken in layer.slots.items() if isinstance(taken, takes.Value)}
+        words = {
+            slot: taken.port
+            for slot, taken in layer.slots.items()
+            if isinstance(taken, takes.Value)
+        }
         wires = any(taken.wires for taken in layer.slots.values())
         return {**words, **(dict.fromkeys(found.node.ports, Port(object)) if wires else {})}
 
@@ -144,7 +154,11 @@ class Knobs:
     def declared(self, declared: Declared, port: Port) -> Knob | None:
         """Return the value of a constant, or the default of a subtree's input."""
         name = declared.key.text
-        return None if declared.default is None else _written("port", name, name, declared.default, port, None)
+        return (
+            None
+            if declared.default is None
+            else _written("port", name, name, declared.default, port, None)
+        )
 
     def option(self, name: str) -> Knob | None:
         """Return an option of the cell."""
@@ -152,30 +166,52 @@ class Knobs:
         if option is None:
             return None
         lines = self.cell_text.splitlines()
-        line = next((n for n, text in enumerate(lines, 1) if re.match(rf"\s+{re.escape(name)}\s*:", text)), 1)
+        line = next(
+            (n for n, text in enumerate(lines, 1) if re.match(rf"\s+{re.escape(name)}\s*:", text)),
+            1,
+        )
         text = self.settings.get(name, option.default)
         return Knob(
             "option", name, name, self.cell_path, line, text, Port(object), option.default, name,
             given=name in self.settings,
         )  # fmt: skip
 
-    def _unwritten(self, name: str, slot: str, node: TreeNode, port: Port, default: str) -> Knob | None:
+    def _unwritten(
+        self, name: str, slot: str, node: TreeNode, port: Port, default: str
+    ) -> Knob | None:
         """Return the place where a port would be written that has its default."""
         value, text = node.value, node.key.source.text
         about = (node.key.source.path, node.key.line, default, port, default)
-        if isinstance(value, YamlMapping) and text[(at := offset(text, value.line, value.column)) : at + 1] == "{":
+        if (
+            isinstance(value, YamlMapping)
+            and text[(at := offset(text, value.line, value.column)) : at + 1] == "{"
+        ):
             lead, trail = f"{slot}: ", ", " if value.entries else ""
             return Knob("port", name, slot, *about, "", at + 1, at + 1, lead, trail, unwritten=True)
         if isinstance(value, YamlMapping) and value.entries:
             at, indent = offset(text, value.line, value.column), " " * (value.column - 1)
-            return Knob("port", name, slot, *about, "", at, at, f"{slot}: ", f"\n{indent}", unwritten=True)
+            return Knob(
+                "port", name, slot, *about, "", at, at, f"{slot}: ", f"\n{indent}", unwritten=True
+            )
         return None
 
 
-def _written(kind: str, name: str, slot: str, value: YamlNode, port: Port, default: str | None) -> Knob | None:
+def _written(
+    kind: str, name: str, slot: str, value: YamlNode, port: Port, default: str | None
+) -> Knob | None:
     """Return the place of a value as it is written; None for a wire, a list or a text of several lines."""
-    if not isinstance(value, YamlScalar) or "{" in value.text or value.line != value.end_line or value.is_null:
+    if (
+        not isinstance(value, YamlScalar)
+        or "{" in value.text
+        or value.line != value.end_line
+        or value.is_null
+    ):
         return None
     text = value.source.text
-    start, end = offset(text, value.line, value.column), offset(text, value.end_line, value.end_column)
-    return Knob(kind, name, slot, value.source.path, value.line, value.text, port, default, "", start, end)
+    start, end = (
+        offset(text, value.line, value.column),
+        offset(text, value.end_line, value.end_column),
+    )
+    return Knob(
+        kind, name, slot, value.source.path, value.line, value.text, port, default, "", start, end
+    )

@@ -14,7 +14,11 @@ from pomona.executive.values.units import split_unit
 
 FACTORS = (2.0, 5.0, 25.0)
 """A number is multiplied and divided by these [-]. With three steps a value is tried that is wrong by one decade."""
-STEPS = (1.0, 0.6, 0.35)  # how likely each factor is the right one, relative to the first: an assumption
+STEPS = (
+    1.0,
+    0.6,
+    0.35,
+)  # how likely each factor is the right one, relative to the first: an assumption
 AGAINST = 0.15  # how likely the direction is that a remedy does not name, relative to the other: an assumption
 UNKNOWN = 0.5  # how likely each direction is when no remedy names one
 BACK = 1.5  # how likely a default is that the tree or the run replaced, relative to the first factor: an assumption
@@ -29,7 +33,9 @@ class OtherValue:
     share: float
 
 
-def other_values(text: str, port: Port, default: str | None = None, direction: int = 0) -> list[OtherValue]:
+def other_values(
+    text: str, port: Port, default: str | None = None, direction: int = 0
+) -> list[OtherValue]:
     """Return other values of a port, each once.
 
     Args:
@@ -43,7 +49,12 @@ def other_values(text: str, port: Port, default: str | None = None, direction: i
     if default is not None and default != text:
         before, after = number, _number(default, port)
         size = _size(before, after)
-        against = direction and before is not None and after is not None and (after - before) * direction < 0
+        against = (
+            direction
+            and before is not None
+            and after is not None
+            and (after - before) * direction < 0
+        )
         found[default] = OtherValue(default, size, BACK * (AGAINST if against else 1.0))
     if port.type is bool or text in ("true", "false"):
         other = "false" if text == "true" else "true"
@@ -82,12 +93,16 @@ def _number(text: str, port: Port) -> float | None:
     return None if unit and unit not in UNITS else float(number)
 
 
-def _numbers(text: str, number: float, port: Port, direction: int) -> Iterator[tuple[str, float, float]]:
+def _numbers(
+    text: str, number: float, port: Port, direction: int
+) -> Iterator[tuple[str, float, float]]:
     parts = split_unit(text)
     if parts is None or number == 0.0 or not math.isfinite(number):
         return
     written, unit = float(parts[0]), parts[1]
-    whole = port.type is object and bool(re.fullmatch(r"\d+", text))  # an option of a cell has no type
+    whole = port.type is object and bool(
+        re.fullmatch(r"\d+", text)
+    )  # an option of a cell has no type
     low, high = port.bounds
     for sign in (1, -1):
         share = UNKNOWN if direction == 0 else 1.0 if direction == sign else AGAINST
@@ -109,7 +124,11 @@ def _numbers(text: str, number: float, port: Port, direction: int) -> Iterator[t
 def _written(value: float, port: Port, sign: int, whole: bool) -> float | None:
     if port.type is int or whole:
         value = math.ceil(value - 1e-9) if sign > 0 else math.floor(value + 1e-9)
-        return value if value >= 1 or (port.bounds[0] is not None and value >= port.bounds[0]) else None
+        return (
+            value
+            if value >= 1 or (port.bounds[0] is not None and value >= port.bounds[0])
+            else None
+        )
     return value
 
 

@@ -17,7 +17,9 @@ from pomona.executive.values.installation import installed_trees
 REPEATABLE = ("simulated", "frames", "mock")  # kinds of cells on which a run can be repeated
 
 
-def order_of(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path | None) -> RunOrder:
+def order_of(
+    started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path | None
+) -> RunOrder:
     """Return the order of the recorded run, with the file contents of that time.
 
     Args:
@@ -34,11 +36,19 @@ def order_of(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Pat
         raise UsageError(f"the record is none of a run: {error}") from None
     dry = started.cell == "dry" and started.cell_kind == "mock"
     cell = Path(started.cell_path)
-    if not dry and not cell.parent.is_dir():  # recorded on another machine: its files are found beside the cell
+    if (
+        not dry and not cell.parent.is_dir()
+    ):  # recorded on another machine: its files are found beside the cell
         cell = installed_trees() / "cells" / cell.name
         if not cell.parent.is_dir():
-            raise UsageError(f"{started.cell_path}: its folder holds files that it names, and does not exist here")
-    texts = {started.tree_path: started.tree_text, str(cell): started.cell_text, **started.tree_files}
+            raise UsageError(
+                f"{started.cell_path}: its folder holds files that it names, and does not exist here"
+            )
+    texts = {
+        started.tree_path: started.tree_text,
+        str(cell): started.cell_text,
+        **started.tree_files,
+    }
     texts |= {str(cell.parent / name): text for name, text in started.cell_files.items()}
     return RunOrder(
         tree=Path(started.tree_path),
@@ -60,7 +70,13 @@ def judged_order(order: RunOrder) -> Judged:
     Raises UsageError: the tree cannot be read, or the cell is of a kind on which no run is repeated.
     """
     document = read_document(order.tree, order.texts)
-    judged = judge(document, Registry.installed(), order.settings, None if order.dry else order.cell, order.texts)
+    judged = judge(
+        document,
+        Registry.installed(),
+        order.settings,
+        None if order.dry else order.cell,
+        order.texts,
+    )
     if judged.cell is not None and judged.cell.kind not in REPEATABLE:
         raise UsageError(
             f"the cell in the record is of kind {judged.cell.kind}, the record's header names another kind"

@@ -51,7 +51,9 @@ class CureAnswer:
     def cures(self) -> list[TriedChange]:
         """Return the changes that succeeded with every seed, the most likely and smallest first."""
         found = [tried for tried in self.tried if tried.successes() == 1 + len(self.seeds)]
-        return sorted(found, key=lambda tried: (-tried.candidate.likely, tried.candidate.change.size))
+        return sorted(
+            found, key=lambda tried: (-tried.candidate.likely, tried.candidate.change.size)
+        )
 
     def lucky(self) -> list[TriedChange]:
         """Return the changes that succeeded with the run's seed and are no cure."""
@@ -173,7 +175,9 @@ class CureSearch:
             tried = TriedChange(task.candidate, trial)
             answer.tried.append(tried)
             if trial.succeeded:
-                self._urgent.extend(_Task("seed", seed, task.candidate, tried) for seed in answer.seeds)
+                self._urgent.extend(
+                    _Task("seed", seed, task.candidate, tried) for seed in answer.seeds
+                )
 
 
 def _place(change: SingleChange) -> tuple[str, int, str]:

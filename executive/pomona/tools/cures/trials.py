@@ -14,8 +14,13 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.compute import Worker, keep_workers_warm
 from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER
 
-OVER_BUDGET = "OVER_BUDGET"  # the code of a repetition that was given up: nothing is known of its end
-FORCES = ("finger_peak_n", "peak_force_n")  # figures of a world's score that hold the largest force [N]
+OVER_BUDGET = (
+    "OVER_BUDGET"  # the code of a repetition that was given up: nothing is known of its end
+)
+FORCES = (
+    "finger_peak_n",
+    "peak_force_n",
+)  # figures of a world's score that hold the largest force [N]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +52,10 @@ class Trial:
 def force_of(truth: Any) -> float | None:
     """Return the largest force of a world's score [N]; None if it reports none."""
     figures = truth if isinstance(truth, dict) else {}
-    return next((float(figures[name]) for name in FORCES if isinstance(figures.get(name), (int, float))), None)
+    return next(
+        (float(figures[name]) for name in FORCES if isinstance(figures.get(name), (int, float))),
+        None,
+    )
 
 
 def disagrees(outcome: str | None, truth: Any, conditions: tuple[str, ...]) -> str:
@@ -70,7 +78,11 @@ def run_trial(order: RunOrder, conditions: tuple[str, ...]) -> Trial:
     outcome, code, message = told["outcome"], reason.get("code", ""), reason.get("message", "")
     missed = disagrees(outcome, truth, conditions)
     if missed:
-        outcome, code, message = "false", "NOT_SCORED", f"the tree succeeded, the world's score has '{missed}' not true"
+        outcome, code, message = (
+            "false",
+            "NOT_SCORED",
+            f"the tree succeeded, the world's score has '{missed}' not true",
+        )
     return Trial(outcome, code, message, told["time_s"], force_of(truth), time.monotonic() - begun)
 
 
@@ -134,11 +146,17 @@ class TrialPool:
                 yield busy.key, Trial("lost", "WORKER_DIED", "the repetition's process died")
                 continue
             self._rest(busy.worker)
-            yield busy.key, answer if succeeded else Trial("lost", type(answer).__name__, str(answer))
+            yield (
+                busy.key,
+                answer if succeeded else Trial("lost", type(answer).__name__, str(answer)),
+            )
         for busy in [busy for busy in self._busy.values() if busy.ends <= time.monotonic()]:
             del self._busy[busy.worker.connection]
             busy.worker.kill()
-            yield busy.key, Trial("lost", OVER_BUDGET, "the repetition did not end within the budget")
+            yield (
+                busy.key,
+                Trial("lost", OVER_BUDGET, "the repetition did not end within the budget"),
+            )
 
     def give_up(self) -> None:
         """End the repetitions in progress, without a result: their runs are simulated, so nothing is left in motion."""

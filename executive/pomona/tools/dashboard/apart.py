@@ -77,7 +77,9 @@ class PageProcess:
         self._threads: list[threading.Thread] = []
         self._closing = self._lost = False
 
-    def allow_starts(self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}) -> None:
+    def allow_starts(
+        self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}
+    ) -> None:
         """Let the page start runs of these trees on these cells. Before `start`."""
         self._start_run, self._choices, self._judge_form = start_run, choices, judge_form
 
@@ -106,7 +108,9 @@ class PageProcess:
             self.close()
             raise UsageError(refusal)
         for work in (self._listen, self._beat):
-            self._threads.append(threading.Thread(target=work, args=(line,), name="pomona-page", daemon=True))
+            self._threads.append(
+                threading.Thread(target=work, args=(line,), name="pomona-page", daemon=True)
+            )
             self._threads[-1].start()
 
     def _refusal(self, line: Connection) -> str:
@@ -172,7 +176,9 @@ class PageProcess:
             if kind == "viewers":
                 (self.viewers,) = rest
             else:
-                threading.Thread(target=self._carry_out, args=rest, name="pomona-page-call", daemon=True).start()
+                threading.Thread(
+                    target=self._carry_out, args=rest, name="pomona-page-call", daemon=True
+                ).start()
 
     def _carry_out(self, number: int, name: str, arguments: Sequence[Any], asked: float) -> None:
         value, refusal = None, ""

@@ -16,7 +16,9 @@ from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
 
-StartRun = Callable[[dict[str, Any]], str]  # starts a run from the page's form and returns its tree's name
+StartRun = Callable[
+    [dict[str, Any]], str
+]  # starts a run from the page's form and returns its tree's name
 
 JudgeForm = Callable[[dict[str, Any]], dict[str, str]]
 """Returns the unusable settings of the page's form with the reasons, by their names."""
@@ -38,7 +40,10 @@ class Choices:
         folder = installed_trees()
         return cls(
             {path.stem: path for path in [*sorted(folder.glob("*.yaml")), *map(find_tree, trees)]},
-            {path.stem: path for path in [*sorted((folder / "cells").glob("*.yaml")), *map(find_cell, cells)]},
+            {
+                path.stem: path
+                for path in [*sorted((folder / "cells").glob("*.yaml")), *map(find_cell, cells)]
+            },
         )
 
     def tree(self, name: object) -> Path:
@@ -52,15 +57,21 @@ class Choices:
     def describe(self) -> dict[str, Any]:
         """For the page's form: parameters of each tree, options of each cell, and what it offers first."""
         return {
-            "trees": [{"name": name, **_describe(_tree_facts, path)} for name, path in self.trees.items()],
-            "cells": [{"name": name, **_describe(_cell_facts, path)} for name, path in self.cells.items()],
+            "trees": [
+                {"name": name, **_describe(_tree_facts, path)} for name, path in self.trees.items()
+            ],
+            "cells": [
+                {"name": name, **_describe(_cell_facts, path)} for name, path in self.cells.items()
+            ],
             "first": {"tree": default_name("tree"), "cell": default_name("cell")},
         }
 
 
 def _offered(files: Mapping[str, Path], name: object, kind: str) -> Path:
     if not isinstance(name, str) or name not in files:
-        raise UsageError(f"this dashboard offers no such {kind}; it offers {', '.join(files) or 'none'}")
+        raise UsageError(
+            f"this dashboard offers no such {kind}; it offers {', '.join(files) or 'none'}"
+        )
     return files[name]
 
 
@@ -101,5 +112,8 @@ def _cell_facts(path: Path) -> dict[str, Any]:
     outline = outline_cell(path, findings)
     if outline is None:
         raise UsageError(format_findings(findings.sorted()))
-    options = [{"name": option.name, "default": option.default, "help": option.help} for option in outline.options]
+    options = [
+        {"name": option.name, "default": option.default, "help": option.help}
+        for option in outline.options
+    ]
     return {"kind": outline.kind, "options": options}

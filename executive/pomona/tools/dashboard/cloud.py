@@ -16,12 +16,19 @@ from pomona.executive.views import ImageView, Pinhole
 
 MOST_POINTS = 6_000
 MOST_PIXELS = 25_000_000  # of an image that is unpacked
-FARTHEST = 3.0  # distance beyond which points are not drawn [m], since they would make the rest small
+FARTHEST = (
+    3.0  # distance beyond which points are not drawn [m], since they would make the rest small
+)
 
 
 def cloud_of(view: ImageView) -> dict[str, str] | None:
     """Points of a look: millimetres (int16), colours (uint8), (n, 3) each, in base 64; None without depth or pose."""
-    if view.image is None or view.depth is None or view.pinhole is None or view.pinhole.T_base_camera is None:
+    if (
+        view.image is None
+        or view.depth is None
+        or view.pinhole is None
+        or view.pinhole.T_base_camera is None
+    ):
         return None
     return _packed(view.image, view.depth, view.pinhole)
 
@@ -46,7 +53,9 @@ def _coded(message: bytes) -> bytes:
     return base64.b64decode(parse_object(message)["data"])
 
 
-def _packed(image: NDArray[Any], depth: NDArray[np.float32], pinhole: Pinhole) -> dict[str, str] | None:
+def _packed(
+    image: NDArray[Any], depth: NDArray[np.float32], pinhole: Pinhole
+) -> dict[str, str] | None:
     if image.shape[:2] != depth.shape:
         return None
     step = max(1, int(np.ceil(np.sqrt(depth.size / MOST_POINTS))))
@@ -56,9 +65,14 @@ def _packed(image: NDArray[Any], depth: NDArray[np.float32], pinhole: Pinhole) -
     u, v, z = u[seen], v[seen], z[seen]
     if not z.size:
         return None
-    p_camera = np.stack([(u - pinhole.cx) * z / pinhole.fx, (v - pinhole.cy) * z / pinhole.fy, z], axis=1)
+    p_camera = np.stack(
+        [(u - pinhole.cx) * z / pinhole.fx, (v - pinhole.cy) * z / pinhole.fy, z], axis=1
+    )
     T = np.asarray(pinhole.T_base_camera, np.float64)
     p_base = p_camera @ T[:3, :3].T + T[:3, 3]
     millimetres = np.clip(np.rint(p_base * 1e3), -32_000, 32_000).astype("<i2")
     colours = np.ascontiguousarray(image[v, u], np.uint8)
-    return {"mm": base64.b64encode(millimetres.tobytes()).decode(), "rgb": base64.b64encode(colours.tobytes()).decode()}
+    return {
+        "mm": base64.b64encode(millimetres.tobytes()).decode(),
+        "rgb": base64.b64encode(colours.tobytes()).decode(),
+    }

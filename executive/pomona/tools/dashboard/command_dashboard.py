@@ -36,13 +36,23 @@ if TYPE_CHECKING:
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("dashboard", help="serve the operator's page: recorded runs, and new ones")
+    parser = subparsers.add_parser(
+        "dashboard", help="serve the operator's page: recorded runs, and new ones"
+    )
     add_records_folder(parser)
     parser.add_argument(
-        "--tree", action="append", default=[], metavar="FILE", help="offer this tree in addition to the installed ones"
+        "--tree",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="offer this tree in addition to the installed ones",
     )
     parser.add_argument(
-        "--cell", action="append", default=[], metavar="FILE", help="offer this cell in addition to the installed ones"
+        "--cell",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="offer this cell in addition to the installed ones",
     )
     add_alerts(parser)
     add_ros2(parser)
@@ -87,15 +97,24 @@ class Launcher:
             RefusedError: one is running, or the safe state of the last one is latched.
             UsageError: the tree, cell or settings cannot be used.
         """
-        with self._one_start:  # two pages, or a page and ROS 2, at once: the second sees the thread of the first
+        with (
+            self._one_start
+        ):  # two pages, or a page and ROS 2, at once: the second sees the thread of the first
             return self._start_alone(form)
 
     def _start_alone(self, form: dict[str, Any]) -> str:
         if self._thread is not None and not self._dashboard.control.is_busy:
-            self._thread.join(CLOSING)  # the last run has ended, its record and its cell are being closed
+            self._thread.join(
+                CLOSING
+            )  # the last run has ended, its record and its cell are being closed
         if self._thread is not None and self._thread.is_alive():
-            latched = self._dashboard.control.runner is not None and self._dashboard.control.runner.latched
-            raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")
+            latched = (
+                self._dashboard.control.runner is not None
+                and self._dashboard.control.runner.latched
+            )
+            raise RefusedError(
+                f"reset the safe state first: {latched}" if latched else "a run is going on"
+            )
         order = self._order(form)
         lock = self._dashboard.control
         self._starting = starting = lock.prepare(order.tree.stem)
@@ -129,14 +148,22 @@ class Launcher:
         if self._dashboard.control.is_busy:  # judging takes the interpreter for up to a second
             return {}
         settings = form.get("settings")
-        if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
+        if not isinstance(settings, dict) or not all(
+            isinstance(value, str) for value in settings.values()
+        ):
             raise UsageError("settings are texts by name")
         document = read_document(self._choices.tree(form.get("tree")))
-        judged = judge(document, Registry.installed(), settings, self._choices.cell(form.get("cell")))
+        judged = judge(
+            document, Registry.installed(), settings, self._choices.cell(form.get("cell"))
+        )
         problems: dict[str, str] = {}
         for finding in judged.findings.sorted():
             name = finding.path.removeprefix("--set ").partition("=")[0]
-            if finding.severity == "error" and name in settings and finding.path.startswith("--set "):
+            if (
+                finding.severity == "error"
+                and name in settings
+                and finding.path.startswith("--set ")
+            ):
                 problems.setdefault(name, f"{finding.message}. {finding.hint}".removesuffix(". "))
         return problems
 
@@ -145,21 +172,27 @@ class Launcher:
         if self._starting is not None and self._thread is not None and self._thread.is_alive():
             self._starting.abandon("the dashboard was ended")
         while self._thread is not None and self._thread.is_alive():
-            with contextlib.suppress(KeyboardInterrupt):  # it ends in the safe state, and that takes seconds at most
+            with contextlib.suppress(
+                KeyboardInterrupt
+            ):  # it ends in the safe state, and that takes seconds at most
                 self._thread.join()
 
     def _order(self, form: dict[str, Any]) -> RunOrder:
         seed, settings = form.get("seed", 0), form.get("settings", {})
         if not isinstance(seed, int) or isinstance(seed, bool):
             raise UsageError("the seed must be a whole number")
-        if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
+        if not isinstance(settings, dict) or not all(
+            isinstance(value, str) for value in settings.values()
+        ):
             raise UsageError("settings are texts by name")
         try:
             speed = speed_of(str(form.get("speed", "100 %")))
         except SpeedRefusedError as error:
             raise UsageError(str(error)) from None
         dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
-        if "request" in form:  # what it asks for is what the page has shown, and nothing of the form
+        if (
+            "request" in form
+        ):  # what it asks for is what the page has shown, and nothing of the form
             asked = find_request(self._record.resolve(), form["request"], form.get("version"))
             tree, cell, seed, settings = asked.tree, asked.cell, asked.seed, dict(asked.settings)
         else:
@@ -185,7 +218,9 @@ def main(options: argparse.Namespace) -> int:
     console = Screen()
     dashboard = PageProcess(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)
-    alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
+    alerts = alerts_of(
+        options, outcomes_in(options.record, options.alert_over) if options.alert_to else ()
+    )
     views: list[Live] = []
 
     def on_event(event: Event) -> None:
@@ -206,7 +241,11 @@ def main(options: argparse.Namespace) -> int:
     if options.ros2 is not None:
         from pomona.tools.exchange.live import Live as Views
 
-        views.append(Views([open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)]))
+        views.append(
+            Views(
+                [open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)]
+            )
+        )
     dashboard.allow_starts(launcher.start, choices, launcher.judge)
     dashboard.start()
     console.print(f"dashboard: {dashboard.access.link}   (Ctrl-C ends it)", soft_wrap=True)

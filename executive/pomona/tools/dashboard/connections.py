@@ -16,7 +16,9 @@ from websockets.protocol import State
 
 MOST_CONNECTIONS = 250  # connections without a live stream; of more, the longest idle one is closed
 REQUEST_DEADLINE = 5.0  # seconds in which a request must have come, head and body
-TAKING_DEADLINE = 30.0  # seconds in which a client must take a piece of an answer: on 9 kB/s it does
+TAKING_DEADLINE = (
+    30.0  # seconds in which a client must take a piece of an answer: on 9 kB/s it does
+)
 
 
 class PatientHttp(H11Protocol):
@@ -117,7 +119,12 @@ class LiveWire(WebSocketsSansIOProtocol):
 
     def take(self, frame: bytes) -> bool:
         """Send a frame at once; False when it would have to wait, or the stream is not open."""
-        if not self.handshake_complete or self.close_sent or self.disconnected or not self.writable.is_set():
+        if (
+            not self.handshake_complete
+            or self.close_sent
+            or self.disconnected
+            or not self.writable.is_set()
+        ):
             return False
         if self.conn.state is not State.OPEN or self.transport.is_closing():
             return False

@@ -20,7 +20,9 @@ from pomona.tools.dashboard.messages import picture_message
 
 ACTIONS = ("pause", "resume", "step", "stop")
 
-CANCELLED = "the run that was being prepared does not begin"  # answer to a safe stop during a preparation
+CANCELLED = (
+    "the run that was being prepared does not begin"  # answer to a safe stop during a preparation
+)
 
 
 class RefusedError(PomonaError):
@@ -45,9 +47,13 @@ class ControlStatus:
     """Status of control and of the run for the pages."""
 
     holder: Holder = Holder()  # of control
-    start: dict[str, Any] | None = None  # the run in preparation, or the reason why the last one did not begin
+    start: dict[str, Any] | None = (
+        None  # the run in preparation, or the reason why the last one did not begin
+    )
     is_preparing: bool = False  # whether a run is being prepared
-    known_faults: dict[str, tuple[str, ...]] = field(default_factory=dict)  # faults that can be injected into the run
+    known_faults: dict[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # faults that can be injected into the run
     # of a run's life: its time, tick, state and the ages of its devices; None without a run
     signs: dict[str, Any] | None = None
 
@@ -85,7 +91,9 @@ class RunControl(Protocol):
 class ControlLock:
     """One operator at a time acts; anybody may safe-stop. Methods may be called from any thread."""
 
-    def __init__(self, changed: Callable[[], None] = lambda: None, permit: Permit | None = None) -> None:
+    def __init__(
+        self, changed: Callable[[], None] = lambda: None, permit: Permit | None = None
+    ) -> None:
         """
         Args:
             changed: called after each change.
@@ -99,14 +107,18 @@ class ControlLock:
         self._problem: dict[str, Any] | None = None
         self._changed = changed
         self._shown: dict[str, int] = {}
-        self._breaks: dict[tuple[str, Side], None] = {}  # breakpoints, which the next run gets as well
+        self._breaks: dict[
+            tuple[str, Side], None
+        ] = {}  # breakpoints, which the next run gets as well
 
     silent = 0.0
 
     @property
     def standing(self) -> ControlStatus:
         """How things stand, for the page."""
-        return ControlStatus(self._held, self.start, self.is_preparing, self.known_faults, self._signs())
+        return ControlStatus(
+            self._held, self.start, self.is_preparing, self.known_faults, self._signs()
+        )
 
     def pictures(self) -> list[dict[str, Any]]:
         """Fields of a `Picture` for each camera of the run in progress that has a new image at no cost."""
@@ -116,7 +128,11 @@ class ControlLock:
         shown = {device: id(image) for device, (image, _age) in runner.pictures.items()}
         new = [device for device, image in shown.items() if self._shown.get(device) != image]
         self._shown = shown
-        return [picture_message(device, *picture) for device, picture in runner.pictures.items() if device in new]
+        return [
+            picture_message(device, *picture)
+            for device, picture in runner.pictures.items()
+            if device in new
+        ]
 
     def _signs(self) -> dict[str, Any] | None:
         runner = self._runner
@@ -124,7 +140,13 @@ class ControlLock:
             return None
         t, tick = runner.progress
         ages = {device: round(age, 3) for device, age in runner.ages.items()}
-        return {"t": t, "tick": tick, "wall": round(runner.wall, 2), "state": runner.state.value, "ages": ages}
+        return {
+            "t": t,
+            "tick": tick,
+            "wall": round(runner.wall, 2),
+            "state": runner.state.value,
+            "ages": ages,
+        }
 
     @property
     def holder(self) -> Holder:
@@ -170,7 +192,9 @@ class ControlLock:
     def is_busy(self) -> bool:
         """Whether a run is being prepared, goes on, or holds a latched safe state."""
         runner = self._runner
-        return self.is_preparing or (runner is not None and (not runner.state.ended or runner.latched is not None))
+        return self.is_preparing or (
+            runner is not None and (not runner.state.ended or runner.latched is not None)
+        )
 
     def prepare(self, tree: str) -> Starting:
         """Note the preparation of a run of this tree; `execute` reports to the result until `serve`."""
@@ -289,7 +313,9 @@ class ControlLock:
         if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "reload", "speed"):
             raise RefusedError(f"unknown action '{action}'")
         latched = action == "fail" and self._runner is not None and self._runner.latched is not None
-        if self._runner is None or (self._runner.state.ended and not latched):  # a broken device may be repaired
+        if self._runner is None or (
+            self._runner.state.ended and not latched
+        ):  # a broken device may be repaired
             raise RefusedError("nothing is running")
         if action == "answer":
             choice, _, path = detail.rpartition(" ← ")
@@ -299,7 +325,9 @@ class ControlLock:
                 raise RefusedError(str(error)) from None
         elif action in ("resume", "step"):
             try:
-                self._runner.resume(number, who) if action == "resume" else self._runner.step(number, who)
+                self._runner.resume(number, who) if action == "resume" else self._runner.step(
+                    number, who
+                )
             except AnswerRefusedError as error:
                 raise RefusedError(str(error)) from None
         elif action == "change":

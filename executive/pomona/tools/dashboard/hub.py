@@ -17,16 +17,38 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from pomona.executive.recording.message import in_place_of, key_of, refuse
-from pomona.executive.running.events import Event, OperatorActed, Published, SafeStopped, StateChanged
+from pomona.executive.running.events import (
+    Event,
+    OperatorActed,
+    Published,
+    SafeStopped,
+    StateChanged,
+)
 from pomona.tools.dashboard.connections import LiveWire, frame_of
 from pomona.tools.dashboard.messages import fields_of, message, numbered
 
-HISTORY_BYTES = 32_000_000  # characters of a run kept for later viewers; of older ones each key's last message
-BATCH = 0.033  # seconds in which messages are gathered: fifty viewers cost thirty sends a second each
-PICTURES = frozenset(("ImageView", "SceneView"))  # kinds of views of which only the newest one of a topic is kept
+HISTORY_BYTES = (
+    32_000_000  # characters of a run kept for later viewers; of older ones each key's last message
+)
+BATCH = (
+    0.033  # seconds in which messages are gathered: fifty viewers cost thirty sends a second each
+)
+PICTURES = frozenset(
+    ("ImageView", "SceneView")
+)  # kinds of views of which only the newest one of a topic is kept
 
-LASTING = frozenset(("NodeChanged", "AttemptEnded", "PortWritten", "LinkChanged", "OperatorActed", "StateChanged"))
-LASTING |= {"TreeChanged", "SafeStopped", "RunEnded", "TableView", "BodiesView", "PosesView", "ProgressView"}
+LASTING = frozenset(
+    ("NodeChanged", "AttemptEnded", "PortWritten", "LinkChanged", "OperatorActed", "StateChanged")
+)
+LASTING |= {
+    "TreeChanged",
+    "SafeStopped",
+    "RunEnded",
+    "TableView",
+    "BodiesView",
+    "PosesView",
+    "ProgressView",
+}
 """Kinds of messages of which the last one of each key describes the present."""
 
 URGENT = (OperatorActed, StateChanged, SafeStopped, type(None))
@@ -204,7 +226,9 @@ class Hub:
     def last_seen(self, page: str) -> float:
         """When this page was heard last, by `time.monotonic`; 0 when it is not open."""
         with self._lock:
-            return max((viewer.last_seen for viewer in self._viewers if viewer.page == page), default=0.0)
+            return max(
+                (viewer.last_seen for viewer in self._viewers if viewer.page == page), default=0.0
+            )
 
     @property
     def drained(self) -> bool:
@@ -215,7 +239,9 @@ class Hub:
     def _backlog(self, since: int) -> list[str]:
         kept = [(seq, text) for seq, text, _key in self._history] + list(self._pictures.values())
         started = self._start[0] if self._start is not None else 0
-        if since < max(started, self._forgotten):  # no piece can be missing: the whole state, from the run's start
+        if since < max(
+            started, self._forgotten
+        ):  # no piece can be missing: the whole state, from the run's start
             since = 0
             kept += self._last_words.values()
             kept += [self._start] if self._start is not None else []
@@ -254,7 +280,9 @@ class Hub:
     def _hand_out(self, batch: str) -> None:
         frame = frame_of(batch)
         with self._lock:
-            viewers = sorted(self._viewers, key=lambda viewer: not viewer.armed)  # viewers that may act come first
+            viewers = sorted(
+                self._viewers, key=lambda viewer: not viewer.armed
+            )  # viewers that may act come first
         for viewer in viewers:
             viewer.hand(batch, frame)
 

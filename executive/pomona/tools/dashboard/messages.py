@@ -22,13 +22,17 @@ from pomona.executive.views import ImageView
 from pomona.tools.dashboard.cloud import cloud_of
 
 VERSION = 1
-MOST_SCENE_ELEMENTS = 60_000  # larger arrays in a view are described instead of sent: no browser draws them in time
+MOST_SCENE_ELEMENTS = (
+    60_000  # larger arrays in a view are described instead of sent: no browser draws them in time
+)
 MOST_TEXT = 32_000_000  # largest message [bytes]
 
 
 def message(event: str, **fields: Any) -> str:
     """Return a message without number as text; numbers that are not finite are null."""
-    return json.dumps({"v": VERSION, "event": event, **plain(fields)}, ensure_ascii=False, allow_nan=False)
+    return json.dumps(
+        {"v": VERSION, "event": event, **plain(fields)}, ensure_ascii=False, allow_nan=False
+    )
 
 
 def encode(event: Event, seq: int) -> str:
@@ -44,7 +48,10 @@ def fields_of(event: Event) -> dict[str, Any]:
     fields = message_of(event, views=MOST_SCENE_ELEMENTS)
     view = event.value if isinstance(event, Published) else None
     if isinstance(view, ImageView) and view.image is not None:
-        fields["value"] |= {"image": _data_url(view.image), "size": [view.image.shape[1], view.image.shape[0]]}
+        fields["value"] |= {
+            "image": _data_url(view.image),
+            "size": [view.image.shape[1], view.image.shape[0]],
+        }
         if (cloud := cloud_of(view)) is not None:
             fields["value"]["cloud"] = cloud
     return fields
@@ -57,14 +64,21 @@ def numbered(fields: Mapping[str, Any], seq: int) -> bytes:
     """
     text = encoded({"v": VERSION, "seq": seq, **fields})
     if len(text) > MOST_TEXT:
-        raise PomonaError(f"{len(text) / 1e6:.0f} MB of text; at most {MOST_TEXT / 1e6:.0f} MB are shown")
+        raise PomonaError(
+            f"{len(text) / 1e6:.0f} MB of text; at most {MOST_TEXT / 1e6:.0f} MB are shown"
+        )
     return text
 
 
 def picture_message(device: str, image: np.ndarray[Any, Any], age: float) -> dict[str, Any]:
     """Return a camera's newest image as the fields of a `Picture`: small, since it comes twice a second."""
     height, width = image.shape[:2]
-    return {"device": device, "image": _data_url(image, 640), "size": [width, height], "age": round(age, 3)}
+    return {
+        "device": device,
+        "image": _data_url(image, 640),
+        "size": [width, height],
+        "age": round(age, 3),
+    }
 
 
 def _data_url(image: np.ndarray[Any, Any], widest: int = 960) -> str:

@@ -17,15 +17,30 @@ PORT = 8420  # default port of the page
 
 def add_address(parser: argparse.ArgumentParser, port: int = PORT) -> None:
     """Add the options of the page's address, with this default of the port."""
-    parser.add_argument("--port", type=int, default=port, help=f"port of the page (default: {port}; 0: a free one)")
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
     parser.add_argument(
-        "--served-as", action="append", default=[], metavar="NAME", help="a name by which browsers reach this machine"
+        "--port", type=int, default=port, help=f"port of the page (default: {port}; 0: a free one)"
     )
-    parser.add_argument("--tls-cert", type=Path, metavar="FILE", help="certificate (PEM): the page is served with TLS")
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to listen on (default: this machine only)"
+    )
+    parser.add_argument(
+        "--served-as",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a name by which browsers reach this machine",
+    )
+    parser.add_argument(
+        "--tls-cert",
+        type=Path,
+        metavar="FILE",
+        help="certificate (PEM): the page is served with TLS",
+    )
     parser.add_argument("--tls-key", type=Path, metavar="FILE", help="the certificate's key (PEM)")
     parser.add_argument(
-        "--insecure-act", action="store_true", help="with another --host: allow actions without encryption"
+        "--insecure-act",
+        action="store_true",
+        help="with another --host: allow actions without encryption",
     )
 
 

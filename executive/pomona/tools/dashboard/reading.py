@@ -42,7 +42,9 @@ class RecordReading:
         while (piece := await loop.run_in_executor(self._threads, next, made, None)) is not None:
             yield piece
 
-    async def respond(self, answer: Callable[[Request], Response], scope: Scope, receive: Receive, send: Send) -> None:
+    async def respond(
+        self, answer: Callable[[Request], Response], scope: Scope, receive: Receive, send: Send
+    ) -> None:
         """Answer a request to its last piece, or refuse it with 503 while `MOST_READS` are open."""
         if self._open >= MOST_READS:
             words = {"error": f"{MOST_READS} reads are open: try again in {AGAIN} s"}

@@ -132,14 +132,18 @@ def thumbnail(folder: Path) -> bytes | None:
     try:
         about = path.stat()
         small = about.st_size <= MOST_FOR_THUMBNAIL
-        return _thumbnail_of(path, about.st_ino, about.st_size, about.st_mtime_ns) if small else None
+        return (
+            _thumbnail_of(path, about.st_ino, about.st_size, about.st_mtime_ns) if small else None
+        )
     except (OSError, UsageError, ValueError, KeyError, TypeError):
         return None
 
 
 @lru_cache(maxsize=512)
 def _thumbnail_of(path: Path, _inode: int, _size: int, _changed: int) -> bytes | None:
-    newest = deque(scan(path, _valid(path).verdict, topics=lambda topic: topic.startswith(IMAGES)), maxlen=1)
+    newest = deque(
+        scan(path, _valid(path).verdict, topics=lambda topic: topic.startswith(IMAGES)), maxlen=1
+    )
     if not newest:
         return None
     pixels = from_file(base64.b64decode(parse_object(newest[0].content)["data"]))
@@ -155,9 +159,21 @@ def cloud(folder: Path, at: str) -> dict[str, str]:
         for found in rest:
             if found.topic == f"{DEPTH}{topic}":
                 depth = found.content
-            elif depth and found.topic == EVENTS and (event := parse_object(found.content)).get("topic") == topic:
+            elif (
+                depth
+                and found.topic == EVENTS
+                and (event := parse_object(found.content)).get("topic") == topic
+            ):
                 return cloud_of_messages(picture.content, depth, event["value"].get("pinhole"))
-    except (UsageError, ForeignRecordError, ValueError, KeyError, TypeError, IndexError, AttributeError):
+    except (
+        UsageError,
+        ForeignRecordError,
+        ValueError,
+        KeyError,
+        TypeError,
+        IndexError,
+        AttributeError,
+    ):
         pass
     return {}
 
@@ -218,16 +234,26 @@ def _message(path: Path, line: Line, images: str) -> bytes:
 
 def _without_addresses(message: dict[str, Any]) -> dict[str, Any]:
     value = message.get("value")
-    if message.get("event") != "Published" or not isinstance(value, dict) or not isinstance(value.get("type"), str):
+    if (
+        message.get("event") != "Published"
+        or not isinstance(value, dict)
+        or not isinstance(value.get("type"), str)
+    ):
         return message
     if all(value.get(name) is None for name in ADDRESSES):
         return message
-    return message | {"value": {name: item for name, item in value.items() if name not in ADDRESSES}}
+    return message | {
+        "value": {name: item for name, item in value.items() if name not in ADDRESSES}
+    }
 
 
 def _with_image(path: Path, line: Line, images: str) -> bytes:
     coded = image(path.parent, line.image) or b""
-    address = f"{images}{line.image}" if images else f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
+    address = (
+        f"{images}{line.image}"
+        if images
+        else f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
+    )
     value = line.message.get("value")
     if not isinstance(value, dict):
         raise ForeignRecordError("an event with an image has no view")
@@ -250,7 +276,9 @@ def _overview(path: Path, images: str) -> Iterator[bytes]:
     if not shown.interval:
         yield from (_message(path, line, images) for line in _lines(path))
         return
-    yield json.dumps({"v": VERSION, "event": "Overview", "interval": shown.interval}, separators=(",", ":")).encode()
+    yield json.dumps(
+        {"v": VERSION, "event": "Overview", "interval": shown.interval}, separators=(",", ":")
+    ).encode()
     yield from (_message(path, line, images) for line in shown.lines)
 
 
@@ -286,7 +314,9 @@ def _prepared(path: Path) -> tuple[float, Sequence[Line]] | None:
     try:
         head, *rest = written.splitlines()
         interval = float(parse_object(head)["interval"])
-        lines = [_kept(int(seq), text) for seq, _, text in (line[1:-1].partition(b",") for line in rest)]
+        lines = [
+            _kept(int(seq), text) for seq, _, text in (line[1:-1].partition(b",") for line in rest)
+        ]
     except (ValueError, KeyError, TypeError, IndexError):
         return None
     return (interval, lines) if 0.0 < interval < _LONGEST else None
@@ -299,7 +329,9 @@ def _made(path: Path) -> tuple[float, Sequence[Line]]:
         made.add(line.seq, _time_of(line.message), line.message, line.content)
     if made.count <= WHOLE:
         return 0.0, ()
-    return made.interval if made.entries else 0.0, [_kept(entry.seq, entry.text) for entry in made.entries]
+    return made.interval if made.entries else 0.0, [
+        _kept(entry.seq, entry.text) for entry in made.entries
+    ]
 
 
 def _kept(seq: int, text: bytes) -> Line:

@@ -37,7 +37,9 @@ class PageView(RunView):
             help="show the run in the browser, too; from a terminal the browser opens, and the page stays until Ctrl-C",
         )
         parser.add_argument(
-            "--wait-for-page", action="store_true", help="with --dashboard: begin when the page is open in a browser"
+            "--wait-for-page",
+            action="store_true",
+            help="with --dashboard: begin when the page is open in a browser",
         )
         add_address(parser)
 
@@ -78,7 +80,10 @@ class PageView(RunView):
         """Keep the cell in its safe state while an operator can reset it; Ctrl-C ends that, too."""
         if not self.page.viewers and not sys.stdin.isatty():
             return
-        self._console.print(f"safe state: {runner.latched}. Reset it on the page, or leave with Ctrl-C.", style="red")
+        self._console.print(
+            f"safe state: {runner.latched}. Reset it on the page, or leave with Ctrl-C.",
+            style="red",
+        )
         with contextlib.suppress(KeyboardInterrupt):
             runner.hold_latched()
 

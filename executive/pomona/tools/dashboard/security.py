@@ -40,8 +40,12 @@ class Access:
     may_act: bool = True  # False when it is bound to another address without TLS and without the explicit insecure flag
     certificate: Path | None = None  # certificate, key: files for TLS, or None
     key: Path | None = None
-    names: tuple[str, ...] = ()  # further names under which this machine is reached, for `--host 0.0.0.0`
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # required for requests that act
+    names: tuple[
+        str, ...
+    ] = ()  # further names under which this machine is reached, for `--host 0.0.0.0`
+    token: str = field(
+        default_factory=lambda: secrets.token_urlsafe(24)
+    )  # required for requests that act
     # on another address than this machine's, it or the token must accompany everything that reads. It stands in
     # addresses that a page opens by itself (downloads, the stream), and acts on nothing.
     reading: str = field(default_factory=lambda: secrets.token_urlsafe(24))
@@ -67,7 +71,10 @@ class Access:
     def hosts(self) -> frozenset[str]:
         """Names in Host headers that mean us. The port is left out: a tunnel or a proxy may have another one."""
         own = {self.host, f"[{self.host}]"} if not self.local else set()
-        return frozenset(name.lower() for name in (*LOOPBACK, *self.names, *own, *(own_names() if self.wild else ())))
+        return frozenset(
+            name.lower()
+            for name in (*LOOPBACK, *self.names, *own, *(own_names() if self.wild else ()))
+        )
 
     @property
     def wild(self) -> bool:
@@ -91,7 +98,10 @@ class Access:
             origin_host = urlsplit(origin).netloc.lower()
         except ValueError:  # a bracket that is not closed
             return False
-        return origin_host == headers.get("host", "").lower() or _without_port(origin_host) in self._given
+        return (
+            origin_host == headers.get("host", "").lower()
+            or _without_port(origin_host) in self._given
+        )
 
     @staticmethod
     def knows_site(scope: Scope, headers: Headers) -> bool:
@@ -100,7 +110,11 @@ class Access:
         The page itself may be opened by a link from anywhere: it holds nothing of a run. A stream has its Origin.
         """
         site = headers.get("sec-fetch-site", "none")
-        return site in ("same-origin", "none") or scope["type"] != "http" or not scope["path"].startswith("/api")
+        return (
+            site in ("same-origin", "none")
+            or scope["type"] != "http"
+            or not scope["path"].startswith("/api")
+        )
 
     @property
     def _given(self) -> frozenset[str]:
@@ -134,7 +148,9 @@ def own_names() -> tuple[str, ...]:
     """How others reach this machine: the address of its way out, if it has one, and its name."""
     names = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out, contextlib.suppress(OSError):
-        out.connect(("192.0.2.1", 9))  # an address for documentation: nothing is sent, the system only chooses a way
+        out.connect(
+            ("192.0.2.1", 9)
+        )  # an address for documentation: nothing is sent, the system only chooses a way
         names.append(str(out.getsockname()[0]))
     return (*names, socket.gethostname().lower())
 
@@ -163,16 +179,24 @@ class RequestGuard:
             if message["type"] == "http.response.start":
                 present = list(message.get("headers", []))
                 names = {name.lower() for name, _value in present}
-                message["headers"] = present + [(n, v) for n, v in HEADERS.items() if n not in names]
+                message["headers"] = present + [
+                    (n, v) for n, v in HEADERS.items() if n not in names
+                ]
             await send(message)
 
         headers = Headers(scope=scope)
         refusal = ""
-        is_public = scope["path"].startswith("/static/")  # the page's own files hold nothing of a run
-        if not self._access.knows_host(headers) or not (is_public or self._access.knows_origin(headers)):
+        is_public = scope["path"].startswith(
+            "/static/"
+        )  # the page's own files hold nothing of a run
+        if not self._access.knows_host(headers) or not (
+            is_public or self._access.knows_origin(headers)
+        ):
             refusal = "this host or origin is not served: --served-as NAME adds the name by which browsers reach it"
         elif not self._access.knows_site(scope, headers):
-            refusal = "a page of another site asked: only this server's own page and programs are served"
+            refusal = (
+                "a page of another site asked: only this server's own page and programs are served"
+            )
         elif not self._access.may_read(scope, headers):
             refusal = "open the link that was printed: it carries the token"
         if not refusal:

@@ -72,7 +72,9 @@ class RemoteControl:
             self.say("call", number, name, arguments, time.monotonic())
             return answer.result(CALL_PATIENCE)
         except TimeoutError:
-            raise RefusedError(f"the run's process has not answered for {CALL_PATIENCE:.0f} s") from None
+            raise RefusedError(
+                f"the run's process has not answered for {CALL_PATIENCE:.0f} s"
+            ) from None
         except OSError:
             raise RefusedError("the run's process has ended") from None
 
@@ -163,7 +165,9 @@ def _serve(
     dashboard = ServedDashboard(access, records, remote)
     if starts:
         dashboard.allow_starts(
-            lambda form: str(remote.call("start", form)), choices, lambda form: dict(remote.call("judge", form))
+            lambda form: str(remote.call("start", form)),
+            choices,
+            lambda form: dict(remote.call("judge", form)),
         )
     try:
         dashboard.start()

@@ -14,7 +14,13 @@ from urllib.parse import quote
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    JSONResponse,
+    Response,
+    StreamingResponse,
+)
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -125,7 +131,9 @@ class Dashboard:
         self._told_silent = False
         self.announce()
 
-    def allow_starts(self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}) -> None:
+    def allow_starts(
+        self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}
+    ) -> None:
         """Let the page start runs of these trees on these cells."""
         self._start_run, self._choices, self._judge_form = start_run, choices, judge_form
         self.announce()
@@ -181,7 +189,9 @@ class Dashboard:
             standing, silent = self._control.standing, self._control.silent
             if self._is_here(standing.holder.viewer) != self._holder_here or standing.is_preparing:
                 self.announce()
-            if standing.is_preparing or standing.signs is not None:  # a run has the computer for itself
+            if (
+                standing.is_preparing or standing.signs is not None
+            ):  # a run has the computer for itself
                 await asyncio.to_thread(self._asides.stop_search)
             if silent > SILENT or self._told_silent:
                 self._told_silent = silent > SILENT
@@ -226,7 +236,10 @@ class Dashboard:
                 else:
                     yield from record_messages(folder)
             except (PomonaError, ValueError, KeyError) as error:
-                yield json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}).encode() + b"\n"
+                yield (
+                    json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}).encode()
+                    + b"\n"
+                )
 
         return StreamingResponse(self._reading.pieces(pieces()), media_type="application/x-ndjson")
 
@@ -235,7 +248,9 @@ class Dashboard:
         found = None if folder is None else image(folder, request.path_params["at"])
         if found is None:
             return JSONResponse({"error": "no such image"}, 404)
-        return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"})
+        return Response(
+            found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"}
+        )
 
     def _cloud(self, request: Request) -> Response:
         folder = self._folder(request)
@@ -259,12 +274,16 @@ class Dashboard:
         found = None if folder is None else thumbnail(folder)
         if found is None:
             return Response(status_code=204)
-        return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=600"})
+        return Response(
+            found, media_type="image/jpeg", headers={"cache-control": "private, max-age=600"}
+        )
 
     def _drawing(self, request: Request) -> Response:
         folder = self._folder(request)
         until = _interval({"begin": "0", "end": request.query_params.get("until", "")})
-        drawn = None if folder is None else redrawing(folder, until[1] if until is not None else 0.0)
+        drawn = (
+            None if folder is None else redrawing(folder, until[1] if until is not None else 0.0)
+        )
         if drawn is None:
             return JSONResponse({"error": "no tree that can be drawn"}, 404)
         return Response(drawn, media_type="image/svg+xml")
@@ -274,7 +293,11 @@ class Dashboard:
         name = request.path_params["name"]
         known = {path.parent.name: path for path in records_in(self.records)}
         path = known.get(name)
-        return path.parent if path is not None and is_plain(path) and not path.parent.is_symlink() else None
+        return (
+            path.parent
+            if path is not None and is_plain(path) and not path.parent.is_symlink()
+            else None
+        )
 
     async def _live(self, stream: WebSocket) -> None:
         known = self.access.knows_reader(stream.query_params.get("token", ""))
@@ -286,7 +309,9 @@ class Dashboard:
             since = max(int(stream.query_params.get("since", "0")), 0)
         except ValueError:
             since = 0
-        viewer = self.hub.join(since, stream.query_params.get("stream", ""), wire_of(stream.scope.get("state", {})))
+        viewer = self.hub.join(
+            since, stream.query_params.get("stream", ""), wire_of(stream.scope.get("state", {}))
+        )
         self.announce()
         gone = asyncio.ensure_future(self._listen(stream, viewer))
         try:
@@ -352,7 +377,9 @@ class Dashboard:
         if isinstance(body, Response):
             return body
         if self._start_run is None:
-            return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
+            return JSONResponse(
+                {"error": "this dashboard belongs to one run and starts no other"}, 409
+            )
         try:
             return JSONResponse(await self.presses.once(body, self._begin))
         except PomonaError as error:
@@ -367,7 +394,9 @@ class Dashboard:
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
 
-    def _aside(self, answer: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Awaitable[Response]]:
+    def _aside(
+        self, answer: Callable[[dict[str, Any]], dict[str, Any]]
+    ) -> Callable[[Request], Awaitable[Response]]:
         """Return the answer of a request that starts or ends a process beside this one."""
 
         async def respond(request: Request) -> Response:
@@ -397,7 +426,9 @@ class Dashboard:
         elif (found := next((r for r in self._index.read() if r.run == run), None)) is None:
             raise UsageError("there is no such record")
         elif found.cell_kind not in ("simulated", "mock"):
-            raise UsageError(f"the run was on a cell that is {found.cell_kind}: type pomona why {run}")
+            raise UsageError(
+                f"the run was on a cell that is {found.cell_kind}: type pomona why {run}"
+            )
         else:
             self._asides.search(run)
         return {"run": run}

@@ -70,7 +70,9 @@ class HttpService:
         self._thread.start()
         while not server.started:
             if started.wait(0.02):
-                raise UsageError(f"the dashboard cannot be served on {self._access.host}:{self._access.port}")
+                raise UsageError(
+                    f"the dashboard cannot be served on {self._access.host}:{self._access.port}"
+                )
 
     def close(self) -> None:
         """Stop serving. Harmless when it was not started."""
@@ -120,11 +122,15 @@ def listen_on(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port}: a port is a number from 0 to 65535")
     try:
-        family, *_rest, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        family, *_rest, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
         # The protocol must be named: asyncio switches Nagle's delay (40 ms) off only for sockets with the protocol TCP.
         listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     except OSError as error:
-        raise UsageError(f"the dashboard cannot listen on {where}: {error.strerror or error}") from error
+        raise UsageError(
+            f"the dashboard cannot listen on {where}: {error.strerror or error}"
+        ) from error
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(address)

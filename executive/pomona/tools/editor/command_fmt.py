@@ -19,10 +19,16 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("fmt", help="format YAML files; comments stay")
     parser.add_argument(
-        "files", nargs="+", type=Path, metavar="FILE", help="YAML files; - reads and writes the streams"
+        "files",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="YAML files; - reads and writes the streams",
     )
     parser.add_argument(
-        "--check", action="store_true", help="change nothing; exit with 1 when something would be changed"
+        "--check",
+        action="store_true",
+        help="change nothing; exit with 1 when something would be changed",
     )
     parser.set_defaults(main=main)
 

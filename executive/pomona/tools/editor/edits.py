@@ -39,7 +39,9 @@ from pomona.tools.editor.written_tree import BOM, EditError, WrittenTree
 __all__ = ["EditError", "TreeEdit", "apply", "edit_of", "nodes"]
 
 _KEYS = {"in": "word", "port": "word", "modifier": "word", "from": "start", "to": "end"}
-_SHAPES: dict[str, tuple[dict[str, type], dict[str, type]]] = {  # needed and further keys of each kind
+_SHAPES: dict[
+    str, tuple[dict[str, type], dict[str, type]]
+] = {  # needed and further keys of each kind
     "insert": ({"into": str, "node": str}, {"index": int, "slot": str}),
     "move": ({"node": str, "into": str}, {"index": int, "slot": str}),
     "wrap": ({"node": str, "in": str}, {"value": str}),
@@ -78,7 +80,9 @@ def edit_of(message: Mapping[str, object]) -> TreeEdit:
     return TreeEdit(**found)
 
 
-def apply(text: str, edit: TreeEdit, registry: Registry | None = None, path: str | Path = "tree.yaml") -> str:
+def apply(
+    text: str, edit: TreeEdit, registry: Registry | None = None, path: str | Path = "tree.yaml"
+) -> str:
     """Return the text with an edit; it reads as the tree before with the edit made.
 
     Args:
@@ -89,34 +93,56 @@ def apply(text: str, edit: TreeEdit, registry: Registry | None = None, path: str
     """
     if edit.do == "replace":
         if not 0 <= edit.start <= edit.end <= len(text):
-            raise EditError(f"there are no characters {edit.start} to {edit.end} in a text of {len(text)}")
+            raise EditError(
+                f"there are no characters {edit.start} to {edit.end} in a text of {len(text)}"
+            )
         return text[: edit.start] + edit.text + text[edit.end :]
     mark = BOM if text.startswith(BOM) else ""
     tree = WrittenTree(text[len(mark) :])
-    cut = tree.starts[-1] < len(tree.text)  # the last line has no line break: it has one during the edit
+    cut = tree.starts[-1] < len(
+        tree.text
+    )  # the last line has no line break: it has one during the edit
     tree = WrittenTree(tree.text + tree.eol) if cut else tree
     if tree.problems or tree.top is None:
         found = tree.problems[0] if tree.problems else None
-        where = f"line {found.line}: {found.message}; correct it in the text first" if found else "the text is no tree"
+        where = (
+            f"line {found.line}: {found.message}; correct it in the text first"
+            if found
+            else "the text is no tree"
+        )
         raise EditError(where)
     patch, meant = TextPatch(tree), TreeContent(tree)
     getattr(EditedTree(tree, patch, meant, registry, Path(path)), edit.do)(edit)
     result = patch.result()
     _check(tree, patch, meant, result, edit)
     if edit.do == "extract":
-        refuse_errors_of(result, Path(path), registry, "the tree with this subtree would have an error", edit.node)
+        refuse_errors_of(
+            result,
+            Path(path),
+            registry,
+            "the tree with this subtree would have an error",
+            edit.node,
+        )
     return mark + (result.removesuffix(tree.eol) if cut else result)
 
 
-def _check(before: WrittenTree, patch: TextPatch, meant: TreeContent, result: str, edit: TreeEdit) -> None:
+def _check(
+    before: WrittenTree, patch: TextPatch, meant: TreeContent, result: str, edit: TreeEdit
+) -> None:
     """Raise EditError when a text does not read as meant, or has lost a comment."""
     after = WrittenTree(result, before.types)
     at = edit.node if edit.do != "insert" else edit.into
     if after.problems:
-        raise EditError(f"the text could not be read any more: {after.problems[0].message}; edit it as text", at)
+        raise EditError(
+            f"the text could not be read any more: {after.problems[0].message}; edit it as text", at
+        )
     if content_of(after.top) != meant.top:
         raise EditError("the edit would change something else in the text; edit it as text", at)
-    lost = Counter(before.source.comments.values()) - Counter(after.source.comments.values()) - Counter(patch.dropped)
+    lost = (
+        Counter(before.source.comments.values())
+        - Counter(after.source.comments.values())
+        - Counter(patch.dropped)
+    )
     if lost:
         raise EditError(f"a comment would be lost: # {next(iter(lost))}; edit it as text", at)
     if edit.do == "comment":

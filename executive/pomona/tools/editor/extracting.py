@@ -20,7 +20,9 @@ from pomona.tools.editor.written_tree import EditError, WrittenNode
 from pomona.tools.listings.declared_skills import with_declarations
 
 
-def extract(patch: TextPatch, node: WrittenNode, name: str, skills: Registry | None, path: Path) -> tuple[str, str]:
+def extract(
+    patch: TextPatch, node: WrittenNode, name: str, skills: Registry | None, path: Path
+) -> tuple[str, str]:
     """Make a node's type a subtree that the node calls; its modifiers stay where they are.
 
     Returns the call and the subtree's interface, as YAML. Raises EditError: the name cannot be used, or the wiring is
@@ -28,7 +30,9 @@ def extract(patch: TextPatch, node: WrittenNode, name: str, skills: Registry | N
     """
     tree, at, key = patch.tree, node.mapping, node.type_key
     if not NAME.fullmatch(name) or is_word(tree.types, name):
-        raise EditError(f"'{name}' is no name for a subtree: use lower-case letters, digits and _", node.id)
+        raise EditError(
+            f"'{name}' is no name for a subtree: use lower-case letters, digits and _", node.id
+        )
     subtrees = tree.top.get("subtrees") if tree.top is not None else None
     if isinstance(subtrees, YamlMapping) and name in subtrees.entries:
         raise EditError(f"there is a subtree '{name}' already", node.id)
@@ -41,7 +45,10 @@ def extract(patch: TextPatch, node: WrittenNode, name: str, skills: Registry | N
     entry = at.entries[key.text]
     if on_its_lines(tree, node) and not tree.is_flow(at):
         last = patch.entry_rows(*entry)[2]
-        lines = [tree.line(key.line - 1)[key.column - 1 :], *(tree.line(row) for row in range(key.line, last + 1))]
+        lines = [
+            tree.line(key.line - 1)[key.column - 1 :],
+            *(tree.line(row) for row in range(key.line, last + 1)),
+        ]
         end = tree.line_end(last)
     else:
         lines = re.split(r"\r\n|[\n\r]", tree.text[tree.start(key) : tree.end(entry[1])])
@@ -50,7 +57,11 @@ def extract(patch: TextPatch, node: WrittenNode, name: str, skills: Registry | N
     body = LiftedNode((), tuple(lines), key.column - 1).indented(STEP)
     _declare(
         patch,
-        [f"{name}:", *(" " * STEP + line for line in (*faces, "root:")), *(" " * STEP + b if b else b for b in body)],
+        [
+            f"{name}:",
+            *(" " * STEP + line for line in (*faces, "root:")),
+            *(" " * STEP + b if b else b for b in body),
+        ],
     )
     return call, "{" + ", ".join(faces) + "}"
 
@@ -63,7 +74,9 @@ def _declare(patch: TextPatch, lines: list[str]) -> None:
     if tree.is_flow(top) or (entry is not None and tree.is_flow(entry[1])):
         raise EditError("the subtrees stand in braces; edit them as text")
     if entry is not None and isinstance(entry[1], YamlMapping):
-        patch.add_entry(entry[1], [" " * (entry[1].column - 1) + line if line else line for line in lines])
+        patch.add_entry(
+            entry[1], [" " * (entry[1].column - 1) + line if line else line for line in lines]
+        )
         return
     lines = [" " * STEP + line if line else line for line in lines]
     if entry is not None:
@@ -73,7 +86,9 @@ def _declare(patch: TextPatch, lines: list[str]) -> None:
     patch.insert_lines(last + 1, ["", "subtrees:", *lines])
 
 
-def refuse_errors_of(text: str, path: Path, skills: Registry | None, why: str, node: str) -> Analysis:
+def refuse_errors_of(
+    text: str, path: Path, skills: Registry | None, why: str, node: str
+) -> Analysis:
     """Return the check of a text. Raises EditError: it has an error."""
 
     def checked(known: Registry) -> Analysis:
@@ -122,15 +137,23 @@ class _Wiring:
                 else:
                     read_out |= {found.name for found in resolved.reads}
                     written_out |= set(resolved.outputs.values())
-        return self._inputs(read_in, written_in, early, written_out), self._outputs(written_in, read_out)
+        return self._inputs(read_in, written_in, early, written_out), self._outputs(
+            written_in, read_out
+        )
 
     def _inputs(
-        self, read: dict[str, bool], written: dict[str, None], early: dict[str, None], elsewhere: set[str]
+        self,
+        read: dict[str, bool],
+        written: dict[str, None],
+        early: dict[str, None],
+        elsewhere: set[str],
     ) -> dict[str, str]:
         inputs: dict[str, str] = {}
         for name, required in read.items():
             named = self.scope.names.get(name)
-            if named is None or (named.origin in ("parameter", "constant") and name not in self.definition.inputs):
+            if named is None or (
+                named.origin in ("parameter", "constant") and name not in self.definition.inputs
+            ):
                 continue
             if name in written and name in early:
                 message = f"'{name}' is read before it is written here, so it would come in and go out by one name"
@@ -149,5 +172,7 @@ class _Wiring:
         words = self.scope.skills.types
         word = next((word for word, kind in words.items() if kind == found), "")
         if not word:
-            raise EditError(f"the type of '{name}' has no name that a subtree could declare", self.at.id)
+            raise EditError(
+                f"the type of '{name}' has no name that a subtree could declare", self.at.id
+            )
         return word

@@ -19,7 +19,9 @@ from pomona.executive.errors import PomonaError
 
 STEP = 2
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_TIMED = frozenset(["wait", "timeout", "delay", "cooldown", "within"])  # words whose value is a time
+_TIMED = frozenset(
+    ["wait", "timeout", "delay", "cooldown", "within"]
+)  # words whose value is a time
 
 _JOINED = re.compile(r"^(\d+(?:\.\d+)?)(ms|s|min|h)$")
 _OPENS = (yaml.FlowMappingStartToken, yaml.FlowSequenceStartToken)
@@ -50,7 +52,9 @@ def _formatted_once(text: str) -> str:
         layout = _Layout(lines)
         layout.place(root, 0)
         found = layout.written()
-        same = _meaning(found) == _meaning(text) and _comments(found.split("\n")) == _comments(lines)
+        same = _meaning(found) == _meaning(text) and _comments(found.split("\n")) == _comments(
+            lines
+        )
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise FormatError(f"it cannot be read as YAML: {error}") from error
     if not same:
@@ -65,7 +69,9 @@ class _Layout:
         self.lines = lines
         self.old = [len(line) - len(line.lstrip()) for line in lines]
         self.new: dict[int, int] = {}
-        self.follows: dict[int, int] = {}  # lines in the middle of a value, by the line on which it begins
+        self.follows: dict[
+            int, int
+        ] = {}  # lines in the middle of a value, by the line on which it begins
         self.verbatim: set[int] = set()
 
     def place(self, node: Any, indent: int) -> None:
@@ -90,7 +96,9 @@ class _Layout:
     def below(self, value: Any, line: int, indent: int) -> None:
         if value.start_mark.index == value.end_mark.index:
             return
-        if value.start_mark.line != line and (isinstance(value, yaml.ScalarNode) or value.flow_style):
+        if value.start_mark.line != line and (
+            isinstance(value, yaml.ScalarNode) or value.flow_style
+        ):
             self.new.setdefault(value.start_mark.line, indent + STEP)
         self.place(value, indent + STEP)
 
@@ -126,7 +134,10 @@ class _Layout:
     def column(self, number: int, bare: str) -> int:
         if number in self.follows:
             first = self.follows[number]
-            return max(0, self.old[number] + self.column(first, self.lines[first].strip()) - self.old[first])
+            return max(
+                0,
+                self.old[number] + self.column(first, self.lines[first].strip()) - self.old[first],
+            )
         if number in self.new:
             return self.new[number]
         if not bare.startswith("#"):
@@ -151,10 +162,20 @@ def _spaced(lines: list[str]) -> list[str]:
             if wanted != gap and not lines[end.line][end.column : start.column].strip():
                 cuts.setdefault(end.line, []).append((end.column, start.column, " " * wanted))
 
-    tokens = [token for token in yaml.scan("\n".join(lines), Loader=_LOADER) if not _is_empty(token)]
-    begins = {(b.start_mark.line, b.start_mark.column) for a, b in pairwise(tokens) if isinstance(a, yaml.ValueToken)}
+    tokens = [
+        token for token in yaml.scan("\n".join(lines), Loader=_LOADER) if not _is_empty(token)
+    ]
+    begins = {
+        (b.start_mark.line, b.start_mark.column)
+        for a, b in pairwise(tokens)
+        if isinstance(a, yaml.ValueToken)
+    }
     for key, _, value in zip(tokens, tokens[1:], tokens[2:], strict=False):
-        if isinstance(key, yaml.ScalarToken) and key.value in _TIMED and isinstance(value, yaml.ScalarToken):
+        if (
+            isinstance(key, yaml.ScalarToken)
+            and key.value in _TIMED
+            and isinstance(value, yaml.ScalarToken)
+        ):
             joined = re.fullmatch(_JOINED, value.value) if value.plain else None
             if joined is not None:
                 at = value.start_mark.column + joined.end(1)
@@ -178,7 +199,9 @@ def _spaced(lines: list[str]) -> list[str]:
             line = line[:start] + spaces + line[end:]
         out.append(line)
     ends = {token.end_mark.line: token.end_mark.column for token in tokens if token.end_mark.column}
-    return [_comment_apart(line, lines[number], ends.get(number)) for number, line in enumerate(out)]
+    return [
+        _comment_apart(line, lines[number], ends.get(number)) for number, line in enumerate(out)
+    ]
 
 
 def _comment_apart(line: str, before: str, end: int | None) -> str:
@@ -200,7 +223,11 @@ def _meaning(text: str) -> object:
     """Return the content that a YAML reader finds in a text, quotes included, marks excluded."""
     kinds = (yaml.ScalarEvent,)
     return [
-        (type(event).__name__, _JOINED.sub(r"\1 \2", event.value), event.style if isinstance(event, kinds) else None)
+        (
+            type(event).__name__,
+            _JOINED.sub(r"\1 \2", event.value),
+            event.style if isinstance(event, kinds) else None,
+        )
         if isinstance(event, kinds)
         else (type(event).__name__, getattr(event, "flow_style", None), getattr(event, "tag", None))
         for event in yaml.parse(text, Loader=_LOADER)

@@ -58,7 +58,9 @@ class EditedTree:
         snippet = read_snippet(edit.node, "the node", self.tree)
         if not isinstance(snippet.at, YamlMapping):
             raise EditError("a node is a mapping, such as 'Detect: {fruit: apple}'", edit.into)
-        put(self.patch, place_to_fill(self.tree, edit.into, edit.index, edit.slot), brought(snippet))
+        put(
+            self.patch, place_to_fill(self.tree, edit.into, edit.index, edit.slot), brought(snippet)
+        )
         self.enter(edit, content_of(snippet.at))
 
     def move(self, edit: TreeEdit) -> None:
@@ -85,7 +87,11 @@ class EditedTree:
         """Make an insertion in the content; the leaving node is taken out."""
         meant = self.meant
         place = place_to_fill(self.tree, edit.into, edit.index, edit.slot)
-        path = self.tree.node(edit.into).path if edit.into in self.tree.nodes else self.prefix(edit.into)
+        path = (
+            self.tree.node(edit.into).path
+            if edit.into in self.tree.nodes
+            else self.prefix(edit.into)
+        )
         holder: Any
         if place.index is not None:
             holder = meant.items((*path, place.word))
@@ -119,7 +125,11 @@ class EditedTree:
         elif isinstance(kind.value, takes.Children):
             self.meant.set(node.path, {word: [content]})
         else:
-            inner = next(w for w, taken in kind.fields.items() if isinstance(taken, takes.Child) and taken.required)
+            inner = next(
+                w
+                for w, taken in kind.fields.items()
+                if isinstance(taken, takes.Child) and taken.required
+            )
             self.meant.set(node.path, {word: self.content(edit.value or TRUE), inner: content})
 
     def unwrap(self, edit: TreeEdit) -> None:
@@ -157,7 +167,9 @@ class EditedTree:
         if edit.name.strip():
             reader = NodeReader(findings, TreeFile(self.tree.source), self.tree.types)
             if reader.name(read_snippet(name, "the name", self.tree).at) is None:
-                raise EditError(f"{findings.sorted()[0].message}: {findings.sorted()[0].hint}", node.id)
+                raise EditError(
+                    f"{findings.sorted()[0].message}: {findings.sorted()[0].hint}", node.id
+                )
         self.set_entry(node, "name", name if edit.name.strip() else None)
 
     def set_modifier(self, edit: TreeEdit) -> None:
@@ -187,11 +199,17 @@ class EditedTree:
         assert kind is not None
         if not kind.value.wires:
             if port != key.text or kind.value.nodes or edit.value is None:
-                raise EditError(f"{key.text} has no ports; its value is set as the port '{key.text}'", node.id)
+                raise EditError(
+                    f"{key.text} has no ports; its value is set as the port '{key.text}'", node.id
+                )
             self.set_entry(node, port, edit.value)
             return
         wires = value if isinstance(value, YamlMapping) else None
-        if value is not None and wires is None and not (isinstance(value, YamlScalar) and value.is_null):
+        if (
+            value is not None
+            and wires is None
+            and not (isinstance(value, YamlScalar) and value.is_null)
+        ):
             raise EditError(f"the value of {key.text} holds no ports; edit it as text", node.id)
         if edit.value is None:
             if wires is not None and port in wires.entries:
@@ -200,7 +218,9 @@ class EditedTree:
             return
         snippet = read_snippet(edit.value, f"the value of '{port}'", self.tree)
         if wires is None:
-            first = read_snippet(f"{{{quoted(port)}: {snippet.flow()}}}", f"the value of '{port}'", self.tree)
+            first = read_snippet(
+                f"{{{quoted(port)}: {snippet.flow()}}}", f"the value of '{port}'", self.tree
+            )
             self.patch.set_entry(at, key.text, first)
         else:
             self.patch.set_entry(wires, port, snippet)
@@ -226,7 +246,9 @@ class EditedTree:
         if beside and (first < row or len(lines) != 1):
             end = tree.comment_start(row)
             patch.replace(
-                tree.starts[row] + len(tree.line(row)[: end - tree.starts[row]].rstrip()), tree.line_end(row), ""
+                tree.starts[row] + len(tree.line(row)[: end - tree.starts[row]].rstrip()),
+                tree.line_end(row),
+                "",
             )
         elif beside:
             patch.replace(tree.comment_start(row), tree.line_end(row), f"# {lines[0]}")
@@ -238,7 +260,11 @@ class EditedTree:
     def commented_row(self, node: WrittenNode) -> int:
         """Return the line on which, or above which, the comment of a node stands."""
         row, comments = node.at.line - 1, self.tree.source.comments
-        if row + 1 in comments or self.tree.is_comment(row - 1) or not isinstance(node.holder, YamlMapping):
+        if (
+            row + 1 in comments
+            or self.tree.is_comment(row - 1)
+            or not isinstance(node.holder, YamlMapping)
+        ):
             return row
         key = node.holder.entries[str(node.path[-1])][0]
         kind = self.tree.node(node.parent).kind if node.parent else None
@@ -279,10 +305,14 @@ class EditedTree:
     def first_parameter(self, top: YamlMapping, line: str) -> None:
         """Declare a parameter in a file without any. Raises EditError: the file stands in braces."""
         if "parameters" in top.entries:
-            self.patch.set_value(top, *top.entries["parameters"], read_snippet(line, "the parameter", self.tree))
+            self.patch.set_value(
+                top, *top.entries["parameters"], read_snippet(line, "the parameter", self.tree)
+            )
             return
         lines = ["parameters:", f"{' ' * STEP}{line}", ""]
-        follower = next((top.entries[word] for word in ("root", "subtrees") if word in top.entries), None)
+        follower = next(
+            (top.entries[word] for word in ("root", "subtrees") if word in top.entries), None
+        )
         if self.tree.is_flow(top):
             raise EditError("the file stands in braces; edit it as text")
         if follower is None:

@@ -9,7 +9,14 @@ from dataclasses import dataclass
 from pomona.executive.nodes import takes
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 from pomona.tools.editor.format import STEP
-from pomona.tools.editor.patching import LiftedNode, Snippet, TextPatch, in_braces, lift, read_snippet
+from pomona.tools.editor.patching import (
+    LiftedNode,
+    Snippet,
+    TextPatch,
+    in_braces,
+    lift,
+    read_snippet,
+)
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
 
 
@@ -23,7 +30,11 @@ class CarriedNode:
     @property
     def is_short(self) -> bool:
         """Return True if it stands on one line without comments."""
-        return len(self.lifted.lines) == 1 and not self.lifted.comments and "#" not in self.lifted.lines[0]
+        return (
+            len(self.lifted.lines) == 1
+            and not self.lifted.comments
+            and "#" not in self.lifted.lines[0]
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +59,12 @@ def place_to_fill(tree: WrittenTree, into: str, index: int, slot: str) -> NodePl
     if into == "" or into.endswith(":"):
         at = tree.subtrees().get(into[:-1]) if into else tree.top
         if at is None or f"{into}root" in tree.nodes:
-            raise EditError("there is a root already" if at is not None else f"there is no subtree '{into[:-1]}'", into)
+            raise EditError(
+                "there is a root already"
+                if at is not None
+                else f"there is no subtree '{into[:-1]}'",
+                into,
+            )
         return NodePlaceToFill(into, at, "root", None)
     node = tree.node(into)
     at, kind = node.mapping, node.kind
@@ -60,8 +76,15 @@ def place_to_fill(tree: WrittenTree, into: str, index: int, slot: str) -> NodePl
         if not 0 <= index <= count:
             raise EditError(f"it has {count} children; {index} is no place among them", into)
         return NodePlaceToFill(into, at, word, index)
-    beside = {**kind.fields, **{w: f for m in tree.types.modifiers if m.key in at.entries for w, f in m.fields.items()}}
-    single = [w for w, taken in beside.items() if taken.nodes and not isinstance(taken, (takes.Cases, takes.Children))]
+    beside = {
+        **kind.fields,
+        **{w: f for m in tree.types.modifiers if m.key in at.entries for w, f in m.fields.items()},
+    }
+    single = [
+        w
+        for w, taken in beside.items()
+        if taken.nodes and not isinstance(taken, (takes.Cases, takes.Children))
+    ]
     cases = next((w for w, taken in beside.items() if isinstance(taken, takes.Cases)), "")
     free = [w for w in single if w not in at.entries]
     if slot in single or (not slot and free and kind.role == "composite"):
@@ -81,7 +104,11 @@ def _no_place(node: WrittenNode, cases: str, slot: str) -> str:
     label = node.type_key.text
     if slot:
         return f"{label} has no '{slot}' for a node"
-    return f"name the case, since '{cases}' holds nodes by word" if cases else f"{label} has no place for another node"
+    return (
+        f"name the case, since '{cases}' holds nodes by word"
+        if cases
+        else f"{label} has no place for another node"
+    )
 
 
 def carried(patch: TextPatch, node: WrittenNode) -> CarriedNode:
@@ -111,7 +138,9 @@ def braced(text: str) -> str:
 # ----------------------------------------------------------------------------------------------------- put in
 
 
-def put(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: WrittenNode | None = None) -> None:
+def put(
+    patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: WrittenNode | None = None
+) -> None:
     """Put a node into a place; `leaving` is the one that is taken out of the same text."""
     if place.index is None:
         _put_below_word(patch, place, node)
@@ -120,7 +149,10 @@ def put(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode, leaving: Wr
     if items is None or not items.items:
         _put_first(patch, place, node)
         return
-    gone = next((n for n, item in enumerate(items.items) if leaving is not None and item is leaving.at), None)
+    gone = next(
+        (n for n, item in enumerate(items.items) if leaving is not None and item is leaving.at),
+        None,
+    )
     index = place.index + (gone is not None and place.index >= gone)
     if tree.is_flow(items):
         if not node.is_short and not tree.is_flow(place.at) and id(place.at) not in tree.pairs:
@@ -152,12 +184,16 @@ def _put_first(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> N
         return
     colon = patch.after_colon(key)
     if colon is None or tree.row(tree.end(value)) != key.line - 1:
-        raise EditError(f"'{place.word}' holds an empty list on several lines; edit it as text", place.parent)
+        raise EditError(
+            f"'{place.word}' holds an empty list on several lines; edit it as text", place.parent
+        )
     patch.replace(colon, tree.end(value), "")
     patch.insert_lines(key.line, node.lifted.indented(key.column - 1 + 2 * STEP, "- "))
 
 
-def _open_list(patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode) -> None:
+def _open_list(
+    patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode
+) -> None:
     """Write a list that stands in brackets with dashes, since a new node has no place in them."""
     tree = patch.tree
     key = place.at.entries[place.word][0]
@@ -167,14 +203,18 @@ def _open_list(patch: TextPatch, place: NodePlaceToFill, items: YamlList, index:
         or items.line != key.line
         or tree.line(last)[items.end_column - 1 :].strip()[:1] not in ("", "#")
     ):
-        raise EditError("the list stands in brackets on several lines; edit it as text", place.parent)
+        raise EditError(
+            "the list stands in brackets on several lines; edit it as text", place.parent
+        )
     lines = _dashed(tree, items, index, node, key.column - 1 + STEP)
     colon = patch.after_colon(key)
     patch.replace(tree.end(key) if colon is None else colon, tree.end(items), "")
     patch.insert_lines(last + 1, lines)
 
 
-def _dashed(tree: WrittenTree, items: YamlList, index: int, node: CarriedNode, column: int) -> list[str]:
+def _dashed(
+    tree: WrittenTree, items: YamlList, index: int, node: CarriedNode, column: int
+) -> list[str]:
     """Return the lines of a list that stood in brackets, with a new node in it."""
     lines = [[f"{' ' * column}- {tree.raw(item)}"] for item in items.items]
     lines.insert(index, node.lifted.indented(column + STEP, "- "))
@@ -188,7 +228,9 @@ def _can_open(tree: WrittenTree, place: NodePlaceToFill) -> bool:
     return alone and behind[:1] in ("", "#")
 
 
-def _open_braces(patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode) -> None:
+def _open_braces(
+    patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode
+) -> None:
     """Write a node that stands in braces on lines, since a new child has no place in them."""
     tree, at, parent = patch.tree, place.at, patch.tree.node(place.parent)
     start, column = tree.start(at), at.column - 1
@@ -198,13 +240,18 @@ def _open_braces(patch: TextPatch, place: NodePlaceToFill, items: YamlList, inde
     lines: list[str] = []
     for key, value in at.entries.values():
         if value is items:
-            lines += [f"{' ' * column}{tree.raw(key)}:", *_dashed(tree, items, index, node, column + STEP)]
+            lines += [
+                f"{' ' * column}{tree.raw(key)}:",
+                *_dashed(tree, items, index, node, column + STEP),
+            ]
         else:
             lines.append(f"{' ' * column}{tree.raw(key)}: {tree.raw(value)}".rstrip())
     end = tree.line_end(at.line - 1)
     lines[0] += tree.text[tree.end(at) : end]
     text = tree.eol.join(lines)
-    patch.replace(start, end, tree.eol + text if isinstance(parent.holder, YamlMapping) else text[column:])
+    patch.replace(
+        start, end, tree.eol + text if isinstance(parent.holder, YamlMapping) else text[column:]
+    )
 
 
 def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
@@ -214,7 +261,9 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
         found = at.get(place.cases)
         if not isinstance(found, YamlMapping) or not found.entries:
             if tree.is_flow(at):
-                patch.set_entry(at, place.cases, read_snippet(f"{{{word}: {node.flow()}}}", "the node", tree))
+                patch.set_entry(
+                    at, place.cases, read_snippet(f"{{{word}: {node.flow()}}}", "the node", tree)
+                )
             elif found is None:
                 lines = [f"{place.cases}:", f"{' ' * STEP}{word}:", *node.lifted.indented(2 * STEP)]
                 patch.add_entry(at, [" " * (at.column - 1) + line for line in lines])
@@ -224,11 +273,15 @@ def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode)
                 patch.set_value(at, key, found, read_snippet(text, "the node", tree))
             return
         at = found
-    if tree.is_flow(at) and not at.entries and place.parent.endswith(":"):  # a subtree without anything
+    if (
+        tree.is_flow(at) and not at.entries and place.parent.endswith(":")
+    ):  # a subtree without anything
         key = _subtree_key(tree, place.parent[:-1])
         patch.replace(patch.after_colon(key) or tree.end(key), tree.end(at), "")
         lines = [" " * STEP + f"{word}:", *node.lifted.indented(2 * STEP)]
-        patch.insert_lines(key.line, [" " * (key.column - 1) + line if line else line for line in lines])
+        patch.insert_lines(
+            key.line, [" " * (key.column - 1) + line if line else line for line in lines]
+        )
         return
     if tree.is_flow(at):
         pairs = [entry for pair in at.entries.values() for entry in pair]
@@ -261,7 +314,9 @@ def quoted(text: str) -> str:
     plain = _PLAIN.fullmatch(text) and text == text.strip() and text not in ("null", "~")
     if plain:
         return text
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t")
+    escaped = (
+        text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t")
+    )
     return f'"{escaped}"'
 
 

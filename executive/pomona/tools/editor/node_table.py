@@ -24,7 +24,15 @@ def nodes(text: str) -> list[dict[str, Any]]:
     if tree.problems or tree.top is None:
         found = tree.problems[0] if tree.problems else None
         line, error = (found.line, found.message) if found else (1, "the text is no tree")
-        return [{"id": "", "parent": "", "line": line, "column": found.column if found else 1, "error": error}]
+        return [
+            {
+                "id": "",
+                "parent": "",
+                "line": line,
+                "column": found.column if found else 1,
+                "error": error,
+            }
+        ]
     read = _read_nodes(tree)
     return [_drawn(tree, node, read) for node in tree.nodes.values()]
 
@@ -38,14 +46,20 @@ def _read_nodes(tree: WrittenTree) -> tuple[dict[int, TreeNode], dict[int, str]]
     for node in [n for n in tree.nodes.values() if not n.parent]:
         root = reader.node(node.at)
         for one in root.walk() if root is not None else ():
-            found[id(one.at) if id(one.at) in mappings else id(one.value)] = one  # a condition has no mapping
+            found[id(one.at) if id(one.at) in mappings else id(one.value)] = (
+                one  # a condition has no mapping
+            )
     return found, {finding.line: finding.message for finding in reversed(findings.sorted())}
 
 
-def _drawn(tree: WrittenTree, node: WrittenNode, read: tuple[dict[int, TreeNode], dict[int, str]]) -> dict[str, Any]:
+def _drawn(
+    tree: WrittenTree, node: WrittenNode, read: tuple[dict[int, TreeNode], dict[int, str]]
+) -> dict[str, Any]:
     found = read[0].get(id(node.at))
     at, kind = node.at, node.kind
-    entries: Mapping[str, tuple[YamlScalar, YamlNode]] = at.entries if isinstance(at, YamlMapping) else {}
+    entries: Mapping[str, tuple[YamlScalar, YamlNode]] = (
+        at.entries if isinstance(at, YamlMapping) else {}
+    )
     name, description = (_text(entries.get(key)) for key in ("name", "description"))
     word = found.key.text if found is not None else node.key.text if node.key is not None else ""
     apart = {"name", "description", node.key.text if node.key is not None else ""}

@@ -8,7 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pomona.executive.values.findings import Findings, Source
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.yaml_nodes import (
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    read_yaml,
+)
 from pomona.tools.editor.format import STEP
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
 
@@ -28,7 +34,11 @@ class LiftedNode:
         """Return its lines for a place: the first character stands in this column, behind `lead`."""
         left = column - len(lead)
         rest = [shifted(line, column - self.column) for line in self.lines[1:]]
-        return [*(" " * left + comment for comment in self.comments), " " * left + lead + self.lines[0], *rest]
+        return [
+            *(" " * left + comment for comment in self.comments),
+            " " * left + lead + self.lines[0],
+            *rest,
+        ]
 
 
 def shifted(line: str, by: int) -> str:
@@ -50,7 +60,9 @@ class TextPatch:
     def result(self) -> str:
         """Return the text with all changes. Raises EditError: two of them overlap."""
         text, out, at = self.tree.text, [], 0
-        for start, end, new in sorted(self.changes, key=lambda change: (change[0], change[1] > change[0])):
+        for start, end, new in sorted(
+            self.changes, key=lambda change: (change[0], change[1] > change[0])
+        ):
             if start < at:
                 raise EditError("two parts of this edit change the same place")
             out += [text[at:start], new]
@@ -89,7 +101,11 @@ class TextPatch:
     def trailing(self, row: int, column: int) -> int:
         """Return the last of the comment lines directly below a line that stand deeper than a column, or the line."""
         tree = self.tree
-        while row + 1 < len(tree.starts) and tree.is_comment(row + 1) and tree.indent(row + 1) > column:
+        while (
+            row + 1 < len(tree.starts)
+            and tree.is_comment(row + 1)
+            and tree.indent(row + 1) > column
+        ):
             row += 1
         return row
 
@@ -128,12 +144,18 @@ class TextPatch:
         if entry is not None:
             self.set_value(at, *entry, value)
         elif self.tree.is_flow(at):
-            self.add_in_flow(at, [entry for pair in at.entries.values() for entry in pair], f"{word}: {value.flow()}")
+            self.add_in_flow(
+                at,
+                [entry for pair in at.entries.values() for entry in pair],
+                f"{word}: {value.flow()}",
+            )
         elif id(at) in self.tree.pairs:
             self.replace(self.tree.start(at), self.tree.start(at), "{")
             self.replace(self.tree.end(at), self.tree.end(at), f", {word}: {value.flow()}}}")
         else:
-            self.add_entry(at, [" " * (at.column - 1) + line if line else line for line in value.below(word)])
+            self.add_entry(
+                at, [" " * (at.column - 1) + line if line else line for line in value.below(word)]
+            )
 
     def add_entry(self, at: YamlMapping, lines: Sequence[str]) -> None:
         """Put lines behind the last entry of a mapping without braces."""
@@ -185,7 +207,10 @@ class TextPatch:
             self.delete_lines(first, last)
         elif len(names) > 1 and tree.line(row)[: key.column - 1].strip(" ") == "-":
             follower = at.entries[names[1]][0]
-            kept = [" " * tree.indent(row) + tree.line(n).lstrip(" ") for n in range(last + 1, follower.line - 1)]
+            kept = [
+                " " * tree.indent(row) + tree.line(n).lstrip(" ")
+                for n in range(last + 1, follower.line - 1)
+            ]
             self.insert_lines(row, [line for line in kept if line.strip()])
             self.replace(tree.start(key), tree.start(follower), "")
         else:
@@ -229,7 +254,9 @@ class Snippet:
 
     def lifted(self) -> LiftedNode:
         """Return it as a node without a place."""
-        raw = self.tree.text[self.tree.start(self.at) :].rstrip().split("\n")  # a comment may stand behind it
+        raw = (
+            self.tree.text[self.tree.start(self.at) :].rstrip().split("\n")
+        )  # a comment may stand behind it
         return LiftedNode(self.comments, tuple(raw), self.at.column - 1)
 
     def flow(self) -> str:
@@ -255,7 +282,11 @@ def in_braces(tree: WrittenTree, at: YamlNode) -> str:
         one_line = at.line == at.end_line and not (not at.plain and raw[:1] in "|>")
         if at.is_null:
             return raw
-        return raw if one_line and not (at.plain and IN_FLOW.search(raw)) else json.dumps(at.text, ensure_ascii=False)
+        return (
+            raw
+            if one_line and not (at.plain and IN_FLOW.search(raw))
+            else json.dumps(at.text, ensure_ascii=False)
+        )
     if tree.is_flow(at) and at.line == at.end_line:
         return tree.raw(at)
     if isinstance(at, YamlList):
@@ -302,5 +333,8 @@ def lift(patch: TextPatch, node: WrittenNode) -> LiftedNode:
     comments = [tree.line(row).strip() for row in range(first, head)]
     behind = [row for row in range(head, at.line - 1) if row + 1 in tree.source.comments]
     comments += [tree.text[tree.comment_start(row) : tree.line_end(row)].rstrip() for row in behind]
-    lines = [tree.text[start : tree.line_end(at.line - 1)], *(tree.line(row) for row in range(at.line, last + 1))]
+    lines = [
+        tree.text[start : tree.line_end(at.line - 1)],
+        *(tree.line(row) for row in range(at.line, last + 1)),
+    ]
     return LiftedNode(tuple(comments), tuple(lines), column)

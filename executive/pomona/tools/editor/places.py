@@ -16,11 +16,15 @@ class Place:
     """The place of the cursor in a file."""
 
     parents: tuple[str, ...]  # keys around it, from the inside to the outside
-    siblings: frozenset[str] = field(default_factory=frozenset)  # keys that stand beside it in the same mapping
+    siblings: frozenset[str] = field(
+        default_factory=frozenset
+    )  # keys that stand beside it in the same mapping
     starts: bool = False  # it is the first of a list's item, or of a mapping
     key: str = ""  # the key before it on its line, when it is a value
     flow: bool = False  # it stands in braces or brackets on one line
-    braces: str | None = None  # the characters between `{` and the cursor, inside a text; None outside
+    braces: str | None = (
+        None  # the characters between `{` and the cursor, inside a text; None outside
+    )
     before: str = ""  # all of the line before the cursor
 
     @property
@@ -52,7 +56,9 @@ def place_at(lines: Sequence[str], row: int, column: int) -> Place:
     if opened is None:
         return Place(parents, siblings, False, key, False, braces, before)
     inner_parents, inner_siblings, inner_key = opened
-    return Place((*inner_parents, key, *parents), inner_siblings, False, inner_key, True, braces, before)
+    return Place(
+        (*inner_parents, key, *parents), inner_siblings, False, inner_key, True, braces, before
+    )
 
 
 def word_at(line: str, column: int) -> tuple[str, int]:
@@ -102,11 +108,17 @@ def _open_flow(text: str) -> tuple[tuple[str, ...], frozenset[str], str] | None:
     return around, frozenset(stack[-1][1] - {key}), key
 
 
-def _around(lines: Sequence[str], row: int, at: int, dashed: bool) -> tuple[tuple[str, ...], frozenset[str]]:
+def _around(
+    lines: Sequence[str], row: int, at: int, dashed: bool
+) -> tuple[tuple[str, ...], frozenset[str]]:
     """Return keys around a column of a line, from the inside to the outside, and keys beside it."""
     parents: list[str] = []
     siblings: set[str] = set()
-    limit, item, beside = _first_dash(lines[row] if row < len(lines) else "", at), dashed, not dashed
+    limit, item, beside = (
+        _first_dash(lines[row] if row < len(lines) else "", at),
+        dashed,
+        not dashed,
+    )
     for line in reversed(lines[:row]):
         found = _KEY.match(line)
         if found is None or line.lstrip().startswith("#"):
@@ -115,7 +127,9 @@ def _around(lines: Sequence[str], row: int, at: int, dashed: bool) -> tuple[tupl
         if beside and column == at:
             siblings.add(found[3])
             beside, limit, item = not found[2], first, bool(found[2])
-        elif column < limit or (item and column == limit and not found[2]):  # a list may stand as far left as its key
+        elif column < limit or (
+            item and column == limit and not found[2]
+        ):  # a list may stand as far left as its key
             parents.append(found[3])
             beside, limit, item = False, first, bool(found[2])
     siblings |= _below(lines, row, at)

@@ -21,8 +21,12 @@ def spots_of_name(analysis: Analysis, definition: Definition, name: str) -> Iter
     document, file = analysis.document, definition.file
     shared = name in file.parameters and name not in definition.inputs
     inside = [d for d in document.definitions() if d.file is file] if shared else [definition]
-    declared = [table[name].key for table in (file.parameters, file.constants) if shared and name in table]
-    declared += [t[name].key for t in (definition.inputs, definition.outputs, file.constants) if name in t]
+    declared = [
+        table[name].key for table in (file.parameters, file.constants) if shared and name in table
+    ]
+    declared += [
+        t[name].key for t in (definition.inputs, definition.outputs, file.constants) if name in t
+    ]
     for key in {id(key): key for key in declared}.values():
         yield _spot(key)
     for one in inside:
@@ -38,7 +42,11 @@ def spots_in_calls(document: Document, path: str, name: str) -> Iterator[Spot]:
     """Where a document wires a port of the tree in another file."""
     for definition in document.definitions():
         if definition.main and definition.file.source.path == path:
-            yield from (_spot(node.ports[name][0]) for node in _calls(document, definition) if name in node.ports)
+            yield from (
+                _spot(node.ports[name][0])
+                for node in _calls(document, definition)
+                if name in node.ports
+            )
 
 
 def spots_of_subtree(document: Document, name: str) -> Iterator[Spot]:
@@ -77,7 +85,9 @@ def _spots_in_node(analysis: Analysis, node: TreeNode, name: str) -> Iterator[Sp
     below = {id(child.at) for child in node.below()}
     for scalar in _scalars(node.at, below):
         for number in range(scalar.line, scalar.end_line + 1):
-            for found in re.finditer(rf"\{{\s*({name})\b(?=[^{{}}]*\}})", scalar.source.excerpt(number)):
+            for found in re.finditer(
+                rf"\{{\s*({name})\b(?=[^{{}}]*\}})", scalar.source.excerpt(number)
+            ):
                 inside = number != scalar.line or found.start(1) + 1 >= scalar.column
                 if inside and (number != scalar.end_line or found.end(1) < scalar.end_column):
                     yield Spot(scalar.source, number, found.start(1) + 1, len(name))

@@ -42,17 +42,23 @@ class TreeServer(LanguageServer):
     """Knows the open files; skills are loaded beside the first answers."""
 
     def __init__(self, cell: Path | None = None) -> None:
-        super().__init__("pomona", installed_version(), text_document_sync_kind=lsp.TextDocumentSyncKind.Full)
+        super().__init__(
+            "pomona", installed_version(), text_document_sync_kind=lsp.TextDocumentSyncKind.Full
+        )
         self.skills = declared_skills()
         self.cell = cell
         self.open: dict[str, TreeService] = {}
         self.loading: threading.Thread | None = None
-        self.elsewhere: set[str] = set()  # files that are not open, with findings that were published
+        self.elsewhere: set[str] = (
+            set()
+        )  # files that are not open, with findings that were published
 
     def service(self, uri: str) -> TreeService:
         """Return the service of a file."""
         if uri not in self.open:
-            self.open[uri] = TreeService(Path(to_fs_path(uri) or uri), self.skills, others=self.texts)
+            self.open[uri] = TreeService(
+                Path(to_fs_path(uri) or uri), self.skills, others=self.texts
+            )
             self.open[uri].use_cell(self.cell)
         return self.open[uri]
 
@@ -119,7 +125,9 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
     @server.feature(lsp.INITIALIZED)
     def _(_params: Any) -> None:
         if load and server.loading is None:
-            server.loading = threading.Thread(target=server.load_skills, name="pomona-skills", daemon=True)
+            server.loading = threading.Thread(
+                target=server.load_skills, name="pomona-skills", daemon=True
+            )
             server.loading.start()
 
     @server.feature(lsp.INITIALIZE)
@@ -130,7 +138,9 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
             try:
                 server.cell = find_cell(name)
             except PomonaError as error:
-                server.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, str(error)))
+                server.window_show_message(
+                    lsp.ShowMessageParams(lsp.MessageType.Warning, str(error))
+                )
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
     def _(params: lsp.DidOpenTextDocumentParams) -> None:
@@ -147,7 +157,10 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
         server.publish(params.text_document.uri, ())
         server.publish_elsewhere()
 
-    @server.feature(lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=["{", ".", " ", "-", ":"]))
+    @server.feature(
+        lsp.TEXT_DOCUMENT_COMPLETION,
+        lsp.CompletionOptions(trigger_characters=["{", ".", " ", "-", ":"]),
+    )
     def _(params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
         at = params.position
         service = server.service(params.text_document.uri)
@@ -163,19 +176,27 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
     def _(params: lsp.DefinitionParams) -> lsp.Location | None:
         service = server.service(params.text_document.uri)
         where = service.definition_of(params.position.line, _column(service, params.position))
-        return None if where is None else lsp.Location(_uri(where, params.text_document.uri, service), _range(where))
+        return (
+            None
+            if where is None
+            else lsp.Location(_uri(where, params.text_document.uri, service), _range(where))
+        )
 
     @server.feature(lsp.TEXT_DOCUMENT_RENAME)
     def _(params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
         service, uri = server.service(params.text_document.uri), params.text_document.uri
         try:
-            spots = service.rename(params.position.line, _column(service, params.position), params.new_name)
+            spots = service.rename(
+                params.position.line, _column(service, params.position), params.new_name
+            )
         except RenameRefused as refused:
             server.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, str(refused)))
             return None
         changes: dict[str, list[lsp.TextEdit]] = {}
         for spot in spots:
-            changes.setdefault(_uri(spot, uri, service), []).append(lsp.TextEdit(_range(spot), params.new_name))
+            changes.setdefault(_uri(spot, uri, service), []).append(
+                lsp.TextEdit(_range(spot), params.new_name)
+            )
         return lsp.WorkspaceEdit(changes=changes)
 
     @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
@@ -188,17 +209,25 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
         return [lsp.Location(_uri(spot, uri, service), _range(spot)) for spot in spots]
 
     @server.feature(
-        lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])
+        lsp.TEXT_DOCUMENT_CODE_ACTION,
+        lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix]),
     )
     def _(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
         uri, rows = params.text_document.uri, params.range
         service = server.service(uri)
-        return [_mending(finding, uri, service.text) for finding in service.mending(rows.start.line, rows.end.line)]
+        return [
+            _mending(finding, uri, service.text)
+            for finding in service.mending(rows.start.line, rows.end.line)
+        ]
 
     @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
     def _(params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
         outline = server.service(params.text_document.uri).outline()
-        return [_symbol(definition.root, definition.name) for definition in outline if definition.root is not None]
+        return [
+            _symbol(definition.root, definition.name)
+            for definition in outline
+            if definition.root is not None
+        ]
 
     @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
     def _(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
@@ -239,7 +268,11 @@ def _diagnostic(finding: Finding) -> lsp.Diagnostic:
     row, line = max(finding.line - 1, 0), finding.excerpt
     start = lsp.Position(row, _units(line, finding.column - 1))
     end = lsp.Position(row, _units(line, finding.column - 1 + finding.length))
-    severity = lsp.DiagnosticSeverity.Error if finding.severity == "error" else lsp.DiagnosticSeverity.Warning
+    severity = (
+        lsp.DiagnosticSeverity.Error
+        if finding.severity == "error"
+        else lsp.DiagnosticSeverity.Warning
+    )
     message = f"{finding.message}\n{finding.hint}" if finding.hint else finding.message
     return lsp.Diagnostic(lsp.Range(start, end), message, severity, finding.code, source="pomona")
 
@@ -249,9 +282,14 @@ def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
     lines, edits = text.split("\n"), []
     for line, column, length, new in finding.edits:
         start, end = (_units(lines[line - 1], at) for at in (column - 1, column - 1 + length))
-        edits.append(lsp.TextEdit(lsp.Range(lsp.Position(line - 1, start), lsp.Position(line - 1, end)), new))
+        edits.append(
+            lsp.TextEdit(lsp.Range(lsp.Position(line - 1, start), lsp.Position(line - 1, end)), new)
+        )
     return lsp.CodeAction(
-        said(finding), lsp.CodeActionKind.QuickFix, [_diagnostic(finding)], edit=lsp.WorkspaceEdit({uri: edits})
+        said(finding),
+        lsp.CodeActionKind.QuickFix,
+        [_diagnostic(finding)],
+        edit=lsp.WorkspaceEdit({uri: edits}),
     )
 
 
@@ -267,4 +305,6 @@ def _symbol(node: TreeNode, name: str) -> lsp.DocumentSymbol:
 
 def _item(offer: Offer) -> lsp.CompletionItem:
     kind = KINDS.get(offer.kind, lsp.CompletionItemKind.Keyword)
-    return lsp.CompletionItem(offer.word, kind=kind, detail=offer.about, insert_text=offer.written or offer.word)
+    return lsp.CompletionItem(
+        offer.word, kind=kind, detail=offer.about, insert_text=offer.written or offer.word
+    )

@@ -85,14 +85,18 @@ class TreeService:
     path: Path
     skills: Registry  # installed skills, or their declarations
     cell: Path | None = None  # the cell file whose names are offered; None without one
-    others: Callable[[], Mapping[str, str]] = dict  # texts of other open files, by path; they may not be saved yet
+    others: Callable[[], Mapping[str, str]] = (
+        dict  # texts of other open files, by path; they may not be saved yet
+    )
     surely: bool = False  # the file is a tree, whatever its text is
     text: str = ""
     analysis: Analysis | None = None
     document: Document | None = None
     cell_file: CellFile | None = None
     findings: list[Finding] = field(default_factory=list)
-    elsewhere: list[Finding] = field(default_factory=list)  # of the files that it calls, and of the cell
+    elsewhere: list[Finding] = field(
+        default_factory=list
+    )  # of the files that it calls, and of the cell
 
     def update(self, text: str) -> list[Finding]:
         """Take a new text; returns everything that is wrong with it."""
@@ -123,12 +127,16 @@ class TreeService:
         """Yield the file's trees, whose nodes an editor lists."""
         if self.analysis is not None:
             document = self.analysis.document
-            yield from (d for d in document.definitions() if d.file is document.main and d.root is not None)
+            yield from (
+                d for d in document.definitions() if d.file is document.main and d.root is not None
+            )
 
     def calls(self, path: Path) -> bool:
         """Return True if the tree was read together with another file."""
         document = None if self.analysis is None else self.analysis.document
-        return document is not None and any(file.source.path == str(path) for file in document.files)
+        return document is not None and any(
+            file.source.path == str(path) for file in document.files
+        )
 
     def use_cell(self, cell: Path | None) -> None:
         """Offer the names of a cell from now on: its poses, and other names that skills look up in it."""
@@ -175,7 +183,10 @@ class TreeService:
             yield from _ports(skill.outputs, "output", parent)
         elif above == "subtrees" and len(place.parents) == 2:
             yield from (Offer(word, "word", about, f"{word}: ") for word, about in SUBTREE.items())
-        elif (called := self.called(parent)) is not None and parent not in ("subtrees", "parameters"):
+        elif (called := self.called(parent)) is not None and parent not in (
+            "subtrees",
+            "parameters",
+        ):
             interface = self.analysis.interfaces[id(called)] if self.analysis is not None else None
             if interface is not None:
                 yield from _ports(interface.inputs, "input", parent)
@@ -200,13 +211,22 @@ class TreeService:
     def is_kind(self, word: str) -> bool:
         """Return True if a word names a node type, a skill or a subtree."""
         found = self.types.get(word)
-        return word in self.skills or self.called(word) is not None or (found is not None and found.role != "modifier")
+        return (
+            word in self.skills
+            or self.called(word) is not None
+            or (found is not None and found.role != "modifier")
+        )
 
     def kinds(self) -> Iterator[Offer]:
         """Everything that a node can be."""
         for name, skill in sorted(self.skills.items()):
             needed = [port for port, facts in skill.inputs.items() if facts.required]
-            yield Offer(name, "skill", _first_line(skill), f"{name}: {{{', '.join(f'{port}: ' for port in needed)}}}")
+            yield Offer(
+                name,
+                "skill",
+                _first_line(skill),
+                f"{name}: {{{', '.join(f'{port}: ' for port in needed)}}}",
+            )
         for name, definition in self.subtrees().items():
             yield Offer(name, "subtree", definition.description, f"{name}: {{}}")
         for word, found in self.types.items():
@@ -228,12 +248,17 @@ class TreeService:
     def values(self, place: Place) -> Iterator[Offer]:
         """Yield words that are allowed as a key's value."""
         parent = place.parent
-        if place.key == "type" and any(word in ("parameters", "in", "out") for word in place.parents[:2]):
+        if place.key == "type" and any(
+            word in ("parameters", "in", "out") for word in place.parents[:2]
+        ):
             yield from (Offer(name, "type", "a type") for name in sorted(self.skills.types))
             return
         skill = self.skills.get(parent)
         if skill is not None and place.key in skill.inputs:
-            yield from (Offer(word, "value", "of the cell") for word in skill.offers(place.key, self.cell_file))
+            yield from (
+                Offer(word, "value", "of the cell")
+                for word in skill.offers(place.key, self.cell_file)
+            )
             yield from _words_of(skill.inputs[place.key])
             return
         for found in self.types.values():
@@ -319,7 +344,11 @@ class TreeService:
             return declared_in(around, word)
         skill = self.skills.get(place.parent)
         if skill is not None and place.key:
-            return self.place_in_cell(word) if word in skill.offers(place.key, self.cell_file) else None
+            return (
+                self.place_in_cell(word)
+                if word in skill.offers(place.key, self.cell_file)
+                else None
+            )
         called = self.called(word)
         return None if called is None else key_of(called)
 
@@ -331,7 +360,12 @@ class TreeService:
             for number, line in enumerate(text.splitlines(), start=1):
                 found = re.search(rf"(?:^|[\s{{,])({re.escape(word)})\s*:", line.partition("#")[0])
                 if found is not None:
-                    return Spot(Source(str(self.cell.parent / name), text), number, found.start(1) + 1, len(word))
+                    return Spot(
+                        Source(str(self.cell.parent / name), text),
+                        number,
+                        found.start(1) + 1,
+                        len(word),
+                    )
         return None
 
     # ------------------------------------------------------------------------------------------- renaming
@@ -342,7 +376,9 @@ class TreeService:
         Raises RenameRefused: there is nothing to rename, or the new name cannot be given.
         """
         if not NAME.fullmatch(new):
-            raise RenameRefused(f"'{new}' is not a valid name: use lower-case letters, digits and _")
+            raise RenameRefused(
+                f"'{new}' is not a valid name: use lower-case letters, digits and _"
+            )
         definition, spots = self.spots(row, column)
         taken = (
             new in self.subtrees() or self.is_kind(new) or new in self.types
@@ -352,8 +388,12 @@ class TreeService:
         if taken:
             raise RenameRefused(f"'{new}' is taken")
         path = str(self.path) if definition is None else definition.file.source.path
-        if path != str(self.path) and Path(path).resolve().is_relative_to(installed_trees().resolve()):
-            raise RenameRefused(f"this name is defined in {path}, which is installed and not to be changed")
+        if path != str(self.path) and Path(path).resolve().is_relative_to(
+            installed_trees().resolve()
+        ):
+            raise RenameRefused(
+                f"this name is defined in {path}, which is installed and not to be changed"
+            )
         return spots
 
     def spots(self, row: int, column: int) -> tuple[Definition | None, list[Spot]]:
@@ -369,7 +409,12 @@ class TreeService:
         if self.analysis is None or self.analysis.document.text != self.text:
             raise RenameRefused("the file cannot be parsed: correct its errors first")
         definition, around = self.definition_around(place), self.called(place.parent)
-        if place.braces is None and around is not None and not place.key and declared_in(around, word) is not None:
+        if (
+            place.braces is None
+            and around is not None
+            and not place.key
+            and declared_in(around, word) is not None
+        ):
             definition = around
         elif place.braces is None and self.called(word) is not None:
             return None, sorted(spots_of_subtree(self.analysis.document, word), key=order)
@@ -377,7 +422,9 @@ class TreeService:
             raise RenameRefused(f"'{word}' is not a name that this file defines")
         path = definition.file.source.path
         spots = list(spots_of_name(self.analysis, definition, word))
-        for caller in self.callers(Path(path)) if definition.main and declared_in(definition, word) else ():
+        for caller in (
+            self.callers(Path(path)) if definition.main and declared_in(definition, word) else ()
+        ):
             spots += spots_in_calls(caller, path, word)
         return definition, sorted({order(spot): spot for spot in spots}.values(), key=order)
 
@@ -412,7 +459,11 @@ class TreeService:
 
     def scope(self, definition: Definition | None) -> Mapping[str, Named]:
         """Return the meaning of each name in a definition."""
-        if self.analysis is None or definition is None or id(definition) not in self.analysis.scopes:
+        if (
+            self.analysis is None
+            or definition is None
+            or id(definition) not in self.analysis.scopes
+        ):
             return {}
         return self.analysis.scopes[id(definition)].names
 
@@ -420,7 +471,12 @@ class TreeService:
         """Failure codes of all skills in the file."""
         if self.analysis is None:
             return []
-        nodes = [n for d in self.analysis.document.definitions() if d.root is not None for n in d.root.walk()]
+        nodes = [
+            n
+            for d in self.analysis.document.definitions()
+            if d.root is not None
+            for n in d.root.walk()
+        ]
         used = {node.key.text for node in nodes}
         found = {code for name in used & self.skills.keys() for code in self.skills[name].failures}
         return sorted({*found, "TIMEOUT", "CONDITION_FALSE", "BAD_VALUE"})
@@ -487,5 +543,9 @@ def _first_line(skill: type[Skill]) -> str:
 
 
 def _about(named: Named) -> str:
-    where = f"{named.origin}, line {named.where.line}" if named.origin != "written" else f"written by {named.by}"
+    where = (
+        f"{named.origin}, line {named.where.line}"
+        if named.origin != "written"
+        else f"written by {named.by}"
+    )
     return f"{describe(named.type)} ({where})"

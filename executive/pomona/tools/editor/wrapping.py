@@ -14,7 +14,13 @@ from pomona.tools.editor.patching import LiftedNode, TextPatch, lift, read_snipp
 from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
 
 TRUE = '"true"'
-_FIRST_VALUES: dict[object, str] = {bool: "true", int: "3", TIME.name: "5 s", RATIO.name: "50 %", RATE.name: "1 Hz"}
+_FIRST_VALUES: dict[object, str] = {
+    bool: "true",
+    int: "3",
+    TIME.name: "5 s",
+    RATIO.name: "50 %",
+    RATE.name: "1 Hz",
+}
 """Values of a modifier that has just been added, by the type of its port."""
 
 
@@ -49,10 +55,14 @@ def wrap(patch: TextPatch, node: WrittenNode, word: str, value: str | None) -> N
     if kind is None or kind.role == "leaf":
         raise EditError(f"'{word}' is no word that takes a node", node.id)
     if isinstance(kind, Modifier) and word not in at.entries:
-        patch.set_entry(at, word, read_snippet(value or default_value(kind), f"the value of '{word}'", tree))
+        patch.set_entry(
+            at, word, read_snippet(value or default_value(kind), f"the value of '{word}'", tree)
+        )
         return
     outer, beside = (
-        ("sequence", f"{word}: {value or default_value(kind)}") if isinstance(kind, Modifier) else (word, "")
+        ("sequence", f"{word}: {value or default_value(kind)}")
+        if isinstance(kind, Modifier)
+        else (word, "")
     )
     before, lead = _opening(tree, outer, value, node.id)
     if not on_its_lines(tree, node):
@@ -71,9 +81,18 @@ def _opening(tree: WrittenTree, word: str, value: str | None, node: str) -> tupl
     kind = tree.types[word]
     if isinstance(kind.value, takes.Children):
         return [f"{word}:"], "- "
-    inner = next((w for w, taken in kind.fields.items() if isinstance(taken, takes.Child) and taken.required), None)
+    inner = next(
+        (
+            w
+            for w, taken in kind.fields.items()
+            if isinstance(taken, takes.Child) and taken.required
+        ),
+        None,
+    )
     if inner is None:
-        raise EditError(f"'{word}' takes its nodes by word; insert it and move the node into it", node)
+        raise EditError(
+            f"'{word}' takes its nodes by word; insert it and move the node into it", node
+        )
     return [f"{word}: {value or TRUE}", f"{inner}:"], ""
 
 
@@ -101,7 +120,10 @@ def _with_comments(patch: TextPatch, node: WrittenNode) -> LiftedNode:
         patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2],
     )
     comments = tuple(tree.line(row).strip() for row in range(first, at.line - 1))
-    lines = [tree.line(at.line - 1)[at.column - 1 :], *(tree.line(row) for row in range(at.line, last + 1))]
+    lines = [
+        tree.line(at.line - 1)[at.column - 1 :],
+        *(tree.line(row) for row in range(at.line, last + 1)),
+    ]
     return LiftedNode(comments, tuple(lines), at.column - 1)
 
 
@@ -109,13 +131,20 @@ def unwrap(patch: TextPatch, node: WrittenNode) -> None:
     """Put the children of a node in its place. Raises EditError: they do not fit there."""
     tree, at, kind = patch.tree, node.mapping, node.kind
     items = node.value
-    if kind is None or not isinstance(kind.value, takes.Children) or not isinstance(items, YamlList) or not items.items:
+    if (
+        kind is None
+        or not isinstance(kind.value, takes.Children)
+        or not isinstance(items, YamlList)
+        or not items.items
+    ):
         raise EditError("only a node with a list of children can be unwrapped", node.id)
     if len(at.entries) > 1:
         others = ", ".join(word for word in at.entries if word != node.type_key.text)
         raise EditError(f"its modifiers would be lost: {others}; remove them first", node.id)
     if len(items.items) > 1 and not isinstance(node.holder, YamlList):
-        raise EditError("only one node has its place here, and this one has several children", node.id)
+        raise EditError(
+            "only one node has its place here, and this one has several children", node.id
+        )
     if tree.is_flow(items):
         _unwrap_flow(patch, node, items)
     elif on_its_lines(tree, node):
@@ -138,7 +167,9 @@ def _unwrap_flow(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
     column = node.holder.column - 1
     lines = [f"{' ' * column}- {tree.raw(item)}" for item in items.items]
     patch.replace(
-        tree.starts[head], tree.line_end(head), tree.eol.join([*([" " * column + behind] if behind else []), *lines])
+        tree.starts[head],
+        tree.line_end(head),
+        tree.eol.join([*([" " * column + behind] if behind else []), *lines]),
     )
 
 
@@ -157,7 +188,9 @@ def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
         raise EditError("its dash stands on a line of its own; edit it as text", node.id)
     lines = []
     if at.line in tree.source.comments:
-        lines.append(" " * outer + tree.text[tree.comment_start(head) : tree.line_end(head)].rstrip())
+        lines.append(
+            " " * outer + tree.text[tree.comment_start(head) : tree.line_end(head)].rstrip()
+        )
     for row in range(head + 1, last + 1):
         text, column = tree.line(row), inner
         if not isinstance(node.holder, YamlList) and row >= dash:
@@ -209,7 +242,9 @@ def new_names(tree: WrittenTree, node: WrittenNode) -> dict[str, tuple[YamlScala
     return found
 
 
-def _renamed(tree: WrittenTree, names: dict[str, tuple[YamlScalar, str]], start: int, end: int) -> str:
+def _renamed(
+    tree: WrittenTree, names: dict[str, tuple[YamlScalar, str]], start: int, end: int
+) -> str:
     out, at = [], start
     for scalar, name in sorted(names.values(), key=lambda pair: tree.start(pair[0])):
         text = quoted(name) if scalar.plain else tree.raw(scalar)[:1] + name + tree.raw(scalar)[:1]

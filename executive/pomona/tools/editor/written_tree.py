@@ -18,7 +18,13 @@ from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.findings import Finding, Findings, Source
-from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.yaml_nodes import (
+    YamlList,
+    YamlMapping,
+    YamlNode,
+    YamlScalar,
+    read_yaml,
+)
 
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # ends of lines in YAML
 BOM = "\ufeff"
@@ -80,7 +86,9 @@ class WrittenTree:
     problems: list[Finding] = field(init=False)  # why it cannot be read as YAML
     top: YamlMapping | None = field(init=False)
     nodes: dict[str, WrittenNode] = field(init=False, default_factory=dict)
-    pairs: set[int] = field(init=False, default_factory=set)  # ids of mappings in brackets without braces: [Beep: {}]
+    pairs: set[int] = field(
+        init=False, default_factory=set
+    )  # ids of mappings in brackets without braces: [Beep: {}]
     starts: list[int] = field(init=False)  # offsets of lines
     eol: str = field(init=False)
     _words: frozenset[str] = field(init=False)
@@ -90,7 +98,11 @@ class WrittenTree:
         self.starts = [0, *(found.end() for found in breaks)]
         self.eol = breaks[0][0] if breaks else "\n"
         self.source, findings = Source("", self.text), Findings()
-        root = read_yaml(self.source, findings, modifiers=self.types.beside) if self.text.strip() else None
+        root = (
+            read_yaml(self.source, findings, modifiers=self.types.beside)
+            if self.text.strip()
+            else None
+        )
         self.problems = findings.sorted()
         self.top = root if isinstance(root, YamlMapping) else None
         self._words = frozenset({"name", "description", *self.types.beside, *self.types.fields})
@@ -104,7 +116,9 @@ class WrittenTree:
         found = None if self.top is None else self.top.get("subtrees")
         entries = found.entries if isinstance(found, YamlMapping) else {}
         return {
-            name: at for name, (_, at) in entries.items() if isinstance(at, YamlMapping) and "file" not in at.entries
+            name: at
+            for name, (_, at) in entries.items()
+            if isinstance(at, YamlMapping) and "file" not in at.entries
         }
 
     def node(self, address: str) -> WrittenNode:
@@ -140,7 +154,9 @@ class WrittenTree:
         entry = self.type_of(at)
         key, value = entry if entry is not None else (None, None)
         kind = self.kind_of(key.text) if key is not None else None
-        self.nodes[address] = WrittenNode(address, parent, index, slot, at, holder, path, kind, key, value)
+        self.nodes[address] = WrittenNode(
+            address, parent, index, slot, at, holder, path, kind, key, value
+        )
         if not isinstance(at, YamlMapping) or kind is None:
             return
         if isinstance(holder, YamlList) and self.is_flow(holder) and not self.is_flow(at):
@@ -162,9 +178,13 @@ class WrittenTree:
             if value is None or not taken.nodes:
                 continue
             if isinstance(value, YamlList):
-                yield from (("", item, value, (word, number)) for number, item in enumerate(value.items))
+                yield from (
+                    ("", item, value, (word, number)) for number, item in enumerate(value.items)
+                )
             elif isinstance(taken, takes.Cases) and isinstance(value, YamlMapping):
-                yield from ((case, child, value, (word, case)) for case, (_, child) in value.entries.items())
+                yield from (
+                    (case, child, value, (word, case)) for case, (_, child) in value.entries.items()
+                )
             elif not isinstance(taken, (takes.Children, takes.Cases)):
                 yield word, value, at, (word,)
 
@@ -173,7 +193,11 @@ class WrittenTree:
         if not isinstance(at, YamlMapping):
             return None
         candidates = [entry for name, entry in at.entries.items() if name not in self._words]
-        known = [entry for entry in candidates if entry[0].text in self.types or entry[0].text[:1].isupper()]
+        known = [
+            entry
+            for entry in candidates
+            if entry[0].text in self.types or entry[0].text[:1].isupper()
+        ]
         return next(iter(known or candidates), None)
 
     def kind_of(self, word: str) -> NodeType:
@@ -204,7 +228,9 @@ class WrittenTree:
 
     def is_flow(self, at: YamlNode) -> bool:
         """Return True if a list or a mapping stands in brackets or braces."""
-        return not isinstance(at, YamlScalar) and self.text[self.start(at) : self.start(at) + 1] in ("[", "{")
+        return not isinstance(at, YamlScalar) and self.text[
+            self.start(at) : self.start(at) + 1
+        ] in ("[", "{")
 
     def stands_in_flow(self, node: WrittenNode) -> bool:
         """Return True if brackets or braces stand around a node, its own apart."""

@@ -92,7 +92,9 @@ class _Taken:
                 name = found.topic.removeprefix(DEVICES)
                 self._devices.setdefault(name, []).append((self._last, parse_object(found.content)))
             elif found.topic.startswith(IMAGES):
-                waiting[found.topic.removeprefix(IMAGES)] = base64.b64decode(parse_object(found.content)["data"])
+                waiting[found.topic.removeprefix(IMAGES)] = base64.b64decode(
+                    parse_object(found.content)["data"]
+                )
             elif found.topic.startswith(DEPTH):
                 colour = waiting.pop(found.topic.removeprefix(DEPTH), None)
                 if colour is not None:  # a picture without depth was drawn, not taken
@@ -110,14 +112,20 @@ class _Taken:
     def episode(self, rate: float) -> Episode:
         if not self._about:
             raise UsageError(f"{self._record}: not a record of a run")
-        state, state_names = self._columns(lambda name: name.startswith("q_") or name == "width_m", _joint)
+        state, state_names = self._columns(
+            lambda name: name.startswith("q_") or name == "width_m", _joint
+        )
         wrench, wrench_names = self._columns(
             lambda name: "_force_" in name or "_torque_" in name, lambda d, n: f"{d}_{n}"
         )
         if not state:
-            raise UsageError(f"{self._record}: it holds no joints, so nothing can be learned from it")
+            raise UsageError(
+                f"{self._record}: it holds no joints, so nothing can be learned from it"
+            )
         looks = self._one_size()
-        begins = [channel.t[0] for channel in (*state, *wrench)] + [t for t, _colour, _depth in looks[:1]]
+        begins = [channel.t[0] for channel in (*state, *wrench)] + [
+            t for t, _colour, _depth in looks[:1]
+        ]
         start = max(begins)
         count = int((self._last - start) * rate + 1e-9) + 1
         if self._last < start or count < 2:
@@ -144,7 +152,10 @@ class _Taken:
             chosen = [name for name in messages[0][1] if wanted(name)]
             if chosen:
                 t = np.concatenate([_times(at, content) for at, content in messages])
-                rows = [np.array([np.atleast_1d(content[name]) for name in chosen], float) for _at, content in messages]
+                rows = [
+                    np.array([np.atleast_1d(content[name]) for name in chosen], float)
+                    for _at, content in messages
+                ]
                 channels.append(Channel(t, np.concatenate(rows, axis=1).T))
                 names += [called(device, name) for name in chosen]
         return channels, tuple(names)

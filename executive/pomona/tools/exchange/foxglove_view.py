@@ -20,7 +20,12 @@ EXTRA = "foxglove"
 PORT = 8765
 HOST = "127.0.0.1"
 
-KEPT = (SCENE_UPDATE.name, CAMERA_CALIBRATION.name, "foxglove.CompressedImage", "foxglove.PointCloud")
+KEPT = (
+    SCENE_UPDATE.name,
+    CAMERA_CALIBRATION.name,
+    "foxglove.CompressedImage",
+    "foxglove.PointCloud",
+)
 """Latched topics: a later subscriber receives the newest message."""
 
 
@@ -55,8 +60,12 @@ class FoxgloveView:
     def send(self, topic: str, schema: Schema, content: Mapping[str, Any], stamp: int) -> None:
         channel = self._channels.get(topic)
         if channel is None:
-            described = self._sdk.Schema(name=schema.name, encoding="jsonschema", data=schema.text.encode())
-            channel = self._sdk.Channel(topic, schema=described, message_encoding="json", context=self._context)
+            described = self._sdk.Schema(
+                name=schema.name, encoding="jsonschema", data=schema.text.encode()
+            )
+            channel = self._sdk.Channel(
+                topic, schema=described, message_encoding="json", context=self._context
+            )
             self._channels[topic] = channel
         coded = encoded(content)
         if schema.name in KEPT:

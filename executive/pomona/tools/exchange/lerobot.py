@@ -35,7 +35,9 @@ SUCCESS, DONE = "next.success", "next.done"
 _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
 
-def export_lerobot(records: Sequence[Path], folder: Path, rate: int = RATE, task: str = "") -> Mapping[str, str]:
+def export_lerobot(
+    records: Sequence[Path], folder: Path, rate: int = RATE, task: str = ""
+) -> Mapping[str, str]:
     """Write records as a dataset, one episode each.
 
     Args:
@@ -81,8 +83,14 @@ class _Dataset:
         if not self._features:
             self._features = features
         elif features != self._features:
-            other = [key for key in {**features, **self._features} if features.get(key) != self._features.get(key)]
-            raise UsageError(f"{episode.name} has other features than the first record: {', '.join(other)}")
+            other = [
+                key
+                for key in {**features, **self._features}
+                if features.get(key) != self._features.get(key)
+            ]
+            raise UsageError(
+                f"{episode.name} has other features than the first record: {', '.join(other)}"
+            )
         if task not in self._tasks:
             self._tasks.append(task)
         number, count = len(self._episodes), len(episode.times)
@@ -95,7 +103,9 @@ class _Dataset:
         }
         chunk, file = divmod(number, CHUNK)
         self._write_frames(_DATA.format(chunk_index=chunk, file_index=file), episode, columns)
-        stats = {key: _stats(values) for key, values in columns.items()} | dict(_image_stats(episode))
+        stats = {key: _stats(values) for key, values in columns.items()} | dict(
+            _image_stats(episode)
+        )
         self._stats.append(stats)
         self._episodes.append(
             {
@@ -110,7 +120,11 @@ class _Dataset:
                 "meta/episodes/file_index": 0,
                 "record": episode.name,
                 "success": episode.succeeded,
-                **{f"stats/{key}/{name}": value for key, about in stats.items() for name, value in about.items()},
+                **{
+                    f"stats/{key}/{name}": value
+                    for key, about in stats.items()
+                    for name, value in about.items()
+                },
             }
         )
         self._frames += count
@@ -136,20 +150,34 @@ class _Dataset:
         _write_json(meta / "info.json", info)
         _write_json(meta / "stats.json", _merged(self._stats))
         tasks = pa.table({"task_index": list(range(len(self._tasks))), "task": self._tasks})
-        self._write(meta / "tasks.parquet", tasks.replace_schema_metadata({"pandas": json.dumps(_INDEX_OF_TASKS)}))
-        self._write(meta / "episodes" / "chunk-000" / "file-000.parquet", pa.Table.from_pylist(self._episodes))
+        self._write(
+            meta / "tasks.parquet",
+            tasks.replace_schema_metadata({"pandas": json.dumps(_INDEX_OF_TASKS)}),
+        )
+        self._write(
+            meta / "episodes" / "chunk-000" / "file-000.parquet",
+            pa.Table.from_pylist(self._episodes),
+        )
 
     def told(self) -> Mapping[str, str]:
         shown = {
-            key: f"{about['dtype']} {' × '.join(map(str, about['shape']))}" for key, about in self._features.items()
+            key: f"{about['dtype']} {' × '.join(map(str, about['shape']))}"
+            for key, about in self._features.items()
         }
-        return {"episodes": f"{len(self._episodes)}, {self._frames} frames at {self._rate} Hz", **shown}
+        return {
+            "episodes": f"{len(self._episodes)}, {self._frames} frames at {self._rate} Hz",
+            **shown,
+        }
 
     def _write_frames(self, name: str, episode: Episode, columns: Mapping[str, Any]) -> None:
         pa = self._pa
         path = self._folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        looks = {key: look for key, look in ((COLOUR, episode.colour), (DEPTH, episode.depth)) if look is not None}
+        looks = {
+            key: look
+            for key, look in ((COLOUR, episode.colour), (DEPTH, episode.depth))
+            if look is not None
+        }
         writer = None
         try:
             for begin in range(0, len(episode.times), ROWS):
@@ -157,11 +185,15 @@ class _Dataset:
                 arrays = {key: _arrow(pa, values[rows]) for key, values in columns.items()}
                 for key, (at, files) in looks.items():
                     coded = [{"bytes": files[k], "path": None} for k in at[rows]]
-                    arrays[key] = pa.array(coded, pa.struct({"bytes": pa.binary(), "path": pa.string()}))
+                    arrays[key] = pa.array(
+                        coded, pa.struct({"bytes": pa.binary(), "path": pa.string()})
+                    )
                 table = pa.table({key: arrays[key] for key in self._features})
                 if writer is None:
                     # bytes of the distinct images of a group that are stored once each
-                    writer = pa.parquet.ParquetWriter(path, table.schema, dictionary_pagesize_limit=(64 << 20))
+                    writer = pa.parquet.ParquetWriter(
+                        path, table.schema, dictionary_pagesize_limit=(64 << 20)
+                    )
                 writer.write_table(table)
         finally:
             if writer is not None:
@@ -183,7 +215,13 @@ _INDEX_OF_TASKS = {
             "numpy_type": "int64",
             "metadata": None,
         },
-        {"name": "task", "field_name": "task", "pandas_type": "unicode", "numpy_type": "object", "metadata": None},
+        {
+            "name": "task",
+            "field_name": "task",
+            "pandas_type": "unicode",
+            "numpy_type": "object",
+            "metadata": None,
+        },
     ],
     "pandas_version": "2.0.0",
 }
@@ -191,7 +229,11 @@ _INDEX_OF_TASKS = {
 
 
 def _features(episode: Episode, rate: int) -> dict[str, dict[str, Any]]:
-    state = {"dtype": "float32", "shape": [len(episode.state_names)], "names": list(episode.state_names)}
+    state = {
+        "dtype": "float32",
+        "shape": [len(episode.state_names)],
+        "names": list(episode.state_names),
+    }
     found: dict[str, dict[str, Any]] = {STATE: state, ACTION: dict(state)}
     if episode.wrench is not None:
         names = list(episode.wrench_names)
@@ -200,7 +242,12 @@ def _features(episode: Episode, rate: int) -> dict[str, dict[str, Any]]:
         width, height = episode.size
         sizes = ["height", "width", "channels"]
         found[COLOUR] = {"dtype": "image", "shape": [height, width, 3], "names": sizes}
-        found[DEPTH] = {"dtype": "image", "shape": [height, width, 1], "names": sizes, "info": {"unit": "mm"}}
+        found[DEPTH] = {
+            "dtype": "image",
+            "shape": [height, width, 1],
+            "names": sizes,
+            "info": {"unit": "mm"},
+        }
     found |= {key: {"dtype": "bool", "shape": [1], "names": None} for key in (SUCCESS, DONE)}
     found["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
     for key in ("frame_index", "episode_index", "index", "task_index"):
@@ -244,7 +291,9 @@ def _image_stats(episode: Episode) -> Iterator[tuple[str, dict[str, Any]]]:
             except ValueError as error:
                 raise UsageError(f"{episode.name}: {error}") from error
             small = image[::STATED_STEP, ::STATED_STEP]
-            pixels.append((small if small.ndim == 3 else small[..., None]).reshape(-1, image.ndim * 2 - 3))
+            pixels.append(
+                (small if small.ndim == 3 else small[..., None]).reshape(-1, image.ndim * 2 - 3)
+            )
         rows = np.concatenate(pixels).astype(np.float64) / unit
         yield key, _described(rows, len(pixels), lambda row: row.reshape(-1, 1, 1))
 
@@ -267,7 +316,10 @@ def _merged(stats: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[
             return sum(weight * one[name] for weight, one in zip(weights, of, strict=True))
 
         middle = mean("mean")
-        spread = sum(w * (one["std"] ** 2 + (one["mean"] - middle) ** 2) for w, one in zip(weights, of, strict=True))
+        spread = sum(
+            w * (one["std"] ** 2 + (one["mean"] - middle) ** 2)
+            for w, one in zip(weights, of, strict=True)
+        )
         found = {
             "min": np.min([one["min"] for one in of], axis=0),
             "max": np.max([one["max"] for one in of], axis=0),
@@ -275,7 +327,9 @@ def _merged(stats: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[
             "std": np.sqrt(spread),
             **{name: mean(name) for name in QUANTILES},
         }
-        merged[key] = {name: value.tolist() for name, value in found.items()} | {"count": [int(counts.sum())]}
+        merged[key] = {name: value.tolist() for name, value in found.items()} | {
+            "count": [int(counts.sum())]
+        }
     return merged
 
 

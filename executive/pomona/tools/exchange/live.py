@@ -27,7 +27,9 @@ from pomona.executive.views import ImageView, SeriesView
 
 logger = logging.getLogger(__name__)
 
-EVERY = 0.01  # seconds between two looks into the queue; waking for each event would cost the tick more
+EVERY = (
+    0.01  # seconds between two looks into the queue; waking for each event would cost the tick more
+)
 MOST = 2000  # events that wait; some seconds of a run
 CLOSING = 2.0  # time for the remaining events at the end [s]
 
@@ -85,7 +87,12 @@ class Live:
         self._wake.set()
         self._thread.join(CLOSING + 1.0)
         if self.dropped:
-            warn(logger, "live views could not follow: %d of %d events were left out", self.dropped, self._put)
+            warn(
+                logger,
+                "live views could not follow: %d of %d events were left out",
+                self.dropped,
+                self._put,
+            )
 
     def _work(self) -> None:
         deadline = float("inf")
@@ -130,7 +137,11 @@ class Live:
             return [partial(_send, *message, self._began + round(t * 1e9)) for message in messages]
         stamp = self._began + round(max(taken.t, 0.0) * 1e9)
         shows: list[Callable[[Sink], None]] = []
-        if isinstance(taken, Published) and isinstance(taken.value, ImageView) and taken.value.image is not None:
+        if (
+            isinstance(taken, Published)
+            and isinstance(taken.value, ImageView)
+            and taken.value.image is not None
+        ):
             shows.append(partial(_show, taken.topic, taken.value, stamp))
         messages = [(EVENTS, EVENT, message_of(taken)), *well_known(taken, stamp)]
         if isinstance(taken, Published) and isinstance(taken.value, SeriesView):

@@ -72,11 +72,17 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
     """
     refuse_taken(file)
     runs = [(record, trusted(record)) for record in records]
-    failed = [(record, run) for record, run in runs if run.state == "ended" and run.outcome not in (None, "success")]
+    failed = [
+        (record, run)
+        for record, run in runs
+        if run.state == "ended" and run.outcome not in (None, "success")
+    ]
     if not failed:
         raise UsageError(f"none of {len(runs)} runs failed")
     codes = Counter(run.code or run.outcome or "" for _record, run in failed)
-    counted = ", ".join(f"<code>{escape(code)}</code> {count}" for code, count in codes.most_common())
+    counted = ", ".join(
+        f"<code>{escape(code)}</code> {count}" for code, count in codes.most_common()
+    )
     sections = "".join(_section(record, run) for record, run in failed)
     title = f"{len(failed)} failed of {len(runs)} runs"
     _write(file, title, f"<h1>{title}</h1><p>{counted}</p>{sections}")
@@ -94,7 +100,9 @@ def write_run(record: Path, file: Path) -> None:
         ("Tree", drawn_tree(record, read_events(record))),
         ("The run in one picture", _whole(record)),
     )
-    body = "".join(f"<h3>{title}</h3>{drawn}" for title, drawn in drawings if drawn) + "".join(_tables(record))
+    body = "".join(f"<h3>{title}</h3>{drawn}" for title, drawn in drawings if drawn) + "".join(
+        _tables(record)
+    )
     title = f"Events of {record.name}"
     section = _section(record, trusted(record), 24, body)  # of one run, the newest
     _write(file, title, f"<h1>{escape(title)}</h1>{section}")
@@ -125,8 +133,13 @@ def _section(record: Path, run: Digest, most: int = LOOKS, body: str | None = No
     about = f"{began} · {run.tree} on {run.cell} ({run.cell_kind}) · seed {run.seed} {settings}"
     sentences = ""
     if run.outcome != "success" or body is not None:
-        going_on, why_cut = is_being_written(events_file(record)), run.message or "the reason is unknown"
-        told = [explain(read_events(record), going_on, why_cut, whole=whole) for whole in (False, True)]
+        going_on, why_cut = (
+            is_being_written(events_file(record)),
+            run.message or "the reason is unknown",
+        )
+        told = [
+            explain(read_events(record), going_on, why_cut, whole=whole) for whole in (False, True)
+        ]
         brief, rest = told[0], told[1][len(told[0]) :]
         sentences = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in brief)
         more = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in rest)
@@ -165,10 +178,17 @@ def _figure(look: _Look) -> str:
 def _key(look: _Look) -> str:
     """Return the labels of the lines over an image, each beside its colour."""
     try:
-        lines = {str(line["label"]): _colour(line) for line in look.view.get("lines", ()) if line.get("label")}
+        lines = {
+            str(line["label"]): _colour(line)
+            for line in look.view.get("lines", ())
+            if line.get("label")
+        }
     except (TypeError, KeyError, AttributeError):  # a foreign record
         return ""
-    return "".join(f'<br><span style="color:{colour}">■</span> {escape(label)}' for label, colour in lines.items())
+    return "".join(
+        f'<br><span style="color:{colour}">■</span> {escape(label)}'
+        for label, colour in lines.items()
+    )
 
 
 def _colour(line: dict[str, Any]) -> str:
@@ -188,17 +208,24 @@ def _path(line: dict[str, Any]) -> str:
     points = np.asarray(line["points"], float).reshape(-1, 2)
     if not len(points) or not np.isfinite(points).all():
         return ""
-    way = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + ("Z" if line.get("closed") else "")
+    way = (
+        "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + ("Z" if line.get("closed") else "")
+    )
     return f'<path d="{way}" stroke="{_colour(line)}"/>'
 
 
 def _tables(record: Path) -> list[str]:
     newest = {
-        e.topic: e.value for e in read_events(record) if isinstance(e, Published) and isinstance(e.value, TableView)
+        e.topic: e.value
+        for e in read_events(record)
+        if isinstance(e, Published) and isinstance(e.value, TableView)
     }
     tables = []
     for view in newest.values():
         head = "".join(f"<th>{escape(column)}</th>" for column in view.columns)
-        rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in view.rows)
+        rows = "".join(
+            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+            for row in view.rows
+        )
         tables.append(f"<h3>{escape(view.caption)}</h3><table><tr>{head}</tr>{rows}</table>")
     return tables

@@ -35,12 +35,16 @@ class RerunView:
         self._out = rr.RecordingStream("pomona")
         if "://" in target:
             if not target.startswith(("rerun+http://127.0.0.1", "rerun+http://localhost")):
-                raise UsageError(f"{target}: a run is shown to a viewer on this machine only; others use a tunnel")
+                raise UsageError(
+                    f"{target}: a run is shown to a viewer on this machine only; others use a tunnel"
+                )
             self._out.connect_grpc(target)
         else:
             refuse_taken(Path(target))
             if Path(target).suffix != ".rrd" or not Path(target).absolute().parent.is_dir():
-                raise UsageError(f"{target}: a file for Rerun must end with .rrd, and its folder must exist")
+                raise UsageError(
+                    f"{target}: a file for Rerun must end with .rrd, and its folder must exist"
+                )
             self._out.save(target)
         self._out.log("base", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
@@ -60,7 +64,10 @@ class RerunView:
                     )
             case "foxglove.PointCloud":
                 data = np.frombuffer(base64.b64decode(plain["data"]), np.float32)
-                self._log(topic, rr.Points3D(data.reshape(-1, plain["point_stride"] // 4)[:, :3], radii=0.004))
+                self._log(
+                    topic,
+                    rr.Points3D(data.reshape(-1, plain["point_stride"] // 4)[:, :3], radii=0.004),
+                )
             case "foxglove.SceneUpdate":
                 for entity in plain["entities"]:
                     self._entity(topic, entity)
@@ -74,16 +81,23 @@ class RerunView:
             case _ if topic.startswith(DEVICES):
                 for name, values in plain.items():
                     if name not in ("t", "tick", "stamp_s"):
-                        self._log(f"{topic}/{name}", rr.Scalars(np.atleast_1d(np.asarray(values, float))[-1]))
+                        self._log(
+                            f"{topic}/{name}",
+                            rr.Scalars(np.atleast_1d(np.asarray(values, float))[-1]),
+                        )
             case _ if topic == EVENTS and plain["event"] == "NodeChanged":
-                self._log(f"tree/{plain['path']}", rr.TextLog(f"{plain['status']} {plain['feedback']}"))
+                self._log(
+                    f"tree/{plain['path']}", rr.TextLog(f"{plain['status']} {plain['feedback']}")
+                )
 
     def show(self, topic: str, view: ImageView, stamp: int) -> None:
         self._out.set_time("run", timestamp=stamp / 1e9)
         if view.image is not None:
             self._log(f"images/{topic}", self._rr.Image(view.image).compress(jpeg_quality=90))
         if view.depth is not None:
-            metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0)).astype(np.float32)
+            metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0)).astype(
+                np.float32
+            )
             self._log(f"depth/{topic}", self._rr.DepthImage(metres, meter=1.0))
 
     def rest(self) -> None:
@@ -101,7 +115,11 @@ class RerunView:
         for number, mesh in enumerate(entity["triangles"]):
             points = [[p[k] for k in "xyz"] for p in mesh["points"]]
             faces = np.asarray(mesh["indices"], np.uint32).reshape(-1, 3)
-            where = f"frames/{entity['frame_id']}/{number}" if entity["frame_locked"] else f"{path}/{number}"
+            where = (
+                f"frames/{entity['frame_id']}/{number}"
+                if entity["frame_locked"]
+                else f"{path}/{number}"
+            )
             self._log(where, rr.Mesh3D(vertex_positions=points, triangle_indices=faces))
 
     def _log(self, path: str, what: Any) -> None:

@@ -54,17 +54,19 @@ def drawn_tree(record: Path, events: Iterable[Event]) -> str:
     for event in events:
         if isinstance(event, RunStarted):
             paths = [(str(node.get("path", "")), str(node.get("kind", ""))) for node in event.nodes]
-            nodes = [path for path, kind in paths if not path.endswith(f":{kind}")]  # a modifier has no box
+            nodes = [
+                path for path, kind in paths if not path.endswith(f":{kind}")
+            ]  # a modifier has no box
         elif isinstance(event, NodeChanged) and event.status in RANKS:
             results[event.path] = event.status
     pieces = (drawing(record) or "").split(BOX)
     if len(pieces) != len(nodes) + 1:  # of another tree
         return ""
     ranks = (RANKS.get(results.get(path, ""), "idle") for path in nodes)
-    boxes = (f'<g class="{rank}"><title>{piece}' for rank, piece in zip(ranks, pieces[1:], strict=True))
-    key = (
-        '<p class="about">Last result of each node: green succeeded, red failed or interrupted, grey never started.</p>'
+    boxes = (
+        f'<g class="{rank}"><title>{piece}' for rank, piece in zip(ranks, pieces[1:], strict=True)
     )
+    key = '<p class="about">Last result of each node: green succeeded, red failed or interrupted, grey never started.</p>'
     return f'{key}<div class="drawn" tabindex="0">{pieces[0]}{"".join(boxes)}</div>'
 
 
@@ -127,7 +129,9 @@ def _labels(spans: Sequence[_Span], scale: float, y: float) -> Iterator[str]:
         for words, anchor in itertools.product(texts, ("start", "end")):
             long = LETTER * len(words)
             low = end + 5.0 if anchor == "start" else x - 5.0 - long
-            if low + long < WIDE and all(low + long <= before or low >= behind for before, behind in taken):
+            if low + long < WIDE and all(
+                low + long <= before or low >= behind for before, behind in taken
+            ):
                 taken.append((low, low + long))
                 at = f'x="{low if anchor == "start" else low + long:.1f}" text-anchor="{anchor}"'
                 yield f'<text {at} y="{y:.0f}" fill="{BAD}">{escape(words)}</text>'
@@ -148,7 +152,9 @@ def _lanes(lanes: Mapping[str, Sequence[_Span]], names: Mapping[str, str], lengt
     for tick in range(int(length / step) + 1):
         x = NAMES + tick * step * scale
         parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="16" y2="{height:.0f}" stroke="{LINE}"/>')
-        parts.append(f'<text x="{x:.1f}" y="12" text-anchor="middle" fill="{MUTED}">{tick * step:g} s</text>')
+        parts.append(
+            f'<text x="{x:.1f}" y="12" text-anchor="middle" fill="{MUTED}">{tick * step:g} s</text>'
+        )
     for row, (path, spans) in enumerate(lanes.items()):
         y = TOP + row * LANE
         parts.append(f'<text x="0" y="{y + 14:.0f}">{escape(names[path][:26])}</text>')

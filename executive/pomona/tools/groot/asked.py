@@ -34,9 +34,7 @@ class Asked:
         if tag != "IfThenElse" or len(element.children) != 2 or element not in self._again:
             return ""
         asked = element.children[0]
-        once = (
-            "BehaviorTree.CPP keeps its failure when it is started again; give it <AlwaysFailure/> as its third child"
-        )
+        once = "BehaviorTree.CPP keeps its failure when it is started again; give it <AlwaysFailure/> as its third child"
         if asked.tag in _WITH_MEMORY or any(name in asked.attributes for name in _PRECONDITIONS):
             return f"asks a node with a memory of its own, and has two children: {once}"
         if not asked.children and self._may_take_time(asked):

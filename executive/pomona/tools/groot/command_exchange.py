@@ -24,28 +24,51 @@ from pomona.tools.listings.declared_skills import declared_skills, with_declarat
 
 def add_export(subparsers: Any) -> None:
     """Register `pomona export`."""
-    out = subparsers.add_parser("export", help="write a tree as XML for Groot2 and BehaviorTree.CPP")
+    out = subparsers.add_parser(
+        "export", help="write a tree as XML for Groot2 and BehaviorTree.CPP"
+    )
     out.add_argument("tree", help="a tree file, or the name of an installed tree")
-    out.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
+    out.add_argument(
+        "--out", type=Path, metavar="FILE", help="file to write (default: standard output)"
+    )
     out.set_defaults(main=export)
 
 
 def add_import(subparsers: Any) -> None:
     """Register `pomona import`."""
-    into = subparsers.add_parser("import", help="read XML of Groot2 or BehaviorTree.CPP and print a tree file")
-    into.add_argument("xml", type=Path, help="the file with the main tree; included files are read, too")
-    into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files with called trees")
-    into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of the nodes")
+    into = subparsers.add_parser(
+        "import", help="read XML of Groot2 or BehaviorTree.CPP and print a tree file"
+    )
+    into.add_argument(
+        "xml", type=Path, help="the file with the main tree; included files are read, too"
+    )
+    into.add_argument(
+        "beside", type=Path, nargs="*", metavar="xml", help="further files with called trees"
+    )
+    into.add_argument(
+        "--nodes",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="models of the nodes",
+    )
     about = "declare the skills that are not installed in the tree: it can be checked, drawn, run dry and exported"
     into.add_argument("--stubs", action="store_true", help=about)
-    into.add_argument("--main", dest="tree", default="", metavar="ID", help="main tree, if the file names none")
-    into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
+    into.add_argument(
+        "--main", dest="tree", default="", metavar="ID", help="main tree, if the file names none"
+    )
+    into.add_argument(
+        "--out", type=Path, metavar="FILE", help="file to write (default: standard output)"
+    )
     into.set_defaults(main=import_)
 
 
 def export(options: argparse.Namespace) -> int:
     """Write the XML."""
-    write_text(with_declarations(lambda registry: _xml(options, registry)), options.out, replaces="<?xml")
+    write_text(
+        with_declarations(lambda registry: _xml(options, registry)), options.out, replaces="<?xml"
+    )
     return 0
 
 
@@ -61,7 +84,9 @@ def import_(options: argparse.Namespace) -> int:
     Returns:
         0 when everything was carried over, else 1.
     """
-    beside, nodes = ([(read_text(path), path) for path in given] for given in (options.beside, options.nodes))
+    beside, nodes = (
+        [(read_text(path), path) for path in given] for given in (options.beside, options.nodes)
+    )
     if options.out is not None and is_file(options.out):
         refuse_taken(options.out)
     skills = declared_skills()
@@ -97,7 +122,11 @@ def _what_next(text: str, out: Path | None, skills: Registry) -> str:
     if declared and set(unknown) <= set(declared):
         return f"{len(nodes)} nodes; {len(declared)} skills are declared in the tree: try `pomona run {file} --dry`"
     if left:
-        skills_too = f", {len(unknown)} skills are not installed here: {', '.join(unknown)}" if unknown else ""
+        skills_too = (
+            f", {len(unknown)} skills are not installed here: {', '.join(unknown)}"
+            if unknown
+            else ""
+        )
         return f"{len(nodes)} nodes, {left} without translation{skills_too}: `pomona check {file}` lists them"
     if not unknown:
         return f"{len(nodes)} nodes, all skills are installed: check it with `pomona check {file}`"

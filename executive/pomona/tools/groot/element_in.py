@@ -19,7 +19,10 @@ ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BehaviorTree.CPP evaluates them."""
 AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
-_RESERVED = {_name.strip("_").lower(): _name for _name in (*ATTRIBUTES, *PRECONDITIONS, *AFTERWARDS, "_onHalted")}
+_RESERVED = {
+    _name.strip("_").lower(): _name
+    for _name in (*ATTRIBUTES, *PRECONDITIONS, *AFTERWARDS, "_onHalted")
+}
 
 
 def is_port(name: str) -> bool:
@@ -43,7 +46,13 @@ class Importer(Protocol):
         """Return the node of an element."""
 
     def untranslated(
-        self, element: XmlElement, name: str, attributes: Words, children: list[Words], why: str, hint: str = ""
+        self,
+        element: XmlElement,
+        name: str,
+        attributes: Words,
+        children: list[Words],
+        why: str,
+        hint: str = "",
     ) -> Words:
         """Return a placeholder that `check` refuses."""
 
@@ -89,7 +98,9 @@ class ElementIn:
         if key is not None:
             return keys.wired_key(key)
         if "{" in text or "}" in text:
-            raise ScriptError(f"has the text '{text}', whose braces would stand for a key in a tree file")
+            raise ScriptError(
+                f"has the text '{text}', whose braces would stand for a key in a tree file"
+            )
         return text
 
     def value(self, name: str) -> object:
@@ -108,8 +119,12 @@ class ElementIn:
     def count(self, name: str) -> object:
         """Return an attribute as a number of times. Raises ScriptError: BehaviorTree.CPP would not run the child."""
         text = self.wired(name)
-        if not text.startswith("{") and not (text.isascii() and text.isdecimal() and text.strip("0")):
-            raise ScriptError(f'has {name}="{text}"; how often its child runs is a whole number above 0, or -1')
+        if not text.startswith("{") and not (
+            text.isascii() and text.isdecimal() and text.strip("0")
+        ):
+            raise ScriptError(
+                f'has {name}="{text}"; how often its child runs is a whole number above 0, or -1'
+            )
         return text
 
     def children(self) -> list[Words]:
@@ -126,10 +141,14 @@ class ElementIn:
         """Return an `untranslated` node that keeps the children and all attributes."""
         self.wrapped = False
         self.asked.update(self.found.attributes)
-        kept = {n: v for n, v in self.found.attributes.items() if n != "name" and not n.startswith("_")}
+        kept = {
+            n: v for n, v in self.found.attributes.items() if n != "name" and not n.startswith("_")
+        }
         if kept.get("ID") == self.tag:
             del kept["ID"]
-        return self.importer.untranslated(self.found, self.tag, kept, self.children(), message, hint)
+        return self.importer.untranslated(
+            self.found, self.tag, kept, self.children(), message, hint
+        )
 
     def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:
         """Return a node with one more modifier."""

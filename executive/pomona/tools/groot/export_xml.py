@@ -56,7 +56,11 @@ class _Exporter:
         if errors:
             raise TreeFileError(errors)
         ElementTree.indent(root, "  ")
-        return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+        return (
+            '<?xml version="1.0" encoding="UTF-8"?>\n'
+            + ElementTree.tostring(root, encoding="unicode")
+            + "\n"
+        )
 
     def unique(self, name: str) -> str:
         taken = set(self.ids.values())
@@ -105,7 +109,9 @@ class _Exporter:
                 for unknown in self.used[name].ports:
                     SubElement(model, "inout_port", {"name": unknown})
                 continue
-            model = SubElement(parent, "Condition" if skill.__name__.startswith("Is") else "Action", {"ID": name})
+            model = SubElement(
+                parent, "Condition" if skill.__name__.startswith("Is") else "Action", {"ID": name}
+            )
             for direction, ports in (("input_port", skill.inputs), ("output_port", skill.outputs)):
                 for port_name, port in ports.items():
                     self.port(model, direction, port_name, port)
@@ -113,7 +119,9 @@ class _Exporter:
             parts = any(taken.nodes for taken in found.fields.values())
             category = "Decorator" if found.role == "modifier" and not parts else "Control"
             model = SubElement(
-                parent, category if found.role != "leaf" else "Condition" if found.ends else "Action", {"ID": tag}
+                parent,
+                category if found.role != "leaf" else "Condition" if found.ends else "Action",
+                {"ID": tag},
             )
             for port_name in sorted(used):
                 SubElement(model, "input_port", {"name": port_name}).text = found.summary
@@ -140,9 +148,13 @@ class _Exporter:
                 if port.default is not None:
                     attributes["default"] = _attribute(port.default) or "none"
                 elif direction == "output_port":
-                    attributes["default"] = f"{{_{name}}}"  # BehaviorTree.CPP wants every port wired
+                    attributes["default"] = (
+                        f"{{_{name}}}"  # BehaviorTree.CPP wants every port wired
+                    )
                 SubElement(model, direction, attributes).text = port.help
-        metadata: dict[str, object] = {"description": definition.description} if definition.description else {}
+        metadata: dict[str, object] = (
+            {"description": definition.description} if definition.description else {}
+        )
         for key, declared in (
             ("parameters", parameters),
             ("constants", file.constants if definition.main else {}),
@@ -235,7 +247,11 @@ def _declaration(declared: Declared) -> object:
     if declared.type is None:
         return "" if declared.default is None else flow(_plain(declared.default))
     found: dict[str, object] = {"type": declared.type.text}
-    nodes: Mapping[str, YamlNode | None] = {"default": declared.default, "min": declared.min, "max": declared.max}
+    nodes: Mapping[str, YamlNode | None] = {
+        "default": declared.default,
+        "min": declared.min,
+        "max": declared.max,
+    }
     found.update({key: flow(_plain(node)) for key, node in nodes.items() if node is not None})
     if declared.choices:
         found["choices"] = [choice.text for choice in declared.choices]
@@ -276,4 +292,8 @@ def _milliseconds(node: YamlNode) -> str:
         milliseconds = TIME.parse(_attribute(node)) * 1e3
     except ValueError:
         return ""
-    return f"{milliseconds:.0f}" if 0 < milliseconds < 1e9 and abs(milliseconds - round(milliseconds)) < 1e-6 else ""
+    return (
+        f"{milliseconds:.0f}"
+        if 0 < milliseconds < 1e9 and abs(milliseconds - round(milliseconds)) < 1e-6
+        else ""
+    )

@@ -24,9 +24,15 @@ class Forest:
     trees: dict[str, XmlElement] = field(default_factory=dict)
     models: dict[str, XmlElement] = field(default_factory=dict)  # of subtrees, by ID
     nodes: dict[str, XmlElement] = field(default_factory=dict)  # models of foreign nodes, by ID
-    described: dict[str, XmlElement] = field(default_factory=dict)  # models of nodes in the files of the trees, by ID
-    conditions: set[str] = field(default_factory=set)  # foreign nodes that end in the tick in which they start
-    versions: dict[str, str] = field(default_factory=dict)  # `4` or `3` by file; empty where nothing shows it
+    described: dict[str, XmlElement] = field(
+        default_factory=dict
+    )  # models of nodes in the files of the trees, by ID
+    conditions: set[str] = field(
+        default_factory=set
+    )  # foreign nodes that end in the tick in which they start
+    versions: dict[str, str] = field(
+        default_factory=dict
+    )  # `4` or `3` by file; empty where nothing shows it
     exported: set[str] = field(default_factory=set)  # files that Pomona has written
     texts: list[str] = field(default_factory=list)  # of all files
     including: list[Path] = field(default_factory=list)
@@ -39,7 +45,10 @@ class Forest:
         if len(roots) < len(files):
             return
         first = roots[0]
-        own = [tree.get("ID") or _numbered(number) for number, tree in enumerate(first.all("BehaviorTree"), start=1)]
+        own = [
+            tree.get("ID") or _numbered(number)
+            for number, tree in enumerate(first.all("BehaviorTree"), start=1)
+        ]
         called = {name for tree in self.trees.values() for name in _called(tree)}
         free = [name for name in own if name not in called] or own or list(self.trees)
         self.main = main or first.get("main_tree_to_execute") or next(iter(free), "")
@@ -50,16 +59,26 @@ class Forest:
             self.main = ""
         elif len(free) > 1 and not (main or first.get("main_tree_to_execute")):
             message = f"the file does not name the main tree: '{self.main}' is taken"
-            self.findings.warning(first, "xml", message, f"others: {', '.join(free[1:])}; choose with --main")
+            self.findings.warning(
+                first, "xml", message, f"others: {', '.join(free[1:])}; choose with --main"
+            )
 
     def read_models(self, text: str, path: str | Path) -> None:
         """Read the nodes and their ports: the `<TreeNodesModel>` of a file."""
         root = read_xml(Source(str(path), text), self.findings)
-        groups = [] if root is None else [root] if root.tag == "TreeNodesModel" else root.all("TreeNodesModel")
+        groups = (
+            []
+            if root is None
+            else [root]
+            if root.tag == "TreeNodesModel"
+            else root.all("TreeNodesModel")
+        )
         if root is not None and not groups:
             self.findings.error(root, "xml", "the file holds no <TreeNodesModel>")
         for group in groups:
-            self.nodes.update({model.get("ID"): model for model in group.children if model.tag != "SubTree"})
+            self.nodes.update(
+                {model.get("ID"): model for model in group.children if model.tag != "SubTree"}
+            )
             self.conditions.update(model.get("ID") for model in group.all("Condition"))
 
     def file(self, text: str, path: str | Path) -> XmlElement | None:
@@ -68,10 +87,17 @@ class Forest:
         if root is None:
             return None
         if root.tag != "root":
-            self.findings.error(root, "xml", "the file is not BehaviorTree.CPP's: its first element is not <root>")
+            self.findings.error(
+                root, "xml", "the file is not BehaviorTree.CPP's: its first element is not <root>"
+            )
             return None
-        if root.get("BTCPP_format") not in ("", "4"):  # without it BehaviorTree.CPP takes the file for one of version 4
-            self.findings.error(root, "version", 'only version 4 of the format is read: <root BTCPP_format="4">')
+        if root.get("BTCPP_format") not in (
+            "",
+            "4",
+        ):  # without it BehaviorTree.CPP takes the file for one of version 4
+            self.findings.error(
+                root, "version", 'only version 4 of the format is read: <root BTCPP_format="4">'
+            )
             return None
         self.texts.append(text)
         self.versions[str(path)] = root.get("BTCPP_format") or modernise(root)
@@ -81,7 +107,9 @@ class Forest:
         self.including.pop()
         for group in root.all("TreeNodesModel"):
             self.models.update({model.get("ID"): model for model in group.all("SubTree")})
-            self.described.update({model.get("ID"): model for model in group.children if model.tag != "SubTree"})
+            self.described.update(
+                {model.get("ID"): model for model in group.children if model.tag != "SubTree"}
+            )
             if any(own_metadata(model) is not None for model in group.all("SubTree")):
                 self.exported.add(str(path))
             self.conditions.update(model.get("ID") for model in group.all("Condition"))
@@ -104,13 +132,22 @@ class Forest:
     def directions(self, node: str) -> dict[str, str]:
         """Return `input`, `output` or `inout` of a foreign node's ports, as far as a model has them."""
         model = self.nodes.get(node) or self.described.get(node)
-        return {} if model is None else {port.get("name"): port.tag.removesuffix("_port") for port in ports_of(model)}
+        return (
+            {}
+            if model is None
+            else {port.get("name"): port.tag.removesuffix("_port") for port in ports_of(model)}
+        )
 
     def include(self, element: XmlElement, path: Path) -> None:
         """Read the file that an `<include>` names; relative to its own file's folder."""
         shown = element.get("path")
         if element.get("ros_pkg"):
-            self.findings.error(element, "xml", "<include> names a ROS package, which is not looked for", "use a path")
+            self.findings.error(
+                element,
+                "xml",
+                "<include> names a ROS package, which is not looked for",
+                "use a path",
+            )
             return
         found = path.parent / shown
         try:
@@ -129,7 +166,9 @@ class Forest:
 
 def ports_of(model: XmlElement) -> list[XmlElement]:
     """Return the elements of a model that declare ports."""
-    return [port for port in model.children if port.tag in ("input_port", "output_port", "inout_port")]
+    return [
+        port for port in model.children if port.tag in ("input_port", "output_port", "inout_port")
+    ]
 
 
 def own_metadata(model: XmlElement) -> XmlElement | None:

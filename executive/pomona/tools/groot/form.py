@@ -65,5 +65,11 @@ class XmlForm:
             words.update(zip(parts, children[1:], strict=False))
             return element.wrap(children[0], self.word.key, element.value(self.attribute), words)
         field = self.word.value
-        value = children if field.nodes else element.ports() if field.wires else element.value(self.attribute)
+        value = (
+            children
+            if field.nodes
+            else element.ports()
+            if field.wires
+            else element.value(self.attribute)
+        )
         return {self.word.key: value, **words}

@@ -12,7 +12,14 @@ from pomona.executive.nodes.check import CheckType, GuardType, WaitUntilType, Wh
 from pomona.executive.nodes.choosing import IfType, SwitchType
 from pomona.executive.nodes.composites import ParallelType, SequenceType
 from pomona.executive.nodes.force import ForceType, InvertType
-from pomona.executive.nodes.leaves import FailType, SetType, SkillCall, SubtreeCall, SucceedType, WaitType
+from pomona.executive.nodes.leaves import (
+    FailType,
+    SetType,
+    SkillCall,
+    SubtreeCall,
+    SucceedType,
+    WaitType,
+)
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.nodes.pacing import DelayType, RateType, RunOnceType, TimeoutType
 from pomona.executive.nodes.repeat import ForEachType, RepeatType
@@ -48,8 +55,14 @@ class IfForm(XmlForm):
 
     def to_xml(self, at: LayerXml) -> Element:
         asked = at.node.children[0]
-        at_once = not self.word.reactive or (asked.kind == CheckType.key and not asked.modifiers)  # see `from_xml`
-        return at.element(self.word.other_names[0]) if at_once and len(at.node.children) == 3 else at.own({})
+        at_once = not self.word.reactive or (
+            asked.kind == CheckType.key and not asked.modifiers
+        )  # see `from_xml`
+        return (
+            at.element(self.word.other_names[0])
+            if at_once and len(at.node.children) == 3
+            else at.own({})
+        )
 
     def from_xml(self, element: ElementIn) -> Words:
         children = element.children()
@@ -86,13 +99,20 @@ class SwitchForm(XmlForm):
         children, number = element.children(), 1
         most = len(children) if element.tag == self.own_tag else int(element.tag[-1])
         if element.tag != self.own_tag and len(children) != most + 1:
-            return element.untranslated(f"has {len(children)} children instead of {most} cases and a default")
+            return element.untranslated(
+                f"has {len(children)} children instead of {most} cases and a default"
+            )
         cases: Words = {}
         while f"case_{number}" in element.attributes and number <= min(most, len(children)):
             cases[element.get(f"case_{number}")] = children[number - 1]
             number += 1
         rest = children[number - 1 :]
-        if not cases or len(rest) > 1 or len(cases) != number - 1 or any("{" in word for word in cases):
+        if (
+            not cases
+            or len(rest) > 1
+            or len(cases) != number - 1
+            or any("{" in word for word in cases)
+        ):
             return element.untranslated("has cases that are no words, or that stand twice")
         found: Words = {self.word.key: element.value("variable"), "cases": cases}
         return {**found, "default": rest[0]} if rest else found
@@ -106,7 +126,9 @@ class ForceForm(XmlForm):
 
     def from_xml(self, element: ElementIn) -> Words:
         (child,) = element.children()
-        return element.wrap(child, self.word.key, "failure" if element.tag == "ForceFailure" else "success")
+        return element.wrap(
+            child, self.word.key, "failure" if element.tag == "ForceFailure" else "success"
+        )
 
 
 class InvertForm(XmlForm):
@@ -130,7 +152,11 @@ class WaitForm(XmlForm):
         return at.element("Sleep", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
 
     def from_xml(self, element: ElementIn) -> Words:
-        return {self.word.key: element.duration("msec")} if element.tag == "Sleep" else super().from_xml(element)
+        return (
+            {self.word.key: element.duration("msec")}
+            if element.tag == "Sleep"
+            else super().from_xml(element)
+        )
 
 
 class SetForm(XmlForm):
@@ -191,7 +217,11 @@ class DelayForm(XmlForm):
 
     def to_xml(self, at: LayerXml) -> Element:
         milliseconds = at.milliseconds(self.word.key)
-        return at.element("Delay", {"delay_msec": milliseconds}) if milliseconds else super().to_xml(at)
+        return (
+            at.element("Delay", {"delay_msec": milliseconds})
+            if milliseconds
+            else super().to_xml(at)
+        )
 
     def from_xml(self, element: ElementIn) -> Words:
         if element.tag == self.own_tag:
@@ -210,7 +240,9 @@ class RateForm(XmlForm):
             return super().from_xml(element)
         (child,) = element.children()
         hz = str(element.value("hz") or "10.0")
-        return element.wrap(child, self.word.key, f"{hz} * 1 Hz" if hz.startswith("{") else f"{hz} Hz")
+        return element.wrap(
+            child, self.word.key, f"{hz} * 1 Hz" if hz.startswith("{") else f"{hz} Hz"
+        )
 
 
 class RunOnceForm(XmlForm):
@@ -240,7 +272,9 @@ class TimeoutForm(XmlForm):
             return super().from_xml(element)
         (child,) = element.children()
         limit = element.duration("msec")
-        return child if limit == "0 s" else element.wrap(child, self.word.key, limit)  # 0 sets no timer
+        return (
+            child if limit == "0 s" else element.wrap(child, self.word.key, limit)
+        )  # 0 sets no timer
 
 
 class ParallelForm(XmlForm):
@@ -255,7 +289,10 @@ class ParallelForm(XmlForm):
 
     def from_xml(self, element: ElementIn) -> Words:
         if element.tag == self.own_tag:
-            return {"parallel": element.children(), "success_on": element.value("success_on") or "all"}
+            return {
+                "parallel": element.children(),
+                "success_on": element.value("success_on") or "all",
+            }
         children = element.children()
         if element.tag == "ParallelAll":
             if len(children) > 1 or element.get("max_failures") not in ("", "1", "-1"):
@@ -265,7 +302,9 @@ class ParallelForm(XmlForm):
         everything = success == "-1" or (success != "1" and success == str(len(children)))
         if everything and failure.isdecimal() and 0 < int(failure) <= len(children):
             failure = "1"  # the first failure leaves too few to succeed
-        if failure != "1" or not (everything or (success.isdecimal() and 0 < int(success) <= len(children))):
+        if failure != "1" or not (
+            everything or (success.isdecimal() and 0 < int(success) <= len(children))
+        ):
             return element.untranslated(f"succeeds on {success} and fails on {failure}")
         if everything:
             return {"parallel": children}
@@ -289,10 +328,14 @@ class RepeatForm(XmlForm):
         if element.tag == self.own_tag:
             return super().from_xml(element)
         (child,) = element.children()
-        if element.tag == "KeepRunningUntilFailure" and may_skip(child):  # it goes on when its child is skipped
+        if element.tag == "KeepRunningUntilFailure" and may_skip(
+            child
+        ):  # it goes on when its child is skipped
             child = {"sequence": [child, {"succeed": {}}]}
         forever = element.tag == "KeepRunningUntilFailure" or element.get("num_cycles") == "-1"
-        return element.wrap(child, self.word.key, "forever" if forever else element.count("num_cycles"))
+        return element.wrap(
+            child, self.word.key, "forever" if forever else element.count("num_cycles")
+        )
 
 
 class ForEachForm(XmlForm):
@@ -306,7 +349,9 @@ class ForEachForm(XmlForm):
 
     def from_xml(self, element: ElementIn) -> Words:
         (child,) = element.children()
-        return element.wrap(child, self.word.key, element.value("items"), {"as": element.get("item").strip("{}")})
+        return element.wrap(
+            child, self.word.key, element.value("items"), {"as": element.get("item").strip("{}")}
+        )
 
 
 class RetryForm(XmlForm):
@@ -323,7 +368,9 @@ class RetryForm(XmlForm):
         if element.tag == self.own_tag:
             return super().from_xml(element)
         (child,) = element.children()
-        if element.get("num_attempts") == "-1":  # for ever: until a success ends the repetition of failures
+        if (
+            element.get("num_attempts") == "-1"
+        ):  # for ever: until a success ends the repetition of failures
             repeated = element.wrap(element.wrap(child, "invert", True), "repeat", "forever")
             return element.wrap(repeated, "invert", True)
         return element.wrap(child, self.word.key, element.count("num_attempts"))
@@ -385,7 +432,11 @@ class UntranslatedForm(XmlForm):
 
     def to_xml(self, at: LayerXml) -> Element:
         entry = at.node.modifiers.get("attributes")
-        written = entry[1].entries.values() if entry is not None and isinstance(entry[1], YamlMapping) else ()
+        written = (
+            entry[1].entries.values()
+            if entry is not None and isinstance(entry[1], YamlMapping)
+            else ()
+        )
         given = {key.text: value.text for key, value in written if isinstance(value, YamlScalar)}
         return at.element(self.word.element(at.node), given)
 
@@ -393,7 +444,16 @@ class UntranslatedForm(XmlForm):
 def takes_time(words: object) -> bool:
     """Return True if a node as plain values surely runs for more than a tick."""
     if isinstance(words, dict):
-        slow = words.keys() & {"wait", "wait_until", "delay", "rate", "ask", "retry", "repeat", "for_each"}
+        slow = words.keys() & {
+            "wait",
+            "wait_until",
+            "delay",
+            "rate",
+            "ask",
+            "retry",
+            "repeat",
+            "for_each",
+        }
         return bool(slow) or any(map(takes_time, words.values()))
     return isinstance(words, list) and any(map(takes_time, words))
 
@@ -402,13 +462,21 @@ def may_skip(words: object) -> bool:
     """Return True if a node as plain values could be skipped; a subtree is not looked into."""
     if isinstance(words, dict):
         chooses = words.keys() & {"when", "run_once", "if", "reactive_if", "switch", "disabled"}
-        return bool(chooses) or any(map(may_skip, words.values())) or any(str(w)[:1].islower() for w in called(words))
+        return (
+            bool(chooses)
+            or any(map(may_skip, words.values()))
+            or any(str(w)[:1].islower() for w in called(words))
+        )
     return isinstance(words, list) and any(map(may_skip, words))
 
 
 def called(words: Words) -> list[str]:
     """Return words that may call a subtree, which may be skipped."""
-    return [word for word, value in words.items() if isinstance(value, dict) and word not in _NEVER_SKIPPED]
+    return [
+        word
+        for word, value in words.items()
+        if isinstance(value, dict) and word not in _NEVER_SKIPPED
+    ]
 
 
 _NEVER_SKIPPED = frozenset({"succeed", "fail", "set", "attributes"})

@@ -35,7 +35,11 @@ from pomona.tools.groot.yaml_text import YamlText, block, flow
 
 _GENERIC = ("Action", "Condition", "Control", "Decorator")
 _OTHER = "write it with other nodes"
-SHARING = ("__shared_blackboard", "__autoremap", "_autoremap")  # attributes of a call that are true or false
+SHARING = (
+    "__shared_blackboard",
+    "__autoremap",
+    "_autoremap",
+)  # attributes of a call that are true or false
 TRUE, FALSE = ("true", "TRUE", "True", "1"), ("false", "FALSE", "False", "0")
 _SAME_FAILURE: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
 """Fails with the code and message of the last failure."""
@@ -75,14 +79,21 @@ def import_groot(
 
 class _Importer:
     def __init__(self, forest: Forest, types: NodeTypes, skills: Mapping[str, type[Skill]]) -> None:
-        self.forest, self.findings, self.types, self.installed = forest, forest.findings, types, skills
+        self.forest, self.findings, self.types, self.installed = (
+            forest,
+            forest.findings,
+            types,
+            skills,
+        )
         self.words = {word for text in forest.texts for word in re.findall(r"\w+", text)}
         self.skills_of: dict[str, str] = {}  # names of skills, by the ID of the foreign node
         self.names = tree_names(forest.trees, self.types)
         for tree_id, tree in forest.trees.items():
             if not tree_id.isascii():
                 message = f"the tree '{tree_id}' is called '{self.names[tree_id]}' here"
-                self.findings.warning(tree, "renamed", message, "names of trees have the letters a-z, digits and _")
+                self.findings.warning(
+                    tree, "renamed", message, "names of trees have the letters a-z, digits and _"
+                )
         self.keys = KeyNames(set())
         self.labels: set[str] = set()  # names of nodes that are taken in the tree being read
         self.inside: list[str] = []
@@ -102,7 +113,11 @@ class _Importer:
             for tree_id in forest.trees
             if tree_id != main
         }
-        subtrees = {self.names[i]: found for i, found in subtrees.items() if i in self.calls or i not in self.inlined}
+        subtrees = {
+            self.names[i]: found
+            for i, found in subtrees.items()
+            if i in self.calls or i not in self.inlined
+        }
         if subtrees:
             top["subtrees"] = subtrees
         return "\n".join(block(top)) + "\n"
@@ -134,7 +149,11 @@ class _Importer:
     def tree(self, tree_id: str) -> Words:
         tree = self.forest.trees[tree_id]
         if len(tree.children) != 1:
-            self.findings.error(tree, "xml", f"a <BehaviorTree> must have one child, this one has {len(tree.children)}")
+            self.findings.error(
+                tree,
+                "xml",
+                f"a <BehaviorTree> must have one child, this one has {len(tree.children)}",
+            )
         self.keys, self.labels, self.inside = KeyNames({*self.words, *SPECIAL}), set(), [tree_id]
         found = [self.node(child) for child in tree.children]
         return found[0] if len(found) == 1 else {"untranslated": found, "element": tree.tag}
@@ -151,7 +170,9 @@ class _Importer:
         except ScriptError as error:
             found = reading.untranslated(str(error))
         if reading.unread:
-            found = reading.untranslated(_unknown_ports(reading), "remove it, or write its right name")
+            found = reading.untranslated(
+                _unknown_ports(reading), "remove it, or write its right name"
+            )
         else:
             self.look_alikes(reading)
         if element.get("name") and "name" not in found and not reading.wrapped:
@@ -164,14 +185,19 @@ class _Importer:
         """Report attributes of every node that are written in another way: BehaviorTree.CPP does not read them."""
         element = reading.found
         for name in element.attributes:
-            old = name in ("__shared_blackboard", "__autoremap") and self.forest.version(element) == "3"
+            old = (
+                name in ("__shared_blackboard", "__autoremap")
+                and self.forest.version(element) == "3"
+            )
             hint = "_autoremap" if name == "__shared_blackboard" else meant(name)
             if hint and not old:
                 message = f"'{name}' of <{reading.tag}> is not read by BehaviorTree.CPP 4"
                 self.findings.warning(element, "ignored", message, f"did you mean '{hint}'?")
         if "ID" in element.attributes and element.tag not in (*_GENERIC, "SubTree", "SubTreePlus"):
             message = f"'ID' of <{reading.tag}> is not read; BehaviorTree.CPP 4 refuses it"
-            self.findings.warning(element, "ignored", message, "write 'name' for the name of a node")
+            self.findings.warning(
+                element, "ignored", message, "write 'name' for the name of a node"
+            )
 
     def label(self, name: str) -> str:
         start = found = node_name(name)
@@ -196,7 +222,11 @@ class _Importer:
         if form is not None:
             word = form.word
             if word.role == "modifier":
-                parts = 0 if tag in word.other_names else sum(taken.nodes for taken in word.fields.values())
+                parts = (
+                    0
+                    if tag in word.other_names
+                    else sum(taken.nodes for taken in word.fields.values())
+                )
                 if not 1 <= len(element.found.children) <= 1 + parts:
                     return element.untranslated(f"has {len(element.found.children)} children")
             return form.from_xml(element)
@@ -215,7 +245,9 @@ class _Importer:
         if tag in BUILTIN:
             return element.untranslated("has no counterpart in tree files")
         if tag in self.forest.trees and tag not in self.forest.nodes:
-            return element.untranslated(f'has the name of a tree: call it with <SubTree ID="{tag}"/>')
+            return element.untranslated(
+                f'has the name of a tree: call it with <SubTree ID="{tag}"/>'
+            )
         if not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
             return element.untranslated(
                 "has a name that no skill can have: a capital letter, then A-Z, a-z, 0-9 and _; "
@@ -229,7 +261,9 @@ class _Importer:
         if element.tag not in found:
             return found
         ports = found[element.tag]
-        name = self.skills_of[element.tag] = self.skills_of.get(element.tag) or self.name_of_skill(element)
+        name = self.skills_of[element.tag] = self.skills_of.get(element.tag) or self.name_of_skill(
+            element
+        )
         if model is None:
             self.ports_of_file(element, ports)
             return {name: ports}
@@ -238,10 +272,17 @@ class _Importer:
         known = {port.get("name"): port for port in ports_of(model)}
         unknown = [port for port in ports if port not in known]
         if unknown:
-            return element.untranslated(f"has no port '{unknown[0]}', its model has {', '.join(known) or 'none'}")
-        defaults = {port: made.get("default") for port, made in known.items() if made.get("default")}
+            return element.untranslated(
+                f"has no port '{unknown[0]}', its model has {', '.join(known) or 'none'}"
+            )
+        defaults = {
+            port: made.get("default") for port, made in known.items() if made.get("default")
+        }
         keys = {port: key_in(text, port) for port, text in defaults.items()}
-        wired = {p: text if (key := keys[p]) is None else self.keys.wired_key(key) for p, text in defaults.items()}
+        wired = {
+            p: text if (key := keys[p]) is None else self.keys.wired_key(key)
+            for p, text in defaults.items()
+        }
         return {name: {**{port: value_of(text) for port, text in wired.items()}, **ports}}
 
     def ports_of_file(self, element: ElementIn, ports: Words) -> None:
@@ -253,13 +294,19 @@ class _Importer:
         for port in ports:
             if port not in known:
                 message = f"<{element.tag}> has no port '{port}' in the file's <TreeNodesModel>"
-                self.findings.warning(element.found, "unknown-port", message, f"it has {', '.join(known) or 'none'}")
+                self.findings.warning(
+                    element.found, "unknown-port", message, f"it has {', '.join(known) or 'none'}"
+                )
 
     def name_of_skill(self, element: ElementIn) -> str:
         """Return the name of a foreign node: another one, if it has the name of a skill of Pomona by chance."""
         name = element.tag
         skill = self.installed.get(name)
-        if skill is None or not skill.__module__.startswith("pomona.") or self.forest.is_exported(element.found):
+        if (
+            skill is None
+            or not skill.__module__.startswith("pomona.")
+            or self.forest.is_exported(element.found)
+        ):
             return name
         if self.forest.directions(name).keys() == {*skill.inputs, *skill.outputs}:
             return name
@@ -278,30 +325,48 @@ class _Importer:
         tree, model = self.forest.trees.get(called), self.forest.models.get(called)
         if tree is None:
             return element.untranslated(f"calls '{called}', which none of the files defines")
-        if called in self.inside or self.count > 10_000:  # most nodes in inlined subtrees; as many as can run
-            return element.untranslated("calls itself" if called in self.inside else "is too large to be inlined")
+        if (
+            called in self.inside or self.count > 10_000
+        ):  # most nodes in inlined subtrees; as many as can run
+            return element.untranslated(
+                "calls itself" if called in self.inside else "is too large to be inlined"
+            )
         if element.found.children:
             return element.untranslated("has children: give the keys as attributes")
         version = self.forest.version(element.found)
         wires = {name: element.get(name) for name in element.attributes if is_port(name)}
         for word in SHARING:
             if element.get(word) not in ("", *TRUE, *FALSE):
-                return element.untranslated(f'has {word}="{element.get(word)}", which is neither true nor false')
+                return element.untranslated(
+                    f'has {word}="{element.get(word)}", which is neither true nor false'
+                )
         shared = version == "3" and element.get("__shared_blackboard") in TRUE
-        bare = [n for n, t in wires.items() if not version and KEY.fullmatch(t) and t not in ("true", "false")]
+        bare = [
+            n
+            for n, t in wires.items()
+            if not version and KEY.fullmatch(t) and t not in ("true", "false")
+        ]
         if bare:
             return element.untranslated(
                 f'has {bare[0]}="{wires[bare[0]]}", a key in version 3 and a text in version 4: write '
                 f'"{{{wires[bare[0]]}}}", or BTCPP_format="4" in <root>'
             )
         if shared and wires:
-            return element.untranslated("shares its caller's blackboard and has ports, which version 3 does not read")
+            return element.untranslated(
+                "shares its caller's blackboard and has ports, which version 3 does not read"
+            )
         declared = model is not None and own_metadata(model) is not None
         if declared or not (wires or model or self.uses_keys(tree)) or len(tree.children) != 1:
             self.calls.add(called)
             found: Words = {self.names[called]: {name: element.value(name) for name in wires}}
-            return found if called.isascii() or element.get("name") else {**found, "name": self.label(called)}
-        shares = element.get("_autoremap") in TRUE or (version == "3" and element.get("__autoremap") in TRUE)
+            return (
+                found
+                if called.isascii() or element.get("name")
+                else {**found, "name": self.label(called)}
+            )
+        shares = element.get("_autoremap") in TRUE or (
+            version == "3" and element.get("__autoremap") in TRUE
+        )
         for port in () if model is None or shares or shared else ports_of(model):
             if port.get("name") not in wires and not port.get("default"):
                 return element.untranslated(f"does not wire the port '{port.get('name')}'")
@@ -342,7 +407,10 @@ class _Importer:
         return steps[0] if len(steps) == 1 else {"sequence": steps}
 
     def assigned(self, script: str) -> list[Words]:
-        return [{"set": YamlText(flow({name: value}))} for name, value in assignments_of(script, self.keys)]
+        return [
+            {"set": YamlText(flow({name: value}))}
+            for name, value in assignments_of(script, self.keys)
+        ]
 
     def assignment(self, element: ElementIn) -> Words:
         """`SetBlackboard` copies a text or a wire to a key."""
@@ -357,13 +425,19 @@ class _Importer:
         """`TryCatch`: a sequence; when it fails, the last child runs, and the node still fails."""
         *tried, caught = element.children() or [{}]
         if not tried or element.get("catch_on_halt") in ("true", "1"):
-            return element.untranslated("also catches an interruption" if tried else "has too few children")
+            return element.untranslated(
+                "also catches an interruption" if tried else "has too few children"
+            )
         caught = self.modified(caught, "force", "success", {})
         return _ended({"sequence": tried}, [], [caught])
 
     def loop(self, element: ElementIn) -> Words:
         """`LoopInt` and the like over a literal list; a queue on the blackboard would be emptied by its readers."""
-        children, queue, at_the_end = element.children(), str(element.value("queue")), element.get("if_empty")
+        children, queue, at_the_end = (
+            element.children(),
+            str(element.value("queue")),
+            element.get("if_empty"),
+        )
         key = self.keys.target(key_in(element.get("value"), "value") or "")
         if len(children) != 1 or not NAME.fullmatch(key):
             return element.untranslated("has no single child, or no key for its value")
@@ -378,7 +452,11 @@ class _Importer:
 
     def precondition(self, element: ElementIn) -> Words:
         """`Precondition`: evaluated once, at its start."""
-        otherwise: dict[str, Words] = {"FAILURE": {"fail": {}}, "SUCCESS": {"succeed": {}}, "SKIPPED": {}}
+        otherwise: dict[str, Words] = {
+            "FAILURE": {"fail": {}},
+            "SUCCESS": {"succeed": {}},
+            "SKIPPED": {},
+        }
         children, status = element.children(), element.get("else") or "FAILURE"
         if len(children) != 1 or status not in otherwise:
             return element.untranslated(f"has {len(children)} children and ends as {status}")
@@ -387,8 +465,13 @@ class _Importer:
 
     def conditions(self, element: XmlElement, found: Words) -> Words:
         """Put the pre- and postconditions of BehaviorTree.CPP around a node."""
-        others = [name for name in element.attributes if name.startswith("_") and name not in ATTRIBUTES]
-        for name in ("_onHalted", *reversed(PRECONDITIONS)):  # BehaviorTree.CPP reads no others that begin with _
+        others = [
+            name for name in element.attributes if name.startswith("_") and name not in ATTRIBUTES
+        ]
+        for name in (
+            "_onHalted",
+            *reversed(PRECONDITIONS),
+        ):  # BehaviorTree.CPP reads no others that begin with _
             if name not in element.attributes:
                 continue
             if name == "_onHalted":
@@ -398,21 +481,33 @@ class _Importer:
             try:
                 found = _guarded(found, name, condition_of(element.get(name), self.keys))
             except ScriptError as error:
-                found = self.untranslated(element, name, {"code": element.get(name)}, [found], str(error))
+                found = self.untranslated(
+                    element, name, {"code": element.get(name)}, [found], str(error)
+                )
         return self.afterwards(element, found) if set(others) & set(AFTERWARDS) else found
 
     def afterwards(self, element: XmlElement, found: Words) -> Words:
         """Scripts that follow a node's end in the same tick; none when it is skipped or interrupted."""
         scripts = {name: element.get(name) for name in AFTERWARDS}
         try:
-            steps = {name: self.assigned(script) if script else [] for name, script in scripts.items()}
+            steps = {
+                name: self.assigned(script) if script else [] for name, script in scripts.items()
+            }
         except ScriptError as error:
             given = {name: script for name, script in scripts.items() if script}
             return self.untranslated(element, next(iter(given)), given, [found], str(error))
-        return _ended(found, steps["_onSuccess"] + steps["_post"], steps["_onFailure"] + steps["_post"])
+        return _ended(
+            found, steps["_onSuccess"] + steps["_post"], steps["_onFailure"] + steps["_post"]
+        )
 
     def untranslated(
-        self, element: XmlElement, name: str, attributes: Words, children: list[Words], why: str, hint: str = _OTHER
+        self,
+        element: XmlElement,
+        name: str,
+        attributes: Words,
+        children: list[Words],
+        why: str,
+        hint: str = _OTHER,
     ) -> Words:
         """Return a placeholder that `check` refuses."""
         self.findings.error(element, "not-translated", f"<{name}> {why}", hint)
@@ -435,7 +530,11 @@ def _guarded(found: Words, name: str, condition: str) -> Words:
         return {**inner, "when": f"not ({condition})"}
     if name == "_while":
         return {"reactive_if": condition, "then": found}
-    return {"if": condition, "then": {"succeed": {}} if name == "_successIf" else {"fail": {}}, "else": found}
+    return {
+        "if": condition,
+        "then": {"succeed": {}} if name == "_successIf" else {"fail": {}},
+        "else": found,
+    }
 
 
 def _ended(found: Words, after_success: list[Words], after_failure: list[Words]) -> Words:
@@ -453,7 +552,9 @@ def _ended(found: Words, after_success: list[Words], after_failure: list[Words])
 def _unknown_ports(element: ElementIn) -> str:
     unknown = " and ".join(f"'{name}'" for name in element.unread)
     known = sorted(name for name in element.asked if is_port(name))
-    return f"has no port {unknown}; " + (f"it takes {', '.join(known)}" if known else "it takes none")
+    return f"has no port {unknown}; " + (
+        f"it takes {', '.join(known)}" if known else "it takes none"
+    )
 
 
 def _declared(port: object) -> object:
@@ -463,5 +564,9 @@ def _declared(port: object) -> object:
         return YamlText("null")
     found: Words = {}
     for key, value in port.items():
-        found[str(key)] = YamlText(value) if key in ("default", "min", "max") and isinstance(value, str) else value
+        found[str(key)] = (
+            YamlText(value)
+            if key in ("default", "min", "max") and isinstance(value, str)
+            else value
+        )
     return found["type"] if list(found) == ["type"] else found

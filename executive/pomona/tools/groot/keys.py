@@ -53,7 +53,9 @@ class KeyNames:
 
     taken: set[str]  # names that no other key gets, of the whole file
     outer: KeyNames | None = None  # the caller's, for a subtree that is written out
-    wires: Mapping[str, str | GivenText] = field(default_factory=dict)  # the caller's wiring: its keys, or constants
+    wires: Mapping[str, str | GivenText] = field(
+        default_factory=dict
+    )  # the caller's wiring: its keys, or constants
     shares: bool = False  # whether the other keys are the caller's, too (`_autoremap`)
     private: bool = True  # whether those with `_` in front never are; version 3 shares them
     prefix: str = ""  # of this subtree's own keys
@@ -112,7 +114,9 @@ class KeyNames:
         if not isinstance(found, GivenText):
             return f"{{{found}}}"
         if "{" in found.text or "}" in found.text:
-            raise ScriptError(f"reads the text '{found.text}', whose braces would stand for a key in a tree file")
+            raise ScriptError(
+                f"reads the text '{found.text}', whose braces would stand for a key in a tree file"
+            )
         return found.text
 
     def wired(self, text: str) -> str:
@@ -120,4 +124,8 @@ class KeyNames:
         if text.startswith(LITERAL):
             return text
         whole = _WIRE.fullmatch(text)
-        return self.wired_key(whole[1]) if whole is not None else _WIRE.sub(lambda wire: self.read(wire[1]), text)
+        return (
+            self.wired_key(whole[1])
+            if whole is not None
+            else _WIRE.sub(lambda wire: self.read(wire[1]), text)
+        )

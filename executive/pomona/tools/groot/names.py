@@ -58,7 +58,9 @@ def node_name(name: str) -> str:
 
 def in_ascii(name: str) -> str:
     """Return a name without accents, and without letters that ASCII has no likeness of."""
-    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    plain = (
+        unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    )
     return plain if plain.strip(" _") else ""
 
 

@@ -31,7 +31,9 @@ class RecoveryType(Composite):
         leads=("", "on failure: "),
         exactly="first the action, then the recovery after its failure",
     )
-    fields: ClassVar[takes.Fields] = {"attempts": takes.count("tries of the first child, by default 2")}
+    fields: ClassVar[takes.Fields] = {
+        "attempts": takes.count("tries of the first child, by default 2")
+    }
     other_names = ("RecoveryNode",)
 
     def around(self, at: CheckContext, index: int) -> Around:
@@ -58,5 +60,12 @@ class RecoveryType(Composite):
         recover = at.child(1, retry=count, failure=last_failure)
         total = at.value("attempts", 2)
         return Retry(
-            at.name, child, at.now, total, count=count, on_failure=recover, between_only=True, last_failure=last_failure
+            at.name,
+            child,
+            at.now,
+            total,
+            count=count,
+            on_failure=recover,
+            between_only=True,
+            last_failure=last_failure,
         )

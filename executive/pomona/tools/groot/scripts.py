@@ -33,7 +33,9 @@ def condition_of(script: str, keys: KeyNames) -> str:
         tokens.append(match)
     signs = [token["operator"] for token in tokens]
     if any(sign == "!" and _negates_an_operand(signs, index) for index, sign in enumerate(signs)):
-        raise ScriptError(f"has the script '{script}', where ! stands before a number: it binds tighter than 'not'")
+        raise ScriptError(
+            f"has the script '{script}', where ! stands before a number: it binds tighter than 'not'"
+        )
     words = [_word(token, keys) for token in tokens]
     found = " ".join(words).replace("( ", "(").replace(" )", ")")
     try:
@@ -62,7 +64,9 @@ def _word(match: re.Match[str], keys: KeyNames) -> str:
     if name is not None:
         return str(name) if name in ("true", "false") else keys.read(name)
     operator = match["operator"]
-    return _WORDS.get(operator, operator) if operator is not None else match["number"] or match["text"]
+    return (
+        _WORDS.get(operator, operator) if operator is not None else match["number"] or match["text"]
+    )
 
 
 def statements_of(script: str) -> list[str]:
@@ -79,7 +83,9 @@ def assignments_of(script: str, keys: KeyNames) -> list[tuple[str, str]]:
     for statement in statements_of(script):
         match = _ASSIGNMENT.fullmatch(statement)
         if match is None or not NAME.fullmatch(keys.target(match[1])):
-            raise ScriptError(f"has the script '{script}', which does more than assign values to ports")
+            raise ScriptError(
+                f"has the script '{script}', which does more than assign values to ports"
+            )
         name, operator, value = keys.target(match[1]), match[2], condition_of(match[3], keys)
         if operator not in ("=", ":="):
             value = f"{{{name}}} {operator[0]} ({value})"

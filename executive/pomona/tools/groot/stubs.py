@@ -19,7 +19,9 @@ even there."""
 
 
 def with_stubs(
-    text: str, skills: Mapping[str, type[Skill]], directions: Mapping[str, Mapping[str, str]] | None = None
+    text: str,
+    skills: Mapping[str, type[Skill]],
+    directions: Mapping[str, Mapping[str, str]] | None = None,
 ) -> str:
     """Return the text of a tree with `skills:` for those that are not installed.
 
@@ -32,9 +34,13 @@ def with_stubs(
     for definition in document.definitions():
         written = {*definition.inputs, *definition.file.parameters, *definition.file.constants}
         nodes = [*definition.root.walk()] if definition.root is not None else []
-        written.update(name for node in nodes if isinstance(node.type, SetType) for name in node.ports)
+        written.update(
+            name for node in nodes if isinstance(node.type, SetType) for name in node.ports
+        )
         for node in nodes:
-            if isinstance(node.type, UntranslatedType) and _IS_DECLARED.fullmatch(node.type.element(node)):
+            if isinstance(node.type, UntranslatedType) and _IS_DECLARED.fullmatch(
+                node.type.element(node)
+            ):
                 ports.setdefault(node.type.element(node), {})
             if node.type is not SKILL:
                 continue
@@ -47,14 +53,19 @@ def with_stubs(
                 if known is None:
                     unwritten = wire is not None and wire[1] not in written
                     side = sides.get(port, "inout")
-                    is_output = found.setdefault(port, unwritten if side == "inout" else side == "output")
+                    is_output = found.setdefault(
+                        port, unwritten if side == "inout" else side == "output"
+                    )
                 if wire is not None and is_output:
                     written.add(wire[1])
     if not ports:
         return text
     lines = ["skills:                           # not installed here; their behaviour is unknown"]
     for name, found in sorted(ports.items()):
-        named = {side: [p for p, out in found.items() if out == (side == "out")] for side in ("in", "out")}
+        named = {
+            side: [p for p, out in found.items() if out == (side == "out")]
+            for side in ("in", "out")
+        }
         lines.append(f"  {name}: {flow({side: names for side, names in named.items() if names})}")
     head, tree, rest = text.partition("\nroot:")
     return f"{head}\n{chr(10).join(lines)}{tree}{rest}"

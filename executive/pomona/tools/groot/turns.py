@@ -108,14 +108,20 @@ class RoundRobinType(Composite):
         outcomes = at.children()
         never = not all(outcome.codes or outcome.skips for outcome in outcomes)
         succeeds = any(outcome.succeeds for outcome in outcomes)
-        return Outcome(frozenset() if never else codes_of(outcomes), succeeds, all(o.skips for o in outcomes))
+        return Outcome(
+            frozenset() if never else codes_of(outcomes), succeeds, all(o.skips for o in outcomes)
+        )
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
         ends = [at.child(index, before) for index in range(len(at.node.children))]
         success, fails = ALL, bool(self.possible_outcome(at.outcomes).codes)
         for end in ends:
             success &= end.success
-        return Ends(success, before if fails else ALL, before if all(end.skipped.reachable for end in ends) else ALL)
+        return Ends(
+            success,
+            before if fails else ALL,
+            before if all(end.skipped.reachable for end in ends) else ALL,
+        )
 
     def build(self, at: BuildContext) -> Behaviour:
         return RoundRobin(at.name, at.children())

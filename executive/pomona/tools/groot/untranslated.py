@@ -9,7 +9,13 @@ from py_trees.behaviour import Behaviour
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Sequence
-from pomona.executive.nodes.context import BuildContext, CheckContext, FlowContext, NodeText, OutcomeContext
+from pomona.executive.nodes.context import (
+    BuildContext,
+    CheckContext,
+    FlowContext,
+    NodeText,
+    OutcomeContext,
+)
 from pomona.executive.nodes.facts import UNKNOWN, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
 from pomona.executive.ports import Port
@@ -19,7 +25,9 @@ from pomona.executive.values.yaml_nodes import ShapeCheck, YamlList, YamlNode, Y
 class PerhapsChildren(takes.Children):
     """A list of nodes that may be empty."""
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
         if not (isinstance(written, YamlList) and not written.items):
             super().take(reading, node, owner, slot, written)
 
@@ -27,8 +35,12 @@ class PerhapsChildren(takes.Children):
 class Attributes(Field):
     """Texts by name."""
 
-    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
-        for _, value in ShapeCheck(reading.findings).entries(written, "attributes", "'name: text' for each"):
+    def take(
+        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
+    ) -> None:
+        for _, value in ShapeCheck(reading.findings).entries(
+            written, "attributes", "'name: text' for each"
+        ):
             ShapeCheck(reading.findings).text(value)
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
@@ -55,7 +67,9 @@ class UntranslatedType(Composite):
         element = self.element(at.node)
         if not at.is_stand_in(element):
             message = f"<{element}> was imported without a translation"
-            at.findings.error(at.node.key, "untranslated", message, "write its function with other nodes")
+            at.findings.error(
+                at.node.key, "untranslated", message, "write its function with other nodes"
+            )
         for index in range(len(at.node.children)):
             at.child(index, at.around)
 

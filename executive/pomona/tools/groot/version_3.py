@@ -7,7 +7,9 @@ from collections.abc import Iterator
 
 from pomona.tools.groot.xml_nodes import XmlElement
 
-_OLD_TAGS = re.compile(r"SubTreePlus|SequenceStar|FallbackStar|RetryUntilSuccesful|BlackboardCheck\w+")
+_OLD_TAGS = re.compile(
+    r"SubTreePlus|SequenceStar|FallbackStar|RetryUntilSuccesful|BlackboardCheck\w+"
+)
 _OLD_ATTRIBUTES = {
     "SubTree": ("__shared_blackboard",),
     "Parallel": ("success_threshold", "failure_threshold", "threshold"),
@@ -41,7 +43,9 @@ def modernise(root: XmlElement) -> str:
                     attributes[name] = f"{{{text}}}"
         elif element.tag == "SubTreePlus":
             element.tag = "SubTree"
-        elif element.tag == "Parallel" or (element.tag == "Control" and element.get("ID") == "Parallel"):
+        elif element.tag == "Parallel" or (
+            element.tag == "Control" and element.get("ID") == "Parallel"
+        ):
             _parallel(attributes, len(element.children))
     return "3"
 
@@ -58,12 +62,20 @@ def _parallel(attributes: dict[str, str], children: int) -> None:
 
 def _is_old(element: XmlElement) -> bool:
     words = _OLD_ATTRIBUTES.get(element.get("ID") if element.tag == "Control" else element.tag, ())
-    return bool(_OLD_TAGS.fullmatch(element.tag)) or any(word in element.attributes for word in words)
+    return bool(_OLD_TAGS.fullmatch(element.tag)) or any(
+        word in element.attributes for word in words
+    )
 
 
 def _is_new(element: XmlElement) -> bool:
-    wired = element.tag == "SubTree" and any(text.startswith("{") for text in element.attributes.values())
-    return wired or bool(_NEW_TAGS.fullmatch(element.tag)) or any(map(_NEW_ATTRIBUTES.fullmatch, element.attributes))
+    wired = element.tag == "SubTree" and any(
+        text.startswith("{") for text in element.attributes.values()
+    )
+    return (
+        wired
+        or bool(_NEW_TAGS.fullmatch(element.tag))
+        or any(map(_NEW_ATTRIBUTES.fullmatch, element.attributes))
+    )
 
 
 def _below(element: XmlElement) -> Iterator[XmlElement]:

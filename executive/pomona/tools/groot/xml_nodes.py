@@ -51,9 +51,13 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
     """Return the root element, or None when it cannot be read; the reason is a finding."""
     start = Spot(source, 1, 1)
     if len(source.text) > MAX_CHARACTERS:
-        findings.error(start, "too-large", f"the file is larger than {MAX_CHARACTERS // 1024 // 1024} MiB")
+        findings.error(
+            start, "too-large", f"the file is larger than {MAX_CHARACTERS // 1024 // 1024} MiB"
+        )
         return None
-    parser = expat.ParserCreate("utf-8")  # the text is already decoded, so ignore the encoding of the declaration
+    parser = expat.ParserCreate(
+        "utf-8"
+    )  # the text is already decoded, so ignore the encoding of the declaration
     top: list[XmlElement] = []
     open_elements: list[XmlElement] = []
 
@@ -74,7 +78,9 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
             open_elements[-1].text += text
 
     def doctype(*_declared: object) -> None:
-        findings.error(Spot(source, parser.CurrentLineNumber, 1), "xml", "document types are not allowed")
+        findings.error(
+            Spot(source, parser.CurrentLineNumber, 1), "xml", "document types are not allowed"
+        )
         raise _Refused
 
     parser.StartElementHandler, parser.EndElementHandler = begin, end
@@ -83,7 +89,9 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
         parser.Parse(_escaped(source.text).encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
         where = Spot(source, error.lineno, error.offset + 1)
-        findings.error(where, "xml", f"not XML: {expat.errors.messages.get(error.code, 'cannot be read')}")
+        findings.error(
+            where, "xml", f"not XML: {expat.errors.messages.get(error.code, 'cannot be read')}"
+        )
         return None
     except _Refused:
         return None

@@ -24,7 +24,11 @@ def scalar(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     text = str(value)
-    if _PLAIN.fullmatch(text) and text not in ("", "null", "none", "~", "-") and not text.startswith(("- ", "%")):
+    if (
+        _PLAIN.fullmatch(text)
+        and text not in ("", "null", "none", "~", "-")
+        and not text.startswith(("- ", "%"))
+    ):
         return text
     return json.dumps(text, ensure_ascii=not text.isprintable())
 
@@ -42,7 +46,11 @@ def block(value: Mapping[str, Any], indent: int = 0) -> Iterator[str]:
     """Yield lines of a mapping; short mappings and all that holds no list of mappings stay on one line."""
     pad = " " * indent
     for key, inner in value.items():
-        if isinstance(inner, Mapping) and (_holds_nodes(inner) or len(flow(inner)) + indent > _WIDTH) and inner:
+        if (
+            isinstance(inner, Mapping)
+            and (_holds_nodes(inner) or len(flow(inner)) + indent > _WIDTH)
+            and inner
+        ):
             yield f"{pad}{scalar(key)}:"
             yield from block(inner, indent + 2)
         elif isinstance(inner, list) and inner and all(isinstance(item, Mapping) for item in inner):

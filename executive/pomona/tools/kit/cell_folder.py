@@ -14,7 +14,10 @@ from pomona.executive.values.installation import entry_points, installed_trees
 from pomona.executive.values.kinds import choose
 from pomona.tools.kit.cell_piece import GROUP, CellPiece
 
-CAMERA, NONE = "d435i", "none"  # without `--camera`, since no shipped tree picks blind; and `--camera none`
+CAMERA, NONE = (
+    "d435i",
+    "none",
+)  # without `--camera`, since no shipped tree picks blind; and `--camera none`
 _INCLUDE = re.compile(r'^[ \t]*<include file="([^"]+)"/>.*\n', re.MULTILINE)
 _ROOT = re.compile(r"</?mujoco[^>]*>\n?")
 WORLD_CAMERA = "127.0.0.1:41001"  # of the emulated world, which always has a camera
@@ -109,7 +112,9 @@ COMMON = (
 )
 
 
-def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str = CAMERA) -> tuple[list[Path], list[str]]:
+def begin_cell(
+    folder: Path, arm: str | None, hand: str | None, camera: str = CAMERA
+) -> tuple[list[Path], list[str]]:
     """Write the folder of a cell; its name is that of the cell.
 
     Returns its files, and the next commands.
@@ -123,7 +128,9 @@ def begin_cell(folder: Path, arm: str | None, hand: str | None, camera: str = CA
     chosen = [pieces[name] for name in (arm, hand, camera) if name != NONE]
     robot = _robot(arm, hand)
     if not robot.is_file():
-        raise UsageError(f"no robot description of {arm} with {hand} is shipped: {_possible(pieces)}")
+        raise UsageError(
+            f"no robot description of {arm} with {hand} is shipped: {_possible(pieces)}"
+        )
     if folder.exists():
         raise UsageError(f"{folder} is there already. Nothing was written.")
     words = {"name": folder.name, "devices": f"{arm}, {hand}, camera {camera}", **_words(chosen)}
@@ -153,13 +160,23 @@ def shipped_hand(hand: str) -> str:
     """Return the block `devices:` of a simulated cell with a shipped hand. Raises UsageError: there is none."""
     pieces = _pieces()
     piece = pieces[_choose(pieces, "gripper", hand, "--hand")]
-    blocks = {name: f"include: sim.yaml#devices/{name}" for name in ("arm", "gripper", "fingers", "hands", "camera")}
+    blocks = {
+        name: f"include: sim.yaml#devices/{name}"
+        for name in ("arm", "gripper", "fingers", "hands", "camera")
+    }
     blocks["gripper"] = piece.simulated
-    return "\ndevices:\n" + _lines(f"{role}:\n{indent(text.strip(), '  ')}" for role, text in blocks.items()) + "\n"
+    return (
+        "\ndevices:\n"
+        + _lines(f"{role}:\n{indent(text.strip(), '  ')}" for role, text in blocks.items())
+        + "\n"
+    )
 
 
 def _pieces() -> dict[str, CellPiece]:
-    return {point.name: point.load() for point in sorted(entry_points(group=GROUP), key=lambda point: point.name)}
+    return {
+        point.name: point.load()
+        for point in sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    }
 
 
 def _choose(pieces: Mapping[str, CellPiece], role: str, word: str, option: str) -> str:
@@ -169,13 +186,19 @@ def _choose(pieces: Mapping[str, CellPiece], role: str, word: str, option: str) 
         if re.sub("[-_ ]", "", name) == re.sub("[-_ ]", "", word.lower()):
             return name
     other = _other() if role == "arm" else ""
-    raise UsageError(f"{option}: no '{word}' is known here ({choose(word, known)}{other}). Nothing was written.")
+    raise UsageError(
+        f"{option}: no '{word}' is known here ({choose(word, known)}{other}). Nothing was written."
+    )
 
 
 def _other() -> str:
     """Return the way to arms that no description is shipped of; empty where nothing makes one."""
     there = entry_points(group="pomona.new_from_file", name="arm")
-    return "; any other arm: `pomona new arm ITS.urdf` makes its robot.xml and a simulated cell" if there else ""
+    return (
+        "; any other arm: `pomona new arm ITS.urdf` makes its robot.xml and a simulated cell"
+        if there
+        else ""
+    )
 
 
 def _robot(arm: str, hand: str) -> Path:
@@ -184,8 +207,16 @@ def _robot(arm: str, hand: str) -> Path:
 
 def _possible(pieces: Mapping[str, CellPiece]) -> str:
     """Return the arms and hands that a shipped description has, and the way to others."""
-    arms, hands = ([name for name, piece in pieces.items() if piece.role == role] for role in ("arm", "gripper"))
-    pairs = [f"--arm {arm} --hand {hand}" for arm in arms for hand in hands if _robot(arm, hand).is_file()]
+    arms, hands = (
+        [name for name, piece in pieces.items() if piece.role == role]
+        for role in ("arm", "gripper")
+    )
+    pairs = [
+        f"--arm {arm} --hand {hand}"
+        for arm in arms
+        for hand in hands
+        if _robot(arm, hand).is_file()
+    ]
     return f"possible are {'; '.join(pairs)}{_other()}. Nothing was written."
 
 
@@ -195,22 +226,34 @@ def _words(chosen: list[CellPiece]) -> dict[str, str]:
     every = [each for piece in chosen for each in (piece, *piece.beside)]
     blocks = {
         "real": [(piece.role, piece.device) for piece in every],
-        "twin": [(piece.role, piece.twin or f"include: cell.yaml#devices/{piece.role}") for piece in every],
+        "twin": [
+            (piece.role, piece.twin or f"include: cell.yaml#devices/{piece.role}")
+            for piece in every
+        ],
         "simulated": [(piece.role, piece.simulated) for piece in every],
     }
     if len(chosen) < 3:  # the emulated world shows a camera
         blocks["simulated"].append(("camera", "include: sim.yaml#devices/camera"))
     return {
         "addresses": _lines(
-            _option(piece.role, piece.address, piece.address_help) for piece in chosen if piece.address
+            _option(piece.role, piece.address, piece.address_help)
+            for piece in chosen
+            if piece.address
         ),
-        "twin_addresses": _lines(f"{role}: {text}" for role, text in (twins | {"camera": WORLD_CAMERA}).items()),
+        "twin_addresses": _lines(
+            f"{role}: {text}" for role, text in (twins | {"camera": WORLD_CAMERA}).items()
+        ),
         "workspace": arm.workspace,
         "controller": arm.emulator,
         "hand": hand.emulator,
-        "due": "\n".join(f"- [ ] {text}" for text in (*COMMON, *(text for piece in every for text in piece.due))),
+        "due": "\n".join(
+            f"- [ ] {text}" for text in (*COMMON, *(text for piece in every for text in piece.due))
+        ),
         "commands": indent("\n".join(_commands(chosen, Path())[:2]), "    "),
-        **{name: _lines(f"{role}:\n{indent(text.strip(), '  ')}" for role, text in of) for name, of in blocks.items()},
+        **{
+            name: _lines(f"{role}:\n{indent(text.strip(), '  ')}" for role, text in of)
+            for name, of in blocks.items()
+        },
     }
 
 
@@ -229,7 +272,9 @@ def _commands(chosen: list[CellPiece], folder: Path) -> list[str]:
     if len(chosen) < 3:  # no tree that is shipped picks without a camera
         return [f"pomona check {twin}", f"pomona doctor --cell {twin}", doctor]
     settings = "".join(
-        f' --set {name}="{text}"' for piece in chosen for name, text in (part.split("=") for part in piece.settings)
+        f' --set {name}="{text}"'
+        for piece in chosen
+        for name, text in (part.split("=") for part in piece.settings)
     )
     words = f"pick_apple_plain --cell {twin}{settings}"
     return [f"pomona check {words}", f"pomona run {words}", doctor]

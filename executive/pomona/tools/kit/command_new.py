@@ -34,7 +34,9 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package", "tree"})
-    parser = subparsers.add_parser("new", help="create a tree, a package, or a part of a package such as a skill")
+    parser = subparsers.add_parser(
+        "new", help="create a tree, a package, or a part of a package such as a skill"
+    )
     parser.add_argument("kind", type=_kind, choices=kinds)
     parser.add_argument("name", help="such as Weigh; of an arm also its URDF: my_arm.urdf")
     about = "folder; an existing package gets the new part, otherwise a package is created"
@@ -44,9 +46,17 @@ def add(subparsers: Any) -> None:
         ("hand", "hand-e; a word that is none lists all"),
         ("camera", f"{CAMERA}, or {NONE} ({CAMERA})"),
     ):
-        shown = f"of a cell with these devices, such as {about}" if "cell" in kinds else argparse.SUPPRESS
+        shown = (
+            f"of a cell with these devices, such as {about}"
+            if "cell" in kinds
+            else argparse.SUPPRESS
+        )
         parser.add_argument(f"--{option}", metavar="MODEL", help=shown)
-    about = "of an arm from its URDF: the link that the hand is bolted on" if "cell" in kinds else argparse.SUPPRESS
+    about = (
+        "of an arm from its URDF: the link that the hand is bolted on"
+        if "cell" in kinds
+        else argparse.SUPPRESS
+    )
     parser.add_argument("--flange", metavar="LINK", help=about)
     parser.set_defaults(main=main)
 
@@ -85,15 +95,21 @@ def _begin(options: argparse.Namespace) -> int:
         raise UsageError("--flange belongs to `pomona new arm FILE.urdf`")
     if (options.arm, options.hand, options.camera) != (None, None, None):
         if options.kind != "cell":
-            raise UsageError(f"--arm, --hand and --camera belong to `pomona new cell`, not to {options.kind}")
+            raise UsageError(
+                f"--arm, --hand and --camera belong to `pomona new cell`, not to {options.kind}"
+            )
         camera = CAMERA if options.camera is None else options.camera
-        written, commands = begin_cell(options.into / words["name"], options.arm, options.hand, camera)
+        written, commands = begin_cell(
+            options.into / words["name"], options.arm, options.hand, camera
+        )
         if options.camera is None:
             sys.stderr.write(f"camera: {CAMERA}, as none was named; without one: --camera {NONE}\n")
     elif options.kind == "package":
         written = begin(options.into / words["name"], words["name"])
     elif options.kind == "tree":
-        written = _write(OWN_TREE if "MoveTo" in declared_skills() else EMPTY_TREE, words, options.into)
+        written = _write(
+            OWN_TREE if "MoveTo" in declared_skills() else EMPTY_TREE, words, options.into
+        )
     else:
         _refuse_taken(options.kind, words)
         (point,) = entry_points(group=GROUP, name=options.kind)
@@ -111,9 +127,13 @@ def _report(written: list[Path], commands: list[str]) -> int:
 def _from_file(options: argparse.Namespace) -> tuple[list[Path], list[str]]:
     """Begin a kind from a file. Raises UsageError: no file begins this kind."""
     for point in entry_points(group=FROM_FILE, name=options.kind):
-        begun: tuple[list[Path], list[str]] = point.load()(Path(options.name), options.into, options)
+        begun: tuple[list[Path], list[str]] = point.load()(
+            Path(options.name), options.into, options
+        )
         return begun
-    raise UsageError(f"'{options.name}' is not a valid name: letters, digits and _, beginning with a letter")
+    raise UsageError(
+        f"'{options.name}' is not a valid name: letters, digits and _, beginning with a letter"
+    )
 
 
 def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
@@ -130,7 +150,9 @@ def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
     found = taken.get(name)
     if found is not None:
         module = found.__module__ if isinstance(found, type) else type(found).__module__
-        raise UsageError(f"{kind} '{name}' is installed already, in {module}: take another name. Nothing was written.")
+        raise UsageError(
+            f"{kind} '{name}' is installed already, in {module}: take another name. Nothing was written."
+        )
 
 
 def _next(written: list[Path]) -> str:
@@ -138,7 +160,9 @@ def _next(written: list[Path]) -> str:
     code = next((path for path in written if path.suffix == ".py"), None)
     if code is not None:
         project = next(folder for folder in code.parents if (folder / "pyproject.toml").is_file())
-        return f"pip install -e {project}, after which its new names are found; then pytest {project}"
+        return (
+            f"pip install -e {project}, after which its new names are found; then pytest {project}"
+        )
     return f"pomona check {next(path for path in written if path.suffix == '.yaml')}"
 
 
@@ -190,21 +214,31 @@ def _register(path: Path, group: str, name: str, target: str) -> None:
     """Add an entry point to a pyproject.toml, as text: comments stay."""
     text, head = path.read_text(encoding="utf-8"), f'[project.entry-points."{group}"]\n'
     line = f'{name} = "{target}"\n'
-    text = text.replace(head, head + line, 1) if head in text else f"{text.rstrip()}\n\n{head}{line}"
+    text = (
+        text.replace(head, head + line, 1) if head in text else f"{text.rstrip()}\n\n{head}{line}"
+    )
     path.write_text(text, encoding="utf-8")
 
 
 def _module(folder: Path) -> str:
     """Return the package that a project holds: the folder with an `__init__.py` and a `py.typed`."""
-    found = sorted(path.parent.name for path in folder.glob("*/py.typed") if (path.parent / "__init__.py").is_file())
+    found = sorted(
+        path.parent.name
+        for path in folder.glob("*/py.typed")
+        if (path.parent / "__init__.py").is_file()
+    )
     if len(found) != 1:
-        raise UsageError(f"{folder} holds no package with __init__.py and py.typed: `pomona new package` begins one")
+        raise UsageError(
+            f"{folder} holds no package with __init__.py and py.typed: `pomona new package` begins one"
+        )
     return found[0]
 
 
 def _words(name: str) -> dict[str, str]:
     if not _NAME.fullmatch(name):
-        raise UsageError(f"'{name}' is not a valid name: letters, digits and _, beginning with a letter")
+        raise UsageError(
+            f"'{name}' is not a valid name: letters, digits and _, beginning with a letter"
+        )
     small = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
     if keyword.iskeyword(small) or small in ("pomona", "tests"):
         raise UsageError(f"'{small}' means something else already; take another name")

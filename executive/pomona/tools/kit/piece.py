@@ -13,6 +13,10 @@ class Piece:
     about: str  # description in one line
     # texts by path; `$name` is the name in small letters, `$Name` with capitals, `$module` the package
     files: Mapping[str, str]
-    data: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)  # files that are made, by path
-    entry: tuple[str, str, str] | None = None  # group, name and object of its entry point; empty for data
+    data: Mapping[str, Callable[[], bytes]] = field(
+        default_factory=dict
+    )  # files that are made, by path
+    entry: tuple[str, str, str] | None = (
+        None  # group, name and object of its entry point; empty for data
+    )
     check: str = ""  # a file of it for `pomona check`

@@ -29,14 +29,23 @@ NO_CLAIM = (
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("evidence", help="hazards, limits and measured maxima of a campaign or of runs")
-    parser.epilog = "Exit status: 0 no limit was passed, 1 a limit was passed or a check failed, 2 no evidence."
+    parser = subparsers.add_parser(
+        "evidence", help="hazards, limits and measured maxima of a campaign or of runs"
+    )
+    parser.epilog = (
+        "Exit status: 0 no limit was passed, 1 a limit was passed or a check failed, 2 no evidence."
+    )
     add_argument = parser.add_argument
     what = "a folder of a campaign, a folder of records, a record, or its name below --record"
     add_argument("runs", nargs="+", metavar="CAMPAIGN_OR_RUN", help=what)
     add_records_folder(parser)
     add_argument("--hazards", type=Path, help="a file of hazards (default: the installed one)")
-    add_argument("--out", type=Path, metavar="DIR", help="also write evidence.md, .html and .json into this folder")
+    add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="also write evidence.md, .html and .json into this folder",
+    )
     parser.set_defaults(main=main)
 
 
@@ -46,7 +55,9 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         0; 1 when a limit was passed, or a check of all runs together failed.
     """
-    hazards = read_hazards(options.hazards or installed_trees() / "hazards" / f"{default_name('hazards')}.yaml")
+    hazards = read_hazards(
+        options.hazards or installed_trees() / "hazards" / f"{default_name('hazards')}.yaml"
+    )
     records = [record for name in options.runs for record in _records(name, options.record)]
     evidence = gather(list(dict.fromkeys(records)), hazards)
     if not evidence.runs:
@@ -54,20 +65,36 @@ def main(options: argparse.Namespace) -> int:
         raise UsageError(f"no record can serve as evidence ({why or 'there is none'})")
     console = Screen()
     for hazard, measured in _beyond_first(evidence):
-        mark, style = ("✗", "red") if measured.beyond else ("✓", "") if measured.runs else ("–", "dim")
+        mark, style = (
+            ("✗", "red") if measured.beyond else ("✓", "") if measured.runs else ("–", "dim")
+        )
         limit, largest = _limit(measured, hazard.unit), _largest(measured, hazard.unit)
-        count = f", beyond in {_number(measured.beyond, 'run')} of {measured.runs}" if measured.beyond else ""
-        console.print(f"{mark} {hazard.name}: limit {limit}, largest {largest}{count}", style=style, soft_wrap=True)
+        count = (
+            f", beyond in {_number(measured.beyond, 'run')} of {measured.runs}"
+            if measured.beyond
+            else ""
+        )
+        console.print(
+            f"{mark} {hazard.name}: limit {limit}, largest {largest}{count}",
+            style=style,
+            soft_wrap=True,
+        )
     for check in evidence.checks:
         console.print(_check(check), style="" if check.ok else "red", soft_wrap=True)
     beyond = sum(measured.beyond > 0 for measured in evidence.measured)
     beyond += sum(not check.ok for check in evidence.checks)
-    left_out = f", {_number(len(evidence.left_out), 'record')} left out" if evidence.left_out else ""
-    verdict = f"{_number(beyond, 'limit')} passed (exit status 1)" if beyond else "no limit was passed"
+    left_out = (
+        f", {_number(len(evidence.left_out), 'record')} left out" if evidence.left_out else ""
+    )
+    verdict = (
+        f"{_number(beyond, 'limit')} passed (exit status 1)" if beyond else "no limit was passed"
+    )
     console.print(f"{_number(len(evidence.runs), 'run')}{left_out}: {verdict}")
     if options.out is not None:
         markdown, page = document(evidence).write(options.out, "evidence")
-        (options.out / "evidence.json").write_text(json_text(evidence.as_json(), indent=1) + "\n", encoding="utf-8")
+        (options.out / "evidence.json").write_text(
+            json_text(evidence.as_json(), indent=1) + "\n", encoding="utf-8"
+        )
         console.print(f"{markdown} {page}", soft_wrap=True)
     return 1 if beyond else 0
 
@@ -105,8 +132,14 @@ def document(evidence: Evidence) -> ReportPage:
     outcomes = Counter(str(run["outcome"]) for run in runs)
     cells = Counter(f"{run['cell']} ({run['cell_kind']})" for run in runs)
     commits = Counter(str(run["git"] or "unknown") for run in runs)
-    report = ReportPage("Evidence", f"{_number(len(runs), 'run')}: {_counted(outcomes)}; cells: {_counted(cells)}")
-    report.add(Paragraph(f"Runs by commit: {', '.join(f'{commit} ({n})' for commit, n in commits.most_common())}."))
+    report = ReportPage(
+        "Evidence", f"{_number(len(runs), 'run')}: {_counted(outcomes)}; cells: {_counted(cells)}"
+    )
+    report.add(
+        Paragraph(
+            f"Runs by commit: {', '.join(f'{commit} ({n})' for commit, n in commits.most_common())}."
+        )
+    )
     rows = [
         (
             f"✗ {hazard.name}" if measured.beyond else hazard.name,
@@ -119,10 +152,20 @@ def document(evidence: Evidence) -> ReportPage:
         )
         for hazard, measured in _beyond_first(evidence)
     ]
-    header = ("hazard", "node", "limit", "measured maximum", "where", "runs beyond", "measured quantity")
+    header = (
+        "hazard",
+        "node",
+        "limit",
+        "measured maximum",
+        "where",
+        "runs beyond",
+        "measured quantity",
+    )
     report.add(Heading("Hazards"), Table(header, tuple(rows), words=True))
     if evidence.checks:
-        report.add(Heading("Checks of all runs together"), Bullets(tuple(map(_check, evidence.checks))))
+        report.add(
+            Heading("Checks of all runs together"), Bullets(tuple(map(_check, evidence.checks)))
+        )
     report.add(Heading("Limits of this evidence"), Bullets(NO_CLAIM))
     acted = [run for run in runs if run["interventions"]]
     report.add(Heading("Interventions of operators"))
@@ -132,7 +175,10 @@ def document(evidence: Evidence) -> ReportPage:
     listed = [(str(run["run"]), str(run["outcome"]), str(run["sha256"])) for run in runs]
     report.add(Table(("run", "outcome", "SHA-256 of its file"), tuple(listed), words=True))
     if evidence.left_out:
-        report.add(Heading("Left out"), Table(("record", "why"), tuple(evidence.left_out.items()), words=True))
+        report.add(
+            Heading("Left out"),
+            Table(("record", "why"), tuple(evidence.left_out.items()), words=True),
+        )
     return report
 
 

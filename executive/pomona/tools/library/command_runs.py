@@ -22,7 +22,9 @@ from pomona.tools.library.export import FORMATS, export
 from pomona.tools.library.index import RunIndex, records_in
 from pomona.tools.library.run_list import print_comparison, print_list, size, wide_console
 
-if TYPE_CHECKING:  # readers of whole records are imported on use, so that a list does not wait for them
+if (
+    TYPE_CHECKING
+):  # readers of whole records are imported on use, so that a list does not wait for them
     from pomona.executive.terminal.summary import Summary
 
 FAILURES = Path("failures.html")
@@ -30,15 +32,27 @@ FAILURES = Path("failures.html")
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("runs", help="list, show, compare, export, prune, repair recorded runs")
+    parser = subparsers.add_parser(
+        "runs", help="list, show, compare, export, prune, repair recorded runs"
+    )
     commands = parser.add_subparsers(metavar="ACTION", required=True)
 
     listing = _command(commands, "list", _list, "the recorded runs, newest first")
-    listing.add_argument("words", nargs="*", help="only runs with all of these words in name, cell, settings or code")
+    listing.add_argument(
+        "words", nargs="*", help="only runs with all of these words in name, cell, settings or code"
+    )
     listing.add_argument("--failed", action="store_true", help="only runs that did not succeed")
-    listing.add_argument("--limit", type=Whole(1).option, default=30, metavar="N", help="maximum number (default: 30)")
+    listing.add_argument(
+        "--limit",
+        type=Whole(1).option,
+        default=30,
+        metavar="N",
+        help="maximum number (default: 30)",
+    )
     listing.add_argument("--all", action="store_true", help="no limit")
-    listing.add_argument("--rebuild", action="store_true", help="rebuild the index from the records")
+    listing.add_argument(
+        "--rebuild", action="store_true", help="rebuild the index from the records"
+    )
     listing.add_argument("--json", action="store_true", help="one JSON object a line")
 
     show = _command(commands, "show", _show, "one run: settings, result, contents of its record")
@@ -48,7 +62,9 @@ def add(subparsers: Any) -> None:
     compare = _command(commands, "compare", _compare, "runs side by side, with their differences")
     compare.add_argument("runs", nargs="+", metavar="RUN", help=RUN)
 
-    exporting = _command(commands, "export", _export, "a run as one portable file, or in the format of another tool")
+    exporting = _command(
+        commands, "export", _export, "a run as one portable file, or in the format of another tool"
+    )
     exporting.add_argument("run", help=RUN)
     exporting.add_argument(
         "file",
@@ -59,13 +75,23 @@ def add(subparsers: Any) -> None:
         + ", .html a page that can be sent",
     )
     exporting.add_argument(
-        "--to", choices=tuple(FOLDERS), help="a folder: images and tables (frames), or of another tool"
+        "--to",
+        choices=tuple(FOLDERS),
+        help="a folder: images and tables (frames), or of another tool",
     )
-    exporting.add_argument("--with", nargs="+", default=[], metavar="RUN", dest="more", help="lerobot: more episodes")
-    exporting.add_argument("--rate", type=Whole(1).option, metavar="HZ", help="lerobot: steps a second (default: 10)")
-    exporting.add_argument("--task", default="", metavar="WORDS", help="lerobot: the task (default: the tree)")
+    exporting.add_argument(
+        "--with", nargs="+", default=[], metavar="RUN", dest="more", help="lerobot: more episodes"
+    )
+    exporting.add_argument(
+        "--rate", type=Whole(1).option, metavar="HZ", help="lerobot: steps a second (default: 10)"
+    )
+    exporting.add_argument(
+        "--task", default="", metavar="WORDS", help="lerobot: the task (default: the tree)"
+    )
 
-    failures = _command(commands, "failures", _failures, "failed runs with pictures as one page that can be sent")
+    failures = _command(
+        commands, "failures", _failures, "failed runs with pictures as one page that can be sent"
+    )
     failures.add_argument(
         "words",
         nargs="*",
@@ -73,21 +99,39 @@ def add(subparsers: Any) -> None:
         help=f"a new file for the page (default: {FAILURES} here); only runs with all of these words",
     )
 
-    prune = _command(commands, "prune", _prune, "remove old records after confirmation; runs in progress stay")
-    prune.add_argument("--older", type=pruning.AGE.option, metavar="AGE", help="older than this age: 30 d, 12 h, 4 w")
-    prune.add_argument("--keep", type=Whole(1).option, metavar="N", help="keep the newest N records")
+    prune = _command(
+        commands, "prune", _prune, "remove old records after confirmation; runs in progress stay"
+    )
     prune.add_argument(
-        "--total", type=pruning.SIZE.option, metavar="SIZE", help="remove the oldest until the rest fits into 20 GB …"
+        "--older",
+        type=pruning.AGE.option,
+        metavar="AGE",
+        help="older than this age: 30 d, 12 h, 4 w",
+    )
+    prune.add_argument(
+        "--keep", type=Whole(1).option, metavar="N", help="keep the newest N records"
+    )
+    prune.add_argument(
+        "--total",
+        type=pruning.SIZE.option,
+        metavar="SIZE",
+        help="remove the oldest until the rest fits into 20 GB …",
     )
     prune.add_argument("--dry", action="store_true", help="only list the records to delete")
     prune.add_argument("--yes", action="store_true", help="do not ask")
 
-    repairing = _command(commands, "repair", _repair, "complete records that are cut off or damaged")
-    repairing.add_argument("runs", nargs="*", metavar="RUN", help=f"{RUN}; default: all that need it")
+    repairing = _command(
+        commands, "repair", _repair, "complete records that are cut off or damaged"
+    )
+    repairing.add_argument(
+        "runs", nargs="*", metavar="RUN", help=f"{RUN}; default: all that need it"
+    )
 
 
 def _command(commands: Any, name: str, main: Any, text: str) -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text.capitalize())
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name, help=text, description=text.capitalize()
+    )
     add_records_folder(parser)
     parser.set_defaults(main=main)
     return parser
@@ -98,7 +142,9 @@ def _command(commands: Any, name: str, main: Any, text: str) -> argparse.Argumen
 
 def _list(options: argparse.Namespace) -> int:
     if not options.record.is_dir():
-        raise UsageError(f"no folder {options.record}: `pomona run` makes it, --record names another")
+        raise UsageError(
+            f"no folder {options.record}: `pomona run` makes it, --record names another"
+        )
     index = RunIndex(options.record)
     runs = index.rebuild() if options.rebuild else index.read()
     if index.problem:
@@ -111,7 +157,11 @@ def _list(options: argparse.Namespace) -> int:
         return 0
     console = wide_console()
     print_list(console, shown, len(runs), sum(run.bytes for run in runs))
-    cut = [run for run in shown if run.state == "cut off" and _needs_repair(events_file(options.record / run.run))]
+    cut = [
+        run
+        for run in shown
+        if run.state == "cut off" and _needs_repair(events_file(options.record / run.run))
+    ]
     if cut:
         console.print(f"`pomona runs repair` completes the files of {len(cut)}", style="dim")
     return 0
@@ -121,7 +171,18 @@ def _wanted(run: Digest, options: argparse.Namespace) -> bool:
     if options.failed and how(run) in ("success", "running"):
         return False
     settings = (f"{key}={value}" for key, value in run.settings.items())
-    text = " ".join((run.run, run.tree, run.cell, run.cell_kind, how(run), run.code or "", *run.codes, *settings))
+    text = " ".join(
+        (
+            run.run,
+            run.tree,
+            run.cell,
+            run.cell_kind,
+            how(run),
+            run.code or "",
+            *run.codes,
+            *settings,
+        )
+    )
     return all(word.lower() in text.lower() for word in options.words)
 
 
@@ -238,9 +299,15 @@ def _failures(options: argparse.Namespace) -> int:
     options.failed = False
     named = bool(options.words) and options.words[0].endswith(".html")
     file = Path(options.words.pop(0)) if named else FAILURES
-    chosen = [run for run in RunIndex(options.record).read() if run.state == "ended" and _wanted(run, options)]
+    chosen = [
+        run
+        for run in RunIndex(options.record).read()
+        if run.state == "ended" and _wanted(run, options)
+    ]
     if not chosen:
-        words = f" has all of these words: {' '.join(options.words)}" if options.words else " has ended"
+        words = (
+            f" has all of these words: {' '.join(options.words)}" if options.words else " has ended"
+        )
         raise UsageError(f"no run in {options.record}{words}")
     count = write_failures([options.record / run.run for run in chosen], file)
     Screen().print(f"{file}  {count} failures, {size(file.stat().st_size)}", soft_wrap=True)
@@ -285,7 +352,9 @@ def _prune(options: argparse.Namespace) -> int:
 
 def _agreed(question: str) -> bool:
     if not sys.stdin.isatty():
-        raise UsageError("there is no terminal to ask on: --yes deletes them without asking, --dry only lists them")
+        raise UsageError(
+            "there is no terminal to ask on: --yes deletes them without asking, --dry only lists them"
+        )
     return input(question).strip().lower() in ("y", "yes")
 
 
@@ -310,7 +379,10 @@ def _repair(options: argparse.Namespace) -> int:
             console.print(f"· {record}: needs no repair", soft_wrap=True)
             continue
         copied = done.copied
-        parts = [done.why, f"{copied.messages} messages saved, up to {copied.seconds:.2f} s of the run"]
+        parts = [
+            done.why,
+            f"{copied.messages} messages saved, up to {copied.seconds:.2f} s of the run",
+        ]
         parts += [f"lost {copied.lost}"] if copied.gaps else []
         parts += [f"no complete chunk in the last {size(copied.cut)}"] if copied.cut else []
         parts += [f"the original bytes are in {done.kept}"] if done.kept else []

@@ -14,7 +14,15 @@ from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.scan import scan
 
 OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {
-    "RunStarted": ("run", "wall_time", "versions", "tree_path", "cell_path", "tree_files", "preparation"),
+    "RunStarted": (
+        "run",
+        "wall_time",
+        "versions",
+        "tree_path",
+        "cell_path",
+        "tree_files",
+        "preparation",
+    ),
     "Computed": ("wall",),
     "Logged": ("text",),
     "RunEnded": ("wall",),
@@ -49,7 +57,12 @@ def comparable(record: Path) -> Iterator[dict[str, Any]]:
                 event.setdefault("speed", 1.0)  # absent in records of earlier versions
             yield event
         elif topic.startswith(("/images/", "/depth/")):
-            yield {"event": "Image", "t": 0.0, "topic": topic, "data": parse_object(content).get("data")}
+            yield {
+                "event": "Image",
+                "t": 0.0,
+                "topic": topic,
+                "data": parse_object(content).get("data"),
+            }
 
 
 def first_difference(before: Path, now: Path) -> tuple[int, Difference | None]:
@@ -70,11 +83,15 @@ def differences(
     yield count, None
 
 
-def _difference(number: int, one: dict[str, Any] | None, other: dict[str, Any] | None) -> Difference:
+def _difference(
+    number: int, one: dict[str, Any] | None, other: dict[str, Any] | None
+) -> Difference:
     written = (one or other or {}).get("t", 0.0)
     t = float(written) if isinstance(written, (int, float)) else 0.0
     if one is None or other is None or _name(one) != _name(other):
-        names = ["no event: it ends here" if event is None else _name(event) for event in (one, other)]
+        names = [
+            "no event: it ends here" if event is None else _name(event) for event in (one, other)
+        ]
         return Difference(number, t, "another event", "", *names)
     whole: tuple[str, Any, Any] = (
         "",
@@ -100,7 +117,14 @@ def _parts(one: Any, other: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _name(event: Mapping[str, Any]) -> str:
-    about = next((str(event[key]) for key in ("path", "key", "topic", "node", "device", "state") if event.get(key)), "")
+    about = next(
+        (
+            str(event[key])
+            for key in ("path", "key", "topic", "node", "device", "state")
+            if event.get(key)
+        ),
+        "",
+    )
     return f"{event['event']} {about}".strip()
 
 

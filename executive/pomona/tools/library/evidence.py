@@ -40,11 +40,17 @@ class Hazard:
     node: str  # the node that guards against it
     unit: str  # unit of its values
     meaning: str  # description of the measurement
-    limits: tuple[float, ...]  # one number, or one for each quantity; empty if each run's cell has the limit
-    limit_in_cell: tuple[str, ...]  # dotted keys of the limit in a cell file; the first existing one counts
+    limits: tuple[
+        float, ...
+    ]  # one number, or one for each quantity; empty if each run's cell has the limit
+    limit_in_cell: tuple[
+        str, ...
+    ]  # dotted keys of the limit in a cell file; the first existing one counts
     limit_in_series: str  # name of the threshold that is recorded with a series
     saturates: bool  # True if a value at the limit counts as beyond it, since the sensor saturates
-    measure: Mapping[str, str]  # the measurement in a record; the simulated world's truth counts if it is larger
+    measure: Mapping[
+        str, str
+    ]  # the measurement in a record; the simulated world's truth counts if it is larger
 
 
 @dataclass(slots=True)
@@ -52,14 +58,18 @@ class Measured:
     """The largest value of one hazard."""
 
     runs: int = 0  # number of runs with a measurement
-    value: float | None = None  # value of the sample nearest to its limit; None without a measurement
+    value: float | None = (
+        None  # value of the sample nearest to its limit; None without a measurement
+    )
     limit: float | None = None  # limit of that sample
     run: str = ""  # run of that sample
     t: float = 0.0  # time of that sample in its run [s]
     quantity: str = ""  # quantity of that sample
     beyond: int = 0  # number of runs beyond the limit
 
-    def take(self, run: str, t: float, value: float, limit: float | None, quantity: str, saturates: bool) -> None:
+    def take(
+        self, run: str, t: float, value: float, limit: float | None, quantity: str, saturates: bool
+    ) -> None:
         """Take the largest value of one run."""
         self.runs += 1
         self.beyond += limit is not None and (value > limit or (saturates and value == limit))
@@ -75,13 +85,21 @@ class Evidence:
     measured: tuple[Measured, ...]  # the largest value of each hazard, in the same order
     # of every record that was read: the SHA-256 of its file, outcome, cell, number of interventions
     runs: list[dict[str, Any]] = field(default_factory=list)
-    left_out: dict[str, str] = field(default_factory=dict)  # reason for every record that was not read
-    checks: list[ReportLine] = field(default_factory=list)  # of all records together, by other packages
+    left_out: dict[str, str] = field(
+        default_factory=dict
+    )  # reason for every record that was not read
+    checks: list[ReportLine] = field(
+        default_factory=list
+    )  # of all records together, by other packages
 
     def as_json(self) -> dict[str, Any]:
         """Return the measurements as JSON."""
-        rows = [{**asdict(h), **asdict(m)} for h, m in zip(self.hazards, self.measured, strict=True)]
-        checks = [{"check": check.name, "ok": check.ok, "found": check.found} for check in self.checks]
+        rows = [
+            {**asdict(h), **asdict(m)} for h, m in zip(self.hazards, self.measured, strict=True)
+        ]
+        checks = [
+            {"check": check.name, "ok": check.ok, "found": check.found} for check in self.checks
+        ]
         return {"hazards": rows, "runs": self.runs, "left_out": self.left_out, "checks": checks}
 
 
@@ -92,24 +110,48 @@ def read_hazards(path: Path) -> tuple[Hazard, ...]:
         return tuple(_hazard(entry) for entry in content["hazards"])
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
-    except (yaml.YAMLError, RecursionError, KeyError, TypeError, AttributeError, ValueError, re.error) as error:
+    except (
+        yaml.YAMLError,
+        RecursionError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        ValueError,
+        re.error,
+    ) as error:
         raise UsageError(f"{path}: not a file of hazards: {error}") from error
 
 
 def _hazard(entry: Mapping[str, Any]) -> Hazard:
     if unknown := set(entry) - set(_KEYS):
-        raise ValueError(f"unknown: {', '.join(sorted(map(str, unknown)))}; known: {', '.join(_KEYS)}")
-    limit, measure = entry["limit"], {str(key): str(value) for key, value in entry["measure"].items()}
+        raise ValueError(
+            f"unknown: {', '.join(sorted(map(str, unknown)))}; known: {', '.join(_KEYS)}"
+        )
+    limit, measure = (
+        entry["limit"],
+        {str(key): str(value) for key, value in entry["measure"].items()},
+    )
     where = limit if isinstance(limit, dict) else {}
     in_cell, in_series = tuple(map(str, where.get("cell", ()))), str(where.get("series", ""))
-    limits = () if where else tuple(float(value) for value in (limit if isinstance(limit, list) else [limit]))
+    limits = (
+        ()
+        if where
+        else tuple(float(value) for value in (limit if isinstance(limit, list) else [limit]))
+    )
     if "device" in measure:
         re.compile(measure["quantities"])
         if measure["take"] not in TAKES:
             raise ValueError(f"take is one of {', '.join(TAKES)}, not '{measure['take']}'")
     elif not {"series", "truth", "success_without", "event"} & measure.keys():
-        raise ValueError(f"{entry['hazard']}: measure needs device, series, truth, success_without or event")
-    words = (str(entry["hazard"]), str(entry["node"]), str(entry.get("unit", "")), str(entry.get("meaning", "")))
+        raise ValueError(
+            f"{entry['hazard']}: measure needs device, series, truth, success_without or event"
+        )
+    words = (
+        str(entry["hazard"]),
+        str(entry["node"]),
+        str(entry.get("unit", "")),
+        str(entry.get("meaning", "")),
+    )
     return Hazard(*words, limits, in_cell, in_series, bool(entry.get("saturates")), measure)
 
 
@@ -131,9 +173,19 @@ def gather(records: Sequence[Path], hazards: tuple[Hazard, ...]) -> Evidence:
                 evidence.left_out[record.name] = _why_not(found)
                 continue
             _measure(record, found, evidence)
-        except (UsageError, OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        except (
+            UsageError,
+            OSError,
+            ValueError,
+            KeyError,
+            TypeError,
+            AttributeError,
+            IndexError,
+        ) as error:
             evidence.left_out[record.name] = f"it cannot be measured: {error}"
-    evidence.checks += check_records([record for record in records if record.name not in evidence.left_out])
+    evidence.checks += check_records(
+        [record for record in records if record.name not in evidence.left_out]
+    )
     return evidence
 
 
@@ -155,7 +207,9 @@ def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
     with open_plain(path) as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
     about = {name: getattr(found, name) for name in _OF_THE_RUN}
-    evidence.runs.append({"run": record.name, "sha256": sha256, **about, "interventions": run.interventions})
+    evidence.runs.append(
+        {"run": record.name, "sha256": sha256, **about, "interventions": run.interventions}
+    )
 
 
 class _Run:
@@ -184,7 +238,11 @@ class _Run:
                         self._succeeded.add(types.get(path_of_node, ""))
                     case {"event": "OperatorActed"}:
                         self.interventions += 1
-                    case {"event": "Published", "topic": str(shown), "value": {"type": "SeriesView"} as view}:
+                    case {
+                        "event": "Published",
+                        "topic": str(shown),
+                        "value": {"type": "SeriesView"} as view,
+                    }:
                         if shown in topics:
                             self._series.setdefault(shown, []).append(view)
         for started in self._events.get("RunStarted", ()):
@@ -194,7 +252,9 @@ class _Run:
             for device, found in columns.items()
         }
 
-    def largest(self, hazard: Hazard, found: Digest) -> tuple[float, float, float | None, str] | None:
+    def largest(
+        self, hazard: Hazard, found: Digest
+    ) -> tuple[float, float, float | None, str] | None:
         """Return (t, value, limit, quantity) of the sample nearest to its limit; None without a measurement."""
         measure, limits = hazard.measure, hazard.limits or self._limits(hazard.limit_in_cell)
         limit = limits[0] if limits else None
@@ -210,15 +270,23 @@ class _Run:
         if sensed is not None or measure.keys() & {"device", "series", "truth"}:
             return sensed
         if "success_without" in measure:
-            names = [name for name in measure["success_without"].split(", ") if name in (found.truth or {})]
-            if not names or (found.outcome == "success" and not self._succeeded & set(hazard.node.split(", "))):
+            names = [
+                name
+                for name in measure["success_without"].split(", ")
+                if name in (found.truth or {})
+            ]
+            if not names or (
+                found.outcome == "success" and not self._succeeded & set(hazard.node.split(", "))
+            ):
                 return None
             achieved = any((found.truth or {})[name] for name in names)
             return found.time or 0.0, float(found.outcome == "success" and not achieved), limit, ""
         if found.cell_kind == measure.get("except_cell"):
             return None
         events = self._events.get(measure["event"], [])
-        values = [(float(event["t"]), float(event[measure["field"]]), limit, "") for event in events]
+        values = [
+            (float(event["t"]), float(event[measure["field"]]), limit, "") for event in events
+        ]
         return max(values, key=lambda entry: entry[1], default=(0.0, 0.0, limit, ""))
 
     def _of_device(
@@ -234,21 +302,39 @@ class _Run:
             total = np.sum([np.abs(device[name]) for name in names], axis=0)
             return _peak(t - start, total, limits[0] if limits else None, "")
         rows = [
-            _peak(t - start, np.abs(_rate(t, device[name]) if measure["take"] == "rate" else device[name]), limit, name)
+            _peak(
+                t - start,
+                np.abs(_rate(t, device[name]) if measure["take"] == "rate" else device[name]),
+                limit,
+                name,
+            )
             for name, limit in zip(names, _spread(limits, len(names)), strict=True)
         ]
-        return max((row for row in rows if row is not None), key=lambda row: _share(row[1], row[2]), default=None)
+        return max(
+            (row for row in rows if row is not None),
+            key=lambda row: _share(row[1], row[2]),
+            default=None,
+        )
 
-    def _of_series(self, measure: Mapping[str, str], threshold: str) -> tuple[float, float, float | None, str] | None:
+    def _of_series(
+        self, measure: Mapping[str, str], threshold: str
+    ) -> tuple[float, float, float | None, str] | None:
         views, name = self._series.get(measure["series"], ()), measure["quantity"]
         rows = [
             _peak(
-                np.array(view["t"], float), np.array(view["values"][name], float), view["thresholds"].get(threshold), ""
+                np.array(view["t"], float),
+                np.array(view["values"][name], float),
+                view["thresholds"].get(threshold),
+                "",
             )
             for view in views
             if view["values"].get(name)
         ]
-        return max((row for row in rows if row is not None), key=lambda row: _share(row[1], row[2]), default=None)
+        return max(
+            (row for row in rows if row is not None),
+            key=lambda row: _share(row[1], row[2]),
+            default=None,
+        )
 
     def _limits(self, keys: Sequence[str]) -> tuple[float, ...]:
         for dotted in keys:

@@ -19,7 +19,9 @@ def _zip(record: Path, target: Path) -> None:
         for path in sorted(record.iterdir()) if record.is_dir() else [record]:
             if is_plain(path):  # a link could lead outside the record
                 archive.write(path, f"{name}/{path.name}")
-        archive.writestr(f"{name}/events.jsonl", b"".join(content + b"\n" for content in _events(record)))
+        archive.writestr(
+            f"{name}/events.jsonl", b"".join(content + b"\n" for content in _events(record))
+        )
 
 
 def _json_lines(record: Path, target: Path) -> None:

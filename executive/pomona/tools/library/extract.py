@@ -39,7 +39,9 @@ def extract(record: Path, folder: Path) -> dict[str, str]:
     Raises UsageError: the folder exists and is not empty, cannot be written, or the record cannot be read.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(f"{folder} exists and is not empty, and nothing is overwritten: name another folder")
+        raise UsageError(
+            f"{folder} exists and is not empty, and nothing is overwritten: name another folder"
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         taken = _Taken(folder)
@@ -70,7 +72,12 @@ class _Taken:
             self._take_image(event.t, event.topic, event.value)
         elif isinstance(event.value, SceneView):
             for line in event.value.lines:
-                about = {"t": event.t, "topic": event.topic, "label": line.label, "style": line.style}
+                about = {
+                    "t": event.t,
+                    "topic": event.topic,
+                    "label": line.label,
+                    "style": line.style,
+                }
                 self._paths.append({**about, "points": line.points.tolist()})
         elif isinstance(event.value, PosesView):
             self._traces[event.topic].append([event.t, *np.asarray(event.value.trace).tolist()])
@@ -88,7 +95,13 @@ class _Taken:
         _write_png(frames / f"{label}_color.png", view.image)
         _write_png(frames / f"{label}_depth_mm.png", np.rint(view.depth * 1e3).astype(np.uint16))
         height, width = view.image.shape[:2]
-        frame: dict[str, Any] = {"label": label, "t": t, "caption": view.caption, "width": width, "height": height}
+        frame: dict[str, Any] = {
+            "label": label,
+            "t": t,
+            "caption": view.caption,
+            "width": width,
+            "height": height,
+        }
         if view.pinhole is not None:
             frame |= {name: getattr(view.pinhole, name) for name in ("fx", "fy", "cx", "cy")}
             T = view.pinhole.T_base_camera
@@ -110,7 +123,9 @@ class _Taken:
         for topic, trace in self._traces.items():
             columns = np.array(trace)
             about = {"t": trace[0][0], "topic": topic, "label": "executed", "style": "executed"}
-            self._paths.append({**about, "times": columns[:, 0].tolist(), "points": columns[:, 1:].tolist()})
+            self._paths.append(
+                {**about, "times": columns[:, 0].tolist(), "points": columns[:, 1:].tolist()}
+            )
         if self._paths:
             _write_json(self._folder / "paths.json", self._paths)
             labels = ", ".join(dict.fromkeys(path["label"] for path in self._paths))
@@ -128,19 +143,29 @@ def _measurements(record: Path, folder: Path) -> dict[str, str]:
     for topic, content, *_ in scan(events_file(record)):
         if topic.startswith(DEVICES):
             reading = parse_object(content)
-            columns = {name: values for name, values in reading.items() if name not in ("t", "tick")}
+            columns = {
+                name: values for name, values in reading.items() if name not in ("t", "tick")
+            }
             rows[plain_name(topic.removeprefix(DEVICES))].extend(_by_row(columns))
         elif topic.startswith(SERIES_TOPIC):
             rows[f"series_{plain_name(topic.removeprefix(SERIES_TOPIC))}"].append(
-                {"stamp_s" if name == "t" else name: value for name, value in parse_object(content).items()}
+                {
+                    "stamp_s" if name == "t" else name: value
+                    for name, value in parse_object(content).items()
+                }
             )
     for name, samples in rows.items():
         _write_csv(folder / f"{name}.csv", samples)
-    return {f"{name}.csv": f"{len(samples)} samples of {_quantities(samples[0])}" for name, samples in rows.items()}
+    return {
+        f"{name}.csv": f"{len(samples)} samples of {_quantities(samples[0])}"
+        for name, samples in rows.items()
+    }
 
 
 def _by_row(columns: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
-    lists = {name: values if isinstance(values, list) else [values] for name, values in columns.items()}
+    lists = {
+        name: values if isinstance(values, list) else [values] for name, values in columns.items()
+    }
     return (dict(zip(lists, values, strict=True)) for values in zip(*lists.values(), strict=True))
 
 

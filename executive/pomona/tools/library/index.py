@@ -50,7 +50,11 @@ _COLUMNS = tuple(field.name for field in fields(Digest))
 
 def _kind_of(hint: Any) -> type:
     """Return the type of a column's values, without None."""
-    kinds = [kind for kind in get_args(hint) if kind is not NoneType] if isinstance(hint, UnionType) else [hint]
+    kinds = (
+        [kind for kind in get_args(hint) if kind is not NoneType]
+        if isinstance(hint, UnionType)
+        else [hint]
+    )
     return dict if get_origin(kinds[0]) is Mapping else kinds[0]
 
 
@@ -92,13 +96,19 @@ class RunIndex:
 
     @contextlib.contextmanager
     def _open(self, where: str) -> Iterator[sqlite3.Connection]:
-        with contextlib.closing(sqlite3.connect(where, timeout=PATIENCE, isolation_level=None)) as index:
+        with contextlib.closing(
+            sqlite3.connect(where, timeout=PATIENCE, isolation_level=None)
+        ) as index:
             (version,) = index.execute("PRAGMA user_version").fetchone()
             if version > len(self._migrations):
-                raise NewerIndexError(f"its schema is version {version}, this Pomona knows {len(self._migrations)}")
+                raise NewerIndexError(
+                    f"its schema is version {version}, this Pomona knows {len(self._migrations)}"
+                )
             if version < len(self._migrations):
                 index.execute("BEGIN IMMEDIATE")
-                (version,) = index.execute("PRAGMA user_version").fetchone()  # another process may have done it
+                (version,) = index.execute(
+                    "PRAGMA user_version"
+                ).fetchone()  # another process may have done it
                 for script in self._migrations[version:]:
                     for statement in filter(str.strip, script.split(";")):
                         index.execute(statement)
@@ -119,22 +129,31 @@ class RunIndex:
             index.execute("BEGIN IMMEDIATE")
             index.executemany("DELETE FROM runs WHERE run = ?", gone)
             marks = ", ".join("?" * (len(_COLUMNS) + 1))
-            index.executemany(f"INSERT OR REPLACE INTO runs ({', '.join(_COLUMNS)}, stamp) VALUES ({marks})", rows)
+            index.executemany(
+                f"INSERT OR REPLACE INTO runs ({', '.join(_COLUMNS)}, stamp) VALUES ({marks})", rows
+            )
             index.execute("COMMIT")
         rows = index.execute(f"SELECT {', '.join(_COLUMNS)} FROM runs").fetchall()
-        runs = {self.root / entry.run: entry for row in rows if (entry := self._entry(row)) is not None}
+        runs = {
+            self.root / entry.run: entry for row in rows if (entry := self._entry(row)) is not None
+        }
         return [runs[record] for record in reversed(in_order(runs, lambda record: record.name))]
 
     def _rows(self, run: str, stamp: int) -> Iterator[tuple[Any, ...]]:
         with contextlib.suppress(OSError):
             entry = digest(self.root / run)
             values = (getattr(entry, name) for name in _COLUMNS)
-            yield (*(_packed(name, value) for name, value in zip(_COLUMNS, values, strict=True)), stamp)
+            yield (
+                *(_packed(name, value) for name, value in zip(_COLUMNS, values, strict=True)),
+                stamp,
+            )
 
     def _entry(self, row: Sequence[Any]) -> Digest | None:
         """Return a run from its row, or from its record if the row is invalid."""
         try:
-            entry = Digest(**{name: _unpacked(name, value) for name, value in zip(_COLUMNS, row, strict=True)})
+            entry = Digest(
+                **{name: _unpacked(name, value) for name, value in zip(_COLUMNS, row, strict=True)}
+            )
         except (ValueError, TypeError):
             self.problem = f"{self.root / INDEX_FILE}: the row of {str(row[0])[:80]!r} is damaged: its record was read"
             try:

@@ -13,7 +13,9 @@ from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import Quantity
 
-AGE = Measure(Quantity("age", {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}), low="0 d")
+AGE = Measure(
+    Quantity("age", {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}), low="0 d"
+)
 SIZE = Measure(Quantity("size", {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}), low="0 B")
 
 

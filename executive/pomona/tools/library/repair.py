@@ -52,7 +52,10 @@ class Copied:
     @property
     def lost(self) -> str:
         """The lost parts as a phrase; empty without any."""
-        parts = [f"{size} bytes between {before:.2f} and {after:.2f} s" for _at, size, before, after in self.gaps]
+        parts = [
+            f"{size} bytes between {before:.2f} and {after:.2f} s"
+            for _at, size, before, after in self.gaps
+        ]
         return " and ".join(parts)
 
 
@@ -84,7 +87,13 @@ def repair(record: Path) -> Repaired | None:
     fresh = path.with_name(f"{path.name}.repairing")
     try:
         copied = copy(path, fresh, compressed=False)
-        kept = f"{path.name}.damaged" if verdict.state == "damaged" else f"{path.name}.tail" if copied.cut else ""
+        kept = (
+            f"{path.name}.damaged"
+            if verdict.state == "damaged"
+            else f"{path.name}.tail"
+            if copied.cut
+            else ""
+        )
         if verdict.state == "damaged":
             os.replace(path, path.with_name(kept))
         elif kept:
@@ -96,7 +105,12 @@ def repair(record: Path) -> Repaired | None:
         raise UsageError(f"{error.filename or path}: {error.strerror}") from error
     finally:
         fresh.unlink(missing_ok=True)
-    return Repaired(copied, f"{verdict.state}: {why}", kept, tuple(_make_missing(record)) if record.is_dir() else ())
+    return Repaired(
+        copied,
+        f"{verdict.state}: {why}",
+        kept,
+        tuple(_make_missing(record)) if record.is_dir() else (),
+    )
 
 
 def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
@@ -109,7 +123,9 @@ def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
     try:
         with open_plain(source) as stream, target.open("wb") as output:
             begun = has_begun(source, stream)
-            writer = new_writer(output, CompressionType.ZSTD if compressed else CompressionType.NONE)
+            writer = new_writer(
+                output, CompressionType.ZSTD if compressed else CompressionType.NONE
+            )
             writer.start(profile="pomona", library=LIBRARY)
             copied = _Copier(stream, writer).run(flush=not compressed) if begun else Copied()
             if copied.gaps:
@@ -137,7 +153,9 @@ class _Copier:
                     stamps = [self._take(record) for record in records_of(raw)]
                     known = [stamp for stamp in stamps if stamp is not None]
                     if lost_since is not None and known:
-                        gaps.append((lost_since[0], raw.at - lost_since[0], lost_since[1], min(known) / 1e9))
+                        gaps.append(
+                            (lost_since[0], raw.at - lost_since[0], lost_since[1], min(known) / 1e9)
+                        )
                         lost_since = None
                     if flush and raw.opcode == Opcode.CHUNK:
                         self._writer.flush()
@@ -156,7 +174,9 @@ class _Copier:
         """Copy one record; returns the stamp of a message [ns]."""
         match record:
             case Schema() if record.id not in self._schemas:
-                self._schemas[record.id] = self._writer.register_schema(record.name, record.encoding, record.data)
+                self._schemas[record.id] = self._writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
             case Channel() if record.id not in self._channels:
                 self._channels[record.id] = self._writer.register_channel(
                     record.topic, record.message_encoding, self._schemas.get(record.schema_id, 0)
@@ -177,7 +197,11 @@ class _Copier:
                 return None  # the declaration of its channel was in a lost part
             self._channels[message.channel_id] = self._writer.register_channel(EVENTS, "json", 0)
         self._writer.add_message(
-            self._channels[message.channel_id], message.log_time, message.data, message.publish_time, message.sequence
+            self._channels[message.channel_id],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
         )
         self._messages, self._newest = self._messages + 1, max(self._newest, message.log_time)
         return int(message.log_time)
@@ -196,9 +220,13 @@ def _make_missing(record: Path) -> list[str]:
                 texts["summary.json"] = json.dumps(plain(event), ensure_ascii=False, indent=1)
     except UsageError:  # a valid file of another program
         return []
-    made = [name for name, text in texts.items() if _make(record / name, text.encode(errors="replace"))]
+    made = [
+        name for name, text in texts.items() if _make(record / name, text.encode(errors="replace"))
+    ]
     if not picture.empty:
-        with contextlib.suppress(Exception):  # a view that cannot be drawn: the record is valid without it
+        with contextlib.suppress(
+            Exception
+        ):  # a view that cannot be drawn: the record is valid without it
             drawn = io.BytesIO()
             picture.save(drawn, title)
             made += ["picture.png"] if _make(record / "picture.png", drawn.getvalue()) else []

@@ -53,7 +53,10 @@ def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> 
             "–" if run.time is None else seconds(run.time),
             size(run.bytes),
             Text(_shortened(_settings(run), max(room // 3, 20))),
-            Text(_shortened(ending(run), max(room - room // 3, 20)), style if how(run) != "success" else ""),
+            Text(
+                _shortened(ending(run), max(room - room // 3, 20)),
+                style if how(run) != "success" else "",
+            ),
         )
     console.print(table)
     counted = Counter(map(how, runs))
@@ -83,7 +86,9 @@ def when(wall_time: float) -> str:
     return f"{datetime.fromtimestamp(wall_time):%d %B %Y, %H:%M:%S}"
 
 
-def print_comparison(console: Screen, runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> None:
+def print_comparison(
+    console: Screen, runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]
+) -> None:
     """Print runs beside each other: one column each, one row for every value that at least one of them has.
 
     Args:
@@ -100,7 +105,9 @@ def print_comparison(console: Screen, runs: Sequence[Digest], skills: Sequence[M
     console.print("values equal in all runs are dimmed", style="dim")
 
 
-def _comparison(runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> dict[str, list[str]]:
+def _comparison(
+    runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]
+) -> dict[str, list[str]]:
     rows: dict[str, list[str]] = {}
 
     def add(name: str, values: Sequence[Any]) -> None:
@@ -115,9 +122,13 @@ def _comparison(runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -
     add("cell", [f"{run.cell} {run.cell_hash[:8]}" for run in runs])
     add("seed", [run.seed for run in runs])
     for key in sorted({key for run in runs for key in run.settings}):
-        usual = [f"{run.parameters[key]} by default" if key in run.parameters else None for run in runs]
+        usual = [
+            f"{run.parameters[key]} by default" if key in run.parameters else None for run in runs
+        ]
         add(key, [run.settings.get(key, default) for run, default in zip(runs, usual, strict=True)])
-    parameters = {key for run in runs for key in run.parameters} - {key for run in runs for key in run.settings}
+    parameters = {key for run in runs for key in run.parameters} - {
+        key for run in runs for key in run.settings
+    }
     for key in sorted(parameters):
         values = [run.parameters.get(key) for run in runs]
         if len({str(value) for value in values}) > 1:

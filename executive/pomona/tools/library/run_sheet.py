@@ -31,16 +31,25 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
         console.print(Text.assemble((f"{sign} {run.tree or record.name}", style), f"  {how_so}"))
     started = summary.started
     console.print()
-    rows = {"record": str(record), "began": when(run.wall_time) if run.wall_time else "unknown", "how": how(run)}
+    rows = {
+        "record": str(record),
+        "began": when(run.wall_time) if run.wall_time else "unknown",
+        "how": how(run),
+    }
     if started is not None:
         rows |= {
             "tree": f"{run.tree}  {started.tree_path}  ({run.tree_hash})",
             "cell": f"{run.cell}, {run.cell_kind}  {started.cell_path}  ({run.cell_hash})",
             "seed": str(run.seed),
             "speed": words_of(started.speed) if started.speed < 1.0 else "",
-            "settings": "  ".join(f"{key}={value}" for key, value in run.settings.items()) or "none",
-            "parameters": "  ".join(f"{k}={json.dumps(v, ensure_ascii=False)}" for k, v in run.parameters.items()),
-            "versions": "  ".join(f"{name} {version}" for name, version in started.versions.items()),
+            "settings": "  ".join(f"{key}={value}" for key, value in run.settings.items())
+            or "none",
+            "parameters": "  ".join(
+                f"{k}={json.dumps(v, ensure_ascii=False)}" for k, v in run.parameters.items()
+            ),
+            "versions": "  ".join(
+                f"{name} {version}" for name, version in started.versions.items()
+            ),
         }
     rows["acts"] = "  ".join(_acts(record))
     if run.lost:
@@ -58,8 +67,15 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
 
 def _acts(record: Path) -> list[str]:
     contents = (found.content for found in scan(events_file(record), topics=EVENTS.__eq__))
-    acts = [parse_object(content) for content in contents if content.startswith(b'{"event":"OperatorActed"')]
-    return [f"{act['t']:.2f} s {act['who']}: {act['action']}: {act['detail']}".removesuffix(": ") for act in acts]
+    acts = [
+        parse_object(content)
+        for content in contents
+        if content.startswith(b'{"event":"OperatorActed"')
+    ]
+    return [
+        f"{act['t']:.2f} s {act['who']}: {act['action']}: {act['detail']}".removesuffix(": ")
+        for act in acts
+    ]
 
 
 def _topics(record: Path) -> Table:

@@ -26,7 +26,9 @@ def add(subparsers: Any) -> None:
 def main(options: argparse.Namespace) -> int:
     """Print the completion."""
     out = sys.stdout.unfiltered if isinstance(sys.stdout, Filtered) else sys.stdout
-    out.write(script(make_parser(command_names()), options.shell))  # no byte of a script may be changed
+    out.write(
+        script(make_parser(command_names()), options.shell)
+    )  # no byte of a script may be changed
     return 0
 
 
@@ -52,7 +54,9 @@ def names_or_files(kind: str, names: Sequence[str]) -> Mapping[str, str | Mappin
         "bash": f"_pomona_{kind}",
         "zsh": f"{{_files; compadd -- {words}}}",
         "fish": f"{words} {shtab.FILE['fish']}",
-        "preamble": {"bash": f'_pomona_{kind}() {{ compgen -W "{words}" -- "$1"; compgen -f -- "$1"; }}'},
+        "preamble": {
+            "bash": f'_pomona_{kind}() {{ compgen -W "{words}" -- "$1"; compgen -f -- "$1"; }}'
+        },
     }
 
 

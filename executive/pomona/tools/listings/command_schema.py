@@ -15,7 +15,9 @@ TREE = "tree"
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("schema", help="print the JSON Schema of a kind of file, for editors")
+    parser = subparsers.add_parser(
+        "schema", help="print the JSON Schema of a kind of file, for editors"
+    )
     parser.add_argument(
         "kind",
         nargs="?",
@@ -31,6 +33,9 @@ def main(options: argparse.Namespace) -> int:
     if options.kind == TREE:
         found = with_declarations(schema)
     else:
-        found = {"$schema": "https://json-schema.org/draft/2020-12/schema", **file_kind(options.kind).schema()}
+        found = {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            **file_kind(options.kind).schema(),
+        }
     write_json(found, indent=2)
     return 0

@@ -23,7 +23,9 @@ NONE = "No skill is installed here: `pomona new skill NAME` begins a package wit
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("skills", help="list the installed skills with their ports and failure codes")
+    parser = subparsers.add_parser(
+        "skills", help="list the installed skills with their ports and failure codes"
+    )
     parser.add_argument("name", nargs="?", help="show this skill in full")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(main=main)
@@ -100,7 +102,13 @@ def _print_one(console: Screen, skill: SkillListing) -> None:
     console.print(f"devices: {', '.join(skill.devices) or 'none'}")
     if skill.optional_devices:
         console.print(f"optional devices: {', '.join(skill.optional_devices)}")
-    codes = Table(title="failure codes", title_justify="left", box=None, padding=(0, 2, 0, 0), show_header=False)
+    codes = Table(
+        title="failure codes",
+        title_justify="left",
+        box=None,
+        padding=(0, 2, 0, 0),
+        show_header=False,
+    )
     for code in skill.failures:
         about = failure_codes().get(code)
         codes.add_row(code, about.meaning if about is not None else "")

@@ -24,7 +24,13 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pomona.executive.language.value_types import DECLARED_FIELDS, ListType, Loose, NotLoadedError, fields_of
+from pomona.executive.language.value_types import (
+    DECLARED_FIELDS,
+    ListType,
+    Loose,
+    NotLoadedError,
+    fields_of,
+)
 from pomona.executive.ports import REQUIRED, Port, Ports, Quantity
 from pomona.executive.registry import GROUP, Registry, replacements
 from pomona.executive.skill import Skill
@@ -36,7 +42,8 @@ T = TypeVar("T")
 VERSION = 5  # of the file's form
 
 _PLAIN: Mapping[str, type[Any]] = {
-    cls.__name__: cls for cls in (bool, int, float, str, object, list, tuple, dict, bytes, type(None))
+    cls.__name__: cls
+    for cls in (bool, int, float, str, object, list, tuple, dict, bytes, type(None))
 }
 _SIMPLE = (bool, int, float, str)
 
@@ -51,7 +58,9 @@ def declared_skills() -> Registry:
     path = _folder() / f"skills-{_digest(points)}.json"
     kept = _read(path)
     if kept is not None:
-        with contextlib.suppress(Exception):  # another process may have written the file: treat it as missing
+        with contextlib.suppress(
+            Exception
+        ):  # another process may have written the file: treat it as missing
             return _Reader(kept["classes"]).registry(kept["skills"])
     registry = Registry.installed()
     if not registry.problems:
@@ -75,7 +84,14 @@ def _folder() -> Path:
 
 def _digest(points: Iterable[EntryPoint]) -> str:
     offered = [(point.name, point.value) for point in points]
-    said = [VERSION, str(Path(__file__).parents[3]), sys.version, sys.prefix, offered, sorted(replacements().items())]
+    said = [
+        VERSION,
+        str(Path(__file__).parents[3]),
+        sys.version,
+        sys.prefix,
+        offered,
+        sorted(replacements().items()),
+    ]
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
 
 
@@ -144,7 +160,9 @@ class _Writer:
             "inputs": {name: self.port(port) for name, port in skill.inputs.items()},
             "outputs": {name: self.port(port) for name, port in skill.outputs.items()},
             "devices": [self.type_said(interface, shallow=True) for interface in skill.devices],
-            "optional_devices": [self.type_said(interface, shallow=True) for interface in skill.optional_devices],
+            "optional_devices": [
+                self.type_said(interface, shallow=True) for interface in skill.optional_devices
+            ],
             "moves": [skill.devices.index(interface) for interface in skill.claims()],
             "failures": list(skill.failures),
             "renamed_failures": dict(skill.renamed_failures),
@@ -176,7 +194,11 @@ class _Writer:
         if isinstance(found, Loose):
             return {"loose": found.name}
         if isinstance(found, ListType):
-            return {"list": self.type_said(found.element), "length": found.length, "array": found.array}
+            return {
+                "list": self.type_said(found.element),
+                "length": found.length,
+                "array": found.array,
+            }
         if found.__module__ == "builtins" and found.__name__ in _PLAIN:
             return found.__name__
         top = found.__module__.partition(".")[0]
@@ -197,10 +219,16 @@ class _Writer:
             return
         hidden = ("object", "Protocol", "Generic", "ABC", "NamedTuple")
         said["bases"] = [
-            self.type_said(base, shallow=shallow) for base in found.__bases__ if base.__name__ not in hidden
+            self.type_said(base, shallow=shallow)
+            for base in found.__bases__
+            if base.__name__ not in hidden
         ]
         fields = None if shallow else fields_of(found)
-        said["fields"] = None if fields is None else {name: self.type_said(field) for name, field in fields.items()}
+        said["fields"] = (
+            None
+            if fields is None
+            else {name: self.type_said(field) for name, field in fields.items()}
+        )
 
 
 # ------------------------------------------------------------------------------------------- file → stand-ins
@@ -214,7 +242,9 @@ class _Reader:
             self.stand_in(index)
         for index, said in enumerate(classes):
             if said.get("fields") is not None:
-                fields = tuple((name, self.type_said(field)) for name, field in said["fields"].items())
+                fields = tuple(
+                    (name, self.type_said(field)) for name, field in said["fields"].items()
+                )
                 setattr(self.made[index], DECLARED_FIELDS, fields)
 
     def registry(self, skills: Mapping[str, Mapping[str, Any]]) -> Registry:
@@ -228,7 +258,9 @@ class _Reader:
             "inputs": Ports(**{name: self.port(port) for name, port in said["inputs"].items()}),
             "outputs": Ports(**{name: self.port(port) for name, port in said["outputs"].items()}),
             "devices": devices,
-            "optional_devices": tuple(self.type_said(device) for device in said["optional_devices"]),
+            "optional_devices": tuple(
+                self.type_said(device) for device in said["optional_devices"]
+            ),
             "moves": tuple(devices[index] for index in said["moves"]),
             "failures": tuple(said["failures"]),
             "renamed_failures": dict(said["renamed_failures"]),
@@ -238,19 +270,33 @@ class _Reader:
     def port(self, said: Mapping[str, Any]) -> Port:
         default = self.value(said["default"]) if "default" in said else REQUIRED
         low, high = said["limits"]
-        return Port(self.type_said(said["type"]), default, said["help"], low, high, tuple(said["choices"]), said["was"])
+        return Port(
+            self.type_said(said["type"]),
+            default,
+            said["help"],
+            low,
+            high,
+            tuple(said["choices"]),
+            said["was"],
+        )
 
     def value(self, said: Any) -> Any:
         if not isinstance(said, dict):
             return said
-        return self.type_said(said["enum"])[said["member"]] if "enum" in said else _Shown(said["text"])
+        return (
+            self.type_said(said["enum"])[said["member"]] if "enum" in said else _Shown(said["text"])
+        )
 
     def type_said(self, said: Any) -> Any:
         if isinstance(said, str):
             return _PLAIN[said]
         if "quantity" in said:
             known = QUANTITIES.get(said["quantity"])
-            return known if known and known.units == said["units"] else Quantity(said["quantity"], said["units"])
+            return (
+                known
+                if known and known.units == said["units"]
+                else Quantity(said["quantity"], said["units"])
+            )
         if "loose" in said:
             return Loose[said["loose"]]
         if "list" in said:
@@ -271,7 +317,9 @@ class _Reader:
             else:
                 bases = tuple(self.type_said(base) for base in said["bases"]) or (object,)
                 body = {"__module__": said["module"], DECLARED_FIELDS: None}
-                self.made[index] = types.new_class(said["name"], bases, exec_body=lambda space: space.update(body))
+                self.made[index] = types.new_class(
+                    said["name"], bases, exec_body=lambda space: space.update(body)
+                )
         return self.made[index]
 
 

@@ -24,13 +24,20 @@ def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
     definitions: Schema = {
         "node": _node(skills, types or NodeTypes.installed()),
         "nodes": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/node"}},
-        "condition": {"type": ["string", "boolean"], "description": 'an expression such as "{measured.mu} > 0.6"'},
+        "condition": {
+            "type": ["string", "boolean"],
+            "description": 'an expression such as "{measured.mu} > 0.6"',
+        },
         "wires": {"type": ["object", "null"], "description": "ports of a subtree"},
         "port": _declared(skills),
         "subtree": _subtree(),
         **{f"skill.{name}": _skill(name, skill) for name, skill in sorted(skills.items())},
     }
-    ports = {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}, "additionalProperties": _ref("port")}
+    ports = {
+        "type": ["object", "null"],
+        "propertyNames": {"pattern": _NAME},
+        "additionalProperties": _ref("port"),
+    }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Pomona tree file",
@@ -69,12 +76,19 @@ def _node(skills: Registry, types: NodeTypes) -> Schema:
     own = {word: found for word, found in types.items() if found.role != "modifier"}
     words: Schema = {word: {**_described(found, word)} for word, found in own.items()}
     called: Schema = {name: _ref(f"skill.{name}") for name in sorted(skills)}
-    beside: Schema = {"name": {"type": "string", "maxLength": 80}, "description": {"type": "string"}}
-    beside.update({modifier.key: _described(modifier, modifier.key) for modifier in types.modifiers})
+    beside: Schema = {
+        "name": {"type": "string", "maxLength": 80},
+        "description": {"type": "string"},
+    }
+    beside.update(
+        {modifier.key: _described(modifier, modifier.key) for modifier in types.modifiers}
+    )
     beside.update({word: _described(types.owners(word)[0], word) for word in types.fields})
     kinds = [{"required": [name]} for name in (*words, *called)]
     subtree = {"not": {"anyOf": [*kinds, {"propertyNames": {"enum": list(beside)}}]}}
-    single = {word: types.owners(word)[0].key for word in types.fields if len(types.owners(word)) == 1}
+    single = {
+        word: types.owners(word)[0].key for word in types.fields if len(types.owners(word)) == 1
+    }
     needed = [
         {"if": {"required": [word]}, "then": {"required": required}}
         for word, found in types.items()
@@ -110,7 +124,8 @@ def _skill(name: str, skill: type[Skill]) -> Schema:
         port_name: {
             "type": "string",
             "pattern": r"^\s*\{\s*[A-Za-z_][A-Za-z0-9_]*\s*\}\s*$",
-            "description": f"output, {type_name(port.type)}" + (f": {port.help}" if port.help else ""),
+            "description": f"output, {type_name(port.type)}"
+            + (f": {port.help}" if port.help else ""),
         }
         for port_name, port in skill.outputs.items()
     }
@@ -144,7 +159,11 @@ def _literal(port: Port) -> Schema:
     if port_type in (int, float):
         return {"type": "integer" if port_type is int else "number", **bounds_schema(*port.bounds)}
     if port_type is str:
-        return {"enum": list(port.choices)} if port.choices else {"type": ["string", "number", "boolean"]}
+        return (
+            {"enum": list(port.choices)}
+            if port.choices
+            else {"type": ["string", "number", "boolean"]}
+        )
     if issubclass(port_type, Enum):
         return {"enum": sorted({word for m in port_type for word in (m.name, str(m.value))})}
     if port_type is object:
@@ -168,7 +187,10 @@ def _declared(skills: Registry) -> Schema:
                     "default": {},
                     "min": {},
                     "max": {},
-                    "choices": {"type": "array", "items": {"type": ["string", "number", "boolean"]}},
+                    "choices": {
+                        "type": "array",
+                        "items": {"type": ["string", "number", "boolean"]},
+                    },
                     "help": {"type": "string"},
                 },
             },
@@ -177,14 +199,20 @@ def _declared(skills: Registry) -> Schema:
 
 
 def _subtree() -> Schema:
-    ports = {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}, "additionalProperties": _ref("port")}
+    ports = {
+        "type": ["object", "null"],
+        "propertyNames": {"pattern": _NAME},
+        "additionalProperties": _ref("port"),
+    }
     return {
         "oneOf": [
             {
                 "type": "object",
                 "required": ["file"],
                 "additionalProperties": False,
-                "properties": {"file": {"type": "string", "description": "another tree file, beside this one"}},
+                "properties": {
+                    "file": {"type": "string", "description": "another tree file, beside this one"}
+                },
             },
             {
                 "type": "object",

@@ -45,7 +45,9 @@ def patched(text: str, difference: str, name: str) -> str:
         old, new = (int(count) if count else 1 for count in hunk.group(2, 3))
         if here:
             first = int(hunk[1]) + shift - (old > 0)
-            lines[first : first + old] = [row[1:] for row in rows[at + 1 + old : at + 1 + old + new]]
+            lines[first : first + old] = [
+                row[1:] for row in rows[at + 1 + old : at + 1 + old + new]
+            ]
             shift += new - old
         at += 1 + old + new
     return "".join(f"{line}\n" for line in lines)

@@ -32,7 +32,9 @@ class FileTakeover:
         difference: of the files, as a unified diff.
     """
 
-    def __init__(self, running: BuiltTree, held: str, rebuild: Callable[[Around], BuiltTree]) -> None:
+    def __init__(
+        self, running: BuiltTree, held: str, rebuild: Callable[[Around], BuiltTree]
+    ) -> None:
         """Build the files' tree, and prepare its new skills.
 
         Raises:
@@ -41,7 +43,9 @@ class FileTakeover:
         """
         stay = begun(running, held)
         self._held = held
-        self.fresh = rebuild({key: value for key, value in running.around.items() if key[0] in stay})
+        self.fresh = rebuild(
+            {key: value for key, value in running.around.items() if key[0] in stay}
+        )
         self.difference = difference(running, self.fresh)
         if not self.difference:
             raise ReloadRefusedError("the tree file has not changed")
@@ -49,7 +53,9 @@ class FileTakeover:
             try:
                 skill.prepare()
             except Exception as error:  # weights that do not load: the run stays as it is
-                raise ReloadRefusedError(f"{skill.name} cannot be prepared: {sentence_of(error)}") from error
+                raise ReloadRefusedError(
+                    f"{skill.name} cannot be prepared: {sentence_of(error)}"
+                ) from error
 
     def apply(self, running: BuiltTree) -> BuiltTree:
         """Put its nodes into the run's tree, and return that. Raises ReloadRefusedError: it has changed meanwhile."""
@@ -62,7 +68,11 @@ def begun(tree: BuiltTree, held: str = "") -> set[str]:
     Args:
         held: path of the node at which a breakpoint holds the tick; nodes around it have begun.
     """
-    found = {path for path, b in tree.behaviours.items() if b.status is not Status.INVALID or _remembers(b)}
+    found = {
+        path
+        for path, b in tree.behaviours.items()
+        if b.status is not Status.INVALID or _remembers(b)
+    }
     node: Behaviour | None = tree.behaviours.get(held)
     while node is not None:
         found.add(node.path)  # type: ignore[attr-defined]
@@ -84,21 +94,27 @@ class MergedTree:
             held: see `begun`.
         """
         self._running, self._fresh, self._begun = running, fresh, begun(running, held)
-        self._was, self._now = ({info.path: info for info in tree.nodes} for tree in (running, fresh))
+        self._was, self._now = (
+            {info.path: info for info in tree.nodes} for tree in (running, fresh)
+        )
         self._names = _changed_names(running, fresh)
         self._children: list[tuple[Behaviour, list[Behaviour]]] = []
         self._rewired: list[tuple[Skill, Skill]] = []
         self._behaviours = dict(fresh.behaviours)
         self._same = self._unchanged()
         old, new = (next(iter(tree.behaviours.values())) for tree in (running, fresh))
-        if type(running.root) is not type(fresh.root) or (_path(old) in self._begun and _path(old) != _path(new)):
+        if type(running.root) is not type(fresh.root) or (
+            _path(old) in self._begun and _path(old) != _path(new)
+        ):
             self._refuse(_path(new), "the whole tree has another form")
         self._root = running.root if self._merge(old, new) is old else fresh.root
 
     @property
     def skills(self) -> tuple[Skill, ...]:
         """Skills as in the changed file that the run does not have so far: they are prepared first."""
-        new = (b for path, b in self._behaviours.items() if b is not self._running.behaviours.get(path))
+        new = (
+            b for path, b in self._behaviours.items() if b is not self._running.behaviours.get(path)
+        )
         return (*(b for b in new if isinstance(b, Skill)), *(skill for _, skill in self._rewired))
 
     def apply(self) -> BuiltTree:
@@ -116,7 +132,11 @@ class MergedTree:
             before = old.behaviours.get(path)
             if isinstance(behaviour, (Skill, Question)) and isinstance(before, (Skill, Question)):
                 behaviour.starts = before.starts
-        kept = {key: value for key, value in old.around.items() if new.get(key[0]) is old.behaviours[key[0]]}
+        kept = {
+            key: value
+            for key, value in old.around.items()
+            if new.get(key[0]) is old.behaviours[key[0]]
+        }
         around = {**self._fresh.around, **kept}
         return replace(self._fresh, root=self._root, behaviours=new, board=old.board, around=around)
 
@@ -136,7 +156,11 @@ class MergedTree:
         if path in self._same:
             self._behaviours.update((_path(node), node) for node in old.iterate())
             return old
-        if isinstance(old, Skill) and old.status is Status.INVALID and self._was[path].type == self._now[path].type:
+        if (
+            isinstance(old, Skill)
+            and old.status is Status.INVALID
+            and self._was[path].type == self._now[path].type
+        ):
             assert isinstance(new, Skill)
             self._rewired.append((old, new))
         elif path not in self._begun:
@@ -149,18 +173,27 @@ class MergedTree:
     def _merge_children(self, old: Behaviour, new: Behaviour) -> list[Behaviour]:
         path, name = _path(new), self._now[_path(new)].name
         if word := self._difference(path):
-            self._refuse(path, f"{word} of {name} has changed, but this node has started in the present pass")
+            self._refuse(
+                path, f"{word} of {name} has changed, but this node has started in the present pass"
+            )
         if _remembers(old):
             self._refuse(path, f"{name} has changed, but it keeps its state in the whole run")
         was, now = _paths(old), _paths(new)
         passed = 1 + max((at for at, child in enumerate(was) if child in self._begun), default=-1)
         if was[:passed] != now[:passed]:
-            at = next((child for child, other in zip(now, was, strict=False) if child != other), path)
-            self._refuse(at, f"the children of {name} have changed before the place where the run is")
+            at = next(
+                (child for child, other in zip(now, was, strict=False) if child != other), path
+            )
+            self._refuse(
+                at, f"the children of {name} have changed before the place where the run is"
+            )
         if was != now and not isinstance(old, (Sequence, Fallback, Choice)):
             self._refuse(path, f"{name} has started in the present pass with other children")
         before = dict(zip(was, old.children, strict=True))
-        return [self._merge(before[_path(child)], child) if _path(child) in before else child for child in new.children]
+        return [
+            self._merge(before[_path(child)], child) if _path(child) in before else child
+            for child in new.children
+        ]
 
     def _difference(self, path: str) -> str:
         """Return a word of the node that has changed, or that uses a changed name; empty without one."""
@@ -168,7 +201,9 @@ class MergedTree:
         for old, new in zip(_words(was), _words(now), strict=True):
             for word in {**old, **new}:
                 text = new.get(word, "")
-                if text != old.get(word) or self._names.intersection(re.findall(r"\w+", text) if "{" in text else ()):
+                if text != old.get(word) or self._names.intersection(
+                    re.findall(r"\w+", text) if "{" in text else ()
+                ):
                     return word
         same = (was.kind, was.type, was.name, was.choices, was.leads) == (
             now.kind, now.type, now.name, now.choices, now.leads
@@ -183,12 +218,16 @@ class MergedTree:
 def difference(running: BuiltTree, fresh: BuiltTree) -> str:
     """Return the changed lines of the tree's files, as a unified diff without context; empty without a change."""
     old, new = (
-        {} if tree.document is None else {file.source.path: file.source.lines for file in tree.document.files}
+        {}
+        if tree.document is None
+        else {file.source.path: file.source.lines for file in tree.document.files}
         for tree in (running, fresh)
     )
     lines: list[str] = []
     for name in {**old, **new}:
-        lines += difflib.unified_diff(old.get(name, ()), new.get(name, ()), name, name, n=0, lineterm="")
+        lines += difflib.unified_diff(
+            old.get(name, ()), new.get(name, ()), name, name, n=0, lineterm=""
+        )
     return "\n".join(lines)
 
 
@@ -221,11 +260,16 @@ def _declared(tree: BuiltTree) -> dict[tuple[str, str, str], tuple[str | None, .
     assert tree.document is not None
     found: dict[tuple[str, str, str], tuple[str | None, ...]] = {}
     names: list[tuple[str, str, Mapping[str, Declared]]] = [
-        (file.source.path, "", {**file.parameters, **file.constants}) for file in tree.document.files
+        (file.source.path, "", {**file.parameters, **file.constants})
+        for file in tree.document.files
     ]
-    names += [(d.file.source.path, d.name, {**d.inputs, **d.outputs}) for d in tree.document.definitions()]
+    names += [
+        (d.file.source.path, d.name, {**d.inputs, **d.outputs}) for d in tree.document.definitions()
+    ]
     for file, definition, words in names:
         for word, said in words.items():
             parts = (said.type, said.default, said.min, said.max, *said.choices)
-            found[file, definition, word] = tuple(None if part is None else written(part) for part in parts)
+            found[file, definition, word] = tuple(
+                None if part is None else written(part) for part in parts
+            )
     return found

@@ -26,10 +26,22 @@ from pomona.tools.ros2.to_ros2 import RosMessage, ToRos2, colour_message, depth_
 from pomona.tools.ros2.types import coder
 
 ACT, RUN_TREE = "pomona_msgs/srv/Act", "pomona_msgs/action/RunTree"
-ACTIONS = ("take", "release", "pause", "resume", "step", "stop", "speed", "safe_stop", "acknowledge")
+ACTIONS = (
+    "take",
+    "release",
+    "pause",
+    "resume",
+    "step",
+    "stop",
+    "speed",
+    "safe_stop",
+    "acknowledge",
+)
 EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6  # action_msgs/GoalStatus
 MOST_NAME = 60  # letters of an operator's name, as for the page
-Starts = Callable[[dict[str, Any]], str]  # begins the run that a form describes, as the dashboard's page fills it in
+Starts = Callable[
+    [dict[str, Any]], str
+]  # begins the run that a form describes, as the dashboard's page fills it in
 
 
 @dataclass(slots=True)
@@ -49,7 +61,11 @@ class Ros2Bridge:
     """A sink of `Live` that also takes requests."""
 
     def __init__(
-        self, peer: Ros2Peer, control: ControlLock, acts_with: Callable[[str], bool], start: Starts | None = None
+        self,
+        peer: Ros2Peer,
+        control: ControlLock,
+        acts_with: Callable[[str], bool],
+        start: Starts | None = None,
     ) -> None:
         """
         Args:
@@ -87,23 +103,37 @@ class Ros2Bridge:
         if view.image is not None:
             self._publish(RosMessage(*colour_message(topic, f"camera/{topic}", view.image, stamp)))
         if view.depth is not None:
-            metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0)).astype(np.float32)
+            metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0)).astype(
+                np.float32
+            )
             self._publish(RosMessage(*depth_message(topic, f"camera/{topic}", metres, stamp)))
 
     def rest(self) -> None:
-        if self._links and time.monotonic() - self._said > 1.0:  # period of the diagnostics, for late subscribers [s]
+        if (
+            self._links and time.monotonic() - self._said > 1.0
+        ):  # period of the diagnostics, for late subscribers [s]
             self._said = time.monotonic()
             self._publish(diagnostics(time.time_ns(), self._links))
         with self._lock:  # a goal that is being taken has not cleared the last one's problem yet
             goal, start = self._goal, self._control.start
-        if goal is not None and goal.status == EXECUTING and start is not None and "problem" in start:
-            self._end_goal(goal, {"outcome": "stopped" if goal.canceled else "error", "reason": start["problem"]})
+        if (
+            goal is not None
+            and goal.status == EXECUTING
+            and start is not None
+            and "problem" in start
+        ):
+            self._end_goal(
+                goal,
+                {"outcome": "stopped" if goal.canceled else "error", "reason": start["problem"]},
+            )
 
     def close(self) -> None:
         self._peer.close()
 
     def _publish(self, message: RosMessage) -> None:
-        self._peer.publish(message.topic, message.type, coder(message.type).coded(message.fields), message.stamp)
+        self._peer.publish(
+            message.topic, message.type, coder(message.type).coded(message.fields), message.stamp
+        )
 
     # --------------------------------------------------------------------------------------- services
 
@@ -113,7 +143,10 @@ class Ros2Bridge:
     def _act(self, action: str, asked: Any) -> dict[str, Any]:
         try:
             viewer, who = self._admitted(asked)
-            return {"success": True, "message": self._do(action, viewer, who, str(asked.detail)) or "done"}
+            return {
+                "success": True,
+                "message": self._do(action, viewer, who, str(asked.detail)) or "done",
+            }
         except PomonaError as error:
             return {"success": False, "message": str(error)}
 
@@ -138,8 +171,12 @@ class Ros2Bridge:
         Raises RefusedError: the token is wrong, or the operator's name is missing.
         """
         if not self._acts_with(asked.token):
-            raise RefusedError("actions need the token that Pomona printed on this machine at the start")
-        who = "".join(letter for letter in asked.who[: 2 * MOST_NAME] if letter.isprintable()).strip()[:MOST_NAME]
+            raise RefusedError(
+                "actions need the token that Pomona printed on this machine at the start"
+            )
+        who = "".join(
+            letter for letter in asked.who[: 2 * MOST_NAME] if letter.isprintable()
+        ).strip()[:MOST_NAME]
         if not who:
             raise RefusedError("the operator's name is missing")
         return f"ros2:{who}", who
@@ -150,7 +187,9 @@ class Ros2Bridge:
         now = time.time_ns()
         try:
             viewer, who = self._admitted(asked.goal)
-            self._begin_goal(_Goal(bytes(asked.goal_id.uuid), viewer, now), _form(asked.goal, viewer, who))
+            self._begin_goal(
+                _Goal(bytes(asked.goal_id.uuid), viewer, now), _form(asked.goal, viewer, who)
+            )
             self._control.take(viewer, who)
             accepted = True
         except (PomonaError, OSError, ValueError) as error:
@@ -225,7 +264,14 @@ class Ros2Bridge:
                 "tick": event["tick"],
             }
             fields = {"goal_id": {"uuid": goal.uuid}, "feedback": feedback}
-            self._publish(RosMessage("/pomona/run_tree/_action/feedback", f"{RUN_TREE}_FeedbackMessage", stamp, fields))
+            self._publish(
+                RosMessage(
+                    "/pomona/run_tree/_action/feedback",
+                    f"{RUN_TREE}_FeedbackMessage",
+                    stamp,
+                    fields,
+                )
+            )
         elif event["event"] == "RunEnded":
             reason = event["reason"] or {"code": "", "message": ""}
             result = {
@@ -247,8 +293,14 @@ class Ros2Bridge:
 
     def _say_status(self, now: int) -> None:
         if self._goal is not None:
-            told = {"status_list": [{"goal_info": self._info(self._goal), "status": self._goal.status}]}
-            self._publish(RosMessage("/pomona/run_tree/_action/status", "action_msgs/msg/GoalStatusArray", now, told))
+            told = {
+                "status_list": [{"goal_info": self._info(self._goal), "status": self._goal.status}]
+            }
+            self._publish(
+                RosMessage(
+                    "/pomona/run_tree/_action/status", "action_msgs/msg/GoalStatusArray", now, told
+                )
+            )
 
     def _info(self, goal: _Goal) -> dict[str, Any]:
         stamp = {"sec": goal.accepted // 10**9, "nanosec": goal.accepted % 10**9}
@@ -274,5 +326,11 @@ def _form(asked: Any, viewer: str, who: str) -> dict[str, Any]:
     if len(set(asked.names)) < len(asked.names):
         raise UsageError(f"a name comes twice: {', '.join(asked.names)}")
     settings = dict(zip(asked.names, asked.values, strict=True))
-    form = {"viewer": viewer, "who": who, "tree": asked.tree, "seed": int(asked.seed), "settings": settings}
+    form = {
+        "viewer": viewer,
+        "who": who,
+        "tree": asked.tree,
+        "seed": int(asked.seed),
+        "settings": settings,
+    }
     return {**form, "cell": asked.cell} if asked.cell else form

@@ -39,7 +39,10 @@ float64[] values
 }
 
 SERVICES: Mapping[str, tuple[str, str]] = {
-    "pomona_msgs/srv/Act": ("string token\nstring who\nstring detail\n", "bool success\nstring message\n"),
+    "pomona_msgs/srv/Act": (
+        "string token\nstring who\nstring detail\n",
+        "bool success\nstring message\n",
+    ),
     "pomona_msgs/action/RunTree_SendGoal": (
         "unique_identifier_msgs/UUID goal_id\npomona_msgs/action/RunTree_Goal goal\n",
         "bool accepted\nbuiltin_interfaces/Time stamp\n",

@@ -19,6 +19,13 @@ def octomap(points: Any, resolution: float) -> Mapping[str, Any]:
 
     Raises ValueError: a point lies beyond the 32 768 cells on each side of the origin that the format can hold.
     """
-    cells = np.unique(np.floor(np.asarray(points, float).reshape(-1, 3) / resolution).astype(np.int64), axis=0)
+    cells = np.unique(
+        np.floor(np.asarray(points, float).reshape(-1, 3) / resolution).astype(np.int64), axis=0
+    )
     written, _ = octree(cells, np.full(len(cells), OCCUPIED, np.uint8))
-    return {"binary": True, "id": "OcTree", "resolution": resolution, "data": np.frombuffer(written, np.int8)}
+    return {
+        "binary": True,
+        "id": "OcTree",
+        "resolution": resolution,
+        "data": np.frombuffer(written, np.int8),
+    }

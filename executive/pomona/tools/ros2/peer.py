@@ -27,13 +27,20 @@ ADDRESS = "127.0.0.1:7447"  # where rmw_zenoh looks for a router
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical")
 """Versions of ROS 2. The types that Pomona uses have the same hashes from Jazzy on; Humble has no hashes."""
-UNHASHED = "TypeHashNotSupported"  # in the keys of Humble's rmw_zenoh, in the place of a type's hash
+UNHASHED = (
+    "TypeHashNotSupported"  # in the keys of Humble's rmw_zenoh, in the place of a type's hash
+)
 QOS = "::,10:,:,:,,"  # as rmw_zenoh writes it: reliable, volatile, the last ten
-QUEUE, PATIENCE = 16, 50_000  # batches that wait for a link, and microseconds before a message is dropped
+QUEUE, PATIENCE = (
+    16,
+    50_000,
+)  # batches that wait for a link, and microseconds before a message is dropped
 _HEAD = struct.Struct("<qqB")
 
 Reply = Callable[[Mapping[str, Any]], None]
-Handler = Callable[[Any, Reply], None]  # receives a request and the function that answers it with fields, now or later
+Handler = Callable[
+    [Any, Reply], None
+]  # receives a request and the function that answers it with fields, now or later
 WAITING = 16  # requests to a service that wait to be handled; more are refused at once
 
 
@@ -67,7 +74,9 @@ class Ros2Peer:
         self.local = host in LOOPBACK  # whether only this machine can reach it
         self._domain, self._node, self._insist = domain, node, insist
         self._hashed = distribution != "humble"
-        self._session = self._open(f"tcp/{address}", "tcp/127.0.0.1:0" if self.local else "tcp/0.0.0.0:0")
+        self._session = self._open(
+            f"tcp/{address}", "tcp/127.0.0.1:0" if self.local else "tcp/0.0.0.0:0"
+        )
         self._gid = secrets.token_bytes(16)
         self._lock = threading.Lock()
         self._workers: list[ThreadPoolExecutor] = []
@@ -84,7 +93,9 @@ class Ros2Peer:
             try:
                 return self._zenoh.open(self._config("peer", [own], [endpoint]))
             except Exception as error:
-                raise UsageError(f"no ROS 2 at {endpoint[4:]}: {_words(error)} ({_words(taken)})") from error
+                raise UsageError(
+                    f"no ROS 2 at {endpoint[4:]}: {_words(error)} ({_words(taken)})"
+                ) from error
 
     def _config(self, mode: str, listen: list[str], connect: list[str]) -> Any:
         config = self._zenoh.Config()
@@ -112,7 +123,9 @@ class Ros2Peer:
         publisher = self._publishers.get(topic)
         if publisher is None:
             publisher = self._session.declare_publisher(
-                self._key(topic, kind), congestion_control=self._zenoh.CongestionControl.DROP, express=True
+                self._key(topic, kind),
+                congestion_control=self._zenoh.CongestionControl.DROP,
+                express=True,
             )
             self._publishers[topic] = publisher
             self._token("MP", topic, kind)
@@ -160,7 +173,9 @@ class Ros2Peer:
             def reply(fields: Mapping[str, Any]) -> None:
                 with contextlib.suppress(Exception):  # who asked is gone
                     attachment = self._attachment(number, time.time_ns(), gid)
-                    query.reply(query.key_expr, bytes(response.coded(fields)), attachment=attachment)
+                    query.reply(
+                        query.key_expr, bytes(response.coded(fields)), attachment=attachment
+                    )
                     query.drop()
 
             def work() -> None:
@@ -175,14 +190,19 @@ class Ros2Peer:
             with contextlib.suppress(RuntimeError):  # it was closed meanwhile
                 worker.submit(work)
 
-        self._held.append(self._session.declare_queryable(self._key(name, kind), answer, complete=True))
+        self._held.append(
+            self._session.declare_queryable(self._key(name, kind), answer, complete=True)
+        )
         self._token("SS", name, kind)
 
     def call(self, name: str, kind: str, fields: Mapping[str, Any], timeout: float = 5.0) -> Any:
         """Call a service. Raises TimeoutError: no answer came."""
         asked = bytes(coder(f"{kind}_Request").coded(fields))
         replies = self._session.get(
-            self._key(name, kind), payload=asked, attachment=self._attachment(1, time.time_ns()), timeout=timeout
+            self._key(name, kind),
+            payload=asked,
+            attachment=self._attachment(1, time.time_ns()),
+            timeout=timeout,
         )
         for reply in replies:
             if reply.ok is not None:
@@ -208,7 +228,9 @@ class Ros2Peer:
         with self._lock:
             number = self._entities
             self._entities += 1
-        token = f"@ros2_lv/{self._domain}/{self._session.zid()}/0/{number}/{entity}/%/%/{self._node}"
+        token = (
+            f"@ros2_lv/{self._domain}/{self._session.zid()}/0/{number}/{entity}/%/%/{self._node}"
+        )
         if kind:
             token += f"/{name.replace('/', '%')}/{_dds(kind)}/{self._version(kind)}/{QOS}"
         self._held.append(self._session.liveliness().declare_token(token))

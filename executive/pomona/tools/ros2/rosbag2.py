@@ -36,13 +36,17 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
     try:
         with made_whole(folder) as place:  # the file in it bears the folder's name
             verdict = require_valid(path)
-            writer = rosbag2.Writer(place, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP)
+            writer = rosbag2.Writer(
+                place, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP
+            )
             writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
             bag, run, last = _Bag(writer), ToRos2(), 0
             with writer:  # closed in any case
                 for found in scan(path, verdict):
                     last = found.stamp
-                    for message in run.messages(found.topic, parse_object(found.content), found.stamp):
+                    for message in run.messages(
+                        found.topic, parse_object(found.content), found.stamp
+                    ):
                         bag.write(message)
                 for message in run.rest(last):
                     bag.write(message)
@@ -50,7 +54,15 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
                     raise UsageError(f"{path}: not a record of a run")
     except NoRosTimeError as error:
         raise UsageError(f"{path}: {error}") from error
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, struct.error) as error:
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        IndexError,
+        AttributeError,
+        OverflowError,
+        struct.error,
+    ) as error:
         raise UsageError(f"{path}: not a record of a run: {error!r}") from error
     return {topic: f"{kind}  {count}" for topic, (kind, count) in sorted(bag.topics.items())}
 

@@ -73,8 +73,12 @@ class RosbridgePeer:
         try:
             self._socket: ClientConnection | None = self._connected()
         except (OSError, ValueError, WebSocketException) as error:  # a port beyond 65535 is a value
-            raise UsageError(f"no rosbridge at {address}: {error or type(error).__name__}") from error
-        self._threads = [threading.Thread(target=run, daemon=True) for run in (self._listen, self._speak)]
+            raise UsageError(
+                f"no rosbridge at {address}: {error or type(error).__name__}"
+            ) from error
+        self._threads = [
+            threading.Thread(target=run, daemon=True) for run in (self._listen, self._speak)
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -98,7 +102,13 @@ class RosbridgePeer:
             kind: of the action, "control_msgs/action/GripperCommand"; goal: its fields. stamp: nanoseconds since 1970.
         """
         if not self._ros_1:
-            request = {"op": "send_action_goal", "action": action, "action_type": kind, "args": goal, "feedback": False}
+            request = {
+                "op": "send_action_goal",
+                "action": action,
+                "action_type": kind,
+                "args": goal,
+                "feedback": False,
+            }
             self._send({**request, "id": f"{action}_{stamp}"})
             return
         topic, of = f"{action}/goal", kind.replace("/action/", "/") + "ActionGoal"
@@ -122,9 +132,15 @@ class RosbridgePeer:
                 thread.join(DEADLINE)
 
     def _connected(self) -> ClientConnection:
-        limits: dict[str, Any] = {"open_timeout": DEADLINE, "close_timeout": 0.2, "max_size": LARGEST}
+        limits: dict[str, Any] = {
+            "open_timeout": DEADLINE,
+            "close_timeout": 0.2,
+            "max_size": LARGEST,
+        }
         opening = connect(self._address, ping_interval=None, compression=None, proxy=None, **limits)
-        connection: ClientConnection = opening.__enter__()  # versions from 17.1 on connect here; `close` ends it
+        connection: ClientConnection = (
+            opening.__enter__()
+        )  # versions from 17.1 on connect here; `close` ends it
         return connection
 
     def _send(self, message: Mapping[str, Any]) -> None:
@@ -139,7 +155,9 @@ class RosbridgePeer:
                 self._waiting.wait_for(lambda: bool(self._queue) or self._over.is_set())
                 text, socket = (self._queue.popleft() if self._queue else None), self._socket
             if text is not None and socket is not None:
-                with contextlib.suppress(OSError, WebSocketException):  # `_listen` sees the end, too
+                with contextlib.suppress(
+                    OSError, WebSocketException
+                ):  # `_listen` sees the end, too
                     socket.send(text)
 
     def _listen(self) -> None:
@@ -182,7 +200,9 @@ class RosbridgePeer:
             self._ros_1 = self._ros_1 or "secs" in stamp
             coded = bytes(coder(kind).coded(_plain(kind, message["msg"])))
         except Exception as error:  # any malformed message
-            logger.warning("rosbridge at %s sent a message that cannot be read: %r", self._address, error)
+            logger.warning(
+                "rosbridge at %s sent a message that cannot be read: %r", self._address, error
+            )
             return
         take(coded)
 
@@ -206,7 +226,9 @@ def _plain(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a message in JSON under the names of ROS 2; those of ROS 1 are `secs`, and `K` for `k`."""
     found = {}
     for name, (node, of) in typestore().fielddefs[kind][1]:
-        there = next((other for other in (name, ROS_1.get(name, name), name.upper()) if other in given), None)
+        there = next(
+            (other for other in (name, ROS_1.get(name, name), name.upper()) if other in given), None
+        )
         if there is not None:
             found[name] = _value(node, of, given[there])
     return found

@@ -26,7 +26,9 @@ def add_ros2(parser: argparse.ArgumentParser) -> None:
     about = "speak ROS 2 (rmw_zenoh; default: 127.0.0.1:7447)"
     parser.add_argument("--ros2", nargs="?", const="", metavar="HOST:PORT", help=about)
     which = "version of ROS 2 of the other nodes (default: jazzy, which suits all later ones)"
-    parser.add_argument("--ros2-distribution", choices=("humble", "jazzy", "kilted", "lyrical"), help=which)
+    parser.add_argument(
+        "--ros2-distribution", choices=("humble", "jazzy", "kilted", "lyrical"), help=which
+    )
 
 
 def open_bridge(
@@ -43,9 +45,13 @@ def open_bridge(
     from pomona.tools.ros2.bridge import Ros2Bridge
     from pomona.tools.ros2.peer import ADDRESS, Ros2Peer
 
-    peer = Ros2Peer(options.ros2 or ADDRESS, insist=True, distribution=options.ros2_distribution or "jazzy")
+    peer = Ros2Peer(
+        options.ros2 or ADDRESS, insist=True, distribution=options.ros2_distribution or "jazzy"
+    )
     says = (
-        f"; an operator's requests need the token {access.token}" if peer.local else "; no requests from other machines"
+        f"; an operator's requests need the token {access.token}"
+        if peer.local
+        else "; no requests from other machines"
     )
     console.print(f"ROS 2 (rmw_zenoh) at {options.ros2 or ADDRESS}{says}", soft_wrap=True)
     return Ros2Bridge(peer, control, access.acts_with, start)

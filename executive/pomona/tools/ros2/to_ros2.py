@@ -22,11 +22,20 @@ from pomona.tools.ros2.octomap import octomap
 
 SECOND = 1_000_000_000
 
-STATUS_PERIOD = SECOND // 10  # shortest period of the tree's status [ns]: it changes many times in a tick
-TRACE_PERIOD, TRACE_POINTS = SECOND, 1000  # period of the executed path [ns], and most points published of it
+STATUS_PERIOD = (
+    SECOND // 10
+)  # shortest period of the tree's status [ns]: it changes many times in a tick
+TRACE_PERIOD, TRACE_POINTS = (
+    SECOND,
+    1000,
+)  # period of the executed path [ns], and most points published of it
 LEVELS = {2: 20, 3: 30, 4: 40}  # log levels, Foxglove's to ROS 2's: info, warning, error
 
-_KIND = {"sequence": 2, "fallback": 3, "parallel": 4}  # py_trees_ros_interfaces/Behaviour: status and type
+_KIND = {
+    "sequence": 2,
+    "fallback": 3,
+    "parallel": 4,
+}  # py_trees_ros_interfaces/Behaviour: status and type
 
 
 class NoRosTimeError(PomonaError):
@@ -34,7 +43,9 @@ class NoRosTimeError(PomonaError):
 
     def __init__(self, seconds: int) -> None:
         self.seconds = seconds  # since 1970
-        super().__init__(f"{seconds} s since 1970 are no time of ROS 2, which ends in January 2038: was the clock set?")
+        super().__init__(
+            f"{seconds} s since 1970 are no time of ROS 2, which ends in January 2038: was the clock set?"
+        )
 
 
 class RosMessage(NamedTuple):
@@ -81,16 +92,22 @@ class ToRos2:
         if event["event"] == "RunStarted":
             self._began = round(float(event.get("wall_time") or 0.0) * 1e9) - stamp
         at = self._began + stamp
-        yield RosMessage("/pomona/events", "std_msgs/msg/String", at, {"data": encoded(event).decode()})
+        yield RosMessage(
+            "/pomona/events", "std_msgs/msg/String", at, {"data": encoded(event).decode()}
+        )
         yield from self._tree.take(event, at)
         match event["event"]:
             case "LinkChanged":
                 yield diagnostics(at, {event["device"]: event["state"]})
             case "SafeStopped":
                 yield diagnostics(at, {"run": f"safe stop: {event['reason']}"})
-            case "Published" if isinstance(event["value"], Mapping) and event["value"].get("type") == "PosesView":
+            case "Published" if (
+                isinstance(event["value"], Mapping) and event["value"].get("type") == "PosesView"
+            ):
                 yield from self._moved(event["value"]["trace"], at)
-            case "Published" if isinstance(event["value"], Mapping) and event["value"].get("type") == "SceneView":
+            case "Published" if (
+                isinstance(event["value"], Mapping) and event["value"].get("type") == "SceneView"
+            ):
                 yield from _lines(event["topic"], event["value"]["lines"], at)
                 yield from _maps(event["topic"], event["value"]["points"], at)
             case "RunEnded":
@@ -100,7 +117,10 @@ class ToRos2:
         point = [float(x) for x in trace]
         self._trace.append((at, point))
         yield RosMessage(
-            "/pomona/tcp", "geometry_msgs/msg/PointStamped", at, {"header": header(at, "base"), "point": xyz(point)}
+            "/pomona/tcp",
+            "geometry_msgs/msg/PointStamped",
+            at,
+            {"header": header(at, "base"), "point": xyz(point)},
         )
         if at - self._traced >= TRACE_PERIOD:
             yield from self._path(at)
@@ -110,7 +130,9 @@ class ToRos2:
             return
         self._traced = at
         stride = -(-len(self._trace) // TRACE_POINTS)
-        told = self._trace[::stride] + ([] if (len(self._trace) - 1) % stride == 0 else self._trace[-1:])
+        told = self._trace[::stride] + (
+            [] if (len(self._trace) - 1) % stride == 0 else self._trace[-1:]
+        )
         yield _path("/pomona/path/executed", told, at)
 
 
@@ -138,7 +160,9 @@ def xyz(values: Any) -> dict[str, float]:
 
 def ros_name(name: str) -> str:
     """Return a name in ROS 2's form for topics: letters, digits, underscores, slashes, no part begins with a digit."""
-    parts = (re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_") or "x" for part in name.strip("/").split("/"))
+    parts = (
+        re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_") or "x" for part in name.strip("/").split("/")
+    )
     return "/".join(f"_{part}" if part[0].isdigit() else part for part in parts)
 
 
@@ -150,28 +174,44 @@ def _path(topic: str, points: list[tuple[int, list[float]]], at: int) -> RosMess
         {"header": header(time, "base"), "pose": {"position": xyz(point), "orientation": UPRIGHT}}
         for time, point in points
     ]
-    return RosMessage(topic, "nav_msgs/msg/Path", at, {"header": header(at, "base"), "poses": poses})
+    return RosMessage(
+        topic, "nav_msgs/msg/Path", at, {"header": header(at, "base"), "poses": poses}
+    )
 
 
 def _lines(topic: str, lines: Any, at: int) -> Iterator[RosMessage]:
     for line in lines:
-        points = [[float("nan") if x is None else float(x) for x in point] for point in line["points"]]
+        points = [
+            [float("nan") if x is None else float(x) for x in point] for point in line["points"]
+        ]
         label = ros_name(line["label"] or line["style"])
-        yield _path(f"/pomona/path/{ros_name(topic)}/{label}", [(at, point) for point in points], at)
+        yield _path(
+            f"/pomona/path/{ros_name(topic)}/{label}", [(at, point) for point in points], at
+        )
 
 
 def _maps(topic: str, clouds: Any, at: int) -> Iterator[RosMessage]:
     """Occupied voxels as an octree, in addition to the point cloud."""
     for cloud in clouds:
         if cloud["style"] == "occupied" and cloud["size"] > 0.0:
-            fields = {"header": header(at, "base"), **octomap(cloud["points"], float(cloud["size"]))}
-            yield RosMessage(f"/pomona/octomap/{ros_name(topic)}", "octomap_msgs/msg/Octomap", at, fields)
+            fields = {
+                "header": header(at, "base"),
+                **octomap(cloud["points"], float(cloud["size"])),
+            }
+            yield RosMessage(
+                f"/pomona/octomap/{ros_name(topic)}", "octomap_msgs/msg/Octomap", at, fields
+            )
 
 
 def diagnostics(at: int, states: Mapping[str, str]) -> RosMessage:
     """Return the devices' state by name: 'ok', or the problem."""
     status = [
-        {"level": 0 if state == "ok" else 2, "name": f"pomona: {name}", "message": state, "hardware_id": name}
+        {
+            "level": 0 if state == "ok" else 2,
+            "name": f"pomona: {name}",
+            "message": state,
+            "hardware_id": name,
+        }
         for name, state in states.items()
     ]
     fields = {"header": header(at, ""), "status": status}
@@ -182,7 +222,14 @@ class _TreeStatus:
     """The status of every node, as a message of our own and as py_trees_ros's."""
 
     def __init__(self) -> None:
-        self._about: dict[str, Any] = {"run": "", "tree": "", "state": "", "because": "", "pause": 0, "tick": 0}
+        self._about: dict[str, Any] = {
+            "run": "",
+            "tree": "",
+            "state": "",
+            "because": "",
+            "pause": 0,
+            "tick": 0,
+        }
         self._nodes: dict[str, dict[str, Any]] = {}
         self._children: dict[str, list[str]] = {}
         self._told, self._changed = -STATUS_PERIOD, False
@@ -193,7 +240,9 @@ class _TreeStatus:
             case "RunStarted":
                 self._begin(event)
             case "StateChanged":
-                self._about |= {key: event[key] for key in ("state", "because")} | {"pause": event.get("pause", 0)}
+                self._about |= {key: event[key] for key in ("state", "because")} | {
+                    "pause": event.get("pause", 0)
+                }
             case "NodeChanged":
                 self._change(event)
             case "RunEnded":
@@ -213,14 +262,21 @@ class _TreeStatus:
         yield RosMessage("/pomona/tree", "pomona_msgs/msg/TreeStatus", at, ours)
         behaviours = [self._behaviour(path, node) for path, node in self._nodes.items()]
         theirs = {"tick": self._about["tick"], "stamp": time_of(at), "behaviours": behaviours}
-        yield RosMessage("/pomona/snapshots", "py_trees_ros_interfaces/msg/BehaviourTree", at, theirs)
+        yield RosMessage(
+            "/pomona/snapshots", "py_trees_ros_interfaces/msg/BehaviourTree", at, theirs
+        )
 
     def _begin(self, event: Mapping[str, Any]) -> None:
         self._about |= {"run": event["run"], "tree": event["tree"], "state": "", "because": ""}
         self._nodes, self._children = {}, {}
         for node in event["nodes"]:
             path, parent = node["path"], node["parent"] or ""
-            known = {"path": path, "parent": parent, "name": node.get("name", path), "type": node.get("type", "")}
+            known = {
+                "path": path,
+                "parent": parent,
+                "name": node.get("name", path),
+                "type": node.get("type", ""),
+            }
             self._nodes[path] = known | {"status": "INVALID"}
             self._children.setdefault(parent, []).append(path)
 
@@ -237,7 +293,9 @@ class _TreeStatus:
 
     def _behaviour(self, path: str, node: Mapping[str, Any]) -> dict[str, Any]:
         children = self._children.get(path, [])
-        running = next((child for child in children if self._nodes[child]["status"] == "RUNNING"), None)
+        running = next(
+            (child for child in children if self._nodes[child]["status"] == "RUNNING"), None
+        )
         kind = _KIND.get(node.get("type", ""), 1 if not children else 7 if len(children) > 1 else 6)
         return {
             "name": node["name"],
@@ -248,7 +306,9 @@ class _TreeStatus:
             "current_child_id": self._id(running or ""),
             "type": kind,
             "blackbox_level": 4,
-            "status": {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}.get(node["status"], 1),
+            "status": {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}.get(
+                node["status"], 1
+            ),
             "message": node.get("feedback", ""),
             "is_active": node["status"] != "INVALID",
         }
@@ -256,12 +316,16 @@ class _TreeStatus:
     @staticmethod
     def _id(path: str) -> dict[str, Any]:
         """Return the id of a path, equal in every run; the empty path has the zero id."""
-        return {"uuid": uuid.uuid5(uuid.NAMESPACE_URL, f"pomona:{path}").bytes if path else bytes(16)}
+        return {
+            "uuid": uuid.uuid5(uuid.NAMESPACE_URL, f"pomona:{path}").bytes if path else bytes(16)
+        }
 
 
 # ------------------------------------------------------------------------------- what other tools draw of a run
 
-Translated = Iterator[tuple[str, str, int, Mapping[str, Any]]]  # topic, type, stamp [ns since 1970], fields
+Translated = Iterator[
+    tuple[str, str, int, Mapping[str, Any]]
+]  # topic, type, stamp [ns since 1970], fields
 
 
 def _transforms(_name: str, content: Mapping[str, Any], at: int) -> Translated:
@@ -283,7 +347,12 @@ def _image(name: str, content: Mapping[str, Any], at: int) -> Translated:
         "format": content["format"],
         "data": base64.b64decode(content["data"]),
     }
-    yield f"/camera/{ros_name(name)}/image/compressed", "sensor_msgs/msg/CompressedImage", at, fields
+    yield (
+        f"/camera/{ros_name(name)}/image/compressed",
+        "sensor_msgs/msg/CompressedImage",
+        at,
+        fields,
+    )
 
 
 def _depth(name: str, content: Mapping[str, Any], at: int) -> Translated:
@@ -324,7 +393,12 @@ def _points(name: str, content: Mapping[str, Any], at: int) -> Translated:
         "height": 1,
         "width": len(data) // stride,
         "fields": [
-            {"name": field["name"], "offset": field["offset"], "datatype": field["type"], "count": 1}
+            {
+                "name": field["name"],
+                "offset": field["offset"],
+                "datatype": field["type"],
+                "count": 1,
+            }
             for field in content["fields"]
         ],
         "point_step": stride,
@@ -360,7 +434,12 @@ def _scene(name: str, content: Mapping[str, Any], at: int) -> Translated:
                     "frame_locked": entity["frame_locked"],
                 }
             )
-    yield f"/pomona/scene/{ros_name(name)}", "visualization_msgs/msg/MarkerArray", at, {"markers": markers}
+    yield (
+        f"/pomona/scene/{ros_name(name)}",
+        "visualization_msgs/msg/MarkerArray",
+        at,
+        {"markers": markers},
+    )
 
 
 def _log(_name: str, content: Mapping[str, Any], at: int) -> Translated:
@@ -404,22 +483,36 @@ def _reading(name: str, content: Mapping[str, Any], at: int) -> Translated:
     }
     if joints:
         names, rows = list(joints.values()), np.stack([columns[key] for key in joints], axis=1)
-        rates = [columns[key] for key in columns if key.startswith("qd_")]  # records of earlier versions have none
+        rates = [
+            columns[key] for key in columns if key.startswith("qd_")
+        ]  # records of earlier versions have none
         velocities = np.stack(rates, axis=1) if rates else np.empty((len(times), 0))
         for at_sample, row, velocity in zip(times, rows, velocities, strict=True):
-            fields = {"header": header(at_sample, ""), "name": names, "position": row, "velocity": velocity}
+            fields = {
+                "header": header(at_sample, ""),
+                "name": names,
+                "position": row,
+                "velocity": velocity,
+            }
             yield "/joint_states", "sensor_msgs/msg/JointState", at_sample, fields
     yield from _wrenches(name, columns, times)
 
 
 def _wrenches(device: str, columns: Mapping[str, Any], times: list[int]) -> Translated:
-    fingers = dict.fromkeys(key.rsplit("_force_x_N", 1)[0] for key in columns if key.endswith("_force_x_N"))
+    fingers = dict.fromkeys(
+        key.rsplit("_force_x_N", 1)[0] for key in columns if key.endswith("_force_x_N")
+    )
     for finger in fingers:
         topic, frame = f"/{ros_name(device)}/{finger}/wrench", f"{device}/{finger}"
         rows = np.stack([columns[f"{finger}_{part}"] for part in _WRENCH], axis=1).tolist()
         for at, (fx, fy, fz, tx, ty, tz) in zip(times, rows, strict=True):
             wrench = {"force": {"x": fx, "y": fy, "z": fz}, "torque": {"x": tx, "y": ty, "z": tz}}
-            yield topic, "geometry_msgs/msg/WrenchStamped", at, {"header": header(at, frame), "wrench": wrench}
+            yield (
+                topic,
+                "geometry_msgs/msg/WrenchStamped",
+                at,
+                {"header": header(at, frame), "wrench": wrench},
+            )
 
 
 _WRENCH = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
@@ -439,13 +532,17 @@ _BY_TOPIC: Mapping[str, Callable[[str, Mapping[str, Any], int], Translated]] = {
 }
 
 
-def depth_message(name: str, frame: str, depth: Any, at: int) -> tuple[str, str, int, Mapping[str, Any]]:
+def depth_message(
+    name: str, frame: str, depth: Any, at: int
+) -> tuple[str, str, int, Mapping[str, Any]]:
     """Return depth: uint16 in millimetres (16UC1) or float32 in metres (32FC1), 0 where there is none (REP 118)."""
     coding = "16UC1" if depth.dtype == np.uint16 else "32FC1"
     return f"/camera/{ros_name(name)}/depth/image_raw", *raw_image(frame, depth, coding, at)
 
 
-def colour_message(name: str, frame: str, image: Any, at: int) -> tuple[str, str, int, Mapping[str, Any]]:
+def colour_message(
+    name: str, frame: str, image: Any, at: int
+) -> tuple[str, str, int, Mapping[str, Any]]:
     """Return an image, unchanged: RGB, uint8."""
     return f"/camera/{ros_name(name)}/image_raw", *raw_image(frame, image, "rgb8", at)
 

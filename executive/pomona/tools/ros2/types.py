@@ -50,7 +50,10 @@ def typestore() -> Any:
     store.register(found)
     # In ROS 2's own language `char` is uint8, and services' hashes are made of that; rosbags has it as a character.
     constants, parts = store.fielddefs[_INFO]
-    as_bytes = [(name, _renamed(kind, "char", "uint8") if name == "client_gid" else kind) for name, kind in parts]
+    as_bytes = [
+        (name, _renamed(kind, "char", "uint8") if name == "client_gid" else kind)
+        for name, kind in parts
+    ]
     store.fielddefs = {**store.fielddefs, _INFO: (constants, as_bytes)}
     return store
 
@@ -64,7 +67,12 @@ def service_types(name: str, request: str, response: str) -> Any:
     event = f"service_msgs/ServiceEventInfo info\n{name}_Request[<=1] request\n{name}_Response[<=1] response\n"
     whole = f"{name}_Request request_message\n{name}_Response response_message\n{name}_Event event_message\n"
     found: dict[str, Any] = {}
-    for ending, text in {"_Request": request, "_Response": response, "_Event": event, "": whole}.items():
+    for ending, text in {
+        "_Request": request,
+        "_Response": response,
+        "_Event": event,
+        "": whole,
+    }.items():
         found |= _renamed(typesys.get_types_from_msg(text, f"{name}{ending}"))
     return found
 
@@ -75,7 +83,11 @@ def _renamed(parsed: Any, old: str = "/srv/msg/", new: str = "/srv/") -> Any:
         return parsed.replace(old, new)
     if isinstance(parsed, Mapping):
         return {_renamed(key, old, new): _renamed(value, old, new) for key, value in parsed.items()}
-    return type(parsed)(_renamed(part, old, new) for part in parsed) if type(parsed) in (tuple, list) else parsed
+    return (
+        type(parsed)(_renamed(part, old, new) for part in parsed)
+        if type(parsed) in (tuple, list)
+        else parsed
+    )
 
 
 class Coder:
@@ -113,7 +125,9 @@ def _maker(name: str) -> Any:
     def make(given: Mapping[str, Any]) -> Any:
         if not given.keys() <= names:
             raise KeyError(f"{name} has no field {', '.join(sorted(given.keys() - names))}")
-        return cls(*[step(given[field]) if field in given else zero() for field, step, zero in steps])
+        return cls(
+            *[step(given[field]) if field in given else zero() for field, step, zero in steps]
+        )
 
     return make
 

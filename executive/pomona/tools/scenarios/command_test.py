@@ -22,7 +22,8 @@ from pomona.tools.scenarios.scenario import is_scenario, read_scenario
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser(
-        "test", help="run scenario files: a tree's logic with mocks; report nodes that were never reached"
+        "test",
+        help="run scenario files: a tree's logic with mocks; report nodes that were never reached",
     )
     parser.add_argument("paths", nargs="+", type=Path, help="scenario files, or folders of them")
     about = "also write the results as JUnit's XML, for continuous integration"
@@ -67,7 +68,9 @@ def _print(console: Screen, path: Path, result: ScenarioResult) -> None:
     console.print(str(path), style="bold")
     for case in result.cases:
         sign = "[green]✓[/]" if case.passed else "[red]✗[/]"
-        console.print(f"  {sign} {escape(case.case.name)}  {case.status}, {seconds(case.time)}", markup=True)
+        console.print(
+            f"  {sign} {escape(case.case.name)}  {case.status}, {seconds(case.time)}", markup=True
+        )
         for problem in case.problems:
             console.print(f"      {problem}", style="red")
         if not case.passed and case.reason is not None:

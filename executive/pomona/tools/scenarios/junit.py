@@ -10,7 +10,9 @@ from pathlib import Path
 from pomona.executive.terminal.words import say
 from pomona.tools.scenarios.run_scenario import CaseResult, ScenarioResult
 
-_NO_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # signs that XML cannot hold
+_NO_XML = re.compile(
+    r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
+)  # signs that XML cannot hold
 
 
 def junit(results: Iterable[tuple[Path, ScenarioResult]]) -> bytes:
@@ -18,7 +20,12 @@ def junit(results: Iterable[tuple[Path, ScenarioResult]]) -> bytes:
     root = ElementTree.Element("testsuites")
     for path, result in results:
         failed = sum(not case.passed for case in result.cases)
-        counts = {"tests": str(len(result.cases)), "failures": str(failed), "errors": "0", "skipped": "0"}
+        counts = {
+            "tests": str(len(result.cases)),
+            "failures": str(failed),
+            "errors": "0",
+            "skipped": "0",
+        }
         duration = sum(case.time for case in result.cases)
         suite = ElementTree.SubElement(
             root, "testsuite", {"name": _text(str(path)), "time": f"{duration:.3f}", **counts}

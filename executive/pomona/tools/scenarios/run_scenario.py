@@ -39,7 +39,9 @@ class DryContext:
     def seed(self, node: str) -> int:
         return zlib.crc32(node.encode())
 
-    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+    def compute(
+        self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool
+    ) -> Computation:
         raise SkillError(node, "computes something, and a dry run has mocks only")
 
     def publish(self, node: str, topic: str, value: object) -> None:
@@ -137,7 +139,9 @@ def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
     results = []
     for case in scenario.cases:
         context = DryContext()
-        tree = build(scenario.document, skills, context=context, overrides=case.settings, mocks=case.mocks)
+        tree = build(
+            scenario.document, skills, context=context, overrides=case.settings, mocks=case.mocks
+        )
         results.append(_run_case(case, tree, context.clock, coverage))
     return ScenarioResult(scenario, tuple(results), coverage)
 
@@ -191,7 +195,11 @@ def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Question, Itera
 
 
 def _problems(
-    case: ScenarioCase, status: Status, reason: Reason | None, tree: BuiltTree, starts: Mapping[str, int]
+    case: ScenarioCase,
+    status: Status,
+    reason: Reason | None,
+    tree: BuiltTree,
+    starts: Mapping[str, int],
 ) -> list[str]:
     found = []
     ended = status.name.lower()
@@ -201,11 +209,15 @@ def _problems(
         why = f": {reason.code} {reason.message}" if reason is not None else ""
         found.append(f"expected {case.expect.status}, got {ended}{why}")
     if case.expect.code and reason is not None and case.expect.code not in reason.codes():
-        found.append(f"expected the failure {case.expect.code}, got {reason.code}: {reason.message}")
+        found.append(
+            f"expected the failure {case.expect.code}, got {reason.code}: {reason.message}"
+        )
     if case.expect.node and reason is not None:
         leaves = [leaf.node_path for leaf in reason.leaves()]
         if not set(tree.find(case.expect.node)).intersection(leaves):
-            found.append(f"expected {case.expect.node} to fail, it was {', '.join(dict.fromkeys(leaves))}")
+            found.append(
+                f"expected {case.expect.node} to fail, it was {', '.join(dict.fromkeys(leaves))}"
+            )
     for name in case.visits:
         if not starts.keys() & set(tree.find(name)):
             found.append(f"'{name}' was never reached")

@@ -21,7 +21,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pomona.executive.files import read_text
-from pomona.executive.language.mocks import MockedSkills, MockPlan, MocksReader, OneOrSeveral, Results, Tested, root_of
+from pomona.executive.language.mocks import (
+    MockedSkills,
+    MockPlan,
+    MocksReader,
+    OneOrSeveral,
+    Results,
+    Tested,
+    root_of,
+)
 from pomona.executive.language.model import Document
 from pomona.executive.language.read import read, read_file
 from pomona.executive.ports import TIME
@@ -50,12 +58,18 @@ class CaseSection:
     name: str = value(Text(), "", "purpose of the case; its number if omitted")
     mocks: Results = value(MockedSkills(), {}, "how skills end; overrides the mocks of all cases")
     set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree")
-    answers: Mapping[str, tuple[str, ...]] = value(Answers(), {}, "by question; the others get no answer")
-    expect: Expected = value(End(), Expected(status="success"), "how the tree ends: success if omitted")
+    answers: Mapping[str, tuple[str, ...]] = value(
+        Answers(), {}, "by question; the others get no answer"
+    )
+    expect: Expected = value(
+        End(), Expected(status="success"), "how the tree ends: success if omitted"
+    )
     visits: tuple[str, ...] = value(OneOrSeveral(NodeName()), (), "nodes that are reached")
     never: tuple[str, ...] = value(OneOrSeveral(NodeName()), (), "nodes that are not")
     calls: Mapping[str, int] = value(ByNode(Whole(0)), {}, "how often nodes start")
-    limit: float = value(Measure(TIME, "0 s"), "600 s", "on the simulated clock, after which the case is given up")
+    limit: float = value(
+        Measure(TIME, "0 s"), "600 s", "on the simulated clock, after which the case is given up"
+    )
 
 
 class PlacedCase(Kind[Placed[CaseSection]]):
@@ -78,7 +92,9 @@ class ScenarioCases(ListOf[Placed[CaseSection]]):
         """Return them. Raises Refused: there is none."""
         cases = super().read(node, reader)
         if not cases:
-            raise reader.refuse(node, "a scenario needs at least one case: write '- name: …'", code="shape")
+            raise reader.refuse(
+                node, "a scenario needs at least one case: write '- name: …'", code="shape"
+            )
         return cases
 
     def schema(self, options: bool = False) -> Schema:
@@ -91,11 +107,19 @@ class ScenarioSection:
     """A tree's logic, tested without any cell."""
 
     pomona: str = value(Text("1"), "1", "version of the language")
-    tree: YamlScalar = value(AsWritten(), help="a tree file beside this one, or the name of an installed one")
+    tree: YamlScalar = value(
+        AsWritten(), help="a tree file beside this one, or the name of an installed one"
+    )
     description: str = value(Text(), "", "description for readers")
-    mocks: Results = value(MockedSkills(), {}, "how skills end in every case; the others succeed at once")
-    set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree in every case")
-    cases: tuple[Placed[CaseSection], ...] = value(ScenarioCases(PlacedCase()), help="write 'cases:' and '- name: …'")
+    mocks: Results = value(
+        MockedSkills(), {}, "how skills end in every case; the others succeed at once"
+    )
+    set: Mapping[str, YamlScalar] = value(
+        ParameterValues(), {}, "parameters of the tree in every case"
+    )
+    cases: tuple[Placed[CaseSection], ...] = value(
+        ScenarioCases(PlacedCase()), help="write 'cases:' and '- name: …'"
+    )
 
 
 SCENARIO = Section(ScenarioSection)
@@ -130,7 +154,9 @@ class Scenario:
 def is_scenario(text: str) -> bool:
     """Return True if a file's text looks like a scenario and not like a tree."""
     lines = text.splitlines()
-    return any(line.startswith("cases:") for line in lines) and not any(line.startswith("root:") for line in lines)
+    return any(line.startswith("cases:") for line in lines) and not any(
+        line.startswith("root:") for line in lines
+    )
 
 
 @few_hints()
@@ -155,14 +181,20 @@ def read_scenario(
         tested = Tested.of(document, skills) if document is not None else None
         try:
             said = SCENARIO.read(root, MocksReader(findings, tree=tested))
-            cases = tuple(_case(said, placed, number) for number, placed in enumerate(said.cases, start=1))
+            cases = tuple(
+                _case(said, placed, number) for number, placed in enumerate(said.cases, start=1)
+            )
         except Refused:
             pass
     return Scenario(str(path), document, cases, tuple(findings.sorted()))
 
 
 def _tree(
-    root: YamlMapping, path: Path, tree_folders: Sequence[Path], findings: Findings, texts: Mapping[Path, str]
+    root: YamlMapping,
+    path: Path,
+    tree_folders: Sequence[Path],
+    findings: Findings,
+    texts: Mapping[Path, str],
 ) -> Document | None:
     written = root.get("tree")
     if not isinstance(written, YamlScalar) or written.is_null:

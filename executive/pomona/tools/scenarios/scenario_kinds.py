@@ -21,7 +21,11 @@ class NodeName(Kind[str]):
     def read(self, node: YamlNode, reader: Reader) -> str:
         name = AsWritten().read(node, reader)
         tree = tree_of(reader)
-        if tree is not None and name.text not in tree.names and last_name(name.text) not in tree.names:
+        if (
+            tree is not None
+            and name.text not in tree.names
+            and last_name(name.text) not in tree.names
+        ):
             hint = did_you_mean(name.text, tree.names)
             raise reader.refuse(name, f"the tree has no node '{name.text}'", hint, "unknown-node")
         return name.text
@@ -63,13 +67,20 @@ class ParameterValues(MappingOf[YamlScalar]):
             for key, _ in node.entries.values():
                 port = tree.parameters.get(key.text)
                 if key.text not in tree.parameters:
-                    hint = did_you_mean(key.text, tree.parameters) or f"known: {', '.join(tree.parameters) or 'none'}"
-                    refused = reader.refuse(key, f"the tree has no parameter '{key.text}'", hint, "unknown-setting")
+                    hint = (
+                        did_you_mean(key.text, tree.parameters)
+                        or f"known: {', '.join(tree.parameters) or 'none'}"
+                    )
+                    refused = reader.refuse(
+                        key, f"the tree has no parameter '{key.text}'", hint, "unknown-setting"
+                    )
                 elif port is not None and key.text in found:
                     wrong = Findings()
                     read_override(key.text, found[key.text].text, port, wrong)
                     for problem in wrong.sorted():
-                        refused = reader.refuse(found[key.text], problem.message, problem.hint, "value")
+                        refused = reader.refuse(
+                            found[key.text], problem.message, problem.hint, "value"
+                        )
         if refused is not None:
             raise refused
         return found
@@ -104,10 +115,15 @@ class Answers(Kind[Mapping[str, tuple[str, ...]]]):
         """Refuse a key that is no question of the tree, and a value that is no answer to it."""
         choices = questions.get(key.text) or questions.get(last_name(key.text))
         if not choices:
-            hint = did_you_mean(key.text, questions) or f"nodes that ask: {', '.join(questions) or 'none'}"
+            hint = (
+                did_you_mean(key.text, questions)
+                or f"nodes that ask: {', '.join(questions) or 'none'}"
+            )
             raise reader.refuse(key, f"no node '{key.text}' asks anything", hint, "unknown-node")
         if not answers:
-            raise reader.refuse(written, f"'{key.text}' has no answer", "leave it out for no answer", "empty")
+            raise reader.refuse(
+                written, f"'{key.text}' has no answer", "leave it out for no answer", "empty"
+            )
         for answer in answers:
             if answer.text not in choices:
                 hint = did_you_mean(answer.text, choices) or f"answers: {', '.join(choices)}"

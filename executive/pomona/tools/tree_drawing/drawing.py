@@ -19,7 +19,9 @@ class DrawnNode:
     type: NodeType  # the node's
     name: str  # its own name with its type, or its type
     ports: str  # its ports or its value, as written
-    modifiers: tuple[str, ...]  # from the outside to the inside, then the node's other fields, as written
+    modifiers: tuple[
+        str, ...
+    ]  # from the outside to the inside, then the node's other fields, as written
     comment: str  # its description or comment
     lead: str  # its role below its parent, if it has one: `then`, `on failure`
     branches: tuple[DrawnNode, ...]  # its children
@@ -40,7 +42,10 @@ class _Outline:
 
     def branch(self, node: TreeNode, calls: tuple[str, ...], lead: str = "") -> DrawnNode:
         self.count += 1
-        below = [(child, lead.removesuffix(": "), calls) for child, lead in zip(node.children, node.leads, strict=True)]
+        below = [
+            (child, lead.removesuffix(": "), calls)
+            for child, lead in zip(node.children, node.leads, strict=True)
+        ]
         called = self.called(node)
         # number of nodes beyond which subtrees are not drawn
         if called is not None and node.key.text not in calls and self.count < 20_000:
@@ -65,13 +70,21 @@ class _Outline:
 def _ports(node: TreeNode) -> str:
     if node.ports:
         return ", ".join(f"{name}: {written(value)}" for name, (_, value) in node.ports.items())
-    if not (node.type.value.nodes or node.type.value.wires) and written(node.value) not in ("", "{}"):
+    if not (node.type.value.nodes or node.type.value.wires) and written(node.value) not in (
+        "",
+        "{}",
+    ):
         return written(node.value)
     return ""
 
 
 def _modifiers(node: TreeNode) -> Iterator[str]:
-    fields = [slot for layer in (*node.wrapping, node.type) for slot, taken in layer.fields.items() if not taken.nodes]
+    fields = [
+        slot
+        for layer in (*node.wrapping, node.type)
+        for slot, taken in layer.fields.items()
+        if not taken.nodes
+    ]
     for slot in (*reversed(node.decorators), *fields):
         if slot in node.modifiers:
             yield f"{slot} {written(node.modifiers[slot][1])}"
@@ -82,7 +95,10 @@ def show_text(document: Document, *, width: int = 120) -> str:
     lines = [f"{document.main.name}  {document.main.description}".rstrip()]
     root = outline(document)
     if root is not None:
-        lines += (text if len(text) <= width else text[: width - 1] + "…" for text in _indented(root, "", ""))
+        lines += (
+            text if len(text) <= width else text[: width - 1] + "…"
+            for text in _indented(root, "", "")
+        )
     return "\n".join(lines)
 
 
@@ -94,13 +110,27 @@ def _indented(branch: DrawnNode, joint: str, below: str) -> Iterator[str]:
     yield f"{joint}{branch.type.symbol} {lead}{branch.name}{f'  {details}' if details else ''}{comment}"
     for child in branch.branches:
         last = child is branch.branches[-1]
-        yield from _indented(child, below + ("└─ " if last else "├─ "), below + ("   " if last else "│  "))
+        yield from _indented(
+            child, below + ("└─ " if last else "├─ "), below + ("   " if last else "│  ")
+        )
 
 
 NAME, SMALL = 13.0, 10.5  # font sizes of names, and of ports and modifiers [px]
-MOST_NAME, MOST_PORTS, MOST_MODIFIER = 34, 46, 30  # characters that are drawn; the rest is in the node's title
-PADDING, GAP, STEP = 10.0, 10.0, 36.0  # inside a box, between two branches, and between a box and its children [px]
-LINE, PORTS_LINE, PILL = 26.0, 14.0, 16.0  # heights of a box with a name, of its line of ports, and of a modifier [px]
+MOST_NAME, MOST_PORTS, MOST_MODIFIER = (
+    34,
+    46,
+    30,
+)  # characters that are drawn; the rest is in the node's title
+PADDING, GAP, STEP = (
+    10.0,
+    10.0,
+    36.0,
+)  # inside a box, between two branches, and between a box and its children [px]
+LINE, PORTS_LINE, PILL = (
+    26.0,
+    14.0,
+    16.0,
+)  # heights of a box with a name, of its line of ports, and of a modifier [px]
 MARGIN = 12.0
 INK, MUTED, RULE = "#1a1e23", "#5b6470", "#8b95a1"
 
@@ -129,7 +159,9 @@ class _Box:
     @property
     def width(self) -> float:
         pills = sum(_width(words, SMALL) + PADDING for words in self.pills) + 4.0 * len(self.pills)
-        return max(_width(self.name, NAME) + 2 * PADDING, _width(self.ports, SMALL) + 2 * PADDING, pills)
+        return max(
+            _width(self.name, NAME) + 2 * PADDING, _width(self.ports, SMALL) + 2 * PADDING, pills
+        )
 
     @property
     def height(self) -> float:
@@ -189,7 +221,9 @@ def _lines(box: _Box) -> Iterator[str]:
         bend = f"{x + 20:.1f} {y:.1f} {x + 12:.1f} {child.y:.1f} {x + STEP - 8:.1f} {child.y:.1f}"
         yield f'<path d="M{x:.1f} {y:.1f}C{bend}H{child.x:.1f}" fill="none" stroke="{RULE}"{dash}/>'
         if child.branch.lead:
-            yield _text(child.x - 6, child.y - 4, child.branch.lead, SMALL, MUTED, ' text-anchor="end"')
+            yield _text(
+                child.x - 6, child.y - 4, child.branch.lead, SMALL, MUTED, ' text-anchor="end"'
+            )
         yield from _lines(child)
 
 
@@ -229,4 +263,6 @@ def _cut(words: str, most: int) -> str:
 
 
 def _width(words: str, size: float) -> float:
-    return 0.58 * size * len(words)  # mean width of a character over the font's size; DejaVu Sans, a wide one, has 0.57
+    return (
+        0.58 * size * len(words)
+    )  # mean width of a character over the font's size; DejaVu Sans, a wide one, has 0.57

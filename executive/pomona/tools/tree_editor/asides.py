@@ -37,7 +37,12 @@ class Asides:
         """Begin the search for a record's cure, in place of the last one."""
         with self._lock:
             self._end()
-            self._search = run, SideCommand("why", str(Path(self._records) / run), "--json", "--record", self._records)
+            self._search = (
+                run,
+                SideCommand(
+                    "why", str(Path(self._records) / run), "--json", "--record", self._records
+                ),
+            )
 
     def found(self) -> dict[str, Any]:
         """Return run, last line, whether it is over, and the answer of the last search; without one nothing."""
@@ -46,7 +51,12 @@ class Asides:
         run, command = self._search
         over, lines = command.over, list(command.lines)
         answer = json.loads(lines[-1]) if over and lines and lines[-1].startswith("{") else None
-        return {"run": run, "over": over, "line": "" if answer else next(reversed(lines), ""), "answer": answer}
+        return {
+            "run": run,
+            "over": over,
+            "line": "" if answer else next(reversed(lines), ""),
+            "answer": answer,
+        }
 
     def stop_search(self) -> None:
         """End the search; harmless without one."""

@@ -36,7 +36,9 @@ def _skill(name: str, skill: type[Skill], cell: CellFile | None) -> Facts:
         "summary": _first_line(skill.__doc__),
         "symbol": "●",
         "colour": "#0b6e4f",
-        "inputs": [port_of(port, it, skill.offers(port, cell)) for port, it in skill.inputs.items()],
+        "inputs": [
+            port_of(port, it, skill.offers(port, cell)) for port, it in skill.inputs.items()
+        ],
         "outputs": [port_of(port, it) for port, it in skill.outputs.items()],
         "failures": [_code(code) for code in skill.failures],
         "devices": [interface.__name__ for interface in skill.devices],
@@ -58,10 +60,16 @@ def _word(word: str, types: NodeTypes) -> Facts:
 
 def _field(name: str, taken: Field) -> Facts:
     port = taken.port if isinstance(taken, Value) else None
-    facts: Facts = {"name": name, "type": _KINDS.get(type(taken).__name__, "text")} if port is None else {}
+    facts: Facts = (
+        {"name": name, "type": _KINDS.get(type(taken).__name__, "text")} if port is None else {}
+    )
     if port is not None:
         facts = port_of(name, port, taken.words if isinstance(taken, Value) else ())
-    facts |= {"help": _plain(taken.help or facts.get("help", "")), "required": taken.required, "nodes": taken.nodes}
+    facts |= {
+        "help": _plain(taken.help or facts.get("help", "")),
+        "required": taken.required,
+        "nodes": taken.nodes,
+    }
     if isinstance(inputs := getattr(taken, "inputs", None), Mapping):
         facts["inputs"] = [port_of(port_name, it) for port_name, it in Ports(**inputs).items()]
     return facts
@@ -87,13 +95,19 @@ def port_of(name: str, port: Port, offered: Iterable[str] = ()) -> Facts:
     words += [word for word in offered if word not in words]
     for limit in ("min", "max", "default"):
         if limit in facts:
-            facts[limit] = str(facts[limit]).lower() if isinstance(facts[limit], bool) else str(facts[limit])
+            facts[limit] = (
+                str(facts[limit]).lower() if isinstance(facts[limit], bool) else str(facts[limit])
+            )
     return {**facts, "choices": words} if words else facts
 
 
 def _code(code: str) -> Facts:
     about = failure_codes().get(code)
-    return {"code": code, "meaning": about.meaning if about else "", "remedy": about.remedy if about else ""}
+    return {
+        "code": code,
+        "meaning": about.meaning if about else "",
+        "remedy": about.remedy if about else "",
+    }
 
 
 def _plain(words: str) -> str:

@@ -33,7 +33,8 @@ def _say_node(say: Say, event: Event) -> None:
         say(
             {
                 "nodes": [
-                    {key: node.get(key, "") for key in ("path", "kind", "type", "file", "line")} for node in event.nodes
+                    {key: node.get(key, "") for key in ("path", "kind", "type", "file", "line")}
+                    for node in event.nodes
                 ]
             }
         )
@@ -84,17 +85,38 @@ def _test(asked: dict[str, Any], say: Say) -> None:
     for name in asked["scenarios"]:
         path = Path(name)
         texts = {tree: asked["text"]}
-        scenario = read_scenario(read_text(path), path, registry, tree_folders=[installed_trees()], texts=texts)
+        scenario = read_scenario(
+            read_text(path), path, registry, tree_folders=[installed_trees()], texts=texts
+        )
         result = run_scenario(scenario, registry)
         infos = result.coverage.nodes.values()
         say(
-            {"nodes": [{key: getattr(info, key) for key in ("path", "kind", "type", "file", "line")} for info in infos]}
+            {
+                "nodes": [
+                    {key: getattr(info, key) for key in ("path", "kind", "type", "file", "line")}
+                    for info in infos
+                ]
+            }
         )
         for info in infos:
             ends = sorted(status.name.lower() for status in result.coverage.seen.get(info.path, ()))
-            say({"path": info.path, "status": "reached" if ends else "unreached", "words": ", ".join(ends), "t": 0.0})
+            say(
+                {
+                    "path": info.path,
+                    "status": "reached" if ends else "unreached",
+                    "words": ", ".join(ends),
+                    "t": 0.0,
+                }
+            )
         for case in result.cases:
-            say({"case": case.case.name, "file": path.name, "passed": case.passed, "problems": case.problems})
+            say(
+                {
+                    "case": case.case.name,
+                    "file": path.name,
+                    "passed": case.passed,
+                    "problems": case.problems,
+                }
+            )
 
 
 def main() -> int:

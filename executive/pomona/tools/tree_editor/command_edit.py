@@ -17,9 +17,15 @@ PORT = 8430  # default port of the editor; the operator's page has another one
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("edit", help="edit a tree file in the browser: drawing and text side by side")
-    parser.add_argument("tree", help="a tree file, the name of an installed tree, or a new file that ends in .yaml")
-    parser.add_argument("--cell", help="the simulated cell whose names are offered, and on which runs start")
+    parser = subparsers.add_parser(
+        "edit", help="edit a tree file in the browser: drawing and text side by side"
+    )
+    parser.add_argument(
+        "tree", help="a tree file, the name of an installed tree, or a new file that ends in .yaml"
+    )
+    parser.add_argument(
+        "--cell", help="the simulated cell whose names are offered, and on which runs start"
+    )
     add_records_folder(parser)
     add_address(parser, PORT)
     parser.set_defaults(main=main)

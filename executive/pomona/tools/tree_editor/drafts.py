@@ -42,7 +42,12 @@ class Drafts:
             path: the file that is edited.
             cache: folder to keep them in; by default `pomona/drafts` in the user's cache.
         """
-        base = cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pomona" / "drafts"
+        base = (
+            cache
+            or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+            / "pomona"
+            / "drafts"
+        )
         self._folder = base / hashlib.sha256(str(path).encode()).hexdigest()[:24]
         self._path = path
 
@@ -53,7 +58,9 @@ class Drafts:
         number, name = tempfile.mkstemp(dir=self._folder, suffix=".saving")
         with os.fdopen(number, "w", encoding="utf-8") as stream:
             json.dump({"path": str(self._path), **asdict(draft)}, stream)
-        self._seen(draft.page).touch()  # first: another editor would take the draft for that of a closed page
+        self._seen(
+            draft.page
+        ).touch()  # first: another editor would take the draft for that of a closed page
         os.replace(name, target)
         for old in self.all()[MOST_DRAFTS:]:
             self.drop(old.page)
@@ -84,7 +91,9 @@ class Drafts:
         for path in self._folder.glob("*.json"):
             with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
                 said = json.loads(path.read_text("utf-8"))
-                found.append(Draft(path.stem, str(said["text"]), str(said["stamp"]), float(said["time"])))
+                found.append(
+                    Draft(path.stem, str(said["text"]), str(said["stamp"]), float(said["time"]))
+                )
         return sorted(found, key=lambda draft: -draft.time)
 
     def _place(self, page: str) -> Path:

@@ -35,11 +35,16 @@ from pomona.tools.tree_editor.trial import EditorTrial
 from pomona.tools.tree_editor.workbench import Workbench, settings_of
 
 STATIC = Path(__file__).parent / "static"
-MOST_BODY = 8 * MAX_CHARACTERS  # of a request [byte]: a text has MAX_CHARACTERS, each up to six bytes in JSON
+MOST_BODY = (
+    8 * MAX_CHARACTERS
+)  # of a request [byte]: a text has MAX_CHARACTERS, each up to six bytes in JSON
 MOST_FILES = 200  # files below the tree's folder that are looked through for scenarios
 PAGE_GONE = 5.0  # time without a request after which a page counts as closed [s]
 REHEARSALS = ("dry", "run", "scenarios")
-SIMULATED = ("simulated", "mock")  # kinds of cells on which the editor runs a tree; others move real devices
+SIMULATED = (
+    "simulated",
+    "mock",
+)  # kinds of cells on which the editor runs a tree; others move real devices
 
 Body = dict[str, Any]
 Facts = dict[str, Any]
@@ -48,7 +53,9 @@ Facts = dict[str, Any]
 class TreeEditor:
     """Serves the page and its requests. Nothing is written to the file but by a request to save."""
 
-    def __init__(self, file: EditedFile, access: Access, skills: Registry, cell: Path, records: Path) -> None:
+    def __init__(
+        self, file: EditedFile, access: Access, skills: Registry, cell: Path, records: Path
+    ) -> None:
         """
         Args:
             file: the tree file.
@@ -106,9 +113,16 @@ class TreeEditor:
             "link": str(self.file.given) if self.file.link else "",
             "may_act": self.access.may_act,
             "cell": self.cell.stem,
-            "options": [{"name": o.name, "default": o.default, "help": o.help} for o in _outline(self.cell).options],
-            "scenarios": [str(path.relative_to(self.file.path.parent)) for path in self._scenarios()],
-            "drafts": [{"page": d.page, "text": d.text, "stamp": d.stamp, "time": d.time} for d in gone],
+            "options": [
+                {"name": o.name, "default": o.default, "help": o.help}
+                for o in _outline(self.cell).options
+            ],
+            "scenarios": [
+                str(path.relative_to(self.file.path.parent)) for path in self._scenarios()
+            ],
+            "drafts": [
+                {"page": d.page, "text": d.text, "stamp": d.stamp, "time": d.time} for d in gone
+            ],
             "disk": _disk(self.file.read()),
         }
 
@@ -116,7 +130,11 @@ class TreeEditor:
         """Return a page's own draft and those of closed pages, also of other processes."""
         if PAGE.fullmatch(page):
             self.drafts.note_open(page)
-        return [draft for draft in self.drafts.all() if draft.page == page or not self._holds(draft.page)]
+        return [
+            draft
+            for draft in self.drafts.all()
+            if draft.page == page or not self._holds(draft.page)
+        ]
 
     async def _watch(self, request: Request) -> Response:
         asked = request.query_params
@@ -124,11 +142,18 @@ class TreeEditor:
         self._pages[page[:40]] = time.monotonic()
         disk = await asyncio.to_thread(self.file.read)
         left = [draft.page for draft in await asyncio.to_thread(self._left, page)]
-        facts: Facts = {"stamp": disk.stamp, "problem": disk.problem, "others": self._others(page), "drafts": left}
+        facts: Facts = {
+            "stamp": disk.stamp,
+            "problem": disk.problem,
+            "others": self._others(page),
+            "drafts": left,
+        }
         if disk.stamp != asked.get("stamp", ""):
             facts["disk"] = _disk(disk)
         trial = self.trial.since(_whole(asked.get("trial")), _whole(asked.get("count")))
-        if not self.access.authorised(request.headers):  # the link of a run's page lets its reader act there
+        if not self.access.authorised(
+            request.headers
+        ):  # the link of a run's page lets its reader act there
             trial["messages"] = [message for message in trial["messages"] if "page" not in message]
         return JSONResponse(facts | trial)
 
@@ -165,7 +190,11 @@ class TreeEditor:
             ("mend", lambda body: bench.mend(_text(body), _number(body, "number"))),
             (
                 "offers",
-                lambda body: {"ports": bench.offers(_text(body), _word(body, "definition"), _word(body, "kind"))},
+                lambda body: {
+                    "ports": bench.offers(
+                        _text(body), _word(body, "definition"), _word(body, "kind")
+                    )
+                },
             ),
             ("draft", self._keep_draft),
             ("drop", self._drop_draft),
@@ -185,7 +214,9 @@ class TreeEditor:
 
     def _keep_draft(self, body: Body) -> Facts:
         try:
-            self.drafts.keep(Draft(_word(body, "page"), _text(body), _word(body, "stamp"), time.time()))
+            self.drafts.keep(
+                Draft(_word(body, "page"), _text(body), _word(body, "stamp"), time.time())
+            )
         except OSError as error:
             raise UsageError(f"the draft is not kept: {error.strerror or error}") from error
         return {"kept": True}
@@ -204,10 +235,16 @@ class TreeEditor:
         kind, text = _word(body, "kind"), _text(body)
         if kind not in REHEARSALS:
             raise UsageError(f"'{kind}' is none of {', '.join(REHEARSALS)}")
-        errors = [found for found in self.workbench.state(text)["findings"] if found["severity"] == "error"]
+        errors = [
+            found
+            for found in self.workbench.state(text)["findings"]
+            if found["severity"] == "error"
+        ]
         if errors:
             line, message = errors[0]["line"], errors[0]["message"]
-            where = f"line {line}: " if line else ""  # a finding of another file names its place itself
+            where = (
+                f"line {line}: " if line else ""
+            )  # a finding of another file names its place itself
             raise UsageError(f"not started: {where}{message}; correct the errors first")
         refuse_real(self.cell)
         settings = settings_of(body.get("settings", {}))
@@ -215,7 +252,9 @@ class TreeEditor:
             self.workbench.refuse(text, settings, self.cell)
         scenarios = [str(path) for path in self._scenarios()] if kind == "scenarios" else []
         if kind == "scenarios" and not scenarios:
-            raise UsageError(f"no scenario file below {self.file.path.parent} tests {self.file.path.name}")
+            raise UsageError(
+                f"no scenario file below {self.file.path.parent} tests {self.file.path.name}"
+            )
         order = {
             "kind": kind, "dry": kind == "dry", "tree": str(self.file.path), "text": text, "cell": str(self.cell),
             "seed": _number(body, "seed") if "seed" in body else 0, "settings": settings,
@@ -263,7 +302,12 @@ async def _in_thread(answer: Callable[[Body], Facts], body: Body) -> Response:
 
 
 def _disk(disk: DiskText) -> Facts:
-    return {"text": disk.text, "stamp": disk.stamp, "problem": disk.problem, "readable": disk.readable}
+    return {
+        "text": disk.text,
+        "stamp": disk.stamp,
+        "problem": disk.problem,
+        "readable": disk.readable,
+    }
 
 
 def _text(body: Body) -> str:

@@ -59,7 +59,11 @@ class EditedFile:
         try:
             self.path = path.resolve()
             link = path.is_symlink()
-        except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a name that cannot be
+        except (
+            OSError,
+            RuntimeError,
+            ValueError,
+        ) as error:  # a loop of links, a name that cannot be
             raise UsageError(f"{path}: no file can be opened here ({error})") from error
         self.link = str(self.path) if link else ""
         if not self.path.parent.is_dir():
@@ -89,18 +93,24 @@ class EditedFile:
     def _read(self, about: os.stat_result) -> DiskText:
         if about.st_size > MOST_BYTES:
             megabytes = about.st_size / 1e6
-            return DiskText(problem=f"has {megabytes:.1f} MB; a tree file has 512 KiB at most", readable=False)
+            return DiskText(
+                problem=f"has {megabytes:.1f} MB; a tree file has 512 KiB at most", readable=False
+            )
         try:
             data = self._bytes()
             written = data.decode("utf-8")
         except UnicodeDecodeError as error:
-            return DiskText(problem=f"not a text file ({NotUtf8Error(*error.args)})", readable=False)
+            return DiskText(
+                problem=f"not a text file ({NotUtf8Error(*error.args)})", readable=False
+            )
         except OSError as error:
             return DiskText(problem=f"cannot be read: {error.strerror}", readable=False)
         stamp = hashlib.sha256(data).hexdigest()
         text = written.removeprefix(BOM).replace("\r\n", "\n").replace("\r", "\n")
         if len(text) > MAX_CHARACTERS:
-            return DiskText(problem="is longer than 512 KiB, the most of a tree file", readable=False)
+            return DiskText(
+                problem="is longer than 512 KiB, the most of a tree file", readable=False
+            )
         problem = "" if about.st_mode & 0o222 else "the file is read-only"
         if _encoded(text, written) != data:
             problem = "its lines end in different ways: save it with one line ending first"
@@ -108,7 +118,9 @@ class EditedFile:
 
     def _bytes(self) -> bytes:
         """Return the content, a little more than the most at most. Raises OSError: no file, or none any more."""
-        number = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe that took its place does not block
+        number = os.open(
+            self.path, os.O_RDONLY | os.O_NONBLOCK
+        )  # a pipe that took its place does not block
         try:
             if not stat.S_ISREG(os.fstat(number).st_mode):
                 raise OSError(errno.EINVAL, "not a file but a folder, a pipe or a device")
@@ -150,7 +162,9 @@ class EditedFile:
             return self.read()
 
     def _replace(self, data: bytes) -> None:
-        number, name = tempfile.mkstemp(dir=self.path.parent, prefix=f".{self.path.name}.", suffix=".saving")
+        number, name = tempfile.mkstemp(
+            dir=self.path.parent, prefix=f".{self.path.name}.", suffix=".saving"
+        )
         try:
             with os.fdopen(number, "wb") as stream:
                 stream.write(data)
@@ -159,7 +173,9 @@ class EditedFile:
             about = self.path.stat() if self.path.exists() else None
             os.chmod(name, 0o644 & ~_umask() if about is None else about.st_mode & 0o7777)
             if about is not None:
-                with contextlib.suppress(PermissionError):  # of another owner: the content counts more
+                with contextlib.suppress(
+                    PermissionError
+                ):  # of another owner: the content counts more
                     os.chown(name, about.st_uid, about.st_gid)
             os.replace(name, self.path)
         except OSError:

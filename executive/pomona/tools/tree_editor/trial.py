@@ -43,7 +43,9 @@ class EditorTrial:
             self._number += 1
             self._messages = [{"started": order["kind"]}]
             self._process = process
-        self._thread = threading.Thread(target=self._read, args=(process, errors), name="pomona-trial", daemon=True)
+        self._thread = threading.Thread(
+            target=self._read, args=(process, errors), name="pomona-trial", daemon=True
+        )
         self._thread.start()
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # it has ended: its last words tell why
@@ -95,7 +97,9 @@ class EditorTrial:
             errors.seek(0)
             words = errors.read().decode("utf-8", "replace")[-MOST_WORDS:]
         said = any("problem" in message for message in self._messages)
-        problem = "" if said or status in (0, 2) else f"it ended with status {status}: {words.strip()}"
+        problem = (
+            "" if said or status in (0, 2) else f"it ended with status {status}: {words.strip()}"
+        )
         self._add({"over": True, "problem": problem} if problem else {"over": True})
 
     def _add(self, message: dict[str, Any]) -> None:

@@ -98,9 +98,11 @@ class Workbench:
             inside = self._service.called(definition) if definition else analysis.document.main.main
             wires = list(self._wires(inside))
             return {
-                name: [{"word": word, "about": describe(it)} for word, it in wires if can_flow(it, port.type)][
-                    :MOST_WIRES
-                ]
+                name: [
+                    {"word": word, "about": describe(it)}
+                    for word, it in wires
+                    if can_flow(it, port.type)
+                ][:MOST_WIRES]
                 for name, port in self._ports(kind).items()
             }
 
@@ -118,7 +120,9 @@ class Workbench:
                 *(_finding(number, finding) for number, finding in enumerate(findings)),
                 *(_finding(-1, _as_words(finding)) for finding in self._service.elsewhere),
             ],
-            "definitions": [] if main is None else [self._definition(d) for d in self._service.outline()],
+            "definitions": []
+            if main is None
+            else [self._definition(d) for d in self._service.outline()],
             "parameters": [] if main is None else self._declared(main.document.main.parameters),
         }
 
@@ -156,19 +160,32 @@ class Workbench:
         interface = None if analysis is None else analysis.interfaces.get(id(definition))
         if interface is None:
             return []
-        inputs = [port_of(name, port) | {"direction": "input"} for name, port in interface.inputs.items()]
-        return inputs + [port_of(name, port) | {"direction": "output"} for name, port in interface.outputs.items()]
+        inputs = [
+            port_of(name, port) | {"direction": "input"} for name, port in interface.inputs.items()
+        ]
+        return inputs + [
+            port_of(name, port) | {"direction": "output"}
+            for name, port in interface.outputs.items()
+        ]
 
     def _ports(self, kind: str) -> dict[str, Port]:
         """Every typed port and field of a node, by name."""
         service, found = self._service, dict[str, Port]()
         for modifier in service.types.modifiers:
-            found |= {slot: taken.port for slot, taken in modifier.slots.items() if isinstance(taken, Value)}
+            found |= {
+                slot: taken.port
+                for slot, taken in modifier.slots.items()
+                if isinstance(taken, Value)
+            }
         if kind in service.types:
             slots = service.types[kind].slots
             found |= {slot: taken.port for slot, taken in slots.items() if isinstance(taken, Value)}
         called = service.called(kind)
-        interface = service.analysis.interfaces.get(id(called)) if called is not None and service.analysis else None
+        interface = (
+            service.analysis.interfaces.get(id(called))
+            if called is not None and service.analysis
+            else None
+        )
         owner = self._skills.get(kind) or interface
         if owner is not None:
             found |= {**owner.inputs, **owner.outputs}

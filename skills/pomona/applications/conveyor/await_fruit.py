@@ -52,10 +52,16 @@ class AwaitFruit(BeltSkill):
     def run(
         self,
         tracks: Annotated[BeltWatch, Port(help="fruit on the belt, of Track")],
-        within: Annotated[Time, Port(min="0 s", help="time without a fruit after which the task ends")] = TIME("20 s"),
+        within: Annotated[
+            Time, Port(min="0 s", help="time without a fruit after which the task ends")
+        ] = TIME("20 s"),
         until: Annotated[
             Length,
-            Port(min="-2 m", max="2 m", help="place along the belt, from its middle, beyond which fruit is let pass"),
+            Port(
+                min="-2 m",
+                max="2 m",
+                help="place along the belt, from its middle, beyond which fruit is let pass",
+            ),
         ] = LENGTH("-100 mm"),
     ) -> Work[Awaited]:
         began = self.context.elapsed()
@@ -63,14 +69,22 @@ class AwaitFruit(BeltSkill):
         while True:
             self.look(tracks, search=True)
             now = self.clock.now()
-            coming = [(self._along(tracks, track, now), track) for track in tracks.tracks.tracks if track.rests]
-            ready = [(x, track) for x, track in coming if x < until and track.number not in tracks.tried]
+            coming = [
+                (self._along(tracks, track, now), track)
+                for track in tracks.tracks.tracks
+                if track.rests
+            ]
+            ready = [
+                (x, track) for x, track in coming if x < until and track.number not in tracks.tried
+            ]
             if ready:
                 chosen = max(ready, key=lambda each: each[0])[1]
                 tracks.tried.add(chosen.number)
                 p, v = tracks.place(chosen, now)
                 speed = float(v @ tracks.tracks.belt.direction)
-                return Awaited(ComingFruit(chosen.number, chosen.measured, p, speed), chosen.measured)
+                return Awaited(
+                    ComingFruit(chosen.number, chosen.measured, p, speed), chosen.measured
+                )
             if self.context.elapsed() - began > within:
                 seen = len(tracks.tracks.tracks)
                 words = f"no fruit came within {within:.0f} s" + (

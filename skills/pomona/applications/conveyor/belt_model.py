@@ -90,14 +90,28 @@ def _add_belt(mujoco: Any, spec: Any, belt: Belt, rng: np.random.Generator) -> N
     turn = np.zeros(4)
     mujoco.mju_mat2Quat(turn, belt.T_base_belt[:3, :3].ravel())
     body = world.add_body(name="belt", pos=place, quat=turn)
-    size, rough = [belt.length / 2.0, belt.width / 2.0, 0.02], {"condim": 6, "friction": TABLE_FRICTION}
-    surface = body.add_geom(name="belt", type=box, pos=[0.0, 0.0, -0.02], size=size, material="belt", **touch, **rough)
-    surface.surfacevel = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]  # a model compiled without one never carries
+    size, rough = (
+        [belt.length / 2.0, belt.width / 2.0, 0.02],
+        {"condim": 6, "friction": TABLE_FRICTION},
+    )
+    surface = body.add_geom(
+        name="belt", type=box, pos=[0.0, 0.0, -0.02], size=size, material="belt", **touch, **rough
+    )
+    surface.surfacevel = [
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    ]  # a model compiled without one never carries
     for side in (-1.0, 1.0):
         beside = [0.0, side * (belt.width / 2.0 + RAIL), -0.01 - RAIL / 2.0]
         rail = [belt.length / 2.0, 0.9 * RAIL, RAIL / 2.0]
         body.add_geom(type=box, pos=beside, size=rail, rgba=[0.5, 0.5, 0.52, 1.0], **touch)
-    floor = world.add_geom(name="floor", type=plane, pos=[0.0, 0.0, belt.top - FLOOR], size=[3.0, 3.0, 0.1], **touch)
+    floor = world.add_geom(
+        name="floor", type=plane, pos=[0.0, 0.0, belt.top - FLOOR], size=[3.0, 3.0, 0.1], **touch
+    )
     floor.rgba = [0.3, 0.29, 0.28, 1.0]
     shelf = world.add_body(name="shelf", pos=[SHELF[0] + 1.0, SHELF[1], belt.top - 0.02])
     shelf.add_geom(type=box, size=[2.0, 0.3, 0.02], condim=6, friction=(0.8, 0.02, 0.01), **touch)
@@ -105,13 +119,21 @@ def _add_belt(mujoco: Any, spec: Any, belt: Belt, rng: np.random.Generator) -> N
 
 def _add_sensors(mujoco: Any, spec: Any, fruits: int) -> None:
     """Net contacts: pads and fruit with all, fruit with the belt, the robot with the belt, itself and fruit."""
-    geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
+    geom, body, subtree = (
+        mujoco.mjtObj.mjOBJ_GEOM,
+        mujoco.mjtObj.mjOBJ_BODY,
+        mujoco.mjtObj.mjOBJ_XBODY,
+    )
     of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
     arm = next(joint.parent.name for joint in spec.joints if joint.name in of_arm)
 
-    def sensor(name: str, first: tuple[Any, str], other: tuple[Any, str] | None, fields: int) -> None:
+    def sensor(
+        name: str, first: tuple[Any, str], other: tuple[Any, str] | None, fields: int
+    ) -> None:
         kind, reference = other or (mujoco.mjtObj.mjOBJ_UNKNOWN, "")
-        contact = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, intprm=[fields, NET, 1])
+        contact = spec.add_sensor(
+            name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, intprm=[fields, NET, 1]
+        )
         contact.objtype, contact.objname, contact.reftype, contact.refname = *first, kind, reference
 
     for pad in PADS:

@@ -16,7 +16,11 @@ from pomona.skills.perception import DetectError
 
 SHOWN_EVERY = 0.2  # time between two views of the belt [s]
 
-BELT_FAILURES = ("NO_FRAME", "STALE_FRAME", "ENCODER_FAULT")  # codes of every skill that looks at a belt
+BELT_FAILURES = (
+    "NO_FRAME",
+    "STALE_FRAME",
+    "ENCODER_FAULT",
+)  # codes of every skill that looks at a belt
 
 
 class BeltSkill(Skill):
@@ -40,7 +44,9 @@ class BeltSkill(Skill):
             if frame.q is None:
                 return frame.T_mount_camera
             if robot is None:
-                raise self.failure("NO_FRAME", "the frame was taken from an arm, and the cell has no arm")
+                raise self.failure(
+                    "NO_FRAME", "the frame was taken from an arm, and the cell has no arm"
+                )
             T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
             return T_base_camera
 
@@ -53,7 +59,9 @@ class BeltSkill(Skill):
         if problem := watch.problem(self.clock.now()):
             raise self.failure("STALE_FRAME", problem)
 
-    def look(self, watch: BeltWatch, search: bool, meeting: tuple[float, Float64] | None = None) -> None:
+    def look(
+        self, watch: BeltWatch, search: bool, meeting: tuple[float, Float64] | None = None
+    ) -> None:
         """Keep the tracks up, in each tick, and show them; fails when camera or encoder do not.
 
         `meeting` is when [s] and where, shape (3,) [m], the hand will be around its fruit, for the operator.

@@ -13,7 +13,9 @@ LARGER = 10.0  # scale of the shown ellipses: one of 3 mm could not be seen besi
 COLUMNS = ("fruit", "size", "along the belt", "place known to", "state")
 
 
-def belt_scene(watch: BeltWatch, now: float, meeting: tuple[float, Float64] | None = None) -> SceneView:
+def belt_scene(
+    watch: BeltWatch, now: float, meeting: tuple[float, Float64] | None = None
+) -> SceneView:
     """Return the belt in space.
 
     Args:
@@ -44,14 +46,21 @@ def belt_table(watch: BeltWatch, now: float) -> TableView:
         place, covariance = watch.tracks.expected(track, now, watch.travel.at(now))
         size = " × ".join(f"{1e3 * d:.0f}" for d in track.dimensions) + " mm"
         known = f"{1e3 * ellipse_radius(covariance):.1f} mm"
-        state = "tried" if track.number in watch.tried else "rests" if track.rests else "new or rolling"
+        state = (
+            "tried" if track.number in watch.tried else "rests" if track.rests else "new or rolling"
+        )
         rows.append((str(track.number), size, f"{1e3 * place[0]:.0f} mm", known, state))
-    return TableView(COLUMNS, tuple(rows), f"{watch.sentence}, belt at {watch.travel.speed:.2f} m/s")
+    return TableView(
+        COLUMNS, tuple(rows), f"{watch.sentence}, belt at {watch.travel.speed:.2f} m/s"
+    )
 
 
 def _outline(watch: BeltWatch) -> Line3:
     belt = watch.tracks.belt
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [belt.length / 2.0, belt.width / 2.0]
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [
+        belt.length / 2.0,
+        belt.width / 2.0,
+    ]
     return Line3(_on_belt(watch, np.column_stack([corners, np.zeros(5)])), "belt", "muted")
 
 
@@ -59,7 +68,9 @@ def _ellipse(covariance: Float64) -> Float64:
     """Return points on the level 90 % ellipse of a covariance, shape (25, 2) [m]."""
     values, axes = np.linalg.eigh(covariance[:2, :2])
     angle = np.linspace(0.0, 2.0 * np.pi, 25)
-    ring: Float64 = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (ELLIPSE * np.sqrt(np.maximum(values, 0.0)))
+    ring: Float64 = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (
+        ELLIPSE * np.sqrt(np.maximum(values, 0.0))
+    )
     turned: Float64 = ring @ axes.T
     return turned
 

@@ -48,12 +48,19 @@ class BeltWatch:
     @property
     def sentence(self) -> str:
         """Text for the operator."""
-        if self.newest_frame < 0.0:  # written to a port before a look: the numbers would be wrong from the next tick on
+        if (
+            self.newest_frame < 0.0
+        ):  # written to a port before a look: the numbers would be wrong from the next tick on
             return "kept up while a skill watches the belt"
         return f"{len(self.tracks.tracks)} fruit on the belt, {self.tracks.born} seen so far"
 
     def step(
-        self, skill: Skill, camera: Camera, conveyor: Conveyor, pose: Callable[[Frame], Float64], search: bool
+        self,
+        skill: Skill,
+        camera: Camera,
+        conveyor: Conveyor,
+        pose: Callable[[Frame], Float64],
+        search: bool,
     ) -> None:
         """Take the newest frame and measurement, and look at one frame beside the tick.
 
@@ -75,11 +82,17 @@ class BeltWatch:
         self._frames += 1
         at = BeltFrame(frame, pose(frame), self.travel.at(frame.stamp))
         find = self._finder(at.T_base_camera) if searches else None
-        self._pending = skill.context.compute(skill.path, self.tracks.look, at, find, isolated=False)
+        self._pending = skill.context.compute(
+            skill.path, self.tracks.look, at, find, isolated=False
+        )
 
     def note_frame(self, camera: Camera, now: float, searches: bool = False) -> Frame | None:
         """Return the newest frame, and note its age; a picture if it `searches`, where depth alone is quicker."""
-        frame = camera.latest() if searches or not isinstance(camera, DepthCamera) else camera.latest_depth()
+        frame = (
+            camera.latest()
+            if searches or not isinstance(camera, DepthCamera)
+            else camera.latest_depth()
+        )
         if frame is not None and (stamp := min(frame.stamp, now)) > self.newest_frame:
             self._oldest = max(FORGETS * self._oldest, now - self.newest_frame)
             self.newest_frame = stamp

@@ -31,7 +31,9 @@ Fails = Callable[..., SkillFailure]
 """`Skill.failure` of the skill that picks."""
 
 
-def ready_hand(stream: HandStream, arm: Arm, workspace: Workspace, opening: float, height: float) -> ReadyHand:
+def ready_hand(
+    stream: HandStream, arm: Arm, workspace: Workspace, opening: float, height: float
+) -> ReadyHand:
     """Return the hand where it stands; its ways must be free of fixed objects.
 
     Args:
@@ -57,11 +59,21 @@ def require_motion(stream: HandStream, fails: Fails) -> None:
         if stream.motion.speed < 1.0:
             speed = stream.motion.speed
             words = f"the arm goes at {1e2 * speed:.0f} % of its speed, and a running belt needs all of it"
-            code, end = ("BEHIND", "the hand has risen") if stream.moved else ("REFUSED", "nothing has moved")
+            code, end = (
+                ("BEHIND", "the hand has risen")
+                if stream.moved
+                else ("REFUSED", "nothing has moved")
+            )
             raise fails(code, f"{words}; {end}", speed=speed)
         return
-    code = {MotionState.STOPPED: "STOPPED", MotionState.PAUSED: "BEHIND"}.get(state, "MOTION_FAILED")
-    words = "the run was paused, and the belt goes on" if code == "BEHIND" else "the motion was stopped before its end"
+    code = {MotionState.STOPPED: "STOPPED", MotionState.PAUSED: "BEHIND"}.get(
+        state, "MOTION_FAILED"
+    )
+    words = (
+        "the run was paused, and the belt goes on"
+        if code == "BEHIND"
+        else "the motion was stopped before its end"
+    )
     raise fails(code, stream.motion.problem or words)
 
 
@@ -82,7 +94,12 @@ class Catch:
     """
 
     def __init__(
-        self, pick: InterceptPlan, track: FruitTrack, tracks: BeltWatch, stream: HandStream, fails: Fails
+        self,
+        pick: InterceptPlan,
+        track: FruitTrack,
+        tracks: BeltWatch,
+        stream: HandStream,
+        fails: Fails,
     ) -> None:
         self.pick, self.track, self._fails = pick, track, fails
         self._tracks, self._stream = tracks, stream
@@ -105,11 +122,15 @@ class Catch:
         require_motion(self._stream, self._fails)
         seen = self._tracks.tracks.track(self.track.number)
         if seen is None or (seen.missed > 0 and seen.likelier < 0.0):
-            raise self._fails("TRACK_LOST", "the fruit is not where it should be; the hand has risen")
+            raise self._fails(
+                "TRACK_LOST", "the fruit is not where it should be; the hand has risen"
+            )
         innovation = seen.innovation_since(self._first)
         if innovation > SAME_TIME * max(self._speed / AT_SPEED, 1.0) ** 2:
             words = "the fruit seems to move with the camera: times of joints and frames differ, or its pose is wrong"
-            raise self._fails("POSE_MISMATCH", f"{words}; the hand has risen", innovation=round(innovation, 1))
+            raise self._fails(
+                "POSE_MISMATCH", f"{words}; the hand has risen", innovation=round(innovation, 1)
+            )
         self.track = seen
         self._lead()
 
@@ -138,7 +159,10 @@ class Catch:
             q: joints, shape (dof,) [rad].
             width: between the pads [m].
         """
-        T_base_tcp, T_base_fruit = self._stream.robot.tcp(q), self.track.measured.T_base_fruit.copy()
+        T_base_tcp, T_base_fruit = (
+            self._stream.robot.tcp(q),
+            self.track.measured.T_base_fruit.copy(),
+        )
         T_base_fruit[:3, 3] = T_base_tcp[:3, 3] - self.pick.grip
         fruit: MeasuredFruit = replace(self.track.measured, T_base_fruit=T_base_fruit)
         above = T_base_tcp.copy()

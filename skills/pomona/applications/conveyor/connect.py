@@ -13,7 +13,15 @@ from pomona.applications.conveyor.conveyor import FASTEST, BeltPlace, second_bel
 from pomona.applications.conveyor.devices import SimConveyor
 from pomona.applications.conveyor.reach_watch import unseen_people
 from pomona.applications.conveyor.world import ConveyorWorld, Feed
-from pomona.drivers import ConnectContext, FruitKinds, Settings, Surroundings, UnusableRobotFile, driver, read_limits
+from pomona.drivers import (
+    ConnectContext,
+    FruitKinds,
+    Settings,
+    Surroundings,
+    UnusableRobotFile,
+    driver,
+    read_limits,
+)
 from pomona.executive import (
     LENGTH,
     SPEED,
@@ -51,22 +59,40 @@ class ConveyorOptions(BeltPlace):
 
     robot: Path = value(PathTo("file"), help="MJCF of the robot")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
-    speed: float = value(Measure(SPEED, "0 m/s", f"{FASTEST} m/s"), "0.15 m/s", "of the belt, towards +x")
+    speed: float = value(
+        Measure(SPEED, "0 m/s", f"{FASTEST} m/s"), "0.15 m/s", "of the belt, towards +x"
+    )
     gap: tuple[float, float] = value(
         Span(Measure(LENGTH, "0 m", "3 m")), "200 mm..450 mm", "between fruit along the belt"
     )
-    lateral: float = value(Measure(LENGTH, "0 mm", "100 mm"), "45 mm", "largest distance of fruit from the middle line")
-    rolling: float = value(Number(0.0, 1.0), "0", "share of the fruit that comes rolling")
-    bodies: int = value(Whole(1, 12), "6", "fruit that is there at a time; it comes again once it has left")
-    kind: str = value(Text(), "all", "which fruit comes: a name in `fruits`, or all")
-    fruits: Mapping[str, CellFruitSection] = value(MappingOf(Section(CellFruitSection)), help="fruit for the belt")
-    weight: tuple[float, float] = value(Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's")
-    shape_noise: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
-    friction: tuple[float, float] | None = value(
-        OrWord(Span(Number(0.01, 5.0)), "auto"), "auto", f"sliding friction of the pads; 'auto' draws from {FRICTION}"
+    lateral: float = value(
+        Measure(LENGTH, "0 mm", "100 mm"), "45 mm", "largest distance of fruit from the middle line"
     )
-    torsion: float = value(Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding")
-    intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
+    rolling: float = value(Number(0.0, 1.0), "0", "share of the fruit that comes rolling")
+    bodies: int = value(
+        Whole(1, 12), "6", "fruit that is there at a time; it comes again once it has left"
+    )
+    kind: str = value(Text(), "all", "which fruit comes: a name in `fruits`, or all")
+    fruits: Mapping[str, CellFruitSection] = value(
+        MappingOf(Section(CellFruitSection)), help="fruit for the belt"
+    )
+    weight: tuple[float, float] = value(
+        Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's"
+    )
+    shape_noise: float = value(
+        Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form"
+    )
+    friction: tuple[float, float] | None = value(
+        OrWord(Span(Number(0.01, 5.0)), "auto"),
+        "auto",
+        f"sliding friction of the pads; 'auto' draws from {FRICTION}",
+    )
+    torsion: float = value(
+        Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding"
+    )
+    intruder: IntruderSection | None = value(
+        Section(IntruderSection), None, "a person's hand that comes into the cell"
+    )
 
     def problems(self) -> Iterator[Problem]:
         try:
@@ -75,9 +101,14 @@ class ConveyorOptions(BeltPlace):
         except UnusableRobotFile as error:
             yield Problem("robot", str(error))
         if self.kind not in (*self.fruits, "all"):
-            yield Problem("kind", f"it cannot be '{self.kind}'", choose(self.kind, (*self.fruits, "all")))
+            yield Problem(
+                "kind", f"it cannot be '{self.kind}'", choose(self.kind, (*self.fruits, "all"))
+            )
         if self.lateral > self.width / 2.0:
-            yield Problem("lateral", f"fruit would come {1e3 * self.lateral:.0f} mm beside the middle, off the belt")
+            yield Problem(
+                "lateral",
+                f"fruit would come {1e3 * self.lateral:.0f} mm beside the middle, off the belt",
+            )
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         poses = around.workspace.poses if around.workspace else {}
@@ -103,7 +134,9 @@ class OnBelt:
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         if not around.has(ConveyorWorld):
-            yield Problem("driver", "it needs the simulated belt above it", "world: {driver: conveyor, …}")
+            yield Problem(
+                "driver", "it needs the simulated belt above it", "world: {driver: conveyor, …}"
+            )
         yield from second_belt(around)
 
 
@@ -118,12 +151,22 @@ def connect_world(settings: Settings[ConveyorOptions], context: ConnectContext) 
         spec.geom(pad).friction = [friction, said.torsion, 0.0001]
     fruits = draw_fruits(said, seed)
     shapes = [
-        make_fruit(fruit.model, fruit.dimensions, fruit.skin, np.random.default_rng([seed, 5, i]), fruit.shape_noise)
+        make_fruit(
+            fruit.model,
+            fruit.dimensions,
+            fruit.skin,
+            np.random.default_rng([seed, 5, i]),
+            fruit.shape_noise,
+        )
         for i, fruit in enumerate(fruits)
     ]
-    built = build_belt_model(spec, said.belt, fruits, shapes, context.workspace.obstacles, seed, said.intruder)
+    built = build_belt_model(
+        spec, said.belt, fruits, shapes, context.workspace.obstacles, seed, said.intruder
+    )
     q_start: Float64 = context.workspace.poses[said.start]
-    return ConveyorWorld(built, said.robot, q_start, seed, said.speed, Feed(said.gap, said.lateral, said.rolling))
+    return ConveyorWorld(
+        built, said.robot, q_start, seed, said.speed, Feed(said.gap, said.lateral, said.rolling)
+    )
 
 
 @driver(SimConveyor, OnBelt)

@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 from pomona.drivers import Box, Carrier, Intrinsics, Surroundings, Workspace
 from pomona.executive import LENGTH, Float64, Measure, Problem, ReadOnly, value
 
-FASTEST = 0.5  # speed of a belt up to which the arm was tried and the simulated one is checked [m/s]
+FASTEST = (
+    0.5  # speed of a belt up to which the arm was tried and the simulated one is checked [m/s]
+)
 SILENCE = 0.15  # age of an encoder's newest measurement from which it is lost [s]
 AT_REST = 2e-3  # speed below which a belt rests [m/s]
 LEVEL = 5e-3  # difference in height of a belt and the workspace's table that counts as none [m]
-FRUIT_ROOM, BLIND = 0.10, 0.20  # height over a belt that its fruit takes, and up to which a watch need not see [m]
+FRUIT_ROOM, BLIND = (
+    0.10,
+    0.20,
+)  # height over a belt that its fruit takes, and up to which a watch need not see [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,25 +47,39 @@ class Belt(ReadOnly):
         """Direction of travel in the base frame, shape (3,)."""
         return self.T_base_belt[:3, 0]
 
-    def pictured(self, lens: Intrinsics, T_base_camera: Float64) -> tuple[NDArray[np.int_], Float64, NDArray[np.bool_]]:
+    def pictured(
+        self, lens: Intrinsics, T_base_camera: Float64
+    ) -> tuple[NDArray[np.int_], Float64, NDArray[np.bool_]]:
         """Return pixels, shape (2, n), and depths [m] of points all over the surface, and which are in the picture."""
-        along, aside = np.meshgrid(np.linspace(-0.5, 0.5, 61) * self.length, np.linspace(-0.45, 0.45, 9) * self.width)
+        along, aside = np.meshgrid(
+            np.linspace(-0.5, 0.5, 61) * self.length, np.linspace(-0.45, 0.45, 9) * self.width
+        )
         points = np.stack([along.ravel(), aside.ravel(), np.zeros(along.size), np.ones(along.size)])
         x, y, z = (np.linalg.inv(T_base_camera) @ self.T_base_belt @ points)[:3]
         ahead = z > 0.05
         u = np.round(lens.fx * x / np.where(ahead, z, 1.0) + lens.cx).astype(int)
         v = np.round(lens.fy * y / np.where(ahead, z, 1.0) + lens.cy).astype(int)
-        return np.stack([u, v]), z, ahead & (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
+        return (
+            np.stack([u, v]),
+            z,
+            ahead & (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeltPlace:
     """Options of a cell file: where a belt runs, along x of the base frame."""
 
-    beside: float = value(Measure(LENGTH, "-2 m", "2 m"), help="of the belt's middle line in the base frame, y")
-    top: float = value(Measure(LENGTH, "-1 m", "1 m"), help="height of the belt's surface in the base frame")
+    beside: float = value(
+        Measure(LENGTH, "-2 m", "2 m"), help="of the belt's middle line in the base frame, y"
+    )
+    top: float = value(
+        Measure(LENGTH, "-1 m", "1 m"), help="height of the belt's surface in the base frame"
+    )
     width: float = value(Measure(LENGTH, "100 mm", "1 m"), "240 mm", "of the belt")
-    length: float = value(Measure(LENGTH, "1 m", "4 m"), "1.8 m", "of the belt, its middle before the robot")
+    length: float = value(
+        Measure(LENGTH, "1 m", "4 m"), "1.8 m", "of the belt, its middle before the robot"
+    )
 
     @property
     def belt(self) -> Belt:
@@ -88,22 +107,46 @@ class BeltPlace:
         if space.table_z is not None and abs(self.top - space.table_z) > LEVEL:
             words = f"the belt lies at {_mm(self.top)} and workspace.table_z, by which paths are planned, at "
             yield Problem("top", words + _mm(space.table_z), "give both the height of the belt")
-        elif (lower[1:] < space.lower[1:]).any() or upper[1] > space.upper[1] or self.top > space.upper[2]:
-            ends = f"y {_mm(space.lower[1], space.upper[1])}, z {_mm(space.lower[2], space.upper[2])}"
-            words, remedy = f"{belt} leaves the workspace, {ends}", "move the belt, or workspace.lower and .upper"
+        elif (
+            (lower[1:] < space.lower[1:]).any()
+            or upper[1] > space.upper[1]
+            or self.top > space.upper[2]
+        ):
+            ends = (
+                f"y {_mm(space.lower[1], space.upper[1])}, z {_mm(space.lower[2], space.upper[2])}"
+            )
+            words, remedy = (
+                f"{belt} leaves the workspace, {ends}",
+                "move the belt, or workspace.lower and .upper",
+            )
             yield Problem("beside", words, remedy)
         boxes = ((box.name, *_corners(box)) for box in space.obstacles)
         inner, outer = lower + LEVEL, upper - LEVEL
-        for name in dict.fromkeys(name for name, low, high in boxes if (low < outer).all() and (high > inner).all()):
-            yield Problem("beside", f"{belt} runs through the obstacle '{name}'", "move one of the two")
+        for name in dict.fromkeys(
+            name for name, low, high in boxes if (low < outer).all() and (high > inner).all()
+        ):
+            yield Problem(
+                "beside", f"{belt} runs through the obstacle '{name}'", "move one of the two"
+            )
 
     def _unwatched(self, passing: tuple[Box, ...]) -> Iterator[Problem]:
-        lower, upper = self._room(self.length / 4.0, self.width / 2.0)  # a volume for the belt holds this at least
+        lower, upper = self._room(
+            self.length / 4.0, self.width / 2.0
+        )  # a volume for the belt holds this at least
         inner, outer = lower + LEVEL, upper - LEVEL
-        holding = [high for low, high in map(_corners, passing) if (low < inner).all() and (high > outer).all()]
+        holding = [
+            high
+            for low, high in map(_corners, passing)
+            if (low < inner).all() and (high > outer).all()
+        ]
         high = max((float(corner[2]) - self.top for corner in holding), default=0.0)
-        low, up = (" ".join(f"{x:.3f}" for x in corner) for corner in self._room(self.length, self.width))
-        volume, where = f"- {{name: belt, lower: {low} m, upper: {up} m}}", "workspace.watch.passing"
+        low, up = (
+            " ".join(f"{x:.3f}" for x in corner) for corner in self._room(self.length, self.width)
+        )
+        volume, where = (
+            f"- {{name: belt, lower: {low} m, upper: {up} m}}",
+            "workspace.watch.passing",
+        )
         if not holding:
             words = "no volume `passing` holds the fruit on the belt, so that each fruit would stop the arm"
             yield Problem(where if passing else "workspace.watch", words, volume)
@@ -115,7 +158,11 @@ class BeltPlace:
 def second_belt(around: Surroundings) -> Iterator[Problem]:
     """Yield the error of a belt below another one."""
     for name in (name for name, device in around.above.items() if Conveyor in device.interfaces):
-        yield Problem("driver", f"the cell has the belt '{name}' already", "leave one of them: the skills follow one")
+        yield Problem(
+            "driver",
+            f"the cell has the belt '{name}' already",
+            "leave one of them: the skills follow one",
+        )
 
 
 def _corners(box: Box) -> tuple[Float64, Float64]:

@@ -73,7 +73,9 @@ class SimConveyor(FaultyDevice):
     def _count(self) -> None:
         now = self._world.clock.now()
         if self.fault == "creep" and not self._stopped:
-            self._world.wanted_speed = max(0.1 * self._usual, self._world.wanted_speed - CREEP * 0.002)
+            self._world.wanted_speed = max(
+                0.1 * self._usual, self._world.wanted_speed - CREEP * 0.002
+            )
         if self.fault == "lost" or now - self._counted[-1][0] < 0.0099:
             return
         scale = {"backwards": -1.0, "wrong_scale": WRONG}.get(self.fault or "", 1.0)

@@ -13,7 +13,9 @@ from pomona.executive import Float64
 from pomona.skills import inverse, transform
 from pomona.skills.perception import DepthLook, Detection, FruitModel
 
-LENS = Intrinsics(305.3, 305.3, 158.6, 118.8, 320, 240)  # a D435i's depth image with half of its pixels each way
+LENS = Intrinsics(
+    305.3, 305.3, 158.6, 118.8, 320, 240
+)  # a D435i's depth image with half of its pixels each way
 HIGH = 0.45  # height of the camera over the belt [m]
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Orientation of a fruit that stands, its y axis down."""
@@ -27,7 +29,14 @@ def camera_over(belt: Belt, along: float) -> Float64:
     return T_base_camera
 
 
-def draw(model: FruitModel, belt: Belt, T_base_camera: Float64, places: Sequence[Float64], t: float, n: int) -> Frame:
+def draw(
+    model: FruitModel,
+    belt: Belt,
+    T_base_camera: Float64,
+    places: Sequence[Float64],
+    t: float,
+    n: int,
+) -> Frame:
     """Draw fruit of the model's size that stands on a belt.
 
     Args:
@@ -61,7 +70,9 @@ def detected(model: FruitModel, belt: Belt, frame: Frame, place: Float64) -> Det
     x, y, z = T_camera_object[:3, 3]
     pixel = np.array([LENS.fx * x / z + LENS.cx, LENS.fy * y / z + LENS.cy])
     covariance = np.diag([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-4])
-    return Detection(model, frame, T_base_camera, T_camera_object, np.tile(pixel, (9, 1)), 0.9, covariance, 0, 1)
+    return Detection(
+        model, frame, T_base_camera, T_camera_object, np.tile(pixel, (9, 1)), 0.9, covariance, 0, 1
+    )
 
 
 def warm_up(model: FruitModel, belt: Belt) -> None:
@@ -72,5 +83,6 @@ def warm_up(model: FruitModel, belt: Belt) -> None:
     for n in range(2):
         frame = draw(model, belt, T_base_camera, [place], n / 30.0, n)
         tracks = tracks.look(
-            BeltFrame(frame, T_base_camera, 0.0), lambda seen: [detected(model, belt, seen, place)] if seen else []
+            BeltFrame(frame, T_base_camera, 0.0),
+            lambda seen: [detected(model, belt, seen, place)] if seen else [],
         )

@@ -100,8 +100,12 @@ class BeltScore:
         """Return the score as plain values."""
         ended = [fate for fate in self.fates if fate.ending]
         lifted = [fate for fate in self.fates if fate.lifted]
-        under_way = {number for number in self._now if not self.held(number) and self.crate_of(number)}
-        crates = [f for f in ended if f.ending not in ("passed", "fell")] + [self._now[n] for n in under_way]
+        under_way = {
+            number for number in self._now if not self.held(number) and self.crate_of(number)
+        }
+        crates = [f for f in ended if f.ending not in ("passed", "fell")] + [
+            self._now[n] for n in under_way
+        ]
         hurt = [fate for fate in self.fates if fate.touches and not fate.lifted]
         return {
             "offered": len(self.fates),
@@ -117,7 +121,13 @@ class BeltScore:
             "bruised": sum(fate.press > 1.0 for fate in self.fates),
             "largest_press": max((fate.press for fate in self.fates), default=0.0),
             "fates": [
-                {"kind": f.kind, "lifted": f.lifted, "ending": f.ending, "slip_mm": 1e3 * f.slip, "touches": f.touches}
+                {
+                    "kind": f.kind,
+                    "lifted": f.lifted,
+                    "ending": f.ending,
+                    "slip_mm": 1e3 * f.slip,
+                    "touches": f.touches,
+                }
                 for f in self.fates
             ],
         }
@@ -148,7 +158,9 @@ class BeltScore:
         old, new = fate.mean, forces
         fate.mean = old[0] + share * (new[0] - old[0]), old[1] + share * (new[1] - old[1])
         for force, modulus in zip(fate.mean, MODULI, strict=True):
-            fate.press = max(fate.press, force / (np.pi**3 * radius**2 * BRUISE_PRESSURE**3 / (6.0 * modulus**2)))
+            fate.press = max(
+                fate.press, force / (np.pi**3 * radius**2 * BRUISE_PRESSURE**3 / (6.0 * modulus**2))
+            )
 
     def _beside(self, number: int) -> float:
         """Force on a fruit of all but the pads [N]: each sensor has the force on the second of a pair."""

@@ -15,7 +15,9 @@ from pomona.skills.grip import Hold
 from pomona.skills.motion import RobotModel, nearest_solution
 
 WATCHDOG = 0.15  # time without a set-point after which the arm comes to rest [s]
-HALF_TICK = 0.01  # half of the time between set-points [s]: each is the best for the middle of its time
+HALF_TICK = (
+    0.01  # half of the time between set-points [s]: each is the best for the middle of its time
+)
 LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 CLEAR = 0.10  # height to which a hand rises that has not picked [m]
@@ -126,12 +128,16 @@ class HandStream:
         for brakes in BRAKES[is_fast(velocity) :]:
             up = Rise(t, T, velocity, height, brakes)
             times = np.linspace(self.ahead, up.end, 12)
-            speeds = np.abs(np.diff(way := self._way(up.pose, times), axis=0)) / (times[1] - times[0])
+            speeds = np.abs(np.diff(way := self._way(up.pose, times), axis=0)) / (
+                times[1] - times[0]
+            )
             if len(way) == len(times) and (speeds <= self._arm.limits.velocity).all():
                 break
         return up
 
-    def leave(self, opens: Callable[[], object] | None, look: Callable[[], str | None]) -> Work[None]:
+    def leave(
+        self, opens: Callable[[], object] | None, look: Callable[[], str | None]
+    ) -> Work[None]:
         """Give the fruit up: let `opens` open the fingers while the hand goes on with the belt, then rise and rest.
 
         `look` is called in each tick.
@@ -155,7 +161,9 @@ class HandStream:
             yield meanwhile() or "coming to rest"
 
 
-def end_pick(stream: HandStream, hold: Hold | None, gripper: Gripper, eyes: ReachWatch) -> Work[None]:
+def end_pick(
+    stream: HandStream, hold: Hold | None, gripper: Gripper, eyes: ReachWatch
+) -> Work[None]:
     """Rise and rest after a pick that failed or was interrupted: with the fruit if it is held, else with open fingers.
 
     Without a running motion the hand comes to rest where it is.
@@ -188,4 +196,6 @@ def _open(hold: Hold, gripper: Gripper) -> None:
 def inner_robot(arm: Arm) -> RobotModel:
     """Return the robot within its joint limits less `LIMIT_MARGIN`."""
     limits = arm.limits
-    return RobotModel.load(arm.description).with_limits(limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN)
+    return RobotModel.load(arm.description).with_limits(
+        limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN
+    )

@@ -18,10 +18,28 @@ from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.reach_watch import ReachWatch, prepare_reach_watch
 from pomona.applications.conveyor.tracks import FruitTrack
-from pomona.drivers import Arm, Camera, Cameras, Carrier, ForceSensor, Gripper, MotionRefused, StreamedArm, Workspace
+from pomona.drivers import (
+    Arm,
+    Camera,
+    Cameras,
+    Carrier,
+    ForceSensor,
+    Gripper,
+    MotionRefused,
+    StreamedArm,
+    Workspace,
+)
 from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
 from pomona.skills import MOTION_FAILURES, prepare_moving, show_grip
-from pomona.skills.grip import GripController, GripPhase, Hold, SoftContact, surface_table, take_over, warm_up
+from pomona.skills.grip import (
+    GripController,
+    GripPhase,
+    Hold,
+    SoftContact,
+    surface_table,
+    take_over,
+    warm_up,
+)
 from pomona.skills.motion import Grasp
 
 
@@ -49,7 +67,14 @@ class Intercept(BeltSkill):
         *("OUT_OF_REACH", "TOO_UNSURE", "TOO_WIDE", "NEIGHBOUR_AT_RISK"),
         *("PATH_BLOCKED", "POSE_MISMATCH", "DEPTH_MISMATCH"),
         *("TRACK_LOST", "BELT_CHANGED", "BEHIND", "END_OF_REACH"),
-        *("NO_CONTACT", "ONE_FINGER", "OUT_OF_STROKE", "FORCE_LIMIT", "SENSOR_STALE", "SENSOR_SATURATED"),
+        *(
+            "NO_CONTACT",
+            "ONE_FINGER",
+            "OUT_OF_STROKE",
+            "FORCE_LIMIT",
+            "SENSOR_STALE",
+            "SENSOR_SATURATED",
+        ),
         *("SENSOR_FAULT", "SLIPPED", "LOST"),
     )
 
@@ -64,11 +89,21 @@ class Intercept(BeltSkill):
         tracks: Annotated[BeltWatch, Port(help="fruit on the belt, of Track")],
         sure: Annotated[
             Length,
-            Port(min="0.5 mm", max="20 mm", help="largest error of the place (90 %) with which the arm sets off"),
+            Port(
+                min="0.5 mm",
+                max="20 mm",
+                help="largest error of the place (90 %) with which the arm sets off",
+            ),
         ] = LENGTH("4 mm"),
-        height: Annotated[Length, Port(min="50 mm", max="400 mm", help="height of the lift")] = LENGTH("150 mm"),
-        mu: Annotated[Ratio, Port(min=0.05, max=3.0, help="friction of the pads on this fruit")] = 0.79,
-        mu_uncertainty: Annotated[Ratio, Port(min=0.0, max=0.5, help="of it, relative; covered by more force")] = 0.125,
+        height: Annotated[
+            Length, Port(min="50 mm", max="400 mm", help="height of the lift")
+        ] = LENGTH("150 mm"),
+        mu: Annotated[
+            Ratio, Port(min=0.05, max=3.0, help="friction of the pads on this fruit")
+        ] = 0.79,
+        mu_uncertainty: Annotated[
+            Ratio, Port(min=0.0, max=0.5, help="of it, relative; covered by more force")
+        ] = 0.125,
         delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("6 mm"),
     ) -> Work[Caught]:
         contact = SoftContact(mu, delta, 0.0, 4.0)
@@ -79,13 +114,17 @@ class Intercept(BeltSkill):
         try:
             stream = HandStream(arm, self.device(StreamedArm).stream(WATCHDOG), self.clock)
         except MotionRefused as refused:
-            raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
+            raise self.failure(
+                "REFUSED", f"{refused}; nothing has moved", device=refused.device
+            ) from refused
         hold: Hold | None = None
         try:
             tracks.newest_frame = self.clock.now()
             pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
             fast, sensor = tracks.travel.speed > FAST, self.device(ForceSensor)
-            settings = grip_settings(contact, mu_uncertainty, target.measured, width, gripper, sensor, fast)
+            settings = grip_settings(
+                contact, mu_uncertainty, target.measured, width, gripper, sensor, fast
+            )
             catch = Catch(pick, track, tracks, stream, self.failure)
             eyes.begin(stream.motion, pick.times, pick.postures)
             while catch.reaches(self.clock.now()):
@@ -141,7 +180,9 @@ class Intercept(BeltSkill):
             require_motion(stream, self.failure)
             track = tracks.tracks.track(target.number)
             if track is None:
-                raise self.failure("TRACK_LOST", "the fruit is not seen any more; nothing has moved")
+                raise self.failure(
+                    "TRACK_LOST", "the fruit is not seen any more; nothing has moved"
+                )
             pick = choice.now(track, self.clock.now())
             if isinstance(pick, InterceptPlan):
                 gripper.move(opening, gripper.limits.speed_max)
@@ -151,7 +192,9 @@ class Intercept(BeltSkill):
             stream.motion.aim(stream.q)  # it stays where it is
             yield f"waiting: {pick.reason}"
 
-    def _carry(self, hold: Hold, eyes: ReachWatch | None = None, tracks: BeltWatch | None = None) -> None:
+    def _carry(
+        self, hold: Hold, eyes: ReachWatch | None = None, tracks: BeltWatch | None = None
+    ) -> None:
         """Show the grip, and look; a problem of it is a failure."""
         show_grip(self, hold)
         require_grip(hold, self.failures, self.failure)

@@ -22,10 +22,17 @@ from pomona.skills.motion import RobotModel, nearest_solution
 Place = Callable[[float], tuple[Float64, Float64]]
 """Where a fruit is at a time [s], and its velocity: base frame, shape (3,) each [m], [m/s]."""
 
-ABOVE = 0.08  # height over the grasp at which the hand has matched the fruit's speed along the belt [m]
+ABOVE = (
+    0.08  # height over the grasp at which the hand has matched the fruit's speed along the belt [m]
+)
 SINKING = 1.875  # speed there, in heights per time of the descent: half the acceleration of one from rest to rest
-REACHES = tuple(float(reach) for reach in np.arange(0.45, 1.55, 0.1))  # times of the reach that are tried [s]
-DESCENTS = (0.3, 0.4)  # times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s
+REACHES = tuple(
+    float(reach) for reach in np.arange(0.45, 1.55, 0.1)
+)  # times of the reach that are tried [s]
+DESCENTS = (
+    0.3,
+    0.4,
+)  # times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s
 FAST = 0.35  # speed of a belt from which a pick must be shorter, to end within the reach [m/s]
 CLOSING, QUICK = 0.85, 0.7
 """Time at the fruit for which reach is kept [s], and on a fast belt: closing took 0.7 s (median) to 0.9 s in 200 picks,
@@ -34,13 +41,20 @@ LIFTS = 2.0  # largest acceleration of a lift [m/s²], as of a fruit that is car
 BRAKES = ((0.10, 0.5), (0.05, 0.3), (0.0, 0.2))
 """Times of the lift with the belt's speed, and then until the hand has no speed along the belt [s]: as usual, as
 planned on a fast belt, and where the reach ends."""
-SAMPLES = 24  # postures of the way that are checked, and a few more at the fruit and during the lift
+SAMPLES = (
+    24  # postures of the way that are checked, and a few more at the fruit and during the lift
+)
 SHARE = 0.8
 """Share of the joints' limits of speed and acceleration that a plan may use; the rest follows corrections. With 0.9 and
 16 postures the hand fell 40 mm behind on its way at 0.3 m/s, with 0.8 and 24 13 mm."""
-JUMP = 0.6  # step of a joint between two postures beyond which the arm would change its branch [rad]
+JUMP = (
+    0.6  # step of a joint between two postures beyond which the arm would change its branch [rad]
+)
 PATIENT = 0.75  # a reach that takes longer waits, while a quicker one will do later [s]
-COARSE, FARTHEST = 0.02, 1.0  # step along the belt and largest distance at which reach is looked for [m]
+COARSE, FARTHEST = (
+    0.02,
+    1.0,
+)  # step along the belt and largest distance at which reach is looked for [m]
 ELLIPSE = 2.146  # radius of a plane's 90 % ellipse in standard deviations
 
 
@@ -181,19 +195,29 @@ def plan_pick(
                 reached = True
                 if planned.share > SHARE:
                     words = f"it takes {planned.share / SHARE:.2f} times what the joints may do"
-                    found = found if found.code else NoPick("", f"the fruit cannot be reached yet: {words}")
+                    found = (
+                        found
+                        if found.code
+                        else NoPick("", f"the fruit cannot be reached yet: {words}")
+                    )
                     continue
                 if blocked := hand.free(planned.postures):
                     found = NoPick("OUT_OF_REACH", blocked)
                     continue
                 return planned
         short, near = short or not reached, near or (reached and reach == REACHES[0])
-    if near and not found.code:  # the fruit is in reach, and a later start leaves less time to the same place
-        return NoPick("OUT_OF_REACH", f"the fruit is too far on: {found.reason.partition(': ')[2]}", late=True)
+    if (
+        near and not found.code
+    ):  # the fruit is in reach, and a later start leaves less time to the same place
+        return NoPick(
+            "OUT_OF_REACH", f"the fruit is too far on: {found.reason.partition(': ')[2]}", late=True
+        )
     return found
 
 
-def grip_yaws(vertices: Float64, R_base_fruit: Float64, along: Float64) -> tuple[tuple[float, ...], float]:
+def grip_yaws(
+    vertices: Float64, R_base_fruit: Float64, along: Float64
+) -> tuple[tuple[float, ...], float]:
     """Return angles of the tool's x axis to the belt for a narrow grip, least turn first, and the width there [m].
 
     Args:
@@ -212,7 +236,9 @@ def ellipse_radius(covariance: Float64) -> float:
     return ELLIPSE * float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2]).max()))
 
 
-def reachable(hand: ReadyHand, p_base: Float64, R_base_grasp: Float64, along: Float64) -> tuple[float, float]:
+def reachable(
+    hand: ReadyHand, p_base: Float64, R_base_grasp: Float64, along: Float64
+) -> tuple[float, float]:
     """Return how far the hand can grip along the belt before and behind a place, without another branch [m]."""
     T_base_tcp = np.eye(4)
     T_base_tcp[:3, :3] = R_base_grasp
@@ -255,7 +281,13 @@ def _steady(p: Float64, v: Float64, now: float) -> Place:
 
 
 def _pick(
-    T_base_tcp: Float64, now: float, place: Place, grip: Float64, R_base_grasp: Float64, reach: float, descent: float
+    T_base_tcp: Float64,
+    now: float,
+    place: Place,
+    grip: Float64,
+    R_base_grasp: Float64,
+    reach: float,
+    descent: float,
 ) -> InterceptPlan:
     p, v = place(now)
     axis, _ = cv2.Rodrigues(T_base_tcp[:3, :3].T @ R_base_grasp)
@@ -265,7 +297,16 @@ def _pick(
     turn = _quintic(np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), reach)[:, 0]
     drop = _quintic(np.array([ABOVE]), sinks, np.zeros(1), np.zeros(1), descent)[:, 0]
     return InterceptPlan(
-        now, reach, descent, grip, way, turn, drop, T_base_tcp[:3, :3].copy(), axis[:, 0], R_base_grasp
+        now,
+        reach,
+        descent,
+        grip,
+        way,
+        turn,
+        drop,
+        T_base_tcp[:3, :3].copy(),
+        axis[:, 0],
+        R_base_grasp,
     )
 
 
@@ -343,7 +384,9 @@ def in_the_way(
     worst = -np.inf
     for p, radius in p_others:
         x, y, _ = R_base_grasp.T @ (p - p_fruit)
-        worst = max(worst, radius - float(np.hypot(max(abs(x) - along, 0.0), max(abs(y) - across, 0.0))))
+        worst = max(
+            worst, radius - float(np.hypot(max(abs(x) - along, 0.0), max(abs(y) - across, 0.0)))
+        )
     return float(worst)
 
 

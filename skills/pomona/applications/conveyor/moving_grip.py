@@ -6,14 +6,19 @@ from pomona.drivers import ForceSensor, Gripper
 from pomona.skills.grip import ForceLoopSettings, GripSettings, Hold, SoftContact, WatchSettings
 from pomona.skills.perception import MeasuredFruit, mass_of
 
-EARLY = 0.15  # time before the arrival at which the fingers begin to close [s], 17 mm over their place
+EARLY = (
+    0.15  # time before the arrival at which the fingers begin to close [s], 17 mm over their place
+)
 FIRST_BIAS = 0.23 + EARLY  # time before the arrival at which the grip begins to record its bias [s]
 SOONER = 0.07  # time by which all that begins sooner on a fast belt [s]
 OPENING = 0.018  # opening over the fruit's width with which the hand comes down [m]
 SLOWS, SLOWS_LATER = 0.008, 0.005
 """Opening over the fruit's width at which the fingers slow down, also on a fast belt [m]: it may lie off the middle."""
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
-FIRST_FORCE, MOST = 2.2, 14.0  # force before the lift and the largest force of both fingers [N], as of SlipAvoidGrasp
+FIRST_FORCE, MOST = (
+    2.2,
+    14.0,
+)  # force before the lift and the largest force of both fingers [N], as of SlipAvoidGrasp
 GRAVITY = 9.81  # [m/s²]
 PUSH, PUSH_SIZE = 3.7, 0.076
 """Force with which one finger may push a fruit of this diameter [N, m], and it grows with the square: half of the force
@@ -48,7 +53,9 @@ def grip_settings(
             max_force=min(MOST, 2.0 * limits.force_max),
             closing_speed=min(ForceLoopSettings().closing_speed, limits.speed_max),
         ),
-        watch=WatchSettings(push_limit=max(WatchSettings().push_limit, PUSH * (width / PUSH_SIZE) ** 2)),
+        watch=WatchSettings(
+            push_limit=max(WatchSettings().push_limit, PUSH * (width / PUSH_SIZE) ** 2)
+        ),
         width_min=limits.width_min,
         rate=sensor.rate,
     )

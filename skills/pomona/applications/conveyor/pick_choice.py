@@ -57,7 +57,9 @@ class FruitWidth:
 class PickChoice:
     """Judges from moment to moment whether one fruit can be picked."""
 
-    def __init__(self, hand: ReadyHand, tracks: BeltWatch, grip: FruitWidth, opening: float, sure: float) -> None:
+    def __init__(
+        self, hand: ReadyHand, tracks: BeltWatch, grip: FruitWidth, opening: float, sure: float
+    ) -> None:
         """
         Args:
             sure: largest half-axis of its place's 90 % ellipse [m].
@@ -76,9 +78,13 @@ class PickChoice:
             return self._why or pick
         self._why = pick if pick.code else self._why
         if self._too_late(track, now):
-            beside = 1e3 * abs(np.cross(self._tracks.tracks.belt.direction, self._tracks.place(track, now)[0])[2])
+            beside = 1e3 * abs(
+                np.cross(self._tracks.tracks.belt.direction, self._tracks.place(track, now)[0])[2]
+            )
             words = f"the fruit has passed; {beside:.0f} mm beside the base the hand reaches"
-            return self._why or NoPick("OUT_OF_REACH", f"{words} {1e3 * self._span:.0f} mm along the belt")
+            return self._why or NoPick(
+                "OUT_OF_REACH", f"{words} {1e3 * self._span:.0f} mm along the belt"
+            )
         return NoPick("", pick.reason)
 
     def _possible(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
@@ -87,9 +93,13 @@ class PickChoice:
             return NoPick("TOO_UNSURE", "the fruit rolls on the belt")
         radius = ellipse_radius(tracks.covariance(track, now + SURE_UNTIL))
         if radius > self._sure:
-            words = f"its place is known to {1e3 * radius:.1f} mm, {1e3 * self._sure:.1f} are allowed"
+            words = (
+                f"its place is known to {1e3 * radius:.1f} mm, {1e3 * self._sure:.1f} are allowed"
+            )
             return NoPick("TOO_UNSURE", words)
-        pick = plan_pick(self._hand, now, place, np.zeros(3), self._grip.yaws, tracks.tracks.belt.direction)
+        pick = plan_pick(
+            self._hand, now, place, np.zeros(3), self._grip.yaws, tracks.tracks.belt.direction
+        )
         if isinstance(pick, NoPick):
             return pick
         others = [
@@ -99,7 +109,9 @@ class PickChoice:
         ]
         overlap = in_the_way(others, place(pick.arrival)[0], pick.R_base_grasp, self._opening)
         if overlap > 0.0:
-            return NoPick("NEIGHBOUR_AT_RISK", f"a finger would come {1e3 * overlap:.0f} mm into a neighbour")
+            return NoPick(
+                "NEIGHBOUR_AT_RISK", f"a finger would come {1e3 * overlap:.0f} mm into a neighbour"
+            )
         return pick
 
     def _too_late(self, track: FruitTrack, now: float) -> bool:
@@ -108,5 +120,12 @@ class PickChoice:
         p, v = self._tracks.place(track, now)
         if self._end is None:
             before, behind = reachable(self._hand, p, plumb(along, self._grip.yaws[0]), along)
-            self._end, self._span = float(p @ along) + behind, behind - before  # of the hand's reach
-        return float(p @ along) + max(float(v @ along), 0.0) * (SOONEST - is_fast(v) * (CLOSING - QUICK)) > self._end
+            self._end, self._span = (
+                float(p @ along) + behind,
+                behind - before,
+            )  # of the hand's reach
+        return (
+            float(p @ along)
+            + max(float(v @ along), 0.0) * (SOONEST - is_fast(v) * (CLOSING - QUICK))
+            > self._end
+        )

@@ -15,7 +15,9 @@ from pomona.executive import Clock, Float64, Problem, Skill
 from pomona.skills import KnownAround, LiveWatch, prepare_watch
 from pomona.skills.motion import RobotModel, RobotShape
 
-IN_PICTURE = 0.3  # least share of the belt that a camera must have in its picture to see a person beside it
+IN_PICTURE = (
+    0.3  # least share of the belt that a camera must have in its picture to see a person beside it
+)
 
 
 class PlannedMotion:
@@ -27,7 +29,9 @@ class PlannedMotion:
     @property
     def progress(self) -> float:
         """Share of the plan's time that has passed, 0 to 1."""
-        return float(np.clip((self._clock.now() - self._begin) / (self._end - self._begin), 0.0, 1.0))
+        return float(
+            np.clip((self._clock.now() - self._begin) / (self._end - self._begin), 0.0, 1.0)
+        )
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._motion, name)
@@ -58,7 +62,9 @@ class ReachWatch:
         qd = np.gradient(q, t, axis=0)
         way = Trajectory(t, q, qd, np.gradient(qd, t, axis=0))
         led = PlannedMotion(motion, self._skill.clock, float(times[0]), float(times[-1]))
-        self._eyes.begin(cast(Motion, led), way, full_hand(self._arm.description) if holds else None)
+        self._eyes.begin(
+            cast(Motion, led), way, full_hand(self._arm.description) if holds else None
+        )
 
     def look(self) -> str | None:
         """Compare new frames with the way; return a text for an obstacle ahead that is not near yet.
@@ -68,7 +74,9 @@ class ReachWatch:
         return None if self._eyes is None else self._eyes.look()
 
 
-def unseen_people(around: Surroundings, key: str, belt: Belt, comes: bool = True) -> Iterator[Problem]:
+def unseen_people(
+    around: Surroundings, key: str, belt: Belt, comes: bool = True
+) -> Iterator[Problem]:
     """Yield a warning of a cell that watches its paths by cameras on the hand alone.
 
     A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file, an
@@ -80,16 +88,28 @@ def unseen_people(around: Surroundings, key: str, belt: Belt, comes: bool = True
     on_hand, away, others, arm = list[str](), list[str](), 0, False
     for name, said in around.options.items():
         arm |= name in around.above and Arm in around.above[name].interfaces
-        fixed, camera = getattr(said, "fixed", None), hasattr(said, "hand_eye") or hasattr(said, "depth_model")
-        if fixed is not None and belt.pictured(said.intrinsics.intrinsics(), fixed.pose())[2].mean() < IN_PICTURE:
+        fixed, camera = (
+            getattr(said, "fixed", None),
+            hasattr(said, "hand_eye") or hasattr(said, "depth_model"),
+        )
+        if (
+            fixed is not None
+            and belt.pictured(said.intrinsics.intrinsics(), fixed.pose())[2].mean() < IN_PICTURE
+        ):
             away.append(name)
-        elif camera and fixed is None and (arm or hasattr(said, "fixed") or not hasattr(said, "hand_eye")):
+        elif (
+            camera
+            and fixed is None
+            and (arm or hasattr(said, "fixed") or not hasattr(said, "hand_eye"))
+        ):
             on_hand.append(name)
         else:
             others += camera
     if on_hand and not others and (comes or away):
         words = f"paths are watched by the hand's camera '{on_hand[0]}' alone, which sees no person beside or above it"
-        words += " while the fingers close and the hand rises" + (f"; '{away[0]}' looks past the belt" if away else "")
+        words += " while the fingers close and the hand rises" + (
+            f"; '{away[0]}' looks past the belt" if away else ""
+        )
         remedy = "fix a camera over the belt: a simulated one by `fixed`, a real one stands above the arm in the file"
         yield Problem(key, words, remedy, warning=True)
 
@@ -107,5 +127,7 @@ def full_hand(description: Path) -> RobotShape:
     robot = RobotModel.load(description)
     steps = np.linspace(0.0, np.pi, 9)
     polar, around = (angle.ravel() for angle in np.meshgrid(steps, 2.0 * steps[:-1]))
-    ball = np.column_stack((np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)))
+    ball = np.column_stack(
+        (np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar))
+    )
     return RobotShape.of(robot).holding(0.5 * robot.width_max * ball)

@@ -6,22 +6,46 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pomona.applications.conveyor.conveyor import AT_REST, BELT, SILENCE, Belt, BeltPlace, ConveyorState, second_belt
+from pomona.applications.conveyor.conveyor import (
+    AT_REST,
+    BELT,
+    SILENCE,
+    Belt,
+    BeltPlace,
+    ConveyorState,
+    second_belt,
+)
 from pomona.applications.conveyor.devices import OVER
 from pomona.applications.conveyor.reach_watch import unseen_people
 from pomona.devices.plc.signals import SignalNames, Signals, fit_signals
-from pomona.drivers import ConnectContext, Device, DeviceLost, MotionRefused, Settings, StopFailed, Surroundings, driver
+from pomona.drivers import (
+    ConnectContext,
+    Device,
+    DeviceLost,
+    MotionRefused,
+    Settings,
+    StopFailed,
+    Surroundings,
+    driver,
+)
 from pomona.executive import Clock, Problem, Text, value
 
-COARSEST, SHORTEST = 1e-3, 10e3  # largest travel of one count, and least travel after which the counts begin anew [m]
+COARSEST, SHORTEST = (
+    1e-3,
+    10e3,
+)  # largest travel of one count, and least travel after which the counts begin anew [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalConveyorOptions(BeltPlace):
     """Where the belt runs, and the signal that counts its travel."""
 
-    travel: str = value(Text(), help="input of the PLC: the travel in metres, by the signal's `scale`; 32 bits")
-    runs: str = value(Text(), "", help="output of the PLC that lets the belt run; '': the program cannot stop it")
+    travel: str = value(
+        Text(), help="input of the PLC: the travel in metres, by the signal's `scale`; 32 bits"
+    )
+    runs: str = value(
+        Text(), "", help="output of the PLC that lets the belt run; '': the program cannot stop it"
+    )
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         yield from fit_signals(around, self.unfit)
@@ -29,7 +53,9 @@ class SignalConveyorOptions(BeltPlace):
         yield from BeltPlace.fits(self, around)
         if not self.runs and around.workspace is not None and around.workspace.watch is not None:
             words = "where the watch of paths stops the arm, the belt runs on: the program cannot stop it"
-            yield Problem("driver", words, "runs: an output of the PLC that lets the belt run", warning=True)
+            yield Problem(
+                "driver", words, "runs: an output of the PLC that lets the belt run", warning=True
+            )
         yield from unseen_people(around, "driver", self.belt)
 
     def unfit(self, names: SignalNames) -> Iterator[Problem]:
@@ -40,7 +66,9 @@ class SignalConveyorOptions(BeltPlace):
         count, span = names.counts.get(self.travel, (0.0, SHORTEST))
         if count > COARSEST:
             words = f"one count of '{self.travel}' is {1e3 * count:g} mm of travel, and a belt needs 1 mm or less"
-            yield Problem("travel", words, "give the signal its `scale` in metres, such as scale: 0.0001")
+            yield Problem(
+                "travel", words, "give the signal its `scale` in metres, such as scale: 0.0001"
+            )
         elif span < SHORTEST:
             words = f"'{self.travel}' begins anew after {span:.3g} m of travel, which looks like a jump of the belt"
             yield Problem("travel", words, "count in two registers, with type: int32")
@@ -54,7 +82,9 @@ class SignalConveyor(Device):
 
     interfaces = BELT
 
-    def __init__(self, belt: Belt, signals: Signals, travel: str, clock: Clock, runs: str = "") -> None:
+    def __init__(
+        self, belt: Belt, signals: Signals, travel: str, clock: Clock, runs: str = ""
+    ) -> None:
         super().__init__("conveyor")
         self.belt = belt
         self._runs, self._stopping = runs, False
@@ -71,7 +101,9 @@ class SignalConveyor(Device):
         if not self._read:
             return None
         (before, start), (stamp, position) = self._read[0], self._read[-1]
-        return ConveyorState(stamp, position, 0.0 if stamp <= before else (position - start) / (stamp - before))
+        return ConveyorState(
+            stamp, position, 0.0 if stamp <= before else (position - start) / (stamp - before)
+        )
 
     def stop(self) -> bool:
         if self._runs:
@@ -97,7 +129,9 @@ class SignalConveyor(Device):
         state = self.travelled()
         silent = self._clock.now() - (self._since if state is None else state.stamp)
         if silent > SILENCE:
-            raise DeviceLost(self.name, f"the PLC's signal '{self._travel}' is {1e3 * silent:.0f} ms old")
+            raise DeviceLost(
+                self.name, f"the PLC's signal '{self._travel}' is {1e3 * silent:.0f} ms old"
+            )
 
 
 @driver(SignalConveyor, SignalConveyorOptions)

@@ -15,8 +15,13 @@ from pomona.drivers import Arm, Camera, Frame
 from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
 from pomona.skills import LOOKING_FAILURES, LookingSkill
 
-LISTENS = 0.25  # time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
-NEAR, LEAST = 0.02, 0.3  # distance from the surface within which depth is its [m], least share: the rest may be fruit
+LISTENS = (
+    0.25  # time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
+)
+NEAR, LEAST = (
+    0.02,
+    0.3,
+)  # distance from the surface within which depth is its [m], least share: the rest may be fruit
 FEWEST = 20  # points of the belt's surface that a picture must show
 
 
@@ -44,18 +49,26 @@ class Track(LookingSkill):
     def run(
         self,
         fruit: Annotated[str, Port(help="fruit to look for: a name in the catalogue, or a path")],
-        fastest: Annotated[Speed, Port(min="0 m/s", max="2 m/s", help="speed of the belt that the arm can follow")] = (
-            SPEED(f"{FASTEST} m/s")
-        ),
-        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+        fastest: Annotated[
+            Speed, Port(min="0 m/s", max="2 m/s", help="speed of the belt that the arm can follow")
+        ] = (SPEED(f"{FASTEST} m/s")),
+        max_age: Annotated[
+            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
+        ] = TIME("500 ms"),
     ) -> Work[Tracked]:
         model, conveyor = self.fruit_model(fruit), self.device(Conveyor)
         frame = self.newest_frame(max_age)
         if frame.depth is None:
-            raise self.failure("NO_DEPTH", "the camera gives no depth, and a place on the belt needs it")
+            raise self.failure(
+                "NO_DEPTH", "the camera gives no depth, and a place on the belt needs it"
+            )
         share, points = belt_seen(frame, self.camera_pose(frame), conveyor.belt)
         if share < LEAST:
-            where = f"{share:.0%} of the depth there lies on it" if points else "it lies outside the picture"
+            where = (
+                f"{share:.0%} of the depth there lies on it"
+                if points
+                else "it lies outside the picture"
+            )
             words = f"the camera sees no belt where the cell file has one: {where}"
             remedy = "check its `beside` and `top` there, and the pose from which the camera looks"
             raise self.failure("NO_BELT", f"{words}; {remedy}", share=share)

@@ -31,7 +31,9 @@ class MotionModel:
     wander: float
 
 
-FREE = MotionModel((0.5, 0.05), 3e-3)  # rests on a belt without an encoder: the velocity is the belt's, and unknown
+FREE = MotionModel(
+    (0.5, 0.05), 3e-3
+)  # rests on a belt without an encoder: the velocity is the belt's, and unknown
 CARRIED = MotionModel((1e-3, 1e-3), 3e-4)
 """Rests on a belt with an encoder: the velocity over the belt is the error of the encoder."""
 ROLLING = MotionModel((0.5, 0.3), 0.3)  # rolls on the belt: an apple wobbles
@@ -101,4 +103,8 @@ def update(predicted: FruitState, place: Float64) -> tuple[FruitState, float, fl
     keeps = np.eye(9) - gain @ H
     P = keeps @ predicted.P @ keeps.T + SIGMA**2 * gain @ gain.T
     likelihood = -0.5 * (square + float(np.linalg.slogdet(S)[1]))
-    return FruitState(predicted.t, predicted.travelled, predicted.x + gain @ innovation, P), square, likelihood
+    return (
+        FruitState(predicted.t, predicted.travelled, predicted.x + gain @ innovation, P),
+        square,
+        likelihood,
+    )

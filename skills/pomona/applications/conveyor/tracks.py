@@ -130,7 +130,9 @@ class Tracks:
 
     def look(self, at: BeltFrame, find: Callable[[Frame], Sequence[Detection]] | None) -> Tracks:
         """Return the tracks after a frame; `find` detects fruit in it, None: nothing new is looked for."""
-        kept = [followed for track in self.tracks if (followed := self._follow(track, at)).missed < GONE]
+        kept = [
+            followed for track in self.tracks if (followed := self._follow(track, at)).missed < GONE
+        ]
         born = self.born
         for detection in () if find is None else find(at.frame):
             if self._is_new(detection, at, kept):
@@ -163,7 +165,9 @@ class Tracks:
             track,
             resting=rested,
             rolling=rolled,
-            likelier=float(np.clip(FORGETS * track.likelier + as_resting - as_rolling, -20.0, 20.0)),
+            likelier=float(
+                np.clip(FORGETS * track.likelier + as_resting - as_rolling, -20.0, 20.0)
+            ),
             hits=track.hits + 1,
             missed=0,
             innovation=RECENT * track.innovation + (1.0 - RECENT) * square,
@@ -177,10 +181,14 @@ class Tracks:
         look = DepthLook(frame.depth, frame.intrinsics, frame.depth_model, renderer="zbuffer")
         T_camera_mesh = inverse(at.T_base_camera) @ transform(track.R_base_fruit, p_base)
         try:
-            fit = fit_place(look, track.mesh, T_camera_mesh, horizontal_plane(at.T_base_camera, self.belt.top))
+            fit = fit_place(
+                look, track.mesh, T_camera_mesh, horizontal_plane(at.T_base_camera, self.belt.top)
+            )
         except RefineError:
             return None
-        place: Float64 = (inverse(self.belt.T_base_belt) @ at.T_base_camera @ np.append(fit.p_camera, 1.0))[:3]
+        place: Float64 = (
+            inverse(self.belt.T_base_belt) @ at.T_base_camera @ np.append(fit.p_camera, 1.0)
+        )[:3]
         return place
 
     def _begin(self, number: int, measured: MeasuredFruit, at: BeltFrame) -> FruitTrack:

@@ -8,7 +8,9 @@ from collections import deque
 from pomona.applications.conveyor.conveyor import SILENCE, ConveyorState
 
 KEPT = 2.0  # time over which measurements are kept [s]: longer than a frame takes to be looked at
-SAME_SPEED = 0.02  # change of a belt's speed that is a change and no noise, of whatever encoder [m/s]
+SAME_SPEED = (
+    0.02  # change of a belt's speed that is a change and no noise, of whatever encoder [m/s]
+)
 LEAST_CHANGE, RIPPLE = 4e-3, 1.5
 """A smaller change is one as well, from this one on [m/s], if it is so many times what the speed varied by lately."""
 STEADY = 0.3  # time over which the speed is measured before a pick [s]: counts of 0.1 mm then err by 0.3 mm/s

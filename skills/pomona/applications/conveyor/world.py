@@ -40,7 +40,13 @@ class ConveyorWorld(PhysicsWorld):
     """
 
     def __init__(
-        self, built: BeltModel, description: Path, q_start: Float64, seed: int, speed: float, feed: Feed
+        self,
+        built: BeltModel,
+        description: Path,
+        q_start: Float64,
+        seed: int,
+        speed: float,
+        feed: Feed,
     ) -> None:
         self.built, self.feed = built, feed
         self.wanted_speed = self.speed = speed
@@ -77,7 +83,9 @@ class ConveyorWorld(PhysicsWorld):
                 at = int(self.model.joint(f"fruit_{number}").qposadr[0])
                 self.state.qpos[at : at + 3] += distance * self.built.belt.direction
 
-    def put(self, number: int, along: float, aside: float, yaw: float = 0.0, roll: float | None = None) -> None:
+    def put(
+        self, number: int, along: float, aside: float, yaw: float = 0.0, roll: float | None = None
+    ) -> None:
         """Set a fruit on the belt at a place in the belt's frame [m]; it moves with the belt.
 
         Args:
@@ -91,7 +99,9 @@ class ConveyorWorld(PhysicsWorld):
         c, s = np.cos(yaw), np.sin(yaw)
         T[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T[:3, :3]
         if roll is not None and fruit.tilt <= 1.0:  # its axis lies across the belt
-            T[:3, :3] = belt.T_base_belt[:3, :3] @ np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+            T[:3, :3] = belt.T_base_belt[:3, :3] @ np.array(
+                [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
+            )
         T[:3, 3] = (belt.T_base_belt @ np.array([along, aside, across / 2.0 + HIGHER, 1.0]))[:3]
         spin = 2.0 * (roll or 0.0) / across * belt.T_base_belt[:3, 1]
         self._place(number, T, (self.speed + (roll or 0.0)) * belt.direction, spin)
@@ -132,7 +142,9 @@ class ConveyorWorld(PhysicsWorld):
 
     def _bring(self, number: int) -> None:
         rng, belt = self._rng, self.built.belt
-        roll = float(rng.uniform(*self.feed.roll_speed)) if rng.random() < self.feed.rolling else None
+        roll = (
+            float(rng.uniform(*self.feed.roll_speed)) if rng.random() < self.feed.rolling else None
+        )
         aside, yaw = rng.uniform(-self.feed.lateral, self.feed.lateral), rng.uniform(-np.pi, np.pi)
         self.put(number, 0.05 - belt.length / 2.0, aside, yaw, roll)
         self.score.begin(number, self.clock.now())
@@ -141,7 +153,9 @@ class ConveyorWorld(PhysicsWorld):
     def _take_off(self) -> None:
         belt = self.built.belt
         T_belt_base = np.linalg.inv(belt.T_base_belt)
-        for fate in [fate for fate in self.score.fates[-len(self.built.fruits) :] if not fate.ending]:
+        for fate in [
+            fate for fate in self.score.fates[-len(self.built.fruits) :] if not fate.ending
+        ]:
             number = fate.number
             place = T_belt_base @ np.append(self.pose(number)[:3, 3], 1.0)
             crate = "" if self.score.held(number) else self.score.crate_of(number)

@@ -43,12 +43,18 @@ class Centre(FeelingSkill):
     def run(
         self,
         grasp: Annotated[Grasp, Port(help="the grasp at which the hand stands around the fruit")],
-        force: Annotated[Force, Port(min="0.5 N", max="3 N", help="that ends a step of the hand")] = FORCE("2 N"),
-        most: Annotated[Length, Port(min="1 mm", max="15 mm", help="largest way of the hand")] = LENGTH("6 mm"),
+        force: Annotated[
+            Force, Port(min="0.5 N", max="3 N", help="that ends a step of the hand")
+        ] = FORCE("2 N"),
+        most: Annotated[
+            Length, Port(min="1 mm", max="15 mm", help="largest way of the hand")
+        ] = LENGTH("6 mm"),
     ) -> Work[Centred]:
         gripper, begin = self.device(Gripper), tool_pose(self)
         take_over(gripper)
-        yield from self.move_fingers(min(grasp.width, gripper.limits.width_max), gripper.limits.speed_max)
+        yield from self.move_fingers(
+            min(grasp.width, gripper.limits.width_max), gripper.limits.speed_max
+        )
         yield from self.wait(2.0 * SETTLE)
 
         def place(pressed: Float64) -> Float64 | None:
@@ -61,7 +67,9 @@ class Centre(FeelingSkill):
         shifted = float(np.linalg.norm(tool_pose(self)[:3, 3] - begin[:3, 3]))
         if not both:
             words = f"after {1e3 * shifted:.0f} mm towards the fruit still only one finger touches it, or none"
-            raise self.failure("ONE_FINGER", words, shifted_m=shifted, width_m=gripper.state().width)
+            raise self.failure(
+                "ONE_FINGER", words, shifted_m=shifted, width_m=gripper.state().width
+            )
         width = min(gripper.state().width + FREED, gripper.limits.width_max)
         yield from self.move_fingers(width, gripper.limits.speed_max)
         return Centred(as_it_stands(grasp, tool_pose(self)), shifted)

@@ -15,9 +15,7 @@ from pomona.skills.motion import SAME_PLACE, RobotModel, gripper_shape
 from pomona.skills.perception import Detection, MeasuredFruit
 
 FREEST = "freest"
-NEIGHBOUR = (
-    0.14  # distance of two fruit's middles below which one may be in the other's way [m]: two apples and a finger
-)
+NEIGHBOUR = 0.14  # distance of two fruit's middles below which one may be in the other's way [m]: two apples and a finger
 MOVED = 8e-3
 """Distance between two measurements that shows that a fruit was moved [m]: they err by 4 mm at most."""
 MOVES = 3
@@ -28,7 +26,9 @@ class FruitChosen(Outputs):
     """Outputs of ChooseFruit."""
 
     detection: Annotated[Detection, Port(help="the chosen fruit as detected")]
-    measured: Annotated[MeasuredFruit, Port(help="the same as measured, with all other fruit beside it")]
+    measured: Annotated[
+        MeasuredFruit, Port(help="the same as measured, with all other fruit beside it")
+    ]
 
 
 @dataclass(slots=True)
@@ -60,10 +60,15 @@ class ChooseFruit(Skill):
         self,
         scene: Annotated[FruitScene, Port(help="every fruit of one look")],
         target: Annotated[
-            Literal["freest", "nearest"], Port(help="most room for the fingers, or least distance from the camera")
+            Literal["freest", "nearest"],
+            Port(help="most room for the fingers, or least distance from the camera"),
         ] = "freest",
-        tries: Annotated[int, Port(min=1, help="how often one fruit is chosen while its neighbours stay")] = 2,
-        air: Annotated[Length, Port(min="2 mm", max="30 mm", help="between each pad and the fruit")] = LENGTH("3 mm"),
+        tries: Annotated[
+            int, Port(min=1, help="how often one fruit is chosen while its neighbours stay")
+        ] = 2,
+        air: Annotated[
+            Length, Port(min="2 mm", max="30 mm", help="between each pad and the fruit")
+        ] = LENGTH("3 mm"),
     ) -> Work[FruitChosen]:
         seen = [fruit for fruit in scene.fruit if fruit.measured is not None]
         room = yield from self.compute(self._room, scene, seen, target, air)
@@ -71,26 +76,43 @@ class ChooseFruit(Skill):
         rows, chosen = [], None
         for k in order:
             before = self._times(scene, seen[k])
-            rows.append((f"{k + 1}", f"{1e3 * (room[k][0] if target == FREEST else -room[k][0]):.0f} mm", str(before)))
+            rows.append(
+                (
+                    f"{k + 1}",
+                    f"{1e3 * (room[k][0] if target == FREEST else -room[k][0]):.0f} mm",
+                    str(before),
+                )
+            )
             if chosen is None and before < tries:
                 chosen = seen[k]
-        self.publish("choice", TableView(("fruit", "room" if target == FREEST else "distance", "tries"), tuple(rows)))
+        self.publish(
+            "choice",
+            TableView(("fruit", "room" if target == FREEST else "distance", "tries"), tuple(rows)),
+        )
         if chosen is None or chosen.measured is None:
-            raise self.failure("NOTHING_LEFT", f"all {len(seen)} fruit were tried {tries} times", left=len(seen))
+            raise self.failure(
+                "NOTHING_LEFT", f"all {len(seen)} fruit were tried {tries} times", left=len(seen)
+            )
         self._note(scene, chosen)
         return FruitChosen(chosen.detection, scene.with_neighbours(chosen.measured))
 
-    def _room(self, scene: FruitScene, seen: list[SeenFruit], target: str, air: float) -> list[tuple[float, ...]]:
+    def _room(
+        self, scene: FruitScene, seen: list[SeenFruit], target: str, air: float
+    ) -> list[tuple[float, ...]]:
         """Return the room of each fruit [m], or its negative distance from the camera."""
         if target == "nearest":
-            return [(-float(np.linalg.norm(fruit.detection.T_camera_object[:3, 3])),) for fruit in seen]
+            return [
+                (-float(np.linalg.norm(fruit.detection.T_camera_object[:3, 3])),) for fruit in seen
+            ]
         robot = RobotModel.load(self.device(Arm).description)
         fingers, workspace = gripper_shape(robot), self.device(Workspace)
         rooms: list[tuple[float, ...]] = []
         for fruit in seen:
             assert fruit.measured is not None
             measured = scene.with_neighbours(fruit.measured)
-            rooms.append(freedom(measured, obstacles_of(measured, workspace), fingers, robot.width_max, air))
+            rooms.append(
+                freedom(measured, obstacles_of(measured, workspace), fingers, robot.width_max, air)
+            )
         return rooms
 
     def _times(self, scene: FruitScene, fruit: SeenFruit) -> int:
@@ -112,11 +134,15 @@ class ChooseFruit(Skill):
 
     def _known(self, fruit: SeenFruit) -> _Tried | None:
         place = _place(fruit)
-        return next((one for one in self._tried if np.linalg.norm(one.p_base - place) < SAME_PLACE), None)
+        return next(
+            (one for one in self._tried if np.linalg.norm(one.p_base - place) < SAME_PLACE), None
+        )
 
     def _neighbours(self, scene: FruitScene, fruit: SeenFruit) -> int:
         place = _place(fruit)
-        return sum(0.0 < float(np.linalg.norm(_place(other) - place)) < NEIGHBOUR for other in scene.fruit)
+        return sum(
+            0.0 < float(np.linalg.norm(_place(other) - place)) < NEIGHBOUR for other in scene.fruit
+        )
 
 
 def _place(fruit: SeenFruit) -> Float64:

@@ -75,9 +75,16 @@ def crate_named(name: str, boxes: Sequence[object]) -> Crate | None:
         return None
     floor, T_base_crate = own[0], own[0].T_base_box.copy()
     up = T_base_crate[:3, 2]
-    tops = [float((box.T_base_box[:3, 3] - T_base_crate[:3, 3]) @ up) + box.half_extents[2] for box in own[1:]]
+    tops = [
+        float((box.T_base_box[:3, 3] - T_base_crate[:3, 3]) @ up) + box.half_extents[2]
+        for box in own[1:]
+    ]
     T_base_crate[:3, 3] += max(tops) * up
-    return Crate(T_base_crate, np.array(floor.half_extents[:2]), 2.0 * min(min(box.half_extents) for box in own[1:]))
+    return Crate(
+        T_base_crate,
+        np.array(floor.half_extents[:2]),
+        2.0 * min(min(box.half_extents) for box in own[1:]),
+    )
 
 
 def crates(boxes: Sequence[object]) -> tuple[str, ...]:
@@ -108,7 +115,9 @@ def share_in_view(lens: Intrinsics, T_base_camera: Float64, crate: Crate) -> flo
     p = np.column_stack((edge, np.zeros(len(edge)))) @ T[:3, :3].T + T[:3, 3]
     ahead = np.maximum(p[:, 2], 1e-6)
     u, v = p[:, 0] / ahead * lens.fx + lens.cx, p[:, 1] / ahead * lens.fy + lens.cy
-    return float(((p[:, 2] > 0.0) & (u >= 0.0) & (u < lens.width) & (v >= 0.0) & (v < lens.height)).mean())
+    return float(
+        ((p[:, 2] > 0.0) & (u >= 0.0) & (u < lens.width) & (v >= 0.0) & (v < lens.height)).mean()
+    )
 
 
 def find_crate(points: Float64, crate: Crate) -> SeenCrate | None:
@@ -144,7 +153,12 @@ def _seen_from(points: Float64, pose: Float64) -> Float64:
 def _nearest(points: Float64, line: Float64) -> tuple[np.ndarray, Float64]:
     """Return the nearest side of each point, 0 to 3, and how far outside of it the point is, shapes (n,)."""
     off = np.column_stack(
-        (-line[0] - points[:, 0], points[:, 0] - line[0], -line[1] - points[:, 1], points[:, 1] - line[1])
+        (
+            -line[0] - points[:, 0],
+            points[:, 0] - line[0],
+            -line[1] - points[:, 1],
+            points[:, 1] - line[1],
+        )
     )
     side = np.abs(off).argmin(axis=1)
     return side, off[np.arange(len(off)), side]

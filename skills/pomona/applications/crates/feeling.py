@@ -16,7 +16,15 @@ import numpy as np
 
 from pomona.drivers import Arm, ForceSensor, Gripper, LoadSensor, Motion
 from pomona.executive import Float64, SkillFailure, TableView, Work
-from pomona.skills import MOTION_FAILURES, Manner, MovingSkill, Touch, follow_way, tool_pose, vertical_way
+from pomona.skills import (
+    MOTION_FAILURES,
+    Manner,
+    MovingSkill,
+    Touch,
+    follow_way,
+    tool_pose,
+    vertical_way,
+)
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, RobotModel, straight_line
 
@@ -108,12 +116,16 @@ class ManoeuvreHand(NamedTuple):
     @property
     def change(self) -> float:
         """Largest change of a pad's force, or of the whole hand's beyond the sensor's error [N]."""
-        return max(self.pads.change, 0.0 if self.wrist is None else self.wrist.change - self.at_rest)
+        return max(
+            self.pads.change, 0.0 if self.wrist is None else self.wrist.change - self.at_rest
+        )
 
     @property
     def present(self) -> float:
         """How much a pad's force, or the whole hand's, differs from the beginning now [N]."""
-        return max(self.pads.present, 0.0 if self.wrist is None else self.wrist.present - self.at_rest)
+        return max(
+            self.pads.present, 0.0 if self.wrist is None else self.wrist.present - self.at_rest
+        )
 
     @property
     def at_rest(self) -> float:
@@ -126,7 +138,9 @@ class ManoeuvreHand(NamedTuple):
         if self.wrist is None or self.free is None or self.free[1] is None:
             return 0.0
         left, right = self.pads.average() - self.free[0]
-        by_pads = np.array([right[1] - left[1], right[2] - left[2], left[0] + right[0]])  # in the hand's frame
+        by_pads = np.array(
+            [right[1] - left[1], right[2] - left[2], left[0] + right[0]]
+        )  # in the hand's frame
         by_all = self.R_tool_tcp.T @ (self.wrist.average() - self.free[1])[0]
         return float(np.linalg.norm(by_all - by_pads))
 
@@ -176,9 +190,7 @@ class FeelingSkill(MovingSkill):
         cosine = (float(np.trace(pose[:3, :3].T @ grasp.T_base_pre_grasp[:3, :3])) - 1.0) / 2.0
         angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
         if apart > START or angle > START_ANGLE:
-            words = (
-                f"the gripper stands {1e3 * apart:.0f} mm and {np.degrees(angle):.0f}° from the place over the fruit"
-            )
+            words = f"the gripper stands {1e3 * apart:.0f} mm and {np.degrees(angle):.0f}° from the place over the fruit"
             raise self.failure("NOT_AT_PRE_GRASP", f"{words}: follow a path to it first")
         width = min(grasp.width, gripper.limits.width_max)
         if abs(gripper.state().width - width) > OPEN:
@@ -188,7 +200,9 @@ class FeelingSkill(MovingSkill):
             except SkillFailure as failed:
                 if failed.failure.code != "MOTION_FAILED":
                     raise
-                raise self.failure("CONTACT", f"over the fruit {failed.failure.message}") from failed
+                raise self.failure(
+                    "CONTACT", f"over the fruit {failed.failure.message}"
+                ) from failed
             yield from self.wait(REST)
         force = gripper.state().motor_force or 0.0
         if abs(force) > PRESSED:
@@ -196,7 +210,9 @@ class FeelingSkill(MovingSkill):
             raise self.failure("CONTACT", words, force_n=force)
         return pose
 
-    def feel_way(self, way: Float64, manner: Manner, hand: ManoeuvreHand, felt: float, outer: float) -> Work[bool]:
+    def feel_way(
+        self, way: Float64, manner: Manner, hand: ManoeuvreHand, felt: float, outer: float
+    ) -> Work[bool]:
         """Follow a way until `felt` [N] changes, or `outer` [N] pushes the outer faces; return True if it was ended.
 
         Raises SkillFailure: SENSOR_STALE, or a failure of the motion.
@@ -219,9 +235,14 @@ class FeelingSkill(MovingSkill):
             "a touch" if ended else "its end",
         )
         self._ways = (row, *self._ways[: LATEST - 1])
-        self.publish("manoeuvre", TableView(("manoeuvre", "way", "felt", "on outer faces", "ended by"), self._ways))
+        self.publish(
+            "manoeuvre",
+            TableView(("manoeuvre", "way", "felt", "on outer faces", "ended by"), self._ways),
+        )
 
-    def _feel_way(self, way: Float64, manner: Manner, hand: ManoeuvreHand, felt: float, outer: float) -> Work[bool]:
+    def _feel_way(
+        self, way: Float64, manner: Manner, hand: ManoeuvreHand, felt: float, outer: float
+    ) -> Work[bool]:
         def look() -> None:
             self.require_fresh(hand)
             if hand.outer.pushed(outer) or hand.edges > hand.bears:
@@ -243,7 +264,12 @@ class FeelingSkill(MovingSkill):
         return False
 
     def centre(
-        self, hand: ManoeuvreHand, offset: Float64, limit: float, steps: int, place: Callable[[Float64], Float64 | None]
+        self,
+        hand: ManoeuvreHand,
+        offset: Float64,
+        limit: float,
+        steps: int,
+        place: Callable[[Float64], Float64 | None],
     ) -> Work[bool]:
         """Close until both pads feel the fruit, shifting the hand towards the one that feels it alone.
 
@@ -264,7 +290,9 @@ class FeelingSkill(MovingSkill):
             if (pressed < -FELT).all():
                 return True
             side, where = float(np.sign(pressed[1] - pressed[0])), place(pressed)
-            if where is not None and (blocked or side != -before):  # else the last shift went past the fruit
+            if where is not None and (
+                blocked or side != -before
+            ):  # else the last shift went past the fruit
                 before, blocked = side, False
                 shifting = hand._replace(outer=OuterFaces(gripper))
                 yield from self.feel_way(self.line_to(where), SHIFTING, shifting, limit, limit)
@@ -289,9 +317,13 @@ class FeelingSkill(MovingSkill):
     def require_fresh(self, hand: ManoeuvreHand) -> None:
         """Raise SkillFailure SENSOR_STALE if the fingers feel nothing any more."""
         if stale := hand.pads.stale_for(self.clock.now()):
-            raise self.failure("SENSOR_STALE", f"the fingers have sent no force for {1e3 * stale:.0f} ms")
+            raise self.failure(
+                "SENSOR_STALE", f"the fingers have sent no force for {1e3 * stale:.0f} ms"
+            )
         if hand.wrist is not None and (stale := hand.wrist.stale_for(self.clock.now())):
-            raise self.failure("SENSOR_STALE", f"the load sensor has sent no force for {1e3 * stale:.0f} ms")
+            raise self.failure(
+                "SENSOR_STALE", f"the load sensor has sent no force for {1e3 * stale:.0f} ms"
+            )
 
     @contextlib.contextmanager
     def feeling(self) -> Iterator[ManoeuvreHand]:

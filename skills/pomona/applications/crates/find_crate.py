@@ -8,9 +8,28 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from pomona.applications.crates.crate_place import SeenCrate, crate_named, crates, find_crate, rim_points, share_in_view
+from pomona.applications.crates.crate_place import (
+    SeenCrate,
+    crate_named,
+    crates,
+    find_crate,
+    rim_points,
+    share_in_view,
+)
 from pomona.drivers import Camera, Workspace
-from pomona.executive import ANGLE, LENGTH, TIME, Angle, CellFacts, Length, Port, Problem, Time, Work, choose
+from pomona.executive import (
+    ANGLE,
+    LENGTH,
+    TIME,
+    Angle,
+    CellFacts,
+    Length,
+    Port,
+    Problem,
+    Time,
+    Work,
+    choose,
+)
 from pomona.skills import LookingSkill
 from pomona.skills.perception import AllDetections
 
@@ -33,15 +52,25 @@ class FindCrate(LookingSkill):
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Check that the cell has the crate that is named."""
         workspace, name = (None if cell is None else cell.known(Workspace)), known.get("name")
-        if cell is None or workspace is None or crate_named(name or SOURCE, workspace.obstacles) is not None:
+        if (
+            cell is None
+            or workspace is None
+            or crate_named(name or SOURCE, workspace.obstacles) is not None
+        ):
             return
         there = sorted({box.name for box in workspace.obstacles})
         if name is not None or SOURCE in there:
-            message = f"the cell '{cell.name}' has no crate '{name or SOURCE}', an obstacle with `wall`"
+            message = (
+                f"the cell '{cell.name}' has no crate '{name or SOURCE}', an obstacle with `wall`"
+            )
             hint = f"write `wall` for it: {name or SOURCE}" if (name or SOURCE) in there else ""
-            yield Problem("name", message, hint or choose(name or SOURCE, crates(workspace.obstacles)))
+            yield Problem(
+                "name", message, hint or choose(name or SOURCE, crates(workspace.obstacles))
+            )
         elif meant := get_close_matches(SOURCE, there, 1):
-            message = f"the cell '{cell.name}' has no crate '{SOURCE}', so the place of none is compared"
+            message = (
+                f"the cell '{cell.name}' has no crate '{SOURCE}', so the place of none is compared"
+            )
             yield Problem("name", message, f"did you mean '{meant[0]}'?", warning=True)
 
     @classmethod
@@ -53,14 +82,24 @@ class FindCrate(LookingSkill):
     def run(
         self,
         detections: Annotated[
-            AllDetections | None, Port(help="a look at the crate; without it the camera's newest frame")
+            AllDetections | None,
+            Port(help="a look at the crate; without it the camera's newest frame"),
         ] = None,
         name: Annotated[
-            str | None, Port(help=f"of the crate, an obstacle with `wall`; without it '{SOURCE}', if there is one")
+            str | None,
+            Port(
+                help=f"of the crate, an obstacle with `wall`; without it '{SOURCE}', if there is one"
+            ),
         ] = None,
-        most: Annotated[Length, Port(min="1 mm", max="20 mm", help="shift that is none")] = LENGTH("5 mm"),
-        turn: Annotated[Angle, Port(min="0.2 deg", max="5 deg", help="turn that is none")] = ANGLE("1.5 deg"),
-        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+        most: Annotated[Length, Port(min="1 mm", max="20 mm", help="shift that is none")] = LENGTH(
+            "5 mm"
+        ),
+        turn: Annotated[Angle, Port(min="0.2 deg", max="5 deg", help="turn that is none")] = ANGLE(
+            "1.5 deg"
+        ),
+        max_age: Annotated[
+            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
+        ] = TIME("500 ms"),
     ) -> Work[None]:
         obstacles = self.device(Workspace).obstacles
         crate = crate_named(name or SOURCE, obstacles)
@@ -69,20 +108,23 @@ class FindCrate(LookingSkill):
         if crate is None:
             known = ", ".join(crates(obstacles)) or "none"
             raise self.failure(
-                "CRATE_MISSING", f"the cell file has no crate '{name}', an obstacle with `wall`: {known}"
+                "CRATE_MISSING",
+                f"the cell file has no crate '{name}', an obstacle with `wall`: {known}",
             )
         words = f"the crate '{name or SOURCE}' ({' × '.join(f'{2e3 * half:.0f}' for half in crate.half)} mm)"
         frame = self.newest_frame(max_age) if detections is None else detections.frame
         T_base_camera = self.camera_pose(frame) if detections is None else detections.T_base_camera
         if frame.depth is None:
-            raise self.failure("CRATE_UNSEEN", f"the picture has no depth, so the place of {words} is not known")
+            raise self.failure(
+                "CRATE_UNSEEN", f"the picture has no depth, so the place of {words} is not known"
+            )
         share = share_in_view(frame.intrinsics, T_base_camera, crate)
         if share < IN_VIEW:
             z = f"{1e3 * crate.T_base_crate[2, 3]:.0f} mm"
-            words = (
-                f"{words} is not in view: {100.0 * share:.0f} % of its upper edge at the height {z} is in the picture"
+            words = f"{words} is not in view: {100.0 * share:.0f} % of its upper edge at the height {z} is in the picture"
+            raise self.failure(
+                "CRATE_UNSEEN", f"{words}, {100.0 * IN_VIEW:.0f} % are needed", share=share
             )
-            raise self.failure("CRATE_UNSEEN", f"{words}, {100.0 * IN_VIEW:.0f} % are needed", share=share)
         depth = frame.depth.astype(np.float64)
 
         def look() -> SeenCrate | None:
@@ -91,10 +133,13 @@ class FindCrate(LookingSkill):
         found = yield from self.compute(look)
         if found is None:
             raise self.failure(
-                "CRATE_MISSING", f"no walls of {words} are at their height near its place in the cell file"
+                "CRATE_MISSING",
+                f"no walls of {words} are at their height near its place in the cell file",
             )
         if found.farthest > most or abs(found.turn) > turn:
             words = f"{found.sentence}: put it back, or change the cell file"
-            raise self.failure("CRATE_MOVED", words, shift_m=found.shift.tolist(), turn_rad=found.turn)
+            raise self.failure(
+                "CRATE_MOVED", words, shift_m=found.shift.tolist(), turn_rad=found.turn
+            )
         yield found.sentence
         return

@@ -14,13 +14,19 @@ from pomona.skills.perception import MeasuredFruit
 
 TURNS = 12  # number of plumb grasps in half a turn: one in 15°
 RISE = 0.09  # length of the way down that the fingers take beside the fruit [m]
-NEAR = 0.05  # distance from the fruit's outside beyond which nothing is near to a finger beside it [m]
+NEAR = (
+    0.05  # distance from the fruit's outside beyond which nothing is near to a finger beside it [m]
+)
 LEAST_AIR = 0.002  # between each pad and the fruit [m], as the sampling of grasps needs it
 PLENTY = 0.02  # more room than this is worth no more [m]
 
 
 def freedom(
-    fruit: MeasuredFruit, obstacles: Sequence[Convex], fingers: GripperShape, widest: float, air: float
+    fruit: MeasuredFruit,
+    obstacles: Sequence[Convex],
+    fingers: GripperShape,
+    widest: float,
+    air: float,
 ) -> tuple[float, float]:
     """Return the room beside the fingers of the freest plumb grasp of a fruit, and the mean of all turns [m].
 
@@ -35,7 +41,9 @@ def freedom(
     near = [shape for shape in obstacles if _gap(shape, fruit) < NEAR]
     if not near:
         return PLENTY, PLENTY
-    rooms = [_room(points, near, fingers, widest, air, turn) for turn in np.arange(TURNS) * np.pi / TURNS]
+    rooms = [
+        _room(points, near, fingers, widest, air, turn) for turn in np.arange(TURNS) * np.pi / TURNS
+    ]
     return max(rooms), float(np.mean(rooms))
 
 
@@ -45,9 +53,13 @@ def obstacles_of(fruit: MeasuredFruit, workspace: Workspace) -> tuple[Convex, ..
     boxes = [
         box
         for box in workspace.obstacles
-        if box.T_base_box[2, 3] + np.abs(box.T_base_box[2, :3]) @ np.array(box.half_extents) > height
+        if box.T_base_box[2, 3] + np.abs(box.T_base_box[2, :3]) @ np.array(box.half_extents)
+        > height
     ]
-    return (*(Convex.of_fruit(other, "neighbour") for other in fruit.beside), *map(Convex.of_box, boxes))
+    return (
+        *(Convex.of_fruit(other, "neighbour") for other in fruit.beside),
+        *map(Convex.of_box, boxes),
+    )
 
 
 def _gap(shape: Convex, fruit: MeasuredFruit) -> float:
@@ -56,7 +68,12 @@ def _gap(shape: Convex, fruit: MeasuredFruit) -> float:
 
 
 def _room(
-    points: Float64, near: Sequence[Convex], fingers: GripperShape, widest: float, air: float, turn: float
+    points: Float64,
+    near: Sequence[Convex],
+    fingers: GripperShape,
+    widest: float,
+    air: float,
+    turn: float,
 ) -> float:
     """Return the least distance between a finger on its way down and the obstacles, for one turn of the hand [m]."""
     R_base_tcp = rot_z(turn) @ rot_x(np.pi)
@@ -71,6 +88,11 @@ def _room(
     for body in set(fingers.bodies):
         own = corners[[name == body for name in fingers.bodies]]
         swept = np.vstack((own, own - [0.0, 0.0, RISE])) @ R_base_tcp.T + p_grasp
-        for shape in near:  # the largest gap along one of the shape's normals separates two convex bodies
-            room = min(room, float(((swept @ shape.planes[:, :3].T).min(axis=0) - shape.planes[:, 3]).max()))
+        for (
+            shape
+        ) in near:  # the largest gap along one of the shape's normals separates two convex bodies
+            room = min(
+                room,
+                float(((swept @ shape.planes[:, :3].T).min(axis=0) - shape.planes[:, 3]).max()),
+            )
     return room

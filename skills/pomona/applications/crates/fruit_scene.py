@@ -55,10 +55,14 @@ class FruitScene:
 
     def with_neighbours(self, chosen: MeasuredFruit) -> MeasuredFruit:
         """Return a fruit of this scene with all others beside it."""
-        return replace(chosen, beside=tuple(other for other in self.measured if other is not chosen))
+        return replace(
+            chosen, beside=tuple(other for other in self.measured if other is not chosen)
+        )
 
 
-def measure_all(detections: Sequence[Detection], table_z: float | None, obstacles: Sequence[Box] = ()) -> FruitScene:
+def measure_all(
+    detections: Sequence[Detection], table_z: float | None, obstacles: Sequence[Box] = ()
+) -> FruitScene:
     """Measure each detection; a measurement that others contradict is none.
 
     Of two fruits that overlap, one took the depth of the other: the one whose depth agrees less. A fruit in the air
@@ -71,12 +75,20 @@ def measure_all(detections: Sequence[Detection], table_z: float | None, obstacle
     seen = [_measure(detection, table_z) for detection in detections]
     for i, one in enumerate(seen):
         for k in range(i):
-            if one.measured is not None and (other := seen[k].measured) is not None and overlap(one.measured, other):
+            if (
+                one.measured is not None
+                and (other := seen[k].measured) is not None
+                and overlap(one.measured, other)
+            ):
                 worse = i if one.measured.inlier_ratio < other.inlier_ratio else k
-                seen[worse] = SeenFruit(seen[worse].detection, None, "its depth is that of another fruit")
+                seen[worse] = SeenFruit(
+                    seen[worse].detection, None, "its depth is that of another fruit"
+                )
                 one = seen[i]
     for i, one in enumerate(seen):
-        others = [other.measured for other in seen if other.measured is not None and other is not one]
+        others = [
+            other.measured for other in seen if other.measured is not None and other is not one
+        ]
         if table_z is None or one.measured is None or one.measured.inlier_ratio >= WHOLE:
             continue
         if in_the_air(one.measured, others, table_z, obstacles):
@@ -86,7 +98,10 @@ def measure_all(detections: Sequence[Detection], table_z: float | None, obstacle
 
 
 def in_the_air(
-    fruit: MeasuredFruit, others: Sequence[MeasuredFruit], table_z: float, obstacles: Sequence[Box] = ()
+    fruit: MeasuredFruit,
+    others: Sequence[MeasuredFruit],
+    table_z: float,
+    obstacles: Sequence[Box] = (),
 ) -> bool:
     """Return True if neither the table, nor a box, nor another fruit carries a fruit where it was measured."""
     p, radius = fruit.T_base_fruit[:3, 3], float(fruit.dimensions.mean()) / 2.0
@@ -95,7 +110,8 @@ def in_the_air(
         return False
     return not any(
         other.T_base_fruit[2, 3] < p[2] - LOWER
-        and np.linalg.norm(other.T_base_fruit[:3, 3] - p) < radius + float(other.dimensions.mean()) / 2.0 + BESIDE
+        and np.linalg.norm(other.T_base_fruit[:3, 3] - p)
+        < radius + float(other.dimensions.mean()) / 2.0 + BESIDE
         for other in others
     )
 

@@ -4,10 +4,36 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.applications.crates.feeling import GENTLE, OVER_FAILURES, SETTLE, FeelingSkill, ManoeuvreHand
-from pomona.applications.crates.pull import DOWNWARDS, ENOUGH, FARTHEST_OFF, LEAST, RELIEF, HookPull, bears_at_edges
+from pomona.applications.crates.feeling import (
+    GENTLE,
+    OVER_FAILURES,
+    SETTLE,
+    FeelingSkill,
+    ManoeuvreHand,
+)
+from pomona.applications.crates.pull import (
+    DOWNWARDS,
+    ENOUGH,
+    FARTHEST_OFF,
+    LEAST,
+    RELIEF,
+    HookPull,
+    bears_at_edges,
+)
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
-from pomona.executive import FORCE, LENGTH, SPEED, Float64, Force, Length, Outputs, Port, SkillFailure, Speed, Work
+from pomona.executive import (
+    FORCE,
+    LENGTH,
+    SPEED,
+    Float64,
+    Force,
+    Length,
+    Outputs,
+    Port,
+    SkillFailure,
+    Speed,
+    Work,
+)
 from pomona.skills import Manner, follow_way, prepare_moving, tool_pose, vertical_way
 from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
@@ -24,7 +50,9 @@ OUTER = 3.0
 class Drawn(Outputs):
     """Outputs of Hook."""
 
-    finger: Annotated[Length, Port(help="way that the finger came; a rolling fruit comes about half as far")]
+    finger: Annotated[
+        Length, Port(help="way that the finger came; a rolling fruit comes about half as far")
+    ]
 
 
 class Hook(FeelingSkill):
@@ -43,12 +71,18 @@ class Hook(FeelingSkill):
     def run(
         self,
         hook: Annotated[Grasp, Port(help="one of SampleHook's, at which the arm stands")],
-        touch: Annotated[Force, Port(min="0.3 N", max="2 N", help="that ends the way down")] = FORCE("0.5 N"),
-        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="that ends a step of the pull, at first")] = FORCE(
-            "3 N"
+        touch: Annotated[
+            Force, Port(min="0.3 N", max="2 N", help="that ends the way down")
+        ] = FORCE("0.5 N"),
+        force: Annotated[
+            Force, Port(min="0.5 N", max="5 N", help="that ends a step of the pull, at first")
+        ] = FORCE("3 N"),
+        distance: Annotated[Length, Port(min="10 mm", max="100 mm", help="of the pull")] = LENGTH(
+            "45 mm"
         ),
-        distance: Annotated[Length, Port(min="10 mm", max="100 mm", help="of the pull")] = LENGTH("45 mm"),
-        speed: Annotated[Speed, Port(min="5 mm/s", max="30 mm/s", help="of the pull")] = SPEED("0.015 m/s"),
+        speed: Annotated[Speed, Port(min="5 mm/s", max="30 mm/s", help="of the pull")] = SPEED(
+            "0.015 m/s"
+        ),
     ) -> Work[Drawn]:
         before = yield from self.stand_over(hook)
         try:
@@ -59,7 +93,12 @@ class Hook(FeelingSkill):
                 yield from self._give_way(hand, 0.0)
                 moved = yield from self._across(hook, hand, (touch, force), distance, speed)
         except SkillFailure as failed:
-            if failed.failure.code in ("PULL_BLOCKED", "NOTHING_MOVED", "NO_STRAIGHT_LINE", "CONTACT"):
+            if failed.failure.code in (
+                "PULL_BLOCKED",
+                "NOTHING_MOVED",
+                "NO_STRAIGHT_LINE",
+                "CONTACT",
+            ):
                 yield from self.rise_to(before)
             raise
         yield from self.rise_to(before)
@@ -71,10 +110,14 @@ class Hook(FeelingSkill):
         robot = RobotModel.load(self.device(Arm).description)
         tips = start - float(gripper_shape(robot).points[:, 2].max())
         fast = tips - float(fruit_points(hook.fruit)[:, 2].max()) - ABOVE
-        if (yield from self._felt(vertical_way(self, -fast, "NO_STRAIGHT_LINE"), DOWN, hand, limit)):
+        if (
+            yield from self._felt(vertical_way(self, -fast, "NO_STRAIGHT_LINE"), DOWN, hand, limit)
+        ):
             words = f"the hand met {hand.change:.1f} N above the fruit: the crate, or a fruit that was not measured"
             raise self.failure("CONTACT", words, force_n=hand.change)
-        yield from self._felt(vertical_way(self, fast + end - start, "NO_STRAIGHT_LINE"), TOUCHING, hand, limit)
+        yield from self._felt(
+            vertical_way(self, fast + end - start, "NO_STRAIGHT_LINE"), TOUCHING, hand, limit
+        )
 
     def _across(
         self,
@@ -100,18 +143,20 @@ class Hook(FeelingSkill):
             if at_edges or pull.ends(x, at_limit, hand.change, hand.downwards):
                 if pull.came >= ENOUGH:
                     return pull.came
-                raise self.failure("PULL_BLOCKED", pull.blocked, moved_m=pull.came, force_n=pull.most)
+                raise self.failure(
+                    "PULL_BLOCKED", pull.blocked, moved_m=pull.came, force_n=pull.most
+                )
         if pull.most < LEAST:
-            raise self.failure("NOTHING_MOVED", "the finger touched nothing on its way: the fruit lies elsewhere")
+            raise self.failure(
+                "NOTHING_MOVED", "the finger touched nothing on its way: the fruit lies elsewhere"
+            )
         return pull.came
 
     def _felt(self, way: Float64, manner: Manner, hand: ManoeuvreHand, limit: float) -> Work[bool]:
         """Follow a way until the hand feels a limit [N]; return True if it has. Nothing may push the outer faces."""
         stopped = yield from self.feel_way(way, manner, hand, limit, OUTER)
         if stopped and hand.outer.pushed(OUTER):
-            words = (
-                f"something pushes the fingers from outside with {hand.outer.force:.1f} N: the crate, or a neighbour"
-            )
+            words = f"something pushes the fingers from outside with {hand.outer.force:.1f} N: the crate, or a neighbour"
             raise self.failure("CONTACT", words, force_n=hand.outer.force, moved_m=hand.outer.moved)
         return stopped
 
@@ -121,7 +166,9 @@ class Hook(FeelingSkill):
         A pull alone is no reason: the rubber holds the fruit by it, and would slip over its shoulder.
         """
         while hand.downwards > DOWNWARDS and off + RELIEF <= FARTHEST_OFF:
-            yield from follow_way(self, self.line_to(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING)
+            yield from follow_way(
+                self, self.line_to(tool_pose(self)[:3, 3] + [0.0, 0.0, RELIEF]), TOUCHING
+            )
             yield from self.wait(SETTLE)
             off += RELIEF
         return off

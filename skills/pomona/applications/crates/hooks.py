@@ -73,7 +73,8 @@ class Beside:
         boxes = [
             Convex.of_box(box)
             for box in workspace.obstacles
-            if box.T_base_box[2, 3] + np.abs(box.T_base_box[2, :3]) @ np.array(box.half_extents) > height
+            if box.T_base_box[2, 3] + np.abs(box.T_base_box[2, :3]) @ np.array(box.half_extents)
+            > height
         ]
         others = tuple(Convex.of_fruit(other, "neighbour") for other in fruit.beside)
         return cls(fruit, tuple(boxes), others, fruit_points(fruit))
@@ -91,8 +92,14 @@ class Beside:
     @property
     def top(self) -> float:
         """Height of the fingers' tips at the beginning, over the fruit and the walls beside it [m]."""
-        walls = [wall.planes[wall.planes[:, 2] > 0.99, 3].min() for wall in self.walls if self._is_near(wall)]
-        return float(max([self.points[:, 2].max() + OVER[0], *(height + OVER[1] for height in walls)]))
+        walls = [
+            wall.planes[wall.planes[:, 2] > 0.99, 3].min()
+            for wall in self.walls
+            if self._is_near(wall)
+        ]
+        return float(
+            max([self.points[:, 2].max() + OVER[0], *(height + OVER[1] for height in walls)])
+        )
 
     def _is_near(self, wall: Convex) -> bool:
         normal, gap = facing(self.points, wall)
@@ -105,7 +112,11 @@ class Beside:
         Away from neighbours, the fruit does not go towards a wall that is beside it.
         """
         walls, others = (
-            [facing(self.points, shape)[0] * [1.0, 1.0, 0.0] for shape in shapes if self._is_near(shape)]
+            [
+                facing(self.points, shape)[0] * [1.0, 1.0, 0.0]
+                for shape in shapes
+                if self._is_near(shape)
+            ]
             for shapes in (self.walls, self.neighbours)
         )
         total = sum([*walls, *others], np.zeros(3))
@@ -128,9 +139,15 @@ def hooks(
     for turn in TURNS:
         pull = rot_z(turn) @ away
         for flip in (0.0, np.pi):
-            R_base_tcp = rot_z(float(np.arctan2(pull[1], pull[0])) - np.pi / 2.0 + flip) @ rot_x(np.pi)
+            R_base_tcp = rot_z(float(np.arctan2(pull[1], pull[0])) - np.pi / 2.0 + flip) @ rot_x(
+                np.pi
+            )
             T_base_tcp, why = _lowest(beside, fingers, width, R_base_tcp, pull)
-            why = why or _ahead(beside, fingers, width, T_base_tcp, pull * distance) or _pushed(beside, pull * distance)
+            why = (
+                why
+                or _ahead(beside, fingers, width, T_base_tcp, pull * distance)
+                or _pushed(beside, pull * distance)
+            )
             yield turn, T_base_tcp, pull, why
 
 
@@ -149,13 +166,22 @@ def hook_candidates(
     """
     ruled_out: list[RuledOut] = []
     found = [_reachable(beside, away, space, near, distance, ruled_out) for away in beside.away]
-    grasps = max(found, key=lambda hooks: round(behind(hooks[0]) / STEP) if hooks else 0, default=[])
-    far = [hook for hook in grasps if behind(hook) > behind(grasps[0]) - STEP]  # nearer, it slides over the shoulder
+    grasps = max(
+        found, key=lambda hooks: round(behind(hooks[0]) / STEP) if hooks else 0, default=[]
+    )
+    far = [
+        hook for hook in grasps if behind(hook) > behind(grasps[0]) - STEP
+    ]  # nearer, it slides over the shoulder
     return GraspCandidates(tuple(far), tuple(ruled_out), attempt)
 
 
 def _reachable(
-    beside: Beside, away: Float64, space: ArmSpace, near: Float64, distance: float, ruled_out: list[RuledOut]
+    beside: Beside,
+    away: Float64,
+    space: ArmSpace,
+    near: Float64,
+    distance: float,
+    ruled_out: list[RuledOut],
 ) -> list[Grasp]:
     """Return the hooks about one direction that the arm can go, and add the others to `ruled_out`."""
     robot, grasps = space.world.shape.model, []
@@ -165,12 +191,27 @@ def _reachable(
         T_base_over = T_base_tcp.copy()
         if not why:
             T_base_over[2, 3] = beside.top + gripper_shape(robot).points[:, 2].max()
-            q_free, why = postures_over(space, beside.names, near, T_base_over, T_base_tcp, pull * distance)
+            q_free, why = postures_over(
+                space, beside.names, near, T_base_over, T_base_tcp, pull * distance
+            )
         if why:
-            ruled_out.append(RuledOut(index, 0.0, turn, "IN_COLLISION" if "touch" in why else "UNREACHABLE", why))
+            ruled_out.append(
+                RuledOut(index, 0.0, turn, "IN_COLLISION" if "touch" in why else "UNREACHABLE", why)
+            )
             continue
         grasps.append(
-            Grasp(index, 0.0, turn, T_base_over, T_base_tcp, space.width, q_free, WALL_AIR, 0.0, beside.fruit)
+            Grasp(
+                index,
+                0.0,
+                turn,
+                T_base_over,
+                T_base_tcp,
+                space.width,
+                q_free,
+                WALL_AIR,
+                0.0,
+                beside.fruit,
+            )
         )
     return grasps
 
@@ -216,16 +257,26 @@ def _lowest(
         T_base_tcp[2, 3] = middle[2] + LOWEST
         rise = np.array([0.0, 0.0, beside.top - float(corners[:, 2].min()) - T_base_tcp[2, 3]])
         swept = np.vstack((corners, corners + rise))
-        why = touched(swept + T_base_tcp[:3, 3], fingers.bodies * 2, (*beside.walls, *beside.neighbours))
+        why = touched(
+            swept + T_base_tcp[:3, 3], fingers.bodies * 2, (*beside.walls, *beside.neighbours)
+        )
         if not why:
             return T_base_tcp, ""
     return T_base_tcp, why or "the fruit is too small for a finger behind it"
 
 
-def _ahead(beside: Beside, fingers: GripperShape, width: float, T_base_tcp: Float64, pull: Float64) -> str:
+def _ahead(
+    beside: Beside, fingers: GripperShape, width: float, T_base_tcp: Float64, pull: Float64
+) -> str:
     """Return the obstacle that the fingers would touch on the pull; the fruit may push neighbours."""
-    corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ T_base_tcp[:3, :3].T + T_base_tcp[:3, 3]
-    return touched(np.vstack((corners, corners + pull)), fingers.bodies * 2, (*beside.walls, *beside.neighbours))
+    corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ T_base_tcp[
+        :3, :3
+    ].T + T_base_tcp[:3, 3]
+    return touched(
+        np.vstack((corners, corners + pull)),
+        fingers.bodies * 2,
+        (*beside.walls, *beside.neighbours),
+    )
 
 
 def _pushed(beside: Beside, pull: Float64) -> str:
@@ -256,7 +307,12 @@ def facing(points: Float64, shape: Convex) -> tuple[Float64, float]:
 
 
 def postures_over(
-    space: ArmSpace, passed: Sequence[str], near: Float64, T_base_over: Float64, T_base_tcp: Float64, pull: Float64
+    space: ArmSpace,
+    passed: Sequence[str],
+    near: Float64,
+    T_base_over: Float64,
+    T_base_tcp: Float64,
+    pull: Float64,
 ) -> tuple[Float64, str]:
     """Return joints over the fruit from which the ways down and across are free, shape (n, dof), or why none is.
 

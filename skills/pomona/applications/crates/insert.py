@@ -35,7 +35,9 @@ ABOVE = 0.010
 class Inserted(Outputs):
     """Outputs of Insert."""
 
-    grasp: Annotated[Grasp, Port(help="the grasp as the hand stands, for Lift, Retreat and Release")]
+    grasp: Annotated[
+        Grasp, Port(help="the grasp as the hand stands, for Lift, Retreat and Release")
+    ]
     felt: Annotated[Force, Port(help="largest force on a face of the fingers")]
     shifted: Annotated[Length, Port(help="way by which the hand gave way")]
 
@@ -55,8 +57,12 @@ class Insert(FeelingSkill):
 
     def run(
         self,
-        insert: Annotated[Grasp, Port(help="one of SampleInsert's, at whose pre-grasp the arm stands")],
-        force: Annotated[Force, Port(min="1 N", max="5 N", help="that the fingers shall not exceed")] = FORCE("2 N"),
+        insert: Annotated[
+            Grasp, Port(help="one of SampleInsert's, at whose pre-grasp the arm stands")
+        ],
+        force: Annotated[
+            Force, Port(min="1 N", max="5 N", help="that the fingers shall not exceed")
+        ] = FORCE("2 N"),
     ) -> Work[Inserted]:
         before = yield from self.stand_over(insert)
         with self.feeling() as hand:
@@ -64,7 +70,11 @@ class Insert(FeelingSkill):
                 law, offset = yield from self._down(insert, before, hand, force)
                 if law.arrived:
                     yield from self.centre(
-                        hand, offset, OVER * force, CENTRINGS, lambda felt: law.centred(tool_pose(self)[:3, 3], felt)
+                        hand,
+                        offset,
+                        OVER * force,
+                        CENTRINGS,
+                        lambda felt: law.centred(tool_pose(self)[:3, 3], felt),
                     )
             except SkillFailure as failed:
                 if failed.failure.code == "NO_STRAIGHT_LINE":
@@ -72,9 +82,7 @@ class Insert(FeelingSkill):
                 raise
         if not law.arrived:
             yield from self.rise_to(before)
-            words = (
-                f"the fingers met {law.most:.1f} N {1e3 * law.left:.0f} mm before the grasp: nothing gives way there"
-            )
+            words = f"the fingers met {law.most:.1f} N {1e3 * law.left:.0f} mm before the grasp: nothing gives way there"
             raise self.failure("FORCE_LIMIT", words, before_grasp_m=law.left, force_n=law.most)
         return Inserted(as_it_stands(insert, tool_pose(self)), law.most, law.shifted)
 
@@ -87,20 +95,30 @@ class Insert(FeelingSkill):
         def blocked(p: Float64) -> bool:
             T = before.copy()
             T[:3, 3] = p
-            return bool(touched(finger_corners(fingers, T, insert.width), fingers.bodies * 2, beside.walls))
+            return bool(
+                touched(finger_corners(fingers, T, insert.width), fingers.bodies * 2, beside.walls)
+            )
 
         side = crowded_side(beside, fingers, insert)
         law = Insertion(before, float(insert.T_base_grasp[2, 3]), limit, side, blocked)
         yield from self.wait(SETTLE)
         hand, offset = hand.touching_nothing(), hand.pads.average()
-        crown = max(float(fruit_points(each)[:, 2].max()) for each in (insert.fruit, *insert.fruit.beside))
+        crown = max(
+            float(fruit_points(each)[:, 2].max()) for each in (insert.fruit, *insert.fruit.beside)
+        )
         fast = float(before[2, 3] - fingers.points[:, 2].max()) - crown - ABOVE
         if fast > 0.0:
-            yield from self.feel_way(self.line_to(before[:3, 3] - [0.0, 0.0, fast]), DOWN, hand, law.touch, law.touch)
+            yield from self.feel_way(
+                self.line_to(before[:3, 3] - [0.0, 0.0, fast]), DOWN, hand, law.touch, law.touch
+            )
         manner, stopped = SLOW, False
-        while (step := law.next(tool_pose(self)[:3, 3], self._felt(hand, offset), stopped)) is not None:
+        while (
+            step := law.next(tool_pose(self)[:3, 3], self._felt(hand, offset), stopped)
+        ) is not None:
             hand.forget_change()
-            stopped = yield from self.feel_way(self.line_to(step.p_end), manner, hand, step.stop, law.touch)
+            stopped = yield from self.feel_way(
+                self.line_to(step.p_end), manner, hand, step.stop, law.touch
+            )
             if stopped:
                 manner = TOUCHING
                 yield from self.wait(SETTLE)
@@ -109,4 +127,6 @@ class Insert(FeelingSkill):
 
     def _felt(self, hand: ManoeuvreHand, offset: Float64) -> FeltByHand:
         self.require_fresh(hand)
-        return FeltByHand(hand.pads.average() - offset, max(hand.outer.force, hand.edges - hand.at_rest))
+        return FeltByHand(
+            hand.pads.average() - offset, max(hand.outer.force, hand.edges - hand.at_rest)
+        )

@@ -65,7 +65,9 @@ class FeltByHand:
             crowded: the finger that is pushed from outside: 1 along y, -1 the other one, 0 unknown.
         """
         left, right = self.wrenches[0, :3], self.wrenches[1, :3]
-        return np.array([right[1] - left[1], right[2] - left[2] - crowded * self.outer, left[0] + right[0]])
+        return np.array(
+            [right[1] - left[1], right[2] - left[2] - crowded * self.outer, left[0] + right[0]]
+        )
 
     @property
     def most(self) -> float:
@@ -84,7 +86,12 @@ class Insertion:
     """
 
     def __init__(
-        self, T_start: Float64, height: float, limit: float, crowded: float, blocked: Callable[[Float64], bool]
+        self,
+        T_start: Float64,
+        height: float,
+        limit: float,
+        crowded: float,
+        blocked: Callable[[Float64], bool],
     ) -> None:
         """
         Args:
@@ -94,7 +101,12 @@ class Insertion:
             crowded: see `FeltByHand.on_hand`.
             blocked: whether the hand at a place, shape (3,) [m], would touch a wall.
         """
-        self.left, self.most, self.shifted, self.arrived = float(T_start[2, 3]) - height, 0.0, 0.0, False
+        self.left, self.most, self.shifted, self.arrived = (
+            float(T_start[2, 3]) - height,
+            0.0,
+            0.0,
+            False,
+        )
         self._start, self._R, self._height = T_start[:3, 3].copy(), T_start[:3, :3], height
         self._limit, self._crowded, self._blocked = limit, crowded, blocked
         self._lowest, self._stops = self.left, 0
@@ -131,7 +143,9 @@ class Insertion:
             aside = np.zeros(3)
         if felt.most > 0.9 * self._limit:
             return InsertStep("up", p + aside + [0.0, 0.0, RELIEF], OVER * self._limit)
-        if felt.outer > self.touch:  # a push downwards on a neighbour is felt by less than half, and never by the pads
+        if (
+            felt.outer > self.touch
+        ):  # a push downwards on a neighbour is felt by less than half, and never by the pads
             return InsertStep("up", p + aside + [0.0, 0.0, RELIEF], OVER * self._limit)
         if aside.any():
             return InsertStep("aside", p + aside, OVER * self._limit)

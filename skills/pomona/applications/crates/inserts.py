@@ -77,7 +77,9 @@ def insert_places(beside: Beside, fingers: GripperShape, widest: float) -> Itera
         fruit_width = float(np.ptp(across))
         width = min(fruit_width + 2.0 * AIR, widest)
         middle = (beside.points.max(axis=0) + beside.points.min(axis=0)) / 2.0
-        middle += ((across.max() + across.min()) / 2.0 - middle @ R_base_tcp[:, 1]) * R_base_tcp[:, 1]
+        middle += ((across.max() + across.min()) / 2.0 - middle @ R_base_tcp[:, 1]) * R_base_tcp[
+            :, 1
+        ]
         T_base_tcp = np.eye(4)
         T_base_tcp[:3, :3], T_base_tcp[:3, 3] = R_base_tcp, middle
         lowest = fingers.lowest(T_base_tcp, width)[0]
@@ -105,17 +107,28 @@ def insert_candidates(
         near: joints from which short ways are preferred, shape (dof,) [rad].
     """
     grasps, ruled_out = [], []
-    for index, place in enumerate(sorted(insert_places(beside, fingers, widest), key=lambda place: place.push)):
+    for index, place in enumerate(
+        sorted(insert_places(beside, fingers, widest), key=lambda place: place.push)
+    ):
         q_free, why = np.empty((0, space.world.shape.model.dof)), place.why
         T_base_over = place.T_base_tcp.copy()
         if not why:
             T_base_over[2, 3] = beside.top + fingers.points[:, 2].max()
             passed = (*beside.names, NEIGHBOUR)
             q_free, why = postures_over(
-                space.at_width(place.width), passed, near, T_base_over, place.T_base_tcp, np.zeros(3)
+                space.at_width(place.width),
+                passed,
+                near,
+                T_base_over,
+                place.T_base_tcp,
+                np.zeros(3),
             )
         if why:
-            ruled_out.append(RuledOut(index, 0.0, place.turn, "IN_COLLISION" if "touch" in why else "UNREACHABLE", why))
+            ruled_out.append(
+                RuledOut(
+                    index, 0.0, place.turn, "IN_COLLISION" if "touch" in why else "UNREACHABLE", why
+                )
+            )
             continue
         grasps.append(
             Grasp(
@@ -136,7 +149,12 @@ def crowded_side(beside: Beside, fingers: GripperShape, grasp: Grasp) -> float:
 
 
 def _least_push(
-    beside: Beside, fingers: GripperShape, turn: float, T_base_tcp: Float64, width: float, free: float
+    beside: Beside,
+    fingers: GripperShape,
+    turn: float,
+    T_base_tcp: Float64,
+    width: float,
+    free: float,
 ) -> InsertPlace:
     """Return the place with the least push among shifts of the hand; `free` is the air on both sides together [m]."""
     corners, best, why = finger_corners(fingers, T_base_tcp, width), (LOCK, T_base_tcp), ""
@@ -152,7 +170,10 @@ def _least_push(
                 why = why or near
                 continue
             bodies = [[name == body for name in fingers.bodies * 2] for body in set(fingers.bodies)]
-            push = max((each for own in bodies for each in _overlaps(corners[own] + moved, beside)), default=0.0)
+            push = max(
+                (each for own in bodies for each in _overlaps(corners[own] + moved, beside)),
+                default=0.0,
+            )
             push += ACROSS_COST * abs(aside) + pads / beside.radius
             if push < best[0]:
                 T_best = T_base_tcp.copy()
@@ -160,17 +181,25 @@ def _least_push(
                 best = push, T_best
     if best[0] < LOCK:
         return InsertPlace(turn, best[1], width, best[0], "")
-    words = why or f"the fingers would touch neighbours {100.0 * LOCK:.0f} % of a radius inside and nip them"
+    words = (
+        why
+        or f"the fingers would touch neighbours {100.0 * LOCK:.0f} % of a radius inside and nip them"
+    )
     return InsertPlace(turn, T_base_tcp, width, np.inf, words)
 
 
 def finger_corners(fingers: GripperShape, T_base_tcp: Float64, width: float) -> Float64:
     """Return the corners of the fingers at a place and above it, shape (2 n, 3) [m]: their hull is the way down."""
-    corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ T_base_tcp[:3, :3].T + T_base_tcp[:3, 3]
+    corners = (fingers.points + (width - fingers.closed) * fingers.slides) @ T_base_tcp[
+        :3, :3
+    ].T + T_base_tcp[:3, 3]
     return np.vstack((corners, corners + np.array([0.0, 0.0, FINGERS_UP])))
 
 
 def _overlaps(points: Float64, beside: Beside) -> list[float]:
     """Return how far each neighbour is in the way of a convex body, in its own radii [1]."""
     pairs = zip(beside.neighbours, beside.fruit.beside, strict=True)
-    return [max(0.0, -facing(points, shape)[1]) / (float(fruit.dimensions[0]) / 2.0) for shape, fruit in pairs]
+    return [
+        max(0.0, -facing(points, shape)[1]) / (float(fruit.dimensions[0]) / 2.0)
+        for shape, fruit in pairs
+    ]

@@ -55,7 +55,9 @@ class HookPull:
         self._start, self._along = p_start, pull_of(hook)
         self._first, self._most = limit, max(limit, BEARS * float(hook.fruit.dimensions[0]) ** 2)
         self._radius = float(hook.fruit.dimensions.min()) / 2.0
-        self._behind = hook.width / 2.0 - float((p_start - hook.fruit.T_base_fruit[:3, 3]) @ self._along)
+        self._behind = hook.width / 2.0 - float(
+            (p_start - hook.fruit.T_base_fruit[:3, 3]) @ self._along
+        )
         self._hits, self._begins = 0, True
         self.came = self.off = self.most = 0.0
         self.limit = limit

@@ -14,7 +14,9 @@ from pomona.skills.perception import MISMATCHES, AllDetections
 class AllRefined(Outputs):
     """Outputs of RefineAll."""
 
-    scene: Annotated[FruitScene, Port(help="every fruit of the look, measured where that was possible")]
+    scene: Annotated[
+        FruitScene, Port(help="every fruit of the look, measured where that was possible")
+    ]
 
 
 class RefineAll(Skill):
@@ -32,7 +34,9 @@ class RefineAll(Skill):
     ) -> Work[AllRefined]:
         workspace = self.device(Workspace)
         yield from require_true_look(self, detections.frame, detections.T_base_camera, workspace)
-        scene = yield from self.compute(measure_all, detections.detections, workspace.table_z, workspace.obstacles)
+        scene = yield from self.compute(
+            measure_all, detections.detections, workspace.table_z, workspace.obstacles
+        )
         if not scene.measured:
             raise self.failure("NOTHING_MEASURED", scene.sentence, found=len(scene.fruit))
         yield scene.sentence

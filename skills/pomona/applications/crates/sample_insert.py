@@ -18,7 +18,9 @@ from pomona.skills.perception import MeasuredFruit
 class InsertsSampled(Outputs):
     """Outputs of SampleInsert."""
 
-    candidates: Annotated[GraspCandidates, Port(help="reachable grasps, the one with the least push first")]
+    candidates: Annotated[
+        GraspCandidates, Port(help="reachable grasps, the one with the least push first")
+    ]
 
 
 class SampleInsert(Skill):
@@ -33,10 +35,13 @@ class SampleInsert(Skill):
 
     def run(
         self,
-        around: Annotated[MeasuredFruit, Port(help="the fruit, measured with all other fruit beside it")],
+        around: Annotated[
+            MeasuredFruit, Port(help="the fruit, measured with all other fruit beside it")
+        ],
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the fruit")] = None,
         clearance: Annotated[
-            Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("4 mm"),
     ) -> Work[InsertsSampled]:
         arm, workspace = self.device(Arm), self.device(Workspace)
@@ -48,7 +53,9 @@ class SampleInsert(Skill):
         ways = [np.array([g.T_base_pre_grasp[:3, 3], g.T_base_grasp[:3, 3]]) for g in found.grasps]
         caption = f"{len(found.grasps)} of {len(found.grasps) + len(found.ruled_out)} ways between the neighbours"
         lines = tuple(Line3(way, "insert", "approach") for way in ways)
-        self.publish("candidates", SceneView(lines=lines, meshes=(fruit_mesh(around),), caption=caption))
+        self.publish(
+            "candidates", SceneView(lines=lines, meshes=(fruit_mesh(around),), caption=caption)
+        )
         if not found.grasps:
             words = f"all {len(found.ruled_out)} inserts are ruled out: {summary(found.ruled_out)}"
             raise self.failure("NO_CANDIDATE", words)

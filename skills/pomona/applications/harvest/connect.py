@@ -23,8 +23,29 @@ from pomona.drivers import (
     driver,
     read_limits,
 )
-from pomona.executive import LENGTH, Measure, Number, OrWord, PathTo, Problem, Span, Text, Whole, choose, value
-from pomona.tools.simulation import FRICTION, PADS, SKINS, FruitShape, UnusableModel, make_fruit, read_model, read_robot
+from pomona.executive import (
+    LENGTH,
+    Measure,
+    Number,
+    OrWord,
+    PathTo,
+    Problem,
+    Span,
+    Text,
+    Whole,
+    choose,
+    value,
+)
+from pomona.tools.simulation import (
+    FRICTION,
+    PADS,
+    SKINS,
+    FruitShape,
+    UnusableModel,
+    make_fruit,
+    read_model,
+    read_robot,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,21 +56,35 @@ class FruitWallOptions:
     numbers: Path = value(PathTo("file"), help="properties of wood, stems, fruit, leaves and wind")
     model: Path = value(PathTo("folder"), help="folder of the fruit, with its fruit.yaml")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
-    distance: float = value(Measure(LENGTH, "300 mm", "3 m"), "680 mm", "of the trunk from the arm's axis, along -y")
-    stop: float = value(Measure(LENGTH, "-1 m", "1 m"), "0 mm", "of the base along the row, from its middle")
-    height: float = value(Measure(LENGTH, "-0.5 m", "0.5 m"), "0 mm", "of the base over its usual place")
-    apples: int | None = value(OrWord(Whole(1, 60), "auto"), "auto", "how many hang; auto draws from the numbers")
+    distance: float = value(
+        Measure(LENGTH, "300 mm", "3 m"), "680 mm", "of the trunk from the arm's axis, along -y"
+    )
+    stop: float = value(
+        Measure(LENGTH, "-1 m", "1 m"), "0 mm", "of the base along the row, from its middle"
+    )
+    height: float = value(
+        Measure(LENGTH, "-0.5 m", "0.5 m"), "0 mm", "of the base over its usual place"
+    )
+    apples: int | None = value(
+        OrWord(Whole(1, 60), "auto"), "auto", "how many hang; auto draws from the numbers"
+    )
     without: str = value(
-        Text(pattern="none|[0-9]+(,[0-9]+)*", words="none, or numbers such as 3,7"), "none", "numbers of gone fruit"
+        Text(pattern="none|[0-9]+(,[0-9]+)*", words="none, or numbers such as 3,7"),
+        "none",
+        "numbers of gone fruit",
     )
     leaves: float = value(Number(0.0, 1.0), "1", "share of the full foliage")
     behind: int = value(Whole(0, 5000), "2400", "leaves of the rows behind, which are only seen")
     wind: float = value(Number(0.0, 3.0), "0", "over the numbers' own strength; 0 is calm")
     skin: str = value(Text(*SKINS), "red", "of all fruit")
     friction: tuple[float, float] | None = value(
-        OrWord(Span(Number(0.01, 5.0)), "auto"), "auto", f"sliding friction of the pads; 'auto' draws from {FRICTION}"
+        OrWord(Span(Number(0.01, 5.0)), "auto"),
+        "auto",
+        f"sliding friction of the pads; 'auto' draws from {FRICTION}",
     )
-    torsion: float = value(Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding")
+    torsion: float = value(
+        Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding"
+    )
 
     def problems(self) -> Iterator[Problem]:
         try:
@@ -85,20 +120,26 @@ def connect_world(settings: Settings[FruitWallOptions], context: ConnectContext)
     drawn = draw_wall(numbers, seed, said.distance, said.apples, said.leaves)
     gone = {int(each) for each in said.without.split(",") if each != "none"}
     if max(gone, default=0) >= len(drawn.fruits):
-        raise settings.error(f"the wall has the apples 0 to {len(drawn.fruits) - 1}, not {max(gone)}", "without")
+        raise settings.error(
+            f"the wall has the apples 0 to {len(drawn.fruits) - 1}, not {max(gone)}", "without"
+        )
     wall = drawn.without(gone).seen_from(said.stop, said.height)
     spec = read_robot(said.robot)
     friction = float(np.random.default_rng([seed, 18]).uniform(*(said.friction or FRICTION)))
     for pad in PADS:
         spec.geom(pad).friction = [friction, said.torsion, 0.0001]
     shapes = wall_shapes(wall, said.model, said.skin)
-    built = build_wall_model(wall, shapes, spec, context.workspace.obstacles, Scenery(wall, said.behind))
+    built = build_wall_model(
+        wall, shapes, spec, context.workspace.obstacles, Scenery(wall, said.behind)
+    )
     return FruitWallWorld(built, said.robot, context.workspace.poses[said.start], seed, said.wind)
 
 
 def wall_shapes(wall: Wall, model: Path, skin: str) -> tuple[FruitShape, ...]:
     """Skins and meshes of a wall's fruit."""
     return tuple(
-        make_fruit(model, fruit.dimensions, skin, np.random.default_rng([wall.seed, 5, fruit.number]))
+        make_fruit(
+            model, fruit.dimensions, skin, np.random.default_rng([wall.seed, 5, fruit.number])
+        )
         for fruit in wall.fruits
     )

@@ -6,10 +6,21 @@ from typing import Annotated
 
 import numpy as np
 
-from pomona.applications.harvest.detaching import DetachController, DetachPhase, DetachSettings, HeldFruit
+from pomona.applications.harvest.detaching import (
+    DetachController,
+    DetachPhase,
+    DetachSettings,
+    HeldFruit,
+)
 from pomona.applications.harvest.felt_pads import FeltPads, MeanWrench
 from pomona.applications.harvest.hanging import free_roll, knuckle_of
-from pomona.applications.harvest.roll_choice import CLEAR, ROLL_NEEDED, neighbours_of, ordered, roll_clearance
+from pomona.applications.harvest.roll_choice import (
+    CLEAR,
+    ROLL_NEEDED,
+    neighbours_of,
+    ordered,
+    roll_clearance,
+)
 from pomona.applications.harvest.set_point import HandAim, inner_robot
 from pomona.drivers import (
     Arm,
@@ -22,7 +33,20 @@ from pomona.drivers import (
     StreamedArm,
     Workspace,
 )
-from pomona.executive import ANGLE, FORCE, LENGTH, TIME, Angle, Force, Length, Outputs, Port, Ratio, Time, Work
+from pomona.executive import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    TIME,
+    Angle,
+    Force,
+    Length,
+    Outputs,
+    Port,
+    Ratio,
+    Time,
+    Work,
+)
 from pomona.skills import MOTION_FAILURES, TAKEN, MovingSkill, YieldingFingers, usable_field
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, OccupancyMap, arm_space
@@ -81,41 +105,63 @@ class Detach(MovingSkill):
 
     def run(
         self,
-        grasp: Annotated[Grasp, Port(help="pose of the hand, with the fruit between its open fingers")],
+        grasp: Annotated[
+            Grasp, Port(help="pose of the hand, with the fruit between its open fingers")
+        ],
         others: Annotated[
-            AllDetections | None, Port(help="other fruit of the same look; the hand rolls away from them")
+            AllDetections | None,
+            Port(help="other fruit of the same look; the hand rolls away from them"),
         ] = None,
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("4 mm"),
-        pull: Annotated[Force, Port(min="0 N", max="10 N", help="force with which the fruit is pulled")] = FORCE("3 N"),
-        roll: Annotated[Angle, Port(min="60 deg", max="150 deg", help="maximum roll in both directions")] = ANGLE(
-            "140 deg"
-        ),
+        pull: Annotated[
+            Force, Port(min="0 N", max="10 N", help="force with which the fruit is pulled")
+        ] = FORCE("3 N"),
+        roll: Annotated[
+            Angle, Port(min="60 deg", max="150 deg", help="maximum roll in both directions")
+        ] = ANGLE("140 deg"),
         mu: Annotated[Ratio, Port(min=0.1, max=2.0, help="assumed friction of the pads")] = 0.6,
         watchdog: Annotated[
-            Time, Port(min="50 ms", max="1 s", help="the arm comes to rest when no set-point arrives for this long")
+            Time,
+            Port(
+                min="50 ms",
+                max="1 s",
+                help="the arm comes to rest when no set-point arrives for this long",
+            ),
         ] = TIME("150 ms"),
     ) -> Work[Detached]:
         gripper = self.device(Gripper)
         fruit = held_fruit(grasp.fruit)
         controller = DetachController(
-            fruit, self._rolls(grasp, fruit, roll, others, map, clearance), DetachSettings(pull=pull, mu=mu)
+            fruit,
+            self._rolls(grasp, fruit, roll, others, map, clearance),
+            DetachSettings(pull=pull, mu=mu),
         )
         take_over(gripper)
         pads = FeltPads(self.device(ForceSensor))
         try:
             yield from self.wait(TARE)
             if not pads.tare(controller.settings.untouched):
-                raise self.failure("SENSOR_STALE", f"the fingers sent no force within {1e3 * TARE:.0f} ms")
-            yield from self._detach(controller, YieldingFingers(gripper, relax=True), pads, watchdog, clearance)
+                raise self.failure(
+                    "SENSOR_STALE", f"the fingers sent no force within {1e3 * TARE:.0f} ms"
+                )
+            yield from self._detach(
+                controller, YieldingFingers(gripper, relax=True), pads, watchdog, clearance
+            )
         finally:
             pads.close()
         problem = controller.problem
         if problem is not None:
-            data = {"roll_rad": round(controller.roll, 3), "stem_force_n": round(controller.stem_peak, 2)}
-            raise self.failure(problem.code, problem.message, **data, given_back_j=round(controller.given_back, 3))
+            data = {
+                "roll_rad": round(controller.roll, 3),
+                "stem_force_n": round(controller.stem_peak, 2),
+            }
+            raise self.failure(
+                problem.code, problem.message, **data, given_back_j=round(controller.given_back, 3)
+            )
         return Detached(stem_force=controller.stem_peak, rolled=abs(controller.roll_at_break))
 
     def _detach(
@@ -131,7 +177,9 @@ class Detach(MovingSkill):
         try:
             motion = self.device(StreamedArm).stream(watchdog)
         except MotionRefused as refused:
-            raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
+            raise self.failure(
+                "REFUSED", f"{refused}; nothing has moved", device=refused.device
+            ) from refused
 
         def stand(felt: MeanWrench) -> None:
             state = gripper.state()
@@ -183,8 +231,12 @@ class Detach(MovingSkill):
             dt, before = min(now - before, LONGEST), now
             state, T, hung = gripper.state(), robot.tcp(arm.state().q), not fingers.holds
             with pads.lock:
-                command = controller.step(dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force)
-                fingers.holds = controller.broke_at is not None  # a detached fruit is not given up to a push
+                command = controller.step(
+                    dt, felt.wrenches, felt.saturated, T, state.width, aim.T, state.motor_force
+                )
+                fingers.holds = (
+                    controller.broke_at is not None
+                )  # a detached fruit is not given up to a push
                 fingers.set_speed(command.opening, felt.press, BEARS)
             if hung and fingers.holds:
                 self.publish("candidates", TAKEN)
@@ -205,7 +257,9 @@ class Detach(MovingSkill):
         newest, now = self.device(ForceSensor).latest(), self.clock.now()
         age = np.inf if newest is None else now - newest.stamp
         if age > STALE:
-            raise self.failure("SENSOR_STALE", f"the fingers sent no force for {1e3 * age:.0f} ms", age_s=age)
+            raise self.failure(
+                "SENSOR_STALE", f"the fingers sent no force for {1e3 * age:.0f} ms", age_s=age
+            )
 
     def _rolls(
         self,
@@ -221,7 +275,9 @@ class Detach(MovingSkill):
         robot = inner_robot(arm)
         q, T = arm.state().q, robot.tcp(arm.state().q)
         field = usable_field(self, map)
-        space = arm_space(arm, self.device(Workspace), field, fruit.diameter, clearance, target=grasp.fruit)
+        space = arm_space(
+            arm, self.device(Workspace), field, fruit.diameter, clearance, target=grasp.fruit
+        )
         reached = [way * free_roll(robot, q, knuckle, way, most) for way in (1.0, -1.0)]
         reached = [roll for roll in reached if abs(roll) >= ROLL_NEEDED]
         if not reached:
@@ -235,7 +291,9 @@ class Detach(MovingSkill):
             least = max(clear.values())
             words = f"a finger would come {-1e3 * least:.0f} mm into a neighbour; nothing has moved"
             raise self.failure("NEIGHBOUR_AT_RISK", words, candidate=grasp.index, overlap_m=-least)
-        return ordered({roll: free_roll(robot, q, knuckle, np.sign(roll), most, space) for roll in kept}, clear)
+        return ordered(
+            {roll: free_roll(robot, q, knuckle, np.sign(roll), most, space) for roll in kept}, clear
+        )
 
 
 def held_fruit(measured: MeasuredFruit) -> HeldFruit:

@@ -219,12 +219,16 @@ class HeldFruit:
 class DetachCommand:
     """Velocities of one step."""
 
-    velocity: Float64  # of the point about which the hand turns, in the base frame, shape (3,) [m/s]
+    velocity: (
+        Float64  # of the point about which the hand turns, in the base frame, shape (3,) [m/s]
+    )
     roll_rate: float  # of the hand about its approach axis, counterclockwise about z [rad/s]
     opening: float  # rate of the gripper's opening, negative closes [m/s]
     lever: Float64  # from that point to the TCP in the TCP's frame, shape (3,) [m]
 
-    def moved(self, T_base_tcp: Float64, dt: float, turns: bool = True, moves: bool = True) -> Float64:
+    def moved(
+        self, T_base_tcp: Float64, dt: float, turns: bool = True, moves: bool = True
+    ) -> Float64:
         """Return a pose after `dt` [s] of this command, or of its turn or its motion alone, shape (4, 4)."""
         T = T_base_tcp.copy()
         if turns:
@@ -254,7 +258,9 @@ class DetachController:
         grip_target: grip force that each pad shall have [N].
     """
 
-    def __init__(self, fruit: HeldFruit, rolls: tuple[float, ...], settings: DetachSettings | None = None) -> None:
+    def __init__(
+        self, fruit: HeldFruit, rolls: tuple[float, ...], settings: DetachSettings | None = None
+    ) -> None:
         """
         Args:
             fruit: between the pads.
@@ -268,28 +274,50 @@ class DetachController:
         self.broke_at: float | None = None
         self.roll_at_break = 0.0
         self._fruit, self._rolls = fruit, list(rolls)
-        self._time = self._path = self._since = 0.0  # clock of forces; clock of the path, and when the phase began
-        self._pace = self._share = 1.0  # of the path's clock: while the hand is behind, and as the arm's speed allows
+        self._time = self._path = self._since = (
+            0.0  # clock of forces; clock of the path, and when the phase began
+        )
+        self._pace = self._share = (
+            1.0  # of the path's clock: while the hand is behind, and as the arm's speed allows
+        )
         self._rate = self._aimed = 0.0  # of the roll's set-point [rad/s], and the set-point [rad]
         self._T: Float64 | None = None  # measured pose of the hand, shape (4, 4)
-        self._R_start = self._p_aimed = self._p_phase = np.zeros(0)  # at first; set-point now, and when the phase began
+        self._R_start = self._p_aimed = self._p_phase = np.zeros(
+            0
+        )  # at first; set-point now, and when the phase began
         self._attempt = 0
         self.grip_target = self.settings.first_grip
         self._width_gripped = self._press_gripped = self._speed_back = 0.0
-        self._press, self._lever = np.zeros(2), np.zeros(3)  # from the knuckle to the TCP, in the TCP's frame [m]
+        self._press, self._lever = (
+            np.zeros(2),
+            np.zeros(3),
+        )  # from the knuckle to the TCP, in the TCP's frame [m]
         self._recent: list[tuple[float, float]] = []
         self._least = (0.0, 0.0)  # force of the stem at its likeliest weight, and that weight [N]
-        self._free: Float64 | None = None  # force of the pads on the fruit since the stem broke, shape (3,) [N]
-        self._jammed = self._empty = self._quiet = self._follows = self._loaded = self._turn_behind = 0.0
-        self._work, self._highest = 0.0, -np.inf  # of the hand on the held fruit [J]; its highest place so far [m]
+        self._free: Float64 | None = (
+            None  # force of the pads on the fruit since the stem broke, shape (3,) [N]
+        )
+        self._jammed = self._empty = self._quiet = self._follows = self._loaded = (
+            self._turn_behind
+        ) = 0.0
+        self._work, self._highest = (
+            0.0,
+            -np.inf,
+        )  # of the hand on the held fruit [J]; its highest place so far [m]
         self._ending: DetachProblem | None = None
         self._test = StemTest()
-        self._seemed_free = self._came = self._pulls_down = False  # by load; in a test; as the reach ends
+        self._seemed_free = self._came = self._pulls_down = (
+            False  # by load; in a test; as the reach ends
+        )
         self._motor: float | None = None
         self._gain = 1.0  # true over reported force of the pads
-        self._opening = self._behind = self._unfollowed = 0.0  # commanded rate; motion not followed since a jam, ever
+        self._opening = self._behind = self._unfollowed = (
+            0.0  # commanded rate; motion not followed since a jam, ever
+        )
         self._width = np.nan
-        self._relieved_until = self._furthest = self._opened_from = 0.0  # the last is an opening [m]
+        self._relieved_until = self._furthest = self._opened_from = (
+            0.0  # the last is an opening [m]
+        )
         self._relieved = self._stays_rolled = False
 
     @property
@@ -346,11 +374,19 @@ class DetachController:
             self._judge(dt, press, force, saturated, width)
             if self.phase not in (DetachPhase.DONE, DetachPhase.OPEN):
                 velocity, lever = self._move(dt, press, force)
-                command = DetachCommand(velocity, self._rate, self._grip(dt, wrenches, width), lever)
+                command = DetachCommand(
+                    velocity, self._rate, self._grip(dt, wrenches, width), lever
+                )
         self._opening = command.opening
-        return replace(command, velocity=self._pace * command.velocity, roll_rate=self._pace * command.roll_rate)
+        return replace(
+            command,
+            velocity=self._pace * command.velocity,
+            roll_rate=self._pace * command.roll_rate,
+        )
 
-    def stand(self, dt: float, wrenches: Float64, width: float, motor_force: float | None = None) -> float:
+    def stand(
+        self, dt: float, wrenches: Float64, width: float, motor_force: float | None = None
+    ) -> float:
         """Return the rate of the opening while the hand stands, in a pause: only the force of a grip goes on [m/s].
 
         Args:
@@ -363,7 +399,9 @@ class DetachController:
             return self._grip(dt, wrenches, width)
         s = self.settings
         loose = self.phase in HOLDING and self._is_loose(press, width)
-        return float(np.clip(s.grip_gain * (press.max() - self.grip_limit), 0.0, s.closing)) * (not loose)
+        return float(np.clip(s.grip_gain * (press.max() - self.grip_limit), 0.0, s.closing)) * (
+            not loose
+        )
 
     def rejoin(self) -> None:
         """Go on after a pause: the motion meanwhile is not compared with commands."""
@@ -390,7 +428,11 @@ class DetachController:
         elif self.phase is DetachPhase.TEST and not self._pulls_down:
             self._pulls_down, self._test, self._p_phase = True, StemTest(), self._p_aimed
         elif self.phase is DetachPhase.TEST:
-            self._finish(DetachProblem("STEM_UNCLEAR", f"{message}; the fruit may be off the tree; the grip is kept"))
+            self._finish(
+                DetachProblem(
+                    "STEM_UNCLEAR", f"{message}; the fruit may be off the tree; the grip is kept"
+                )
+            )
         elif self.phase is DetachPhase.LEAVE:
             self._enter(DetachPhase.DONE)
 
@@ -408,7 +450,9 @@ class DetachController:
         self.roll, self._T, self._p_aimed = roll, T.copy(), T_aimed[:3, 3].copy()
         self._aimed = _roll_between(self._R_start, T_aimed[:3, :3], roll)
         self._furthest = max(self._furthest, abs(roll))
-        behind = float(np.linalg.norm(T_aimed[:3, 3] - T[:3, 3])) / min(s.lead + s.lead_time * speed, s.lead_most)
+        behind = float(np.linalg.norm(T_aimed[:3, 3] - T[:3, 3])) / min(
+            s.lead + s.lead_time * speed, s.lead_most
+        )
         unturned = abs(self._aimed - roll) / (s.lead_angle + s.lead_time * turning)
         self._turn_behind = self._turn_behind + dt if unturned > s.turn_behind else 0.0
         behind = behind if self._stays_rolled else max(behind, unturned)
@@ -430,11 +474,17 @@ class DetachController:
     def _note_stem(self, force: Float64) -> None:
         """Estimate the stem's force on the fruit: the weight minus the pads' force."""
         s, weight = self.settings, GRAVITY * self._fruit.mass
-        likely = float(np.clip(force[2], (1.0 - s.weight_error) * weight, (1.0 + s.weight_error) * weight))
-        self.stem_force = float(np.linalg.norm(force - ([0.0, 0.0, weight] if self._free is None else self._free)))
+        likely = float(
+            np.clip(force[2], (1.0 - s.weight_error) * weight, (1.0 + s.weight_error) * weight)
+        )
+        self.stem_force = float(
+            np.linalg.norm(force - ([0.0, 0.0, weight] if self._free is None else self._free))
+        )
         self._least = float(np.linalg.norm(force - [0.0, 0.0, likely])), likely
         self._recent.append((self._time, self.stem_force))
-        self._recent = [each for each in self._recent if each[0] > self._time - self.settings.recent]
+        self._recent = [
+            each for each in self._recent if each[0] > self._time - self.settings.recent
+        ]
 
     def _note_work(self, wrenches: Float64, saturated: bool, before: Float64, width: float) -> None:
         """Add up the work of the hand on the fruit that the pads hold: of the way and of the turn.
@@ -445,7 +495,10 @@ class DetachController:
         if self.phase not in HOLDING:
             return
         force, torque = _on_pads(wrenches, width)
-        work = -float(force @ before[:3, :3].T @ (self._T[:3, 3] - before[:3, 3]) + torque @ _turned(before, self._T))
+        work = -float(
+            force @ before[:3, :3].T @ (self._T[:3, 3] - before[:3, 3])
+            + torque @ _turned(before, self._T)
+        )
         self._work += abs(work) if saturated else work
         self._highest = max(self._highest, float(self._T[2, 3]))
         self.given_back = max(self.given_back, -self._work - self._sunk)
@@ -465,11 +518,15 @@ class DetachController:
         moved = 0.0 if np.isnan(self._width) else width - self._width
         fading, asked = np.exp(-dt / self.settings.blocked_fading), self._opening * dt
         self._behind = self._behind * fading + asked - moved
-        asked += self._unfollowed * fading  # as a supervisor counts it: a push without a command is no lag
+        asked += (
+            self._unfollowed * fading
+        )  # as a supervisor counts it: a push without a command is no lag
         self._unfollowed = asked - moved if (asked - moved) * asked > 0.0 else 0.0
         self._width = width
 
-    def _judge(self, dt: float, press: Float64, force: Float64, saturated: bool, width: float) -> None:
+    def _judge(
+        self, dt: float, press: Float64, force: Float64, saturated: bool, width: float
+    ) -> None:
         s = self.settings
         beside = saturated and abs(press[0] - press[1]) > s.jam_force_saturated
         over = press.max() > s.jam_press * self._fruit.bruise_force
@@ -488,13 +545,19 @@ class DetachController:
             self._jam(self._blocked(width))
         elif self._empty > s.lost_time or width < self._width_gripped - 2.0 * s.slip_width:
             self._left_the_pads(press)
-        elif self.phase in (*DRAWING, DetachPhase.LET_BACK, DetachPhase.TEST) and self._is_free(dt, press):
+        elif self.phase in (*DRAWING, DetachPhase.LET_BACK, DetachPhase.TEST) and self._is_free(
+            dt, press
+        ):
             self._break(np.array([0.0, 0.0, self._least[1]]))
         elif self.phase in DRAWING:
             if width < self._width_gripped - s.slip_width:
-                self._let_back(DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm"))
+                self._let_back(
+                    DetachProblem("SLIPPED", f"the opening fell by {1e3 * s.slip_width:.0f} mm")
+                )
             elif max(self._path, s.slowest * self._time) > s.patience:
-                self._let_back(DetachProblem("NOTHING_BROKE", f"the stem held for {s.patience:.0f} s"))
+                self._let_back(
+                    DetachProblem("NOTHING_BROKE", f"the stem held for {s.patience:.0f} s")
+                )
         elif self.phase is DetachPhase.BACK:
             self._loaded = self._loaded + dt if self.stem_force > self._broken_force else 0.0
             if self._loaded > s.loaded_time:
@@ -514,22 +577,42 @@ class DetachController:
         A fruit that bears no part of the pull for longer may have another weight than its size makes likely.
         """
         s = self.settings
-        in_time = max(self._path, s.slowest * self._time) < 2.0 * s.patience  # a load that comes and goes has an end
+        in_time = (
+            max(self._path, s.slowest * self._time) < 2.0 * s.patience
+        )  # a load that comes and goes has an end
         turned = self._furthest > s.first_break
-        unloaded = in_time and turned and press.min() > s.touch and self.stem_force < self._broken_force
+        unloaded = (
+            in_time and turned and press.min() > s.touch and self.stem_force < self._broken_force
+        )
         self._quiet = self._quiet + dt if unloaded else 0.0
         pulled = self.phase in (DetachPhase.ROLL, DetachPhase.LAST_PULL)
-        follows = in_time and turned and press.min() > s.touch and pulled and self._least[0] < 0.5 * self._broken_force
+        follows = (
+            in_time
+            and turned
+            and press.min() > s.touch
+            and pulled
+            and self._least[0] < 0.5 * self._broken_force
+        )
         self._follows = self._follows + dt if follows else 0.0
         most = max(each for _, each in self._recent)
-        falls = self.phase in DRAWING and most > s.loaded and self.stem_force < s.broken_share * most
-        return (unloaded and (falls or self._quiet > s.quiet_time)) or self._follows > s.follows_time
+        falls = (
+            self.phase in DRAWING and most > s.loaded and self.stem_force < s.broken_share * most
+        )
+        return (
+            unloaded and (falls or self._quiet > s.quiet_time)
+        ) or self._follows > s.follows_time
 
     def _jam(self, problem: DetachProblem) -> None:
         """Turn the hand back from wood: roll the other way if that was not tried; end if turning back did not help."""
-        self._relieved_until, self._jammed, self._behind = self._path + self.settings.relief, 0.0, 0.0
+        self._relieved_until, self._jammed, self._behind = (
+            self._path + self.settings.relief,
+            0.0,
+            0.0,
+        )
         relieved, self._relieved = self._relieved, True
-        if self.phase in (DetachPhase.ROLL, DetachPhase.LAST_PULL) and self._attempt + 1 < len(self._rolls):
+        if self.phase in (DetachPhase.ROLL, DetachPhase.LAST_PULL) and self._attempt + 1 < len(
+            self._rolls
+        ):
             self._attempt += 1
             self._relieved = False
             self._enter(DetachPhase.ROLL)
@@ -554,10 +637,16 @@ class DetachController:
         """End with the pads open only if they are empty and the fruit is on the tree."""
         if self._is_empty(press):
             freed = self.broke_at is not None or self._seemed_free
-            code, words = ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
+            code, words = (
+                ("LOST", "after the stem broke") if freed else ("SLIPPED", "before the stem broke")
+            )
             self._end(DetachProblem(code, f"the fruit left the pads {words}"))
         elif self.phase is not DetachPhase.TEST:
-            when = "before the stem broke" if self.broke_at is None else f"after the break: {self._pads_feel(press)}"
+            when = (
+                "before the stem broke"
+                if self.broke_at is None
+                else f"after the break: {self._pads_feel(press)}"
+            )
             self._end(DetachProblem("SLIPPED", f"the fruit was leaving the pads {when}"))
 
     def _is_empty(self, press: Float64) -> bool:
@@ -591,14 +680,21 @@ class DetachController:
         if press.min() > s.touch:
             missing = s.first_grip - float(press.mean())
             if missing < 0.2 * s.first_grip:
-                if self._motor is not None and self._motor > s.doubted * float(press.sum()) + s.rough:
+                if (
+                    self._motor is not None
+                    and self._motor > s.doubted * float(press.sum()) + s.rough
+                ):
                     self._end(DetachProblem("JAMMED", self._pads_feel(press)))
                     return STILL
                 self._width_gripped = width
-                self._press_gripped = float(press.max())  # a fruit that hangs free is pressed alike by both pads
+                self._press_gripped = float(
+                    press.max()
+                )  # a fruit that hangs free is pressed alike by both pads
                 self._lever = T[:3, :3].T @ (T[:3, 3] - self._fruit.p_base_knuckle)
                 self._enter(DetachPhase.DRAW)
-            return replace(STILL, opening=-float(np.clip(s.grip_gain * missing, -s.closing, s.closing)))
+            return replace(
+                STILL, opening=-float(np.clip(s.grip_gain * missing, -s.closing, s.closing))
+            )
         if self._time > s.closing_patience or width < s.narrowest * self._fruit.diameter:
             self._end(DetachProblem("NOT_GRIPPED", f"after closing {self._pads_feel(press)}"))
             return STILL
@@ -606,7 +702,11 @@ class DetachController:
             self._end(self._blocked(width))
             return STILL
         aside = s.yielding * float(press[0] - press[1]) * T[:3, 1]
-        return replace(STILL, velocity=aside, opening=-(s.closing_touched if press.max() > s.touch else s.closing))
+        return replace(
+            STILL,
+            velocity=aside,
+            opening=-(s.closing_touched if press.max() > s.touch else s.closing),
+        )
 
     def _move(self, dt: float, press: Float64, force: Float64) -> tuple[Float64, Float64]:
         """Velocity of the point about which the hand turns, and the lever from it, in the frames of `DetachCommand`."""
@@ -614,17 +714,27 @@ class DetachController:
         outwards = np.array(s.outwards)
         if self.phase is DetachPhase.BACK:
             self._turn(dt, 0.0)
-            if self._speed_back == 0.0 and press.mean() < s.firm * self._carried and since < s.firm_time:
+            if (
+                self._speed_back == 0.0
+                and press.mean() < s.firm * self._carried
+                and since < s.firm_time
+            ):
                 return np.zeros(3), np.zeros(3)
             left = s.back_distance - float(np.linalg.norm(self._p_aimed - self._p_phase))
             if left < 2e-3:
                 self._end(None)
             self._speed_back = min(self._speed_back + s.back_acceleration * dt, s.back_speed)
-            self._speed_back = min(self._speed_back, float(np.sqrt(max(2.0 * s.back_acceleration * left, 0.0))))
+            self._speed_back = min(
+                self._speed_back, float(np.sqrt(max(2.0 * s.back_acceleration * left, 0.0)))
+            )
             return self._speed_back * outwards / float(np.linalg.norm(outwards)), np.zeros(3)
         if self.phase is DetachPhase.TEST:
             self._turn(dt, 0.0)
-            way = np.array([0.0, 0.0, -1.0]) if self._pulls_down else outwards / float(np.linalg.norm(outwards))
+            way = (
+                np.array([0.0, 0.0, -1.0])
+                if self._pulls_down
+                else outwards / float(np.linalg.norm(outwards))
+            )
             return self._tested(dt, force, way), np.zeros(3)
         pull = s.pull * min(since / s.pull_time, 1.0) if self.phase is DetachPhase.DRAW else s.pull
         if self.phase is DetachPhase.LET_BACK:
@@ -661,7 +771,9 @@ class DetachController:
         speed = self._test.step(dt, float(force @ outwards), moved)
         if self._test.holds is not None and self._ending is not None:
             comes = self._test.furthest > FURTHEST and force[2] > 0.5 * GRAVITY * self._fruit.mass
-            if not self._test.holds and comes and not self._came:  # the fruit may have turned to a narrower place
+            if (
+                not self._test.holds and comes and not self._came
+            ):  # the fruit may have turned to a narrower place
                 self._came = True
                 self._width_gripped, self._press_gripped = self._width, float(self._press.max())
                 self._break(force)
@@ -692,18 +804,24 @@ class DetachController:
         left = s.leaving - float(np.linalg.norm(self._p_aimed - self._p_phase))
         most = min(s.leaving_speed, float(np.sqrt(max(2.0 * s.leaving_acceleration * left, 0.0))))
         self._speed_back = min(self._speed_back + s.leaving_acceleration * dt, most)
-        if left < 2e-3 or since > s.leaving_patience:  # at the end of its reach the hand may turn, and not move
+        if (
+            left < 2e-3 or since > s.leaving_patience
+        ):  # at the end of its reach the hand may turn, and not move
             self._enter(DetachPhase.DONE)
         return replace(STILL, velocity=-self._speed_back * T_base_tcp[:3, 2], roll_rate=self._rate)
 
     def _turn_to(self, dt: float, goal: float) -> None:
         s, left = self.settings, goal - self._aimed
-        wanted = np.sign(left) * min(s.roll_rate, float(np.sqrt(2.0 * s.roll_acceleration * abs(left))))
+        wanted = np.sign(left) * min(
+            s.roll_rate, float(np.sqrt(2.0 * s.roll_acceleration * abs(left)))
+        )
         self._turn(dt, float(wanted))
 
     def _turn(self, dt: float, wanted: float) -> None:
         relieving = self._path < self._relieved_until
-        most = (self.settings.relief_acceleration if relieving else self.settings.roll_acceleration) * dt
+        most = (
+            self.settings.relief_acceleration if relieving else self.settings.roll_acceleration
+        ) * dt
         self._rate += float(np.clip(wanted - self._rate, -most, most))
 
     def _grip(self, dt: float, wrenches: Float64, width: float) -> float:
@@ -722,10 +840,17 @@ class DetachController:
         most = s.grip_ceiling * self._fruit.bruise_force
         missing = min(self.grip_target - press.mean(), most - press.max())
         felt = press.mean() > s.lost_force and press.max() + self._unfelt(press, width) < most
-        stuck = self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck  # wood holds the fingers
-        least, most = 0.0 if self._is_loose(press, width) else -s.closing, s.closing if felt else 0.0
+        stuck = (
+            self.phase is DetachPhase.TEST and abs(self._behind) > s.stuck
+        )  # wood holds the fingers
+        least, most = (
+            0.0 if self._is_loose(press, width) else -s.closing,
+            s.closing if felt else 0.0,
+        )
         rate = -float(np.clip(s.grip_gain * missing, least, most))
-        return rate * (not stuck and (rate * self._unfollowed <= 0.0 or abs(self._unfollowed) <= s.blocked))
+        return rate * (
+            not stuck and (rate * self._unfollowed <= 0.0 or abs(self._unfollowed) <= s.blocked)
+        )
 
     def _unfelt(self, press: Float64, width: float) -> float:
         """Return the force of the pads beyond their reports, by the motor's force, else by the opening [N]."""

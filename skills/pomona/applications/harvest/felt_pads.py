@@ -68,7 +68,10 @@ class FeltPads:
         return self._mean()
 
     def between_ticks(
-        self, stand: Callable[[MeanWrench], None], paused: Callable[[], bool], now: Callable[[], float]
+        self,
+        stand: Callable[[MeanWrench], None],
+        paused: Callable[[], bool],
+        now: Callable[[], float],
     ) -> None:
         """Call `stand` every 20 ms in the sensor's loop while the run is paused, or a tick is late.
 
@@ -86,7 +89,9 @@ class FeltPads:
         if not samples:
             return None
         mean: Float64 = np.mean([sample.wrenches for sample in samples], axis=0) - self._offset
-        return MeanWrench(mean, any(any(sample.saturated) for sample in samples), len(samples) / self._rate)
+        return MeanWrench(
+            mean, any(any(sample.saturated) for sample in samples), len(samples) / self._rate
+        )
 
     def _on_sample(self, sample: WrenchSample) -> None:
         with self.lock:

@@ -51,7 +51,9 @@ class HangingRules:
 
     elevations: tuple[float, ...] = tuple(np.radians([0.0, 20.0, -20.0, 40.0]))
     azimuths: tuple[float, ...] = tuple(np.radians([0.0, 25.0, -25.0, 50.0, -50.0]))
-    turns: tuple[float, ...] = tuple(np.radians([0.0, 180.0, 25.0, -25.0, 155.0, -155.0, 50.0, -50.0, 90.0, -90.0]))
+    turns: tuple[float, ...] = tuple(
+        np.radians([0.0, 180.0, 25.0, -25.0, 155.0, -155.0, 50.0, -50.0, 90.0, -90.0])
+    )
     before: float = 0.10
     roll: float = float(np.radians(70.0))
     roll_wanted: float = float(np.radians(120.0))
@@ -63,7 +65,9 @@ def knuckle_of(measured: MeasuredFruit) -> Float64:
     """Return the place where a fruit's stem sits on its spur, in the base frame, shape (3,) [m]."""
     up = -measured.T_base_fruit[:3, 1]
     up = up if up[2] > UPRIGHT else np.array([0.0, 0.0, 1.0])
-    place: Float64 = measured.T_base_fruit[:3, 3] + (STEM + SEAT * float(measured.dimensions[1])) * up
+    place: Float64 = (
+        measured.T_base_fruit[:3, 3] + (STEM + SEAT * float(measured.dimensions[1])) * up
+    )
     return place
 
 
@@ -78,7 +82,12 @@ def hanging_orientation(azimuth: float, elevation: float, turn: float) -> Float6
 
 
 def free_roll(
-    robot: RobotModel, q: Float64, p_base_knuckle: Float64, way: float, most: float, space: ArmSpace | None = None
+    robot: RobotModel,
+    q: Float64,
+    p_base_knuckle: Float64,
+    way: float,
+    most: float,
+    space: ArmSpace | None = None,
 ) -> float:
     """Return how far the hand can roll about its approach through the knuckle in one posture of the arm [rad].
 
@@ -154,7 +163,12 @@ def sample_hanging(
 
 def _effort(turn: float, elevation: float, azimuth: float) -> float:
     """Order of directions: level and straight first, the fingers from the sides."""
-    return 1.0 * abs(elevation) + 0.7 * abs(azimuth) + 0.8 * min(abs(turn), np.pi - abs(turn)) + 0.05 * abs(turn)
+    return (
+        1.0 * abs(elevation)
+        + 0.7 * abs(azimuth)
+        + 0.8 * min(abs(turn), np.pi - abs(turn))
+        + 0.05 * abs(turn)
+    )
 
 
 def _rolling(
@@ -170,12 +184,19 @@ def _rolling(
         line = straight_line(robot, q, grasp.T_base_grasp)
         if not line.complete:
             continue
-        rolls = [free_roll(robot, line.q[-1], knuckle, way, rules.roll_wanted, narrow) for way in (1.0, -1.0)]
+        rolls = [
+            free_roll(robot, line.q[-1], knuckle, way, rules.roll_wanted, narrow)
+            for way in (1.0, -1.0)
+        ]
         furthest = max(furthest, *rolls)
         if max(rolls) >= rules.roll:
             kept.append((max(rolls), q))
     if not kept:
-        raise CandidateRejected("ROLL_BLOCKED", f"the hand could roll by {np.degrees(furthest):.0f}° only")
+        raise CandidateRejected(
+            "ROLL_BLOCKED", f"the hand could roll by {np.degrees(furthest):.0f}° only"
+        )
     least = min(furthest, rules.roll_good)
-    q_good = np.array([q for roll, q in sorted(kept, key=lambda each: -each[0]) if roll >= least - 1e-6])
+    q_good = np.array(
+        [q for roll, q in sorted(kept, key=lambda each: -each[0]) if roll >= least - 1e-6]
+    )
     return replace(grasp, q_pre_grasp=q_good), furthest

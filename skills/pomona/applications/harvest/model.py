@@ -129,26 +129,48 @@ def build_wall_model(
 def _add_trunk(mujoco: Any, spec: Any, wall: Wall) -> Any:
     """Trunk, wires and ground. A wire gives way across its line, whole, as a stretched one does at its middle."""
     x, y, radius = wall.trunk
-    ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, pos=[0.0, 0.0, wall.ground])
-    ground.size, ground.rgba, ground.contype, ground.conaffinity = [4.0, 4.0, 0.1], [0.25, 0.30, 0.14, 1.0], 1, 3
+    ground = spec.worldbody.add_geom(
+        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, pos=[0.0, 0.0, wall.ground]
+    )
+    ground.size, ground.rgba, ground.contype, ground.conaffinity = (
+        [4.0, 4.0, 0.1],
+        [0.25, 0.30, 0.14, 1.0],
+        1,
+        3,
+    )
     trunk = spec.worldbody.add_body(name="trunk")
-    _capsule(trunk, "trunk", [x, y, wall.ground], [x, y, wall.trunk_top], radius, wall.numbers.wood_friction)
+    _capsule(
+        trunk,
+        "trunk",
+        [x, y, wall.ground],
+        [x, y, wall.trunk_top],
+        radius,
+        wall.numbers.wood_friction,
+    )
     numbers = wall.numbers
     damping = 2.0 * numbers.wood_damping * np.sqrt(numbers.wire_stiffness * numbers.wire_mass)
     for i, wire in enumerate(wall.wires):
         body = spec.worldbody.add_body(name=f"trellis_{i}", pos=[0.0, wire.y, wire.z], gravcomp=1.0)
         for axis, direction in (("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])):
-            joint = body.add_joint(name=f"trellis_{i}_{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=direction)
+            joint = body.add_joint(
+                name=f"trellis_{i}_{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=direction
+            )
             joint.stiffness[0], joint.damping[0] = numbers.wire_stiffness, damping
         radius = numbers.wire_diameter / 2.0
-        rod = _capsule(body, f"wire_{i}", [-1.5, 0.0, 0.0], [1.5, 0.0, 0.0], radius, 0.3, numbers.wire_mass)
+        rod = _capsule(
+            body, f"wire_{i}", [-1.5, 0.0, 0.0], [1.5, 0.0, 0.0], radius, 0.3, numbers.wire_mass
+        )
         rod.rgba = [0.55, 0.55, 0.56, 1.0]
     return trunk
 
 
-def _capsule(body: Any, name: str, start: Any, end: Any, radius: float, friction: float, mass: float = 0.0) -> Any:
+def _capsule(
+    body: Any, name: str, start: Any, end: Any, radius: float, friction: float, mass: float = 0.0
+) -> Any:
     """Return a piece of wood that touches robot and fruit."""
-    geom = body.add_geom(name=name, type=load_mujoco().mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], rgba=BARK)
+    geom = body.add_geom(
+        name=name, type=load_mujoco().mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], rgba=BARK
+    )
     geom.size = [radius, 0.0, 0.0]
     geom.mass, geom.contype, geom.conaffinity, geom.condim = mass, 0, ROBOT | FRUIT, 3
     geom.friction = [friction, 0.005, 0.0005]
@@ -160,7 +182,9 @@ def _capsule(body: Any, name: str, start: Any, end: Any, radius: float, friction
 def _hinges(body: Any, name: str, stiffness: float, damping: float, armature: float) -> None:
     """A pair, across the body's x axis."""
     for axis, direction in (("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])):
-        joint = body.add_joint(name=f"{name}_{axis}", type=load_mujoco().mjtJoint.mjJNT_HINGE, axis=direction)
+        joint = body.add_joint(
+            name=f"{name}_{axis}", type=load_mujoco().mjtJoint.mjJNT_HINGE, axis=direction
+        )
         joint.stiffness[0], joint.damping[0], joint.armature = stiffness, damping, armature
 
 
@@ -174,16 +198,33 @@ def _add_lateral(building: _Building, i: int) -> None:
     ends = [*chain.hinges[1:], lateral.length]
     body, at, bodies = building.trunk, lateral.start + chain.hinges[0] * lateral.direction, []
     name = f"lateral_{i}"
-    _capsule(building.trunk, f"{name}_stub", lateral.start, at, lateral.diameters[0] / 2.0, numbers.wood_friction)
+    _capsule(
+        building.trunk,
+        f"{name}_stub",
+        lateral.start,
+        at,
+        lateral.diameters[0] / 2.0,
+        numbers.wood_friction,
+    )
     for k, (begin, end) in enumerate(zip(chain.hinges, ends, strict=True)):
         turned = _quat(building, R) if k == 0 else [1.0, 0.0, 0.0, 0.0]
         body = body.add_body(
-            name=f"{name}_{k}", pos=at if k == 0 else [chain.hinges[1] - chain.hinges[0], 0, 0], quat=turned
+            name=f"{name}_{k}",
+            pos=at if k == 0 else [chain.hinges[1] - chain.hinges[0], 0, 0],
+            quat=turned,
         )
-        _hinges(body, f"{name}_{k}", chain.stiffness[k], damping * chain.stiffness[k], numbers.hinge_armature)
+        _hinges(
+            body,
+            f"{name}_{k}",
+            chain.stiffness[k],
+            damping * chain.stiffness[k],
+            numbers.hinge_armature,
+        )
         radius = float(chain.diameter((begin + end) / 2.0)) / 2.0
         mass = chain.mass(numbers.wood_density, begin, end)
-        _capsule(body, f"{name}_{k}", [0, 0, 0], [end - begin, 0, 0], radius, numbers.wood_friction, mass)
+        _capsule(
+            body, f"{name}_{k}", [0, 0, 0], [end - begin, 0, 0], radius, numbers.wood_friction, mass
+        )
         bodies.append(body)
     building.laterals.append((chain, bodies, R))
 
@@ -191,8 +232,15 @@ def _add_lateral(building: _Building, i: int) -> None:
 def _loaded_frequency(wall: Wall, i: int, chain: Chain) -> float:
     """Of a lateral's first mode with its fruit and its own weight [rad/s]."""
     middles = np.linspace(0.05, 1.0, 12) * chain.length
-    own = [chain.mass(wall.numbers.wood_density, s - chain.length / 24.0, s + chain.length / 24.0) for s in middles]
-    hung = [(wall.spurs[each.spur].s, each.mass) for each in wall.fruits if wall.spurs[each.spur].lateral == i]
+    own = [
+        chain.mass(wall.numbers.wood_density, s - chain.length / 24.0, s + chain.length / 24.0)
+        for s in middles
+    ]
+    hung = [
+        (wall.spurs[each.spur].s, each.mass)
+        for each in wall.fruits
+        if wall.spurs[each.spur].lateral == i
+    ]
     at = np.array([*middles, *(s for s, _ in hung)])
     return chain.first_frequency(at, np.array([*own, *(mass for _, mass in hung)]))
 
@@ -217,12 +265,25 @@ def _add_spur(building: _Building, i: int) -> None:
     load = sum(each.mass for each in building.wall.fruits if each.spur == i) or mass
     damping = 2.0 * numbers.wood_damping * np.sqrt(stiffness * load) * spur.length
     _hinges(body, f"spur_{i}", stiffness, damping, numbers.hinge_armature)
-    _capsule(body, f"spur_{i}", [0, 0, 0], [spur.length, 0, 0], spur.diameter / 2.0, numbers.wood_friction, mass)
+    _capsule(
+        body,
+        f"spur_{i}",
+        [0, 0, 0],
+        [spur.length, 0, 0],
+        spur.diameter / 2.0,
+        numbers.wood_friction,
+        mass,
+    )
     building.spurs.append((body, R_spur))
 
 
 def _add_fruit(building: _Building, fruit: HangingFruit, shape: FruitShape) -> None:
-    mujoco, spec, numbers, name = building.mujoco, building.spec, building.wall.numbers, f"fruit_{fruit.number}"
+    mujoco, spec, numbers, name = (
+        building.mujoco,
+        building.spec,
+        building.wall.numbers,
+        f"fruit_{fruit.number}",
+    )
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = shape.vertices.ravel(), shape.faces.ravel()
     mesh.usertexcoord, mesh.userfacetexcoord = shape.uv.ravel(), shape.faces.ravel()
@@ -234,15 +295,23 @@ def _add_fruit(building: _Building, fruit: HangingFruit, shape: FruitShape) -> N
     anchor = [0.0, -fruit.lever, 0.0]
     inertia = 0.4 * fruit.mass * fruit.radius**2 + fruit.mass * fruit.lever**2
     for axis, direction in (("x", [1.0, 0, 0]), ("z", [0, 0, 1.0]), ("y", [0, 1.0, 0])):
-        slide = body.add_joint(name=f"{name}_{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=direction, pos=anchor)
+        slide = body.add_joint(
+            name=f"{name}_{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=direction, pos=anchor
+        )
         slide.stiffness[0] = numbers.stem_stretch
-        slide.damping[0] = 2.0 * numbers.stem_stretch_damping * np.sqrt(numbers.stem_stretch * fruit.mass)
+        slide.damping[0] = (
+            2.0 * numbers.stem_stretch_damping * np.sqrt(numbers.stem_stretch * fruit.mass)
+        )
     ball = body.add_joint(name=f"{name}_ball", type=mujoco.mjtJoint.mjJNT_BALL, pos=anchor)
     k = fruit.strength.stiffness
     ball.stiffness[0] = k
-    ball.damping[0] = 2.0 * numbers.stem_swing_damping * np.sqrt((k + 9.81 * fruit.mass * fruit.lever) * inertia)
+    ball.damping[0] = (
+        2.0 * numbers.stem_swing_damping * np.sqrt((k + 9.81 * fruit.mass * fruit.lever) * inertia)
+    )
     kind = mujoco.mjtGeom.mjGEOM_MESH
-    touch = body.add_geom(name=name, type=kind, meshname=name, mass=fruit.mass, group=3, **FRUIT_CONTACT)
+    touch = body.add_geom(
+        name=name, type=kind, meshname=name, mass=fruit.mass, group=3, **FRUIT_CONTACT
+    )
     touch.contype, touch.conaffinity, touch.condim = FRUIT, ROBOT | FRUIT, 3
     touch.friction = [numbers.fruit_friction, 0.005, 0.0005]
     shown = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 2}
@@ -250,10 +319,19 @@ def _add_fruit(building: _Building, fruit: HangingFruit, shape: FruitShape) -> N
     seat = STEM_SEAT * float(fruit.dimensions[1])
     for owner, start, end, label, alpha in (
         (body, [0.0, -seat, 0.0], anchor, "stem", 1.0),
-        (parent, R_spur.T @ (fruit.anchor - spur.start), at - 0.9 * seat * (R_spur.T @ T[:3, 1]), "torn", 0.0),
+        (
+            parent,
+            R_spur.T @ (fruit.anchor - spur.start),
+            at - 0.9 * seat * (R_spur.T @ T[:3, 1]),
+            "torn",
+            0.0,
+        ),
     ):
         stem = owner.add_geom(
-            name=f"{name}_{label}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], **shown
+            name=f"{name}_{label}",
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[*start, *end],
+            **shown,
         )
         stem.size, stem.rgba = [numbers.stem_diameter / 2.0, 0.0, 0.0], [0.30, 0.24, 0.10, alpha]
     spec.add_exclude(bodyname1=name, bodyname2=f"spur_{fruit.spur}")
@@ -273,7 +351,9 @@ def _add_leaves(building: _Building) -> None:
         _add_leaf(building, i, leaf, int(np.argmin(np.abs(sizes - leaf.length))), greens)
 
 
-def _add_leaf(building: _Building, i: int, leaf: TreeLeaf, size: int, greens: np.random.Generator) -> None:
+def _add_leaf(
+    building: _Building, i: int, leaf: TreeLeaf, size: int, greens: np.random.Generator
+) -> None:
     mujoco, wall = building.mujoco, building.wall
     numbers = wall.numbers
     if leaf.spur is None:
@@ -288,7 +368,9 @@ def _add_leaf(building: _Building, i: int, leaf: TreeLeaf, size: int, greens: np
     k = numbers.wood_modulus * np.pi / 4.0 * numbers.petiole_radius**4 / leaf.petiole
     hinge = body.add_joint(name=f"leaf_{i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
     hinge.stiffness[0], hinge.damping[0] = k, 2.0 * numbers.leaf_damping * np.sqrt(k * inertia)
-    plate = body.add_geom(name=f"leaf_{i}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=[middle, 0.0, 0.0], group=3)
+    plate = body.add_geom(
+        name=f"leaf_{i}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=[middle, 0.0, 0.0], group=3
+    )
     plate.size, plate.mass = [0.42 * leaf.length, 0.38 * width, LEAF_THICKNESS / 2.0], mass
     plate.contype, plate.conaffinity, plate.condim = 0, ROBOT, 1
     shade = greens.uniform(0.75, 1.15)
@@ -296,10 +378,18 @@ def _add_leaf(building: _Building, i: int, leaf: TreeLeaf, size: int, greens: np
     colour = [0.20 * shade * greens.uniform(0.8, 1.3), 0.38 * shade, 0.12 * shade, 1.0]
     kind = mujoco.mjtGeom.mjGEOM_MESH
     body.add_geom(
-        name=f"leaf_{i}_blade", type=kind, meshname=f"leaf_{size}", pos=[leaf.petiole, 0, 0], rgba=colour, **shown
+        name=f"leaf_{i}_blade",
+        type=kind,
+        meshname=f"leaf_{size}",
+        pos=[leaf.petiole, 0, 0],
+        rgba=colour,
+        **shown,
     )
     stalk = body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0, 0, 0, leaf.petiole, 0, 0], rgba=colour, **shown
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[0, 0, 0, leaf.petiole, 0, 0],
+        rgba=colour,
+        **shown,
     )
     stalk.size = [numbers.petiole_radius, 0.0, 0.0]
 
@@ -318,12 +408,17 @@ def _add_pad_sensors(mujoco: Any, spec: Any) -> None:
         )
 
 
-def _finished(mujoco: Any, model: Any, wall: Wall, shapes: tuple[FruitShape, ...], fixed: tuple[Box, ...]) -> WallModel:
+def _finished(
+    mujoco: Any, model: Any, wall: Wall, shapes: tuple[FruitShape, ...], fixed: tuple[Box, ...]
+) -> WallModel:
     """Set the springs so that the drawn shape is the equilibrium, and find everything's numbers."""
     state = mujoco.MjData(model)
     mujoco.mj_forward(model, state)
     bias = state.qfrc_bias
-    fruits, names = [each.number for each in wall.fruits], [model.geom(g).name for g in range(model.ngeom)]
+    fruits, names = (
+        [each.number for each in wall.fruits],
+        [model.geom(g).name for g in range(model.ngeom)],
+    )
     for j in range(model.njnt):
         joint, dof, address = model.joint(j), int(model.jnt_dofadr[j]), int(model.jnt_qposadr[j])
         if not joint.name.startswith(("lateral_", "spur_", "fruit_", "leaf_")):
@@ -332,7 +427,9 @@ def _finished(mujoco: Any, model: Any, wall: Wall, shapes: tuple[FruitShape, ...
         if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL:
             turn = bias[dof : dof + 3] / stiffness
             angle = float(np.linalg.norm(turn))
-            quat = np.array([np.cos(angle / 2.0), *(np.sin(angle / 2.0) * turn / max(angle, 1e-12))])
+            quat = np.array(
+                [np.cos(angle / 2.0), *(np.sin(angle / 2.0) * turn / max(angle, 1e-12))]
+            )
             model.qpos_spring[address : address + 4] = quat
         else:
             model.qpos_spring[address] = model.qpos0[address] + bias[dof] / stiffness
@@ -343,7 +440,11 @@ def _finished(mujoco: Any, model: Any, wall: Wall, shapes: tuple[FruitShape, ...
             lateral[g] = int(name.split("_")[1])
         elif name.startswith("spur_"):
             lateral[g] = wall.spurs[int(name.split("_")[1])].lateral
-    robot = model.body("tool0").rootid[0] if "tool0" in {model.body(b).name for b in range(model.nbody)} else -1
+    robot = (
+        model.body("tool0").rootid[0]
+        if "tool0" in {model.body(b).name for b in range(model.nbody)}
+        else -1
+    )
     return WallModel(
         wall=wall,
         model=model,
@@ -357,11 +458,17 @@ def _finished(mujoco: Any, model: Any, wall: Wall, shapes: tuple[FruitShape, ...
         strengths=np.array([each.strength.row() for each in wall.fruits]).reshape(-1, 4),
         lateral_dofs=np.array(
             [
-                [int(model.joint(f"lateral_{i}_{k}_{axis}").dofadr[0]) for k in range(SEGMENTS) for axis in "yz"]
+                [
+                    int(model.joint(f"lateral_{i}_{k}_{axis}").dofadr[0])
+                    for k in range(SEGMENTS)
+                    for axis in "yz"
+                ]
                 for i in range(len(wall.laterals))
             ]
         ),
-        leaf_dofs=np.array([int(model.joint(f"leaf_{i}").dofadr[0]) for i in range(len(wall.leaves))], np.int64),
+        leaf_dofs=np.array(
+            [int(model.joint(f"leaf_{i}").dofadr[0]) for i in range(len(wall.leaves))], np.int64
+        ),
         lateral_of_geom=lateral,
         wooden=np.array([n.startswith(("lateral_", "spur_", "trunk")) for n in names]),
         wired=np.array([n.startswith("wire_") for n in names]),

@@ -113,7 +113,9 @@ class WallNumbers:
     def scaled(self, name: str, factor: float) -> WallNumbers:
         """Return the same numbers but one, or both ends of a range, times `factor`: for sensitivities."""
         number = getattr(self, name)
-        changed: Any = tuple(factor * n for n in number) if isinstance(number, tuple) else factor * number
+        changed: Any = (
+            tuple(factor * n for n in number) if isinstance(number, tuple) else factor * number
+        )
         return replace(self, **{name: changed})
 
     def digest(self) -> str:
@@ -146,7 +148,9 @@ def read_numbers(path: Path) -> tuple[WallNumbers, Mapping[str, Provenance]]:
 
 def _values(root: YamlMapping) -> YamlMapping:
     """Return the mapping with each entry's value in its place."""
-    return replace(root, entries={name: (key, _value(node)) for name, (key, node) in root.entries.items()})
+    return replace(
+        root, entries={name: (key, _value(node)) for name, (key, node) in root.entries.items()}
+    )
 
 
 def _value(node: YamlNode) -> YamlNode:

@@ -15,9 +15,18 @@ from pomona.tools.simulation import FINGERS, PADS, load_mujoco, read_robot
 
 AZIMUTHS, ELEVATIONS = (0.0, 25.0, -25.0, 50.0, -50.0), (0.0, 25.0, -20.0, 45.0)
 """Of the approach, from straight towards the wall; positive elevations come from below [deg]."""
-ROLLS = (0.0, 25.0, -25.0, 50.0, -50.0, 90.0)  # of the hand about the approach [deg]; 0 closes from the sides
+ROLLS = (
+    0.0,
+    25.0,
+    -25.0,
+    50.0,
+    -50.0,
+    90.0,
+)  # of the hand about the approach [deg]; 0 closes from the sides
 BEFORE = 0.08  # the hand must also stand free so far before the grasp [m]
-SPARE = 0.02  # opening of the fingers beyond the fruit's diameter [m]: wide open they touch neighbours
+SPARE = (
+    0.02  # opening of the fingers beyond the fruit's diameter [m]: wide open they touch neighbours
+)
 ROLLED, OUT, STEPS = 75.0, 0.06 * np.array([0.0, 0.94, 0.34]), 4
 """Motion that breaks a stem: roll about the approach [deg], shift in the base frame [m], and steps that are checked."""
 ITERATIONS, CLOSE = 40, 1e-3
@@ -46,7 +55,9 @@ class GraspSearch:
         self._arm = read_robot(robot).compile()
         self._arm_data = self._mujoco.MjData(self._arm)
         joints = [
-            self._arm.actuator_trnid[a, 0] for a in range(self._arm.nu) if self._arm.actuator(a).name != "gripper"
+            self._arm.actuator_trnid[a, 0]
+            for a in range(self._arm.nu)
+            if self._arm.actuator(a).name != "gripper"
         ]
         self._q = self._arm.jnt_qposadr[joints]
         self._range = self._arm.jnt_range[joints]
@@ -55,7 +66,9 @@ class GraspSearch:
         self._built, self._model = built, built.model
         self._data = self._mujoco.MjData(self._model)
         self._full = np.array([int(self._model.joint(name).qposadr[0]) for name in names])
-        self._leafy = np.array([self._model.geom(g).name.startswith("leaf_") for g in range(self._model.ngeom)])
+        self._leafy = np.array(
+            [self._model.geom(g).name.startswith("leaf_") for g in range(self._model.ngeom)]
+        )
         self._geoms = np.arange(self._model.ngeom)
         tool = self._model.body("tool0").id
         below = [b for b in range(self._model.nbody) if tool in _ancestors(self._model, b)]
@@ -81,7 +94,12 @@ class GraspSearch:
         hung = self._built.wall.fruits[fruit]
         self._preset(2.0 * hung.radius + SPARE)
         for elevation, azimuth, roll in product(ELEVATIONS, AZIMUTHS, ROLLS):
-            T = grasp_pose(hung.T_base_fruit[:3, 3], np.radians(azimuth), np.radians(elevation), np.radians(roll))
+            T = grasp_pose(
+                hung.T_base_fruit[:3, 3],
+                np.radians(azimuth),
+                np.radians(elevation),
+                np.radians(roll),
+            )
             before = T.copy()
             before[:3, 3] -= BEFORE * T[:3, 2]
             if not (self._hand_free(T) and self._hand_free(before)):
@@ -148,7 +166,9 @@ class GraspSearch:
             low, high = self._arm.joint(finger).range
             self._data.joint(finger).qpos[0] = np.clip((opening - self._closed) / 2.0, low, high)
         self._mujoco.mj_kinematics(self._model, self._data)
-        T_tcp_base = np.linalg.inv(_frames(self._data.site("tcp").xpos, self._data.site("tcp").xmat))
+        T_tcp_base = np.linalg.inv(
+            _frames(self._data.site("tcp").xpos, self._data.site("tcp").xmat)
+        )
         self._hand_poses = [T_tcp_base @ _frames(p[of], R[of]) for p, R, of in self._hand]
 
     def _hand_free(self, T: Float64) -> bool:
@@ -159,7 +179,9 @@ class GraspSearch:
         self._mujoco.mj_collision(self._model, self._data)
         contact: Any = self._data.contact
         pairs, deep = contact.geom, contact.dist < 0.0
-        ours = self._handy[pairs].any(axis=1) & ~(self._leafy | self._built.robotic & ~self._handy)[pairs].any(axis=1)
+        ours = self._handy[pairs].any(axis=1) & ~(self._leafy | self._built.robotic & ~self._handy)[
+            pairs
+        ].any(axis=1)
         return not bool((ours & deep).any())
 
     def _descend(self, T: Float64, q: Float64) -> Float64 | None:
@@ -192,7 +214,11 @@ class GraspSearch:
         self._mujoco.mj_collision(self._model, self._data)
         contact: Any = self._data.contact
         pairs, deep = contact.geom, contact.dist < 0.0
-        passed = self._leafy if held is None else self._leafy | (self._geoms == self._built.fruit_geoms[held])
+        passed = (
+            self._leafy
+            if held is None
+            else self._leafy | (self._geoms == self._built.fruit_geoms[held])
+        )
         ours = self._built.robotic[pairs].any(axis=1) & ~passed[pairs].any(axis=1)
         return not bool((ours & deep).any())
 
@@ -215,7 +241,11 @@ def rolled_poses(T: Float64, way: float) -> Iterator[Float64]:
 def _frames(positions: Float64, turns: Float64) -> Float64:
     """Return poses (…, 4, 4) from positions (…, 3) and rotations (…, 9)."""
     T = np.zeros((*positions.shape[:-1], 4, 4))
-    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = turns.reshape(*positions.shape[:-1], 3, 3), positions, 1.0
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = (
+        turns.reshape(*positions.shape[:-1], 3, 3),
+        positions,
+        1.0,
+    )
     return T
 
 
@@ -230,7 +260,13 @@ def _ancestors(model: Any, body: int) -> set[int]:
 
 def grasp_pose(p: Float64, azimuth: float, elevation: float, roll: float) -> Float64:
     """T_base_tcp, shape (4, 4), at a point, shape (3,) [m]: approach z towards the wall (-y), fingers along y [rad]."""
-    z = np.array([np.sin(azimuth) * np.cos(elevation), -np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
+    z = np.array(
+        [
+            np.sin(azimuth) * np.cos(elevation),
+            -np.cos(azimuth) * np.cos(elevation),
+            np.sin(elevation),
+        ]
+    )
     side = np.cross(z, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side)
     y = np.cos(roll) * side + np.sin(roll) * np.cross(z, side)

@@ -15,7 +15,9 @@ ROLL_WANTED = np.radians(100.0)
 """A roll that is free so far is as good as a longer one."""
 CLEAR = -0.01
 """Least distance to a neighbour during the roll [m]; a hanging neighbour gives way by 10 mm."""
-HAND_POINTS = np.array([[0.0, side, z] for side in (-1.0, 1.0) for z in (0.0, -0.025, -0.05, -0.075)])
+HAND_POINTS = np.array(
+    [[0.0, side, z] for side in (-1.0, 1.0) for z in (0.0, -0.025, -0.05, -0.075)]
+)
 """Points along both fingers in the TCP's frame: y in half openings, z in metres."""
 FINGER_BESIDE, FINGER_RADIUS = 0.0075, 0.013
 """Distance of a finger's middle from its pad's face, and radius that encloses its section [m]."""
@@ -41,8 +43,16 @@ def roll_clearance(
     least = np.inf
     for share in np.linspace(0.0, 1.0, 9):
         c, s = np.cos(share * roll), np.sin(share * roll)
-        turned = points * c + np.cross(axis, points) * s + np.outer(points @ axis, axis) * (1.0 - c) + p_base_knuckle
-        apart = np.linalg.norm(turned[:, None] - neighbours[None, :, :3], axis=2) - neighbours[None, :, 3]
+        turned = (
+            points * c
+            + np.cross(axis, points) * s
+            + np.outer(points @ axis, axis) * (1.0 - c)
+            + p_base_knuckle
+        )
+        apart = (
+            np.linalg.norm(turned[:, None] - neighbours[None, :, :3], axis=2)
+            - neighbours[None, :, 3]
+        )
         least = min(least, float(apart.min()) - FINGER_RADIUS)
     return least
 
@@ -67,4 +77,6 @@ def ordered(free: Mapping[float, float], clear: Mapping[float, float]) -> tuple[
         clear: and the least distance to a neighbour in each [m].
     """
     far = [roll for roll in free if free[roll] >= ROLL_NEEDED] or list(free)
-    return tuple(sorted(far, key=lambda roll: (-min(free[roll], ROLL_WANTED), -min(clear[roll], 0.03))))
+    return tuple(
+        sorted(far, key=lambda roll: (-min(free[roll], ROLL_WANTED), -min(clear[roll], 0.03)))
+    )

@@ -10,7 +10,15 @@ from pomona.applications.harvest.hanging import HangingRules, sample_hanging
 from pomona.drivers import Arm, Workspace
 from pomona.executive import LENGTH, Float64, Length, Outputs, Points3, Port, SceneView, Skill, Work
 from pomona.skills import fruit_mesh, summary, usable_field
-from pomona.skills.motion import SAME_PLACE, Grasp, GraspCandidates, OccupancyMap, RobotModel, arm_space, warm_up
+from pomona.skills.motion import (
+    SAME_PLACE,
+    Grasp,
+    GraspCandidates,
+    OccupancyMap,
+    RobotModel,
+    arm_space,
+    warm_up,
+)
 from pomona.skills.perception import MeasuredFruit
 
 
@@ -33,7 +41,9 @@ class SampleHanging(Skill):
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
-        self._tried: list[tuple[Float64, int]] = []  # place of the fruit in the base frame [m], and the candidate
+        self._tried: list[
+            tuple[Float64, int]
+        ] = []  # place of the fruit in the base frame [m], and the candidate
 
     def prepare(self) -> None:
         warm_up(RobotModel.load(self.device(Arm).description))
@@ -44,7 +54,8 @@ class SampleHanging(Skill):
         map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
         tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
         clearance: Annotated[
-            Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
+            Length,
+            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("6 mm"),
         before: Annotated[
             Length, Port(min="50 mm", max="200 mm", help="distance of the pre-grasp from the grasp")
@@ -56,19 +67,31 @@ class SampleHanging(Skill):
         if tried is not None:
             self._tried.append((tried.fruit.T_base_fruit[:3, 3], tried.index))
         here = around.T_base_fruit[:3, 3]
-        without = frozenset(index for place, index in self._tried if np.linalg.norm(place - here) < SAME_PLACE)
+        without = frozenset(
+            index for place, index in self._tried if np.linalg.norm(place - here) < SAME_PLACE
+        )
         field = usable_field(self, map)
-        space = arm_space(arm, self.device(Workspace), field, robot.width_max, clearance, target=around)
+        space = arm_space(
+            arm, self.device(Workspace), field, robot.width_max, clearance, target=around
+        )
         rules = HangingRules(before=before, enough=enough)
-        grasps, ruled_out = yield from self.compute(sample_hanging, around, robot, space, arm.state().q, rules, without)
+        grasps, ruled_out = yield from self.compute(
+            sample_hanging, around, robot, space, arm.state().q, rules, without
+        )
         shown = tuple(
             Points3(np.array(p), label, style)
-            for label, style, p in (("left to try", "free", [g.T_base_pre_grasp[:3, 3] for g in grasps]),)
+            for label, style, p in (
+                ("left to try", "free", [g.T_base_pre_grasp[:3, 3] for g in grasps]),
+            )
             if p
         )
         caption = f"{len(grasps)} grasps, {len(ruled_out)} ruled out, {len(without)} tried"
-        self.publish("candidates", SceneView(points=shown, meshes=(fruit_mesh(around),), caption=caption))
+        self.publish(
+            "candidates", SceneView(points=shown, meshes=(fruit_mesh(around),), caption=caption)
+        )
         if not grasps:
             reasons = summary(ruled_out)
-            raise self.failure("NO_CANDIDATE", f"all {len(ruled_out)} grasps are ruled out: {reasons}")
+            raise self.failure(
+                "NO_CANDIDATE", f"all {len(ruled_out)} grasps are ruled out: {reasons}"
+            )
         return HangingSampled(GraspCandidates(grasps, ruled_out, len(without) + 1))

@@ -53,20 +53,32 @@ class Scenery:
             count = self.leaves // len(GREENS)
             if count == 0:
                 break
-            vertices = np.concatenate([blade @ _any_rotation(rng).T + self._place(rng) for _ in range(count)])
+            vertices = np.concatenate(
+                [blade @ _any_rotation(rng).T + self._place(rng) for _ in range(count)]
+            )
             mesh = spec.add_mesh(name=f"behind_{k}")
             mesh.uservert = vertices.ravel()
-            mesh.userface = (faces[None] + len(blade) * np.arange(count)[:, None, None]).ravel().astype(np.int32)
+            mesh.userface = (
+                (faces[None] + len(blade) * np.arange(count)[:, None, None])
+                .ravel()
+                .astype(np.int32)
+            )
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"behind_{k}", rgba=green, **shown)
+            spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"behind_{k}", rgba=green, **shown
+            )
         for x in rng.uniform(-1.6, 1.6, 4):
             y = self.wall.trunk[1] - rng.uniform(*BEHIND)
-            post = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, rgba=(0.27, 0.21, 0.16, 1.0), **shown)
+            post = spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE, rgba=(0.27, 0.21, 0.16, 1.0), **shown
+            )
             post.fromto, post.size = (
                 [x, y, self.wall.ground, x + 0.1, y, self.wall.ground + 2.05],
                 [rng.uniform(0.02, 0.04), 0.0, 0.0],
             )
-        sun = spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=False)
+        sun = spec.worldbody.add_light(
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=False
+        )
         sun.dir = [rng.uniform(-0.6, 0.6), -0.7, -0.9]
         sun.diffuse = [0.50, 0.48, 0.44]
         spec.visual.headlight.ambient = [0.46, 0.46, 0.48]
@@ -83,7 +95,11 @@ class Scenery:
     def _place(self, rng: np.random.Generator) -> Float64:
         x, y, _ = self.wall.trunk
         return np.array(
-            [x + rng.uniform(-1.6, 1.6), y - rng.uniform(*BEHIND), self.wall.ground + rng.uniform(0.2, 2.1)]
+            [
+                x + rng.uniform(-1.6, 1.6),
+                y - rng.uniform(*BEHIND),
+                self.wall.ground + rng.uniform(0.2, 2.1),
+            ]
         )
 
 

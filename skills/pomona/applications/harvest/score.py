@@ -20,7 +20,9 @@ from pomona.tools.simulation import TIMESTEP, container_of
 TOUCH = 0.05  # a pad holds a fruit when it is pressed by more than this [N]
 RECENT = 1.0  # a fruit that comes off so soon after the robot touched it or its branch was knocked off [s]
 STEADY = 0.05  # time over which a pressing force is averaged before it counts as static [s]; impacts do not
-GRIPPED = 0.05  # a break can unload a pad: both held the fruit if they touched it within this time [s]
+GRIPPED = (
+    0.05  # a break can unload a pad: both held the fruit if they touched it within this time [s]
+)
 HIT = 0.5  # force above which the robot strikes wood, a wire or a fixed object [N]
 
 
@@ -29,7 +31,9 @@ class FruitStory:
     """The fate of one fruit."""
 
     looked: Float64  # T_base_fruit at the last exposure of a camera
-    came_off: float | None = None  # when its stem broke [s], and how: "gripped", "knocked" or "fell"
+    came_off: float | None = (
+        None  # when its stem broke [s], and how: "gripped", "knocked" or "fell"
+    )
     how: str = ""
     stem_force: float = 0.0  # largest force of its stem up to the break [N]
     pressure: float = 0.0  # largest static pressure on its skin [Pa]
@@ -59,8 +63,13 @@ class WallScore:
         count = len(self.built.fruit_bodies)
         self.fruits = [FruitStory(self._pose(i)) for i in range(count)]
         self.touches = Touches(self.built, self.data)
-        self._touched, self._lateral_touched = np.full(count, -np.inf), np.full(len(self.built.wall.laterals), -np.inf)
-        self._lateral_of = np.array([self.built.wall.spurs[each.spur].lateral for each in self.built.wall.fruits], int)
+        self._touched, self._lateral_touched = (
+            np.full(count, -np.inf),
+            np.full(len(self.built.wall.laterals), -np.inf),
+        )
+        self._lateral_of = np.array(
+            [self.built.wall.spurs[each.spur].lateral for each in self.built.wall.fruits], int
+        )
         self._steady, self._gripped = np.zeros((count, 3)), np.full(count, -np.inf)
 
     def look(self, broken: int) -> None:
@@ -69,20 +78,32 @@ class WallScore:
         touches.look()
         self._touched[touches.by_robot] = now
         self._lateral_touched[touches.laterals] = now
-        self._lateral_touched[self._lateral_of[touches.by_robot]] = now  # a pulled fruit shakes its neighbours
+        self._lateral_touched[self._lateral_of[touches.by_robot]] = (
+            now  # a pulled fruit shakes its neighbours
+        )
         self._gripped[(touches.pads > TOUCH).all(axis=1)] = now
         self._note_presses()
         self.wood_force = max(self.wood_force, touches.wood)
-        for name, force in (("wood", touches.wood), ("wire", touches.wire), ("fixed", touches.fixed)):
+        for name, force in (
+            ("wood", touches.wood),
+            ("wire", touches.wire),
+            ("fixed", touches.fixed),
+        ):
             striking = force > HIT
             if striking and not self._striking.get(name, False):
                 self.strikes[name] = self.strikes.get(name, 0) + 1
             self._striking[name] = striking
         if broken >= 0:
             story = self.fruits[broken]
-            recent = max(self._touched[broken], self._lateral_touched[self._lateral_of[broken]]) > now - RECENT
+            recent = (
+                max(self._touched[broken], self._lateral_touched[self._lateral_of[broken]])
+                > now - RECENT
+            )
             gripped = bool(self._gripped[broken] > now - GRIPPED)
-            story.came_off, story.how = now, "gripped" if gripped else "knocked" if recent else "fell"
+            story.came_off, story.how = (
+                now,
+                "gripped" if gripped else "knocked" if recent else "fell",
+            )
             story.stem_force = float(self.stems.peak[broken])
 
     def look_at_wood(self) -> None:
@@ -92,7 +113,9 @@ class WallScore:
             moments = np.hypot(*np.abs(self.data.qfrc_passive[dofs].reshape(-1, 2).T))
             base, tip = lateral.diameters
             across = base + (tip - base) * (np.arange(len(moments)) + 0.5) / len(moments)
-            stress = max(bending_stress(float(m), float(d)) for m, d in zip(moments, across, strict=True))
+            stress = max(
+                bending_stress(float(m), float(d)) for m, d in zip(moments, across, strict=True)
+            )
             self.wood_stress = max(self.wood_stress, stress / numbers.wood_rupture)
 
     def note_look(self) -> None:
@@ -112,7 +135,9 @@ class WallScore:
                 press = peak_pressure(float(self._steady[i, k]), fruit.radius, float(moduli[k]))
                 impulse = fruit.mass * float(self.touches.speeds[i, k])
                 story.pressure = max(story.pressure, press)
-                story.impact = max(story.impact, impact_force(impulse, fruit.mass, fruit.radius, float(moduli[k])))
+                story.impact = max(
+                    story.impact, impact_force(impulse, fruit.mass, fruit.radius, float(moduli[k]))
+                )
 
     # ------------------------------------------------------------------------------------------ reporting
 
@@ -128,7 +153,9 @@ class WallScore:
         held = self.touches.pads[i] > TOUCH
         if held.all():
             return "hand"
-        crate = container_of(self.built.fixed, self._pose(i)[:3, 3], self.built.wall.fruits[i].radius)
+        crate = container_of(
+            self.built.fixed, self._pose(i)[:3, 3], self.built.wall.fruits[i].radius
+        )
         if crate and not held.any():
             return crate
         return "ground" if self.touches.grounded[i] else "lies"
@@ -140,7 +167,10 @@ class WallScore:
         picked = [p not in ("hangs", "hand", "ground", "lies") for p in places]
         taken = [i for i, story in enumerate(stories) if story.how == "gripped"]
         forces = [stories[i].stem_force for i in taken]
-        bruised, gripped = [self.bruised(i) for i in range(len(stories))], np.isfinite(self._gripped)
+        bruised, gripped = (
+            [self.bruised(i) for i in range(len(stories))],
+            np.isfinite(self._gripped),
+        )
         return {
             "apples": len(stories),
             "reachable": sum(reachable) if reachable is not None else None,
@@ -169,7 +199,14 @@ class WallScore:
 
     def _which(self, marks: Iterable[object]) -> str:
         """Return the numbers of the marked fruit in the form of the option `without`."""
-        return ",".join(str(f.number) for f, mark in zip(self.built.wall.fruits, marks, strict=False) if mark) or "none"
+        return (
+            ",".join(
+                str(f.number)
+                for f, mark in zip(self.built.wall.fruits, marks, strict=False)
+                if mark
+            )
+            or "none"
+        )
 
     def _fruit(self, i: int, place: str, reachable: tuple[bool, ...] | None) -> dict[str, object]:
         fruit, story = self.built.wall.fruits[i], self.fruits[i]
@@ -179,7 +216,9 @@ class WallScore:
             "cluster": fruit.cluster,
             "reachable": None if reachable is None else reachable[i],
             "how": story.how,
-            "stem_kept": bool(self.stems.state[i] == AT_SPUR) if self.stems.state[i] != HANGS else None,
+            "stem_kept": bool(self.stems.state[i] == AT_SPUR)
+            if self.stems.state[i] != HANGS
+            else None,
             "stem_force_n": story.stem_force,
             "pressure_mpa": 1e-6 * story.pressure,
             "impact_n": story.impact,

@@ -37,7 +37,9 @@ class HandAim:
         held: how often the arm was held at the place where it is.
     """
 
-    def __init__(self, robot: RobotModel, q: Float64, clear: Callable[[Float64], float] = lambda _q: 0.0) -> None:
+    def __init__(
+        self, robot: RobotModel, q: Float64, clear: Callable[[Float64], float] = lambda _q: 0.0
+    ) -> None:
         """
         Args:
             q: where the arm stands, shape (dof,) [rad].
@@ -62,19 +64,31 @@ class HandAim:
         for turns, moves in ((turned, moved), (True, False), (False, True)):
             if not (turns and turned) and not (moves and moved):
                 continue  # no step at all
-            q, share = nearest_solution(self._robot, command.moved(self.T, dt, turns, moves), self.q), 1.0
-            if q is not None and (fastest := float((np.abs(q - self.q) / (dt * speed * most)).max())) > 1.0:
+            q, share = (
+                nearest_solution(self._robot, command.moved(self.T, dt, turns, moves), self.q),
+                1.0,
+            )
+            if (
+                q is not None
+                and (fastest := float((np.abs(q - self.q) / (dt * speed * most)).max())) > 1.0
+            ):
                 share = 1.0 / fastest
                 if share < CRAWL * speed:
                     continue
-                q = nearest_solution(self._robot, command.moved(self.T, share * dt, turns, moves), self.q)
+                q = nearest_solution(
+                    self._robot, command.moved(self.T, share * dt, turns, moves), self.q
+                )
             if (
                 q is not None
                 and np.abs(q - self.q).max() < JUMP
                 and (clear := self._clear(q)) >= min(self._cleared, 0.0)
             ):
                 self._cleared = clear
-                self.q, self.T, self.beyond = q, command.moved(self.T, share * dt, turns, moves), 0.0
+                self.q, self.T, self.beyond = (
+                    q,
+                    command.moved(self.T, share * dt, turns, moves),
+                    0.0,
+                )
                 self.unturned = 0.0 if turns else self.unturned
                 return share
         return 1.0
@@ -89,8 +103,13 @@ class HandAim:
         if np.abs(q - self._held_at).max() > MOVED:
             self.held, self._held_at = 0, q.copy()
         self._off = self._off + dt if np.abs(self.q - q).max() > HELD else 0.0
-        self._passing = [(age + dt, each) for age, each in self._passing if age < PASSING] + [(0.0, self.q)]
-        left = self._passing[0][0] >= PASSING and min(np.abs(each - q).max() for _, each in self._passing) > AWAY
+        self._passing = [(age + dt, each) for age, each in self._passing if age < PASSING] + [
+            (0.0, self.q)
+        ]
+        left = (
+            self._passing[0][0] >= PASSING
+            and min(np.abs(each - q).max() for _, each in self._passing) > AWAY
+        )
         if self._off <= HELD_FOR and not left:
             return False
         self._off, self._passing = 0.0, []
@@ -103,5 +122,8 @@ class HandAim:
 def inner_robot(arm: Arm) -> RobotModel:
     """Return the robot within its joint limits less `LIMIT_MARGIN`, and never nearer to them than it stands now."""
     limits, q = arm.limits, arm.state().q
-    lower, upper = np.minimum(limits.lower + LIMIT_MARGIN, q), np.maximum(limits.upper - LIMIT_MARGIN, q)
+    lower, upper = (
+        np.minimum(limits.lower + LIMIT_MARGIN, q),
+        np.maximum(limits.upper - LIMIT_MARGIN, q),
+    )
     return RobotModel.load(arm.description).with_limits(lower, upper)

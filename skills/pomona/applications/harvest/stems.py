@@ -15,7 +15,11 @@ from pomona.executive import Float64
 
 SPINNING = 2e-4
 """Damping of a free fruit's spin [N·m·s/rad]: without any, rounding errors drive it until nothing is stable."""
-HANGS, AT_SPUR, TORN = 0, 1, 2  # how a stem stands: it holds, it came off the spur, it was torn out of the fruit
+HANGS, AT_SPUR, TORN = (
+    0,
+    1,
+    2,
+)  # how a stem stands: it holds, it came off the spur, it was torn out of the fruit
 
 
 @numba.njit(cache=True)
@@ -67,7 +71,11 @@ class Stems:
 
     def __post_init__(self) -> None:
         count = len(self.built.stretch)
-        self.state, self.loads, self.peak = np.zeros(count, np.int8), np.zeros((count, 6)), np.zeros(count)
+        self.state, self.loads, self.peak = (
+            np.zeros(count, np.int8),
+            np.zeros((count, 6)),
+            np.zeros(count),
+        )
 
     def look(self) -> int:
         """After a step: the fruit whose stem broke in it, or -1."""

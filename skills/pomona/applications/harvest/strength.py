@@ -52,6 +52,8 @@ def used(force: Float64, moment: Float64, strength: Float64) -> tuple[float, flo
     """
     pull2 = force[0] ** 2 + force[1] ** 2 + force[2] ** 2
     at_spur = (
-        pull2 / strength[0] ** 2 + (moment[2] / strength[1]) ** 2 + (moment[0] ** 2 + moment[1] ** 2) / strength[2] ** 2
+        pull2 / strength[0] ** 2
+        + (moment[2] / strength[1]) ** 2
+        + (moment[0] ** 2 + moment[1] ** 2) / strength[2] ** 2
     )
     return at_spur, pull2 / strength[3] ** 2

@@ -14,7 +14,11 @@ from pomona.tools.simulation import PADS
 
 Index = NDArray[np.int64]
 
-BY_PAD, BY_LINING, BY_HARD = 0, 1, 2  # columns of the forces on a fruit: soft pads, the bin's foam, all else
+BY_PAD, BY_LINING, BY_HARD = (
+    0,
+    1,
+    2,
+)  # columns of the forces on a fruit: soft pads, the bin's foam, all else
 _OTHER, _FRUIT, _PAD, _ROBOT, _LINING, _WOOD, _WIRE, _GROUND = range(8)
 APART = 0.02  # bodies that touch again within this time still touch [s]: the engine's bounces are shorter
 
@@ -51,11 +55,17 @@ class Touches:
         for side, pad in enumerate(PADS):
             if pad in names:
                 self._number[names.index(pad)] = side
-        self._bodies, self._roots = model.geom_bodyid.astype(np.int64), model.body_rootid.astype(np.int64)
+        self._bodies, self._roots = (
+            model.geom_bodyid.astype(np.int64),
+            model.body_rootid.astype(np.int64),
+        )
         self._touched = np.full((self._count, model.nbody), -np.inf)
         self.forces, self.pads = np.zeros((self._count, 3)), np.zeros((self._count, 2))
         self.speeds = np.zeros((self._count, 3))
-        self.by_robot, self.grounded = np.zeros(self._count, np.bool_), np.zeros(self._count, np.bool_)
+        self.by_robot, self.grounded = (
+            np.zeros(self._count, np.bool_),
+            np.zeros(self._count, np.bool_),
+        )
         self.laterals = np.zeros(len(built.wall.laterals), np.bool_)
         self._others = np.zeros(3)
 
@@ -168,5 +178,7 @@ def _meet(
             i, partner = number[a], kind[b]
             if now - touched[i, bodies[b]] > APART and partner != _PAD:
                 column = BY_LINING if partner == _LINING else BY_HARD
-                speeds[i, column] = max(speeds[i, column], 0.5 * closing if partner == _FRUIT else closing)
+                speeds[i, column] = max(
+                    speeds[i, column], 0.5 * closing if partner == _FRUIT else closing
+                )
             touched[i, bodies[b]] = now

@@ -60,7 +60,9 @@ class HangingFruit:
 
     spur: int  # its number
     anchor: Float64  # where the stem sits on the spur [m]
-    T_base_fruit: Float64  # object frame, y down along the stem; dimensions (d_x, d_y, d_z) [m]; mass [kg]
+    T_base_fruit: (
+        Float64  # object frame, y down along the stem; dimensions (d_x, d_y, d_z) [m]; mass [kg]
+    )
     dimensions: Float64
     mass: float
     stem: float  # length of the visible stem [m]
@@ -141,7 +143,8 @@ class Wall:
             laterals=tuple(replace(each, start=each.start + by) for each in self.laterals),
             spurs=tuple(replace(each, start=each.start + by) for each in self.spurs),
             fruits=tuple(
-                replace(each, anchor=each.anchor + by, T_base_fruit=up @ each.T_base_fruit) for each in self.fruits
+                replace(each, anchor=each.anchor + by, T_base_fruit=up @ each.T_base_fruit)
+                for each in self.fruits
             ),
             leaves=tuple(replace(each, start=each.start + by) for each in self.leaves),
             height=self.height + height,
@@ -149,7 +152,11 @@ class Wall:
 
 
 def draw_wall(
-    numbers: WallNumbers, seed: int, distance: float = 0.68, fruit: int | None = None, leaves: float = 1.0
+    numbers: WallNumbers,
+    seed: int,
+    distance: float = 0.68,
+    fruit: int | None = None,
+    leaves: float = 1.0,
 ) -> Wall:
     """Draw a wall.
 
@@ -161,10 +168,16 @@ def draw_wall(
         leaves: share of the full foliage.
     """
     rng = np.random.default_rng([seed, 11])
-    trunk = (float(rng.uniform(-0.12, 0.12)), -distance, float(rng.uniform(*numbers.trunk_diameter)) / 2.0)
+    trunk = (
+        float(rng.uniform(-0.12, 0.12)),
+        -distance,
+        float(rng.uniform(*numbers.trunk_diameter)) / 2.0,
+    )
     tiers = [0.40 + k * numbers.wire_spacing for k in (-1, 0, 1)]
     wires = tuple(
-        TrellisWire(trunk[1] + float(rng.choice([-1.0, 1.0])) * (trunk[2] + numbers.wire_diameter / 2.0), z)
+        TrellisWire(
+            trunk[1] + float(rng.choice([-1.0, 1.0])) * (trunk[2] + numbers.wire_diameter / 2.0), z
+        )
         for z in tiers
     )
     laterals = _draw_laterals(numbers, trunk, tiers, rng)
@@ -174,22 +187,40 @@ def draw_wall(
     drawn = _draw_leaves(numbers, laterals, spurs, fruits, np.random.default_rng([seed, 12]))
     kept = np.random.default_rng([seed, 13]).random(len(drawn)) < leaves
     return Wall(
-        numbers, seed, trunk, wires, laterals, spurs, fruits, tuple(x for x, k in zip(drawn, kept, strict=True) if k)
+        numbers,
+        seed,
+        trunk,
+        wires,
+        laterals,
+        spurs,
+        fruits,
+        tuple(x for x, k in zip(drawn, kept, strict=True) if k),
     )
 
 
 def _draw_laterals(
-    numbers: WallNumbers, trunk: tuple[float, float, float], tiers: list[float], rng: np.random.Generator
+    numbers: WallNumbers,
+    trunk: tuple[float, float, float],
+    tiers: list[float],
+    rng: np.random.Generator,
 ) -> tuple[Lateral, ...]:
     """One to each side of each tier, and some more between them."""
     count = int(rng.integers(int(numbers.laterals[0]), int(numbers.laterals[1]) + 1))
     places = [(z, side) for z in tiers for side in (-1.0, 1.0)]
-    places += [(tiers[rng.integers(3)] + 0.13, float(rng.choice([-1.0, 1.0]))) for _ in range(count - len(places))]
+    places += [
+        (tiers[rng.integers(3)] + 0.13, float(rng.choice([-1.0, 1.0])))
+        for _ in range(count - len(places))
+    ]
     laterals = []
     for z, side in places[:count]:
         bow, rise = np.radians(rng.uniform(-12.0, 12.0)), np.radians(rng.uniform(-2.0, 14.0))
-        direction = np.array([side * np.cos(rise) * np.cos(bow), np.cos(rise) * np.sin(bow), np.sin(rise)])
-        start = np.array([trunk[0], trunk[1], z + rng.uniform(-0.03, 0.03)]) + 0.8 * trunk[2] * direction
+        direction = np.array(
+            [side * np.cos(rise) * np.cos(bow), np.cos(rise) * np.sin(bow), np.sin(rise)]
+        )
+        start = (
+            np.array([trunk[0], trunk[1], z + rng.uniform(-0.03, 0.03)])
+            + 0.8 * trunk[2] * direction
+        )
         room = HALF_WIDTH - side * trunk[0]
         length = min(float(rng.uniform(*numbers.lateral_length)), room)
         ends = (float(rng.uniform(*numbers.lateral_base)), float(rng.uniform(*numbers.lateral_tip)))
@@ -207,12 +238,15 @@ def _hang_fruit(
 ) -> tuple[tuple[Spur, ...], tuple[HangingFruit, ...]]:
     """Spurs with their fruit, one after the other where there is room."""
     wood: list[tuple[Float64, Float64, float]] = [
-        (each.start, each.start + each.length * each.direction, max(each.diameters) / 2.0) for each in laterals
+        (each.start, each.start + each.length * each.direction, max(each.diameters) / 2.0)
+        for each in laterals
     ]
     x, y, radius = trunk
     wood.append((np.array([x, y, GROUND]), np.array([x, y, TRUNK_TOP]), radius))
     thin = numbers.wire_diameter / 2.0
-    wood += [(np.array([-1.0, wire.y, wire.z]), np.array([1.0, wire.y, wire.z]), thin) for wire in wires]
+    wood += [
+        (np.array([-1.0, wire.y, wire.z]), np.array([1.0, wire.y, wire.z]), thin) for wire in wires
+    ]
     spurs: list[Spur] = []
     fruits: list[HangingFruit] = []
     share = np.array([each.length for each in laterals]) / sum(each.length for each in laterals)
@@ -220,19 +254,24 @@ def _hang_fruit(
         if len(fruits) >= count:
             break
         spur = _draw_spur(numbers, laterals, int(rng.choice(len(laterals), p=share)), rng)
-        size = int(np.searchsorted(np.cumsum([numbers.cluster_three, numbers.cluster_two]), rng.random()))
+        size = int(
+            np.searchsorted(np.cumsum([numbers.cluster_three, numbers.cluster_two]), rng.random())
+        )
         hung = _hang_cluster(numbers, spur, len(spurs), min(3 - size, count - len(fruits)), rng)
         stem = (spur.start, spur.tip, spur.diameter / 2.0)
-        if all(_is_clear(each, [*fruits, *(o for o in hung if o is not each)], wood, stem) for each in hung) and all(
-            _beside(each.T_base_fruit[:3, 3], *stem) > each.radius + GAP for each in fruits
-        ):
+        if all(
+            _is_clear(each, [*fruits, *(o for o in hung if o is not each)], wood, stem)
+            for each in hung
+        ) and all(_beside(each.T_base_fruit[:3, 3], *stem) > each.radius + GAP for each in fruits):
             spurs.append(spur)
             fruits += hung
             wood.append(stem)
     return tuple(spurs), tuple(replace(each, number=i) for i, each in enumerate(fruits))
 
 
-def _draw_spur(numbers: WallNumbers, laterals: tuple[Lateral, ...], on: int, rng: np.random.Generator) -> Spur:
+def _draw_spur(
+    numbers: WallNumbers, laterals: tuple[Lateral, ...], on: int, rng: np.random.Generator
+) -> Spur:
     """Across its lateral, in any direction but upwards, a little towards the lateral's tip."""
     lateral = laterals[on]
     s = float(rng.uniform(0.10, 0.97)) * lateral.length
@@ -243,7 +282,10 @@ def _draw_spur(numbers: WallNumbers, laterals: tuple[Lateral, ...], on: int, rng
     down *= -np.sign(down[2])
     direction = np.cos(turn) * down + np.sin(turn) * across + 0.4 * lateral.direction
     direction /= np.linalg.norm(direction)
-    length, diameter = float(rng.uniform(*numbers.spur_length)), float(rng.uniform(*numbers.spur_diameter))
+    length, diameter = (
+        float(rng.uniform(*numbers.spur_length)),
+        float(rng.uniform(*numbers.spur_diameter)),
+    )
     return Spur(on, s, lateral.start + s * lateral.direction, direction, length, diameter)
 
 
@@ -271,7 +313,11 @@ def _hang_cluster(
         T[:3, :3] = _frame(along, rng.uniform(-np.pi, np.pi))
         T[:3, 3] = anchor + lever * along
         mass = float(numbers.fruit_density * np.pi / 6.0 * dimensions.prod())
-        fruits.append(HangingFruit(index, anchor, T, dimensions, mass, stem, draw_strength(numbers, rng), size))
+        fruits.append(
+            HangingFruit(
+                index, anchor, T, dimensions, mass, stem, draw_strength(numbers, rng), size
+            )
+        )
     return fruits
 
 
@@ -294,7 +340,10 @@ def _is_clear(
     p = fruit.T_base_fruit[:3, 3]
     if abs(p[0]) > HALF_WIDTH + 0.1:
         return False
-    if any(np.linalg.norm(p - o.T_base_fruit[:3, 3]) < fruit.radius + o.radius + 0.5 * GAP for o in others):
+    if any(
+        np.linalg.norm(p - o.T_base_fruit[:3, 3]) < fruit.radius + o.radius + 0.5 * GAP
+        for o in others
+    ):
         return False
     return all(_beside(p, *each) > fruit.radius + GAP for each in [*wood, own])
 
@@ -315,7 +364,10 @@ def _draw_leaves(
     """Along the laterals and around the spurs; none whose blade's middle lies in a fruit."""
     places: list[tuple[int, int | None, float, Float64]] = []
     for i, lateral in enumerate(laterals):
-        for s in rng.uniform(0.08, 1.0, round(numbers.leaves_per_metre * lateral.length)) * lateral.length:
+        for s in (
+            rng.uniform(0.08, 1.0, round(numbers.leaves_per_metre * lateral.length))
+            * lateral.length
+        ):
             places.append((i, None, float(s), lateral.start + s * lateral.direction))
     for k, spur in enumerate(spurs):
         for s in rng.uniform(0.5, 1.0, round(numbers.leaves_per_spur)) * spur.length:
@@ -325,15 +377,32 @@ def _draw_leaves(
     leaves = []
     for lateral_of, spur_of, s, start in places:
         for _ in range(8):
-            azimuth, rise, roll = rng.uniform(-np.pi, np.pi), rng.normal(-0.25, 0.45), rng.normal(0.0, 0.6)
-            x = np.array([np.cos(rise) * np.cos(azimuth), np.cos(rise) * np.sin(azimuth), np.sin(rise)])
+            azimuth, rise, roll = (
+                rng.uniform(-np.pi, np.pi),
+                rng.normal(-0.25, 0.45),
+                rng.normal(0.0, 0.6),
+            )
+            x = np.array(
+                [np.cos(rise) * np.cos(azimuth), np.cos(rise) * np.sin(azimuth), np.sin(rise)]
+            )
             level = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
             y = np.cos(roll) * level + np.sin(roll) * np.cross(x, level)
-            petiole, length = float(rng.uniform(*numbers.petiole_length)), float(rng.uniform(*numbers.leaf_length))
+            petiole, length = (
+                float(rng.uniform(*numbers.petiole_length)),
+                float(rng.uniform(*numbers.leaf_length)),
+            )
             middle = start + (petiole + 0.5 * length) * x
             if np.all(np.linalg.norm(centres - middle, axis=1) > radii):
                 leaves.append(
-                    TreeLeaf(lateral_of, spur_of, s, start, np.stack([x, y, np.cross(x, y)], axis=1), petiole, length)
+                    TreeLeaf(
+                        lateral_of,
+                        spur_of,
+                        s,
+                        start,
+                        np.stack([x, y, np.cross(x, y)], axis=1),
+                        petiole,
+                        length,
+                    )
                 )
                 break
     return leaves

@@ -31,14 +31,21 @@ class Wind:
         model, numbers = self.built.model, self.built.wall.numbers
         rng = np.random.default_rng([self.built.wall.seed, 17])
         names = [model.body(b).name for b in range(model.nbody)]
-        moving = [b for b, name in enumerate(names) if name.startswith(("lateral_", "spur_", "fruit_", "leaf_"))]
+        moving = [
+            b
+            for b, name in enumerate(names)
+            if name.startswith(("lateral_", "spur_", "fruit_", "leaf_"))
+        ]
         self._bodies = np.array(moving, np.int64)
         frequencies = rng.uniform(numbers.wind_slowest, numbers.wind_fastest, GUSTS)
         self._rates = 2.0 * np.pi * frequencies
         share = rng.uniform(0.5, 1.0, GUSTS)
         share *= np.sqrt(2.0 / (share @ share))
         x = self.data.xpos[self._bodies, 0]
-        phase = rng.uniform(-np.pi, np.pi, GUSTS)[None] - self._rates[None] * x[:, None] / numbers.wind_speed
+        phase = (
+            rng.uniform(-np.pi, np.pi, GUSTS)[None]
+            - self._rates[None] * x[:, None] / numbers.wind_speed
+        )
         weight = self.strength * numbers.wind_strength * GRAVITY * model.body_mass[self._bodies]
         self._cosines = weight[:, None] * share[None] * np.cos(phase)
         self._sines = weight[:, None] * share[None] * np.sin(phase)

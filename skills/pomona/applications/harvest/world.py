@@ -20,7 +20,9 @@ WIND_EVERY = 5  # steps between two values of the wind: it changes at 1.5 Hz at 
 class FruitWallWorld(PhysicsWorld):
     """A robot before a fruit wall."""
 
-    def __init__(self, built: WallModel, description: Path, q_start: Float64, seed: int, wind: float = 0.0) -> None:
+    def __init__(
+        self, built: WallModel, description: Path, q_start: Float64, seed: int, wind: float = 0.0
+    ) -> None:
         super().__init__(built.model, description, q_start, seed)
         self.built = built
         self.stems = Stems(built, self.state)

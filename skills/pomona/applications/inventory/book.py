@@ -82,7 +82,11 @@ class FruitBook:
         numbers = [0] * len(sightings)
         here = [fruit for fruit in self.fruit if fruit.scene == self.scenes - 1]
         for measured in (True, False):
-            some = [k for k, sighting in enumerate(sightings) if (sighting.dimensions is not None) == measured]
+            some = [
+                k
+                for k, sighting in enumerate(sightings)
+                if (sighting.dimensions is not None) == measured
+            ]
             if not some:
                 continue
             seen = [_uncertain(sightings[k].moved(T), deviation) for k in some]
@@ -94,7 +98,9 @@ class FruitBook:
             )
             for k, sighting, which in zip(some, seen, shown, strict=True):
                 if which is None:
-                    self.fruit.append(KnownFruit.first(len(self.fruit) + 1, self.scenes - 1, sighting))
+                    self.fruit.append(
+                        KnownFruit.first(len(self.fruit) + 1, self.scenes - 1, sighting)
+                    )
                     numbers[k] = len(self.fruit)
                 else:
                     here[which].see(sighting)
@@ -117,7 +123,9 @@ Two sightings reach 0.48 of a diameter at the gate: no two solid fruit are as ne
 
 
 def associate(
-    known: Sequence[tuple[Float64, Float64]], seen: Sequence[tuple[Float64, Float64]], diameter: float
+    known: Sequence[tuple[Float64, Float64]],
+    seen: Sequence[tuple[Float64, Float64]],
+    diameter: float,
 ) -> list[int | None]:
     """Return for each sighting of one frame the known fruit that it shows, by its place; None where it is new.
 
@@ -134,7 +142,9 @@ def associate(
         distances[row] = np.einsum(
             "ni,ni->n", apart, np.linalg.solve(spreads + covariance + own, apart[..., None])[..., 0]
         )
-    costs = np.hstack([np.where(distances <= GATE, distances, 1e6), np.full((len(seen), len(seen)), GATE)])
+    costs = np.hstack(
+        [np.where(distances <= GATE, distances, 1e6), np.full((len(seen), len(seen)), GATE)]
+    )
     rows, columns = linear_sum_assignment(costs)
     chosen: list[int | None] = [None] * len(seen)
     for row, column in zip(rows, columns, strict=True):

@@ -44,7 +44,9 @@ def camera_motion(earlier: Frame, later: Frame) -> CameraMotion:
         return _unknown("a frame has no depth")
     pixels, first, second = _matches(earlier, later)
     if len(first) < LEAST_POINTS:
-        return _unknown(f"the two frames have {len(first)} points in common, {LEAST_POINTS} are needed")
+        return _unknown(
+            f"the two frames have {len(first)} points in common, {LEAST_POINTS} are needed"
+        )
     allowed = _allowed(earlier, first) + _allowed(later, second)
     rng = np.random.default_rng(0)
     T, agree = _robust(first, second, allowed, rng)
@@ -62,7 +64,9 @@ def camera_motion(earlier: Frame, later: Frame) -> CameraMotion:
     halves = [_rigid(first[half], second[half]) for half in (order[::2], order[1::2])]
     moved = [_apply(half, second[agree]) for half in halves]
     deviation = float(np.sqrt(np.mean(np.sum((moved[0] - moved[1]) ** 2, axis=1))))
-    if deviation > 0.01:  # two halves must put the scene at the same place within this [m]: a tenth of a fruit
+    if (
+        deviation > 0.01
+    ):  # two halves must put the scene at the same place within this [m]: a tenth of a fruit
         return _unknown(f"two halves of the points put the scene {1e3 * deviation:.0f} mm apart")
     return CameraMotion(T, 0.5 * deviation, "")
 
@@ -74,7 +78,10 @@ def _unknown(why: str) -> CameraMotion:
 def _matches(earlier: Frame, later: Frame) -> tuple[Float64, Float64, Float64]:
     """Return points of both frames: pixels of the earlier (n, 2), and in both cameras' frames, (n, 3) each [m]."""
     sift: Any = cv2.SIFT.create(FEATURES)
-    found = [sift.detectAndCompute(cv2.cvtColor(f.colour, cv2.COLOR_RGB2GRAY), None) for f in (earlier, later)]
+    found = [
+        sift.detectAndCompute(cv2.cvtColor(f.colour, cv2.COLOR_RGB2GRAY), None)
+        for f in (earlier, later)
+    ]
     nothing = np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 3))
     if any(descriptors is None or len(descriptors) < 2 for _points, descriptors in found):
         return nothing
@@ -87,7 +94,9 @@ def _matches(earlier: Frame, later: Frame) -> tuple[Float64, Float64, Float64]:
         np.array([found[0][0][match.queryIdx].pt for match in best]),
         np.array([found[1][0][match.trainIdx].pt for match in best]),
     ]
-    first, second = (_in_space(frame, at) for frame, at in zip((earlier, later), pixels, strict=True))
+    first, second = (
+        _in_space(frame, at) for frame, at in zip((earlier, later), pixels, strict=True)
+    )
     there = np.isfinite(first).all(axis=1) & np.isfinite(second).all(axis=1)
     return pixels[0][there], first[there], second[there]
 
@@ -96,18 +105,22 @@ def _in_space(frame: Frame, pixels: Float64) -> Float64:
     """Return points in the camera's frame, (n, 3) [m]; NaN where there is no depth."""
     assert frame.depth is not None
     columns, rows = np.round(pixels).astype(int).T
-    z = frame.depth[rows.clip(0, frame.depth.shape[0] - 1), columns.clip(0, frame.depth.shape[1] - 1)].astype(
-        np.float64
-    )
+    z = frame.depth[
+        rows.clip(0, frame.depth.shape[0] - 1), columns.clip(0, frame.depth.shape[1] - 1)
+    ].astype(np.float64)
     z[z <= 0.0] = np.nan
     optics = frame.intrinsics
-    return np.column_stack([(pixels[:, 0] - optics.cx) / optics.fx * z, (pixels[:, 1] - optics.cy) / optics.fy * z, z])
+    return np.column_stack(
+        [(pixels[:, 0] - optics.cx) / optics.fx * z, (pixels[:, 1] - optics.cy) / optics.fy * z, z]
+    )
 
 
 def _allowed(frame: Frame, points: Float64) -> Float64:
     """How far points may be wrong, (n,) [m]: three standard deviations of their depth, and two pixels."""
     z = points[:, 2]
-    allowed: Float64 = 3.0 * frame.depth_model.deviation(z, frame.intrinsics.fx) + 2.0 * z / frame.intrinsics.fx
+    allowed: Float64 = (
+        3.0 * frame.depth_model.deviation(z, frame.intrinsics.fx) + 2.0 * z / frame.intrinsics.fx
+    )
     return allowed
 
 
@@ -118,7 +131,11 @@ def _robust(
     best = np.zeros(len(first), bool)
     for _ in range(ROUNDS):
         T = _rigid(
-            *(points[chosen] for chosen in [rng.choice(len(first), 3, replace=False)] for points in (first, second))
+            *(
+                points[chosen]
+                for chosen in [rng.choice(len(first), 3, replace=False)]
+                for points in (first, second)
+            )
         )
         agree = np.linalg.norm(_apply(T, second) - first, axis=1) <= allowed
         if agree.sum() > best.sum():

@@ -12,19 +12,34 @@ from typing import Any
 import numpy as np
 
 from pomona.executive import Float64, NoTableError, read_table
-from pomona.skills.perception import LEAST_FRUIT, FruitError, KindSizes, TooFewFruit, held_out, learn_sizes, load_fruit
+from pomona.skills.perception import (
+    LEAST_FRUIT,
+    FruitError,
+    KindSizes,
+    TooFewFruit,
+    held_out,
+    learn_sizes,
+    load_fruit,
+)
 
-TRUE = "true_width_mm", "true_height_mm"  # columns that an operator adds to `finds.csv` for fruit measured by hand
+TRUE = (
+    "true_width_mm",
+    "true_height_mm",
+)  # columns that an operator adds to `finds.csv` for fruit measured by hand
 
 _SEEN = "shown_mm", "shown_90_mm", "from_side"
 _FRUIT = "fruit"
 _BY_SHAPE = "width_mm", "width_90_mm", "height_mm", "height_90_mm"
 _Z_90 = 1.6449
 
-LEAST_KNOWN = 0.06  # relative uncertainty of a shape above which only the prior counts (52 calipered apples)
+LEAST_KNOWN = (
+    0.06  # relative uncertainty of a shape above which only the prior counts (52 calipered apples)
+)
 
 
-MOST_TIMES = 2.0  # a caliper and a camera that differ by this factor measure different things or units
+MOST_TIMES = (
+    2.0  # a caliper and a camera that differ by this factor measure different things or units
+)
 
 
 MOST_UNLIKE = 0.12
@@ -38,12 +53,20 @@ class UnusableTable(ValueError):
 
 def add(kinds: Any) -> None:
     """Register `sizes` among the kinds of `pomona calibrate`."""
-    sizes = kinds.add_parser("sizes", help="estimate the sizes of a kind of fruit from measured fruit")
-    sizes.add_argument("tables", type=Path, nargs="+", metavar="FINDS", help="finds.csv of pomona measure")
+    sizes = kinds.add_parser(
+        "sizes", help="estimate the sizes of a kind of fruit from measured fruit"
+    )
+    sizes.add_argument(
+        "tables", type=Path, nargs="+", metavar="FINDS", help="finds.csv of pomona measure"
+    )
     sizes.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
-    about = "use the sizes of --method shape, where its depth separates height and width: no calipers"
+    about = (
+        "use the sizes of --method shape, where its depth separates height and width: no calipers"
+    )
     sizes.add_argument("--by-shape", action="store_true", help=about)
-    sizes.add_argument("--out", type=Path, required=True, help="the file to write: `sizes: {include: FILE}`")
+    sizes.add_argument(
+        "--out", type=Path, required=True, help="the file to write: `sizes: {include: FILE}`"
+    )
     sizes.set_defaults(main=main)
 
 
@@ -61,8 +84,17 @@ def main(options: argparse.Namespace) -> int:
             _refuse_exchanged(measured, proportion, fruit.name)
         count, least = len(measured.sizes), LEAST_FRUIT + 1  # one is left out in turn
         if count < least:
-            raise TooFewFruit(f"{count} measured fruit do not give the spread of sizes: measure {least} or more")
-        given = (measured.sizes, measured.shown, measured.deviations, measured.sines, proportion, measured.own)
+            raise TooFewFruit(
+                f"{count} measured fruit do not give the spread of sizes: measure {least} or more"
+            )
+        given = (
+            measured.sizes,
+            measured.shown,
+            measured.deviations,
+            measured.sines,
+            proportion,
+            measured.own,
+        )
         learnt = learn_sizes(*given)
         before, after = held_out(*given)
         options.out.write_text(_written(learnt, measured), encoding="utf-8")
@@ -105,12 +137,18 @@ def read_measured(tables: Sequence[Path], by_shape: bool) -> SizeTable:
             values = _by_shape(table, line, row) if by_shape else _by_hand(table, line, row)
             if values is None:
                 continue
-            looks = fruit.setdefault((str(table), row.get("scene") or "", row[_FRUIT] or str(line)), [])
+            looks = fruit.setdefault(
+                (str(table), row.get("scene") or "", row[_FRUIT] or str(line)), []
+            )
             if looks and not by_shape:
                 _agree(table, line, row, looks[0])
             looks.append(values)
     if not fruit:
-        what = "no row was measured by --method shape well enough" if by_shape else f"no row has {' and '.join(TRUE)}"
+        what = (
+            "no row was measured by --method shape well enough"
+            if by_shape
+            else f"no row has {' and '.join(TRUE)}"
+        )
         raise UnusableTable(f"{', '.join(map(str, tables))}: {what}")
     rows = np.array([np.mean(looks, axis=0) for looks in fruit.values()])
     return SizeTable(rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:])
@@ -129,11 +167,15 @@ def _by_hand(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
     """
     if not (row[TRUE[0]] and row[TRUE[1]] and row["shown_mm"]):
         return None
-    width, height, shown, spread, sine = (_number(table, line, row, name) for name in (*TRUE, *_SEEN))
+    width, height, shown, spread, sine = (
+        _number(table, line, row, name) for name in (*TRUE, *_SEEN)
+    )
     for name, value in zip(TRUE, (width, height), strict=True):
         if not shown / MOST_TIMES <= value <= shown * MOST_TIMES:
             seen = f"the camera saw {shown:.1f} mm"
-            raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, but {seen}: check its unit (mm) and the fruit")
+            raise UnusableTable(
+                f"{table}:{line}: {name} is {row[name]}, but {seen}: check its unit (mm) and the fruit"
+            )
     return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, 0.0, 0.0]
 
 
@@ -144,7 +186,9 @@ def _by_shape(table: Path, line: int, row: dict[str, str]) -> list[float] | None
     width, width_90, height, height_90 = (_number(table, line, row, name) for name in _BY_SHAPE)
     shown, spread, sine = (_number(table, line, row, name) for name in _SEEN)
     wide, high = width_90 / _Z_90 / width, height_90 / _Z_90 / height
-    ratio = float(np.hypot(wide, high))  # taken as independent: a common error makes the proportion more certain
+    ratio = float(
+        np.hypot(wide, high)
+    )  # taken as independent: a common error makes the proportion more certain
     if ratio > LEAST_KNOWN:
         return None
     return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, wide, ratio]
@@ -156,7 +200,9 @@ def _agree(table: Path, line: int, row: dict[str, str], first: Sequence[float]) 
         # calipers give a fruit's size the same in all of its rows, but for this share
         if abs(float(row[name]) / (1e3 * before) - 1.0) > 0.05:
             other = f"another row of fruit {row[_FRUIT]} has {1e3 * before:g}"
-            raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, and {other}: a fruit has one size")
+            raise UnusableTable(
+                f"{table}:{line}: {name} is {row[name]}, and {other}: a fruit has one size"
+            )
 
 
 def _refuse_exchanged(measured: SizeTable, proportion: float, kind: str) -> None:
@@ -175,7 +221,10 @@ def _number(table: Path, line: int, row: dict[str, str], name: str) -> float:
         value = float(row[name])
     except (TypeError, ValueError):
         value = float("nan")
-    if not (np.isfinite(value) and (value > 0.0 or (value == 0.0 and name in ("from_side", "shown_90_mm")))):
+    if not (
+        np.isfinite(value)
+        and (value > 0.0 or (value == 0.0 and name in ("from_side", "shown_90_mm")))
+    ):
         raise UnusableTable(f"{table}:{line}: {name} is {row[name]!r}: a number above 0 is needed")
     return value
 

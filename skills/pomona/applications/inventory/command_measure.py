@@ -29,23 +29,44 @@ TOPICS = {"colour": "colour images", "depth": "their depth", "info": "their Came
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("measure", help="count and measure the fruit in recorded frames: tables and a page")
-    parser.add_argument("frames", type=Path, metavar="FOLDER|VIDEO|BAG", help="recorded colour images with depth")
-    parser.add_argument("--kind", default="apple", help="kind of fruit: a name in the catalogue, or a path (apple)")
+    parser = subparsers.add_parser(
+        "measure", help="count and measure the fruit in recorded frames: tables and a page"
+    )
+    parser.add_argument(
+        "frames", type=Path, metavar="FOLDER|VIDEO|BAG", help="recorded colour images with depth"
+    )
+    parser.add_argument(
+        "--kind", default="apple", help="kind of fruit: a name in the catalogue, or a path (apple)"
+    )
     parser.add_argument("--score", default="0.5", help="minimum detection score, 0 to 1 (0.5)")
     parser.add_argument(
-        "--width", default="all", help="the one width at which a picture is searched [px] (several, up to its own)"
+        "--width",
+        default="all",
+        help="the one width at which a picture is searched [px] (several, up to its own)",
     )
-    parser.add_argument("--method", default="uniform", help="refinement of the size: uniform, shape, paper (uniform)")
+    parser.add_argument(
+        "--method",
+        default="uniform",
+        help="refinement of the size: uniform, shape, paper (uniform)",
+    )
     parser.add_argument("--every", default="1", metavar="N", help="use every N-th frame (1)")
     for key, what in TOPICS.items():
         words = "camera_info beside colour" if key == "info" else "that of realsense2_camera"
         spelt = [f"--{key}-topic", *(["--color-topic"] if key == "colour" else [])]
-        parser.add_argument(*spelt, dest=key, metavar="TOPIC", help=f"a bag's topic of {what} ({words})")
+        parser.add_argument(
+            *spelt, dest=key, metavar="TOPIC", help=f"a bag's topic of {what} ({words})"
+        )
     parser.add_argument(
-        "--no-join", action="store_true", help="each frame without a given camera pose is a separate scene"
+        "--no-join",
+        action="store_true",
+        help="each frame without a given camera pose is a separate scene",
     )
-    parser.add_argument("--out", type=Path, default=Path("measured"), help="new folder for tables and page (measured)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("measured"),
+        help="new folder for tables and page (measured)",
+    )
     parser.set_defaults(main=main)
 
 
@@ -59,7 +80,9 @@ def main(options: argparse.Namespace) -> int:
     bag = _is_bag(options.frames)
     topics = {key: named for key in TOPICS if (named := getattr(options, key))}
     if topics and not bag:
-        raise UsageError(f"--{next(iter(topics))}-topic: {options.frames} is no bag, so it has no topics")
+        raise UsageError(
+            f"--{next(iter(topics))}-topic: {options.frames} is no bag, so it has no topics"
+        )
     settings = {
         "bag" if bag else "folder": str(options.frames.absolute()),
         "every": options.every,
@@ -72,7 +95,9 @@ def main(options: argparse.Namespace) -> int:
         **topics,
     }
     progress = _Progress()
-    order = RunOrder(tree=find_tree(TREE), cell=find_cell("bag" if bag else "frames"), settings=settings)
+    order = RunOrder(
+        tree=find_tree(TREE), cell=find_cell("bag" if bag else "frames"), settings=settings
+    )
     try:
         result = run_tree(order, [progress.on_event]).result
     except UsageError as error:
@@ -91,7 +116,9 @@ def main(options: argparse.Namespace) -> int:
             f"{progress.unreadable} of the frames could not be read: {options.out / PAGE} has the reasons\n"
         )
         return 2
-    why = [reason.message for reason in result.reason.leaves()] if result.reason else [result.outcome]
+    why = (
+        [reason.message for reason in result.reason.leaves()] if result.reason else [result.outcome]
+    )
     sys.stderr.write(f"pomona measure: {why[-1]}\n")
     return 2
 
@@ -116,7 +143,11 @@ def _line(found: Finding, ours: Sequence[str]) -> str:
     if setting == found.path and found.path not in ours:
         return format_finding(found)
     name, _, text = setting.partition("=") if setting != found.path else ("", "", "")
-    option = f"--{name}{'-topic' if name in TOPICS else ''} {text}: " if name not in ("", "folder", "bag") else ""
+    option = (
+        f"--{name}{'-topic' if name in TOPICS else ''} {text}: "
+        if name not in ("", "folder", "bag")
+        else ""
+    )
     said = re.sub(r"^(?:devices\.)?(?:camera|[A-Z]\w+)(?:\.\w+)?: |^[A-Z]\w+\.", "", found.message)
     said = re.sub(r"the option '(\w+)'", r"--\1-topic", said)
     return f"{option}{said}" + (f": {found.hint}" if found.hint else "")
@@ -132,7 +163,11 @@ class _Progress:
     def on_event(self, event: Event) -> None:
         if isinstance(event, PortWritten) and event.key == "/unreadable_frames":
             self.unreadable = event.value
-        if isinstance(event, NodeChanged) and "CountFruit" in event.path and event.feedback not in ("", self._said):
+        if (
+            isinstance(event, NodeChanged)
+            and "CountFruit" in event.path
+            and event.feedback not in ("", self._said)
+        ):
             self._said = event.feedback
             sys.stdout.write(f"{event.feedback}\n")
             sys.stdout.flush()

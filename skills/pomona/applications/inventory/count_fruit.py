@@ -17,7 +17,9 @@ from pomona.executive import CellFacts, Float64, Outputs, Port, Problem, Skill, 
 from pomona.skills import inverse
 from pomona.skills.perception import AllDetections, misplaced_depth
 
-MOST_APART = 0.04  # allowed distance between two frames' contents by their camera poses [m]: half an apple
+MOST_APART = (
+    0.04  # allowed distance between two frames' contents by their camera poses [m]: half an apple
+)
 
 
 class FruitCount(Outputs):
@@ -54,11 +56,20 @@ class CountFruit(Skill):
     def run(
         self,
         looked: Annotated[AllDetections | None, Port(help="detections in the frame")] = None,
-        finds: Annotated[FrameSightings | None, Port(help="measured fruit of this frame; others are ignored")] = None,
-        unreadable: Annotated[str, Port(help="why the frame could not be searched; its row is kept")] = "",
+        finds: Annotated[
+            FrameSightings | None, Port(help="measured fruit of this frame; others are ignored")
+        ] = None,
+        unreadable: Annotated[
+            str, Port(help="why the frame could not be searched; its row is kept")
+        ] = "",
         frames: Annotated[int, Port(min=0, help="total number of frames; 0: unknown")] = 0,
-        join: Annotated[bool, Port(help="estimate the camera's motion between frames that do not give it")] = True,
-        out: Annotated[str, Port(help="new folder for tables, page and pictures; nothing is written without it")] = "",
+        join: Annotated[
+            bool, Port(help="estimate the camera's motion between frames that do not give it")
+        ] = True,
+        out: Annotated[
+            str,
+            Port(help="new folder for tables, page and pictures; nothing is written without it"),
+        ] = "",
     ) -> Work[FruitCount]:
         report = self._report
         if unreadable or looked is None:
@@ -66,7 +77,9 @@ class CountFruit(Skill):
         else:
             sightings = finds.sightings if finds is not None and finds.frame is looked.frame else ()
             T, deviation, how, doubt = yield from self._place(looked, join)
-            misplaced = (yield from self.compute(misplaced_depth, looked.frame)) if sightings else ""
+            misplaced = (
+                (yield from self.compute(misplaced_depth, looked.frame)) if sightings else ""
+            )
             if misplaced:
                 misplaced += ": is it registered to these pictures, and of the same moment?"
             doubts = "; ".join(filter(None, (misplaced, doubt)))
@@ -83,10 +96,14 @@ class CountFruit(Skill):
                 yield from self._guarded(Page(Path(out)).write, report, frames)
         yield report.sentence(frames)
         return FruitCount(
-            len(report.book.fruit), report.measured, sum(bool(entry.unreadable) for entry in report.frames)
+            len(report.book.fruit),
+            report.measured,
+            sum(bool(entry.unreadable) for entry in report.frames),
         )
 
-    def _place(self, looked: AllDetections, join: bool) -> Work[tuple[Float64 | None, float, str, str]]:
+    def _place(
+        self, looked: AllDetections, join: bool
+    ) -> Work[tuple[Float64 | None, float, str, str]]:
         """Return T_scene_base of a frame, its error [m], its origin, and contradictions, both for the operator."""
         frame, before = looked.frame, self._before
         T: Float64 | None = None
@@ -107,7 +124,12 @@ class CountFruit(Skill):
             motion = yield from self.compute(camera_motion, earlier, frame)
             how = f"the camera's motion is not known: {motion.why}"
             if motion.T_earlier_later is not None:
-                T = T_scene_base @ T_base_camera @ motion.T_earlier_later @ inverse(looked.T_base_camera)
+                T = (
+                    T_scene_base
+                    @ T_base_camera
+                    @ motion.T_earlier_later
+                    @ inverse(looked.T_base_camera)
+                )
                 deviation = float(np.hypot(so_far, motion.deviation))
                 how = f"the camera's motion was estimated from both frames, to {1e3 * deviation:.1f} mm"
         self._before = frame, looked.T_base_camera, np.eye(4) if T is None else T, deviation
@@ -117,7 +139,9 @@ class CountFruit(Skill):
         try:
             yield from self.compute(write, *what)
         except OSError as error:
-            raise self.failure("NOT_WRITTEN", f"{error.filename or 'the tables'}: {error.strerror or error}") from error
+            raise self.failure(
+                "NOT_WRITTEN", f"{error.filename or 'the tables'}: {error.strerror or error}"
+            ) from error
 
 
 def _contradicted(T_earlier_later: Float64, motion: CameraMotion, later: Frame) -> str:

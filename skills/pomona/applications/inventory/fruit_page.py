@@ -26,7 +26,16 @@ from pomona.applications.inventory.fruit_report import (
 )
 from pomona.executive import OVERLAY, ImageView, UInt8
 from pomona.skills.perception import mass_model, mass_of
-from pomona.tools.campaign.document import Heading, PagePicture, Paragraph, ReportPage, Table, Tile, Tiles, to_html
+from pomona.tools.campaign.document import (
+    Heading,
+    PagePicture,
+    Paragraph,
+    ReportPage,
+    Table,
+    Tile,
+    Tiles,
+    to_html,
+)
 
 FINDS, FRUIT, PAGE, PICTURES = "finds.csv", "fruit.csv", "index.html", "pictures"
 
@@ -56,7 +65,9 @@ class Page:
                 return f"{self.folder} is there already"
         except OSError as error:
             return f"{self.folder}: {error.strerror}"
-        above = next(path for path in (self.folder, *self.folder.absolute().parents) if path.exists())
+        above = next(
+            path for path in (self.folder, *self.folder.absolute().parents) if path.exists()
+        )
         if not above.is_dir():
             return f"{above} is not a folder"
         return "" if os.access(above, os.W_OK | os.X_OK) else f"nothing can be written into {above}"
@@ -102,11 +113,21 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
         )
     page.add(Tiles(tuple(tiles)))
     if report.doubt:
-        page.add(Paragraph(f"These figures are not reliable yet: {report.doubt}" if report.measured else report.doubt))
+        page.add(
+            Paragraph(
+                f"These figures are not reliable yet: {report.doubt}"
+                if report.measured
+                else report.doubt
+            )
+        )
     if any(entry.unreadable for entry in frames):
         page.add(Heading("Frames that could not be looked at"))
         page.add(
-            Table(("frame", "why"), tuple((str(e.number), e.unreadable) for e in frames if e.unreadable), words=True)
+            Table(
+                ("frame", "why"),
+                tuple((str(e.number), e.unreadable) for e in frames if e.unreadable),
+                words=True,
+            )
         )
     if sizes:
         page.add(Heading("Widths"))
@@ -114,7 +135,9 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
         rows = view.rows if len(view.rows) <= MOST_FRAMES + 1 else view.rows[-1:]
         page.add(
             Table(
-                view.columns, rows, "How many fruit of each width; a fruit that two frames show is one in the last row."
+                view.columns,
+                rows,
+                "How many fruit of each width; a fruit that two frames show is one in the last row.",
             )
         )
     if book.fruit:
@@ -146,7 +169,9 @@ def draw(view: ImageView) -> UInt8:
         if not len(line.points):
             continue
         colour = tuple(int(OVERLAY[line.style][k : k + 2], 16) for k in (1, 3, 5))
-        cv2.polylines(drawn, [np.round(line.points).astype(np.int32)], line.closed, colour, thick, cv2.LINE_AA)
+        cv2.polylines(
+            drawn, [np.round(line.points).astype(np.int32)], line.closed, colour, thick, cv2.LINE_AA
+        )
         (width, height), _ = cv2.getTextSize(line.label, font, scale, thick)
         (left, top), (right, bottom) = line.points.min(axis=0), line.points.max(axis=0)
         at = (int(0.5 * (left + right - width)), int(0.5 * (top + bottom + height)))
@@ -157,13 +182,23 @@ def draw(view: ImageView) -> UInt8:
 
 def _add_frame(page: ReportPage, entry: FrameEntry) -> None:
     page.add(Heading(entry.label))
-    page.add(Paragraph(f"{len(entry.finds)} found, {entry.measured} measured. Scene {entry.scene}: {entry.how}."))
+    page.add(
+        Paragraph(
+            f"{len(entry.finds)} found, {entry.measured} measured. Scene {entry.scene}: {entry.how}."
+        )
+    )
     if entry.doubt:
         page.add(Paragraph(f"In doubt: {entry.doubt}."))
     about = f"{entry.label} with the outline and number of each fruit"
-    page.add(PagePicture(f"{PICTURES}/{entry.picture}", about, "Green: measured. Amber: found and not measured."))
+    page.add(
+        PagePicture(
+            f"{PICTURES}/{entry.picture}", about, "Green: measured. Amber: found and not measured."
+        )
+    )
     if entry.finds:
-        page.add(Table(FIND_WORDS, tuple(find_said(sighting, fruit) for sighting, fruit in entry.finds)))
+        page.add(
+            Table(FIND_WORDS, tuple(find_said(sighting, fruit) for sighting, fruit in entry.finds))
+        )
 
 
 def _refusals(report: FruitReport) -> Table | None:
@@ -177,14 +212,14 @@ def _how_to_read(report: FruitReport) -> str:
     kind = report.book.fruit[0].sightings[0].fruit
     words = "± is half the width of the interval that contains the true value in 90 of 100 cases.  "
     words += "Width and depth are level, height goes along the stem. Places are in the base frame where the camera's "
-    words += (
-        "place is known, else in a level frame at the scene's first camera (x right, y ahead, z up); ≈ is guessed by "
-    )
+    words += "place is known, else in a level frame at the scene's first camera (x right, y ahead, z up); ≈ is guessed by "
     words += "the size in the picture. "
     if any(fruit.size is not None and not fruit.size.agree for fruit in report.book.fruit):
         words += "Measurements that disagree differ by more than their uncertainty: their interval is widened.  "
     model = mass_model(kind)
-    return words + (f"Mass: {model}." if model else f"No mass: the model of {kind.name} has no weighed fruit.")
+    return words + (
+        f"Mass: {model}." if model else f"No mass: the model of {kind.name} has no weighed fruit."
+    )
 
 
 def _frames(count: int) -> str:

@@ -13,7 +13,9 @@ from pomona.applications.inventory.sighting import Z_90, Sighting
 from pomona.executive import Float64, ImageView, Line2, TableView, UInt8
 from pomona.skills.perception import FruitModel, mass_model, mass_of
 
-CLASS_MM = 5  # width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)
+CLASS_MM = (
+    5  # width of a size class [mm], as fruit is sorted for sale (UNECE standard FFV-50, apples)
+)
 
 LEAST_TELLING = 3  # least number of fruit to state that all are too large or too small
 FEW = 0.1  # share of measured fruit below which the depth is doubted: of the orchard's two frames it is 0.6
@@ -81,10 +83,16 @@ class FruitReport:
         """Add one frame, with the values of `FrameEntry`; see `FruitBook.add_frame`."""
         numbers = self.book.add_frame(sightings, T_scene_base, deviation)
         T = np.eye(4) if T_scene_base is None else T_scene_base
-        finds = tuple((sighting.moved(T), number) for sighting, number in zip(sightings, numbers, strict=True))
-        if self.frames and self.frames[-1].finds:  # outlines are for the newest frame's picture alone
+        finds = tuple(
+            (sighting.moved(T), number) for sighting, number in zip(sightings, numbers, strict=True)
+        )
+        if (
+            self.frames and self.frames[-1].finds
+        ):  # outlines are for the newest frame's picture alone
             self.frames[-1] = _without_outlines(self.frames[-1])
-        self.frames.append(FrameEntry(len(self.frames) + 1, label, self.book.scenes, how, finds, doubt=doubt))
+        self.frames.append(
+            FrameEntry(len(self.frames) + 1, label, self.book.scenes, how, finds, doubt=doubt)
+        )
         self._finds += len(finds)
 
     def add_unreadable(self, why: str) -> None:
@@ -108,7 +116,10 @@ class FruitReport:
         """Describe the progress for the operator."""
         newest = self.frames[-1]
         done = f"{len(self.frames)} of {of} frames" if of else f"{len(self.frames)} frames"
-        here = newest.unreadable or f"{newest.label}: {len(newest.finds)} found, {newest.measured} measured"
+        here = (
+            newest.unreadable
+            or f"{newest.label}: {len(newest.finds)} found, {newest.measured} measured"
+        )
         so_far = f"{done}, {here}; {len(self.book.fruit)} fruit so far, {self.measured} measured"
         return f"{so_far}; {self.doubt}" if self.doubt else so_far
 
@@ -122,7 +133,11 @@ class FruitReport:
         doubted = [entry for entry in self.frames if entry.doubt]
         if not doubted:
             return ""
-        others = f" (frames in doubt: {len(doubted)} of {len(self.frames)})" if len(self.frames) > 1 else ""
+        others = (
+            f" (frames in doubt: {len(doubted)} of {len(self.frames)})"
+            if len(self.frames) > 1
+            else ""
+        )
         return f"{doubted[0].label}: {doubted[0].doubt}{others}"
 
     def _doubt_of_sizes(self) -> str:
@@ -157,18 +172,28 @@ class FruitReport:
     def tables(self) -> dict[str, TableView]:
         """Return finds, fruit and sizes as tables, by their topics."""
         measured = sum(entry.measured for entry in self.frames)
-        finds = tuple((entry.label, *find_said(s, fruit)) for entry in self.frames for s, fruit in entry.finds)
+        finds = tuple(
+            (entry.label, *find_said(s, fruit)) for entry in self.frames for s, fruit in entry.finds
+        )
         return {
-            "measured": TableView(("frame", *FIND_WORDS), finds, f"{measured} of {self._finds} finds measured"),
+            "measured": TableView(
+                ("frame", *FIND_WORDS), finds, f"{measured} of {self._finds} finds measured"
+            ),
             "fruit": TableView(
-                FRUIT_WORDS, tuple(map(fruit_said, self.book.fruit)), f"{len(self.book.fruit)} fruit, each once"
+                FRUIT_WORDS,
+                tuple(map(fruit_said, self.book.fruit)),
+                f"{len(self.book.fruit)} fruit, each once",
             ),
             "sizes": self.size_classes(),
         }
 
     def find_rows(self) -> list[tuple[str, ...]]:
         """Return a row for each find, with the columns `FIND_COLUMNS`."""
-        return [_find_row(entry, sighting, number) for entry in self.frames for sighting, number in entry.finds]
+        return [
+            _find_row(entry, sighting, number)
+            for entry in self.frames
+            for sighting, number in entry.finds
+        ]
 
     def fruit_rows(self) -> list[tuple[str, ...]]:
         """Return a row for each fruit, with the columns `FRUIT_COLUMNS`."""
@@ -179,9 +204,13 @@ class FruitReport:
         widths = {entry.label: [width_mm(s.dimensions) for s, _n in entry.finds if s.dimensions is not None]
                   for entry in self.frames if not entry.unreadable}  # fmt: skip
         found = {entry.label: len(entry.finds) for entry in self.frames if not entry.unreadable}
-        widths["all, each fruit once"] = [width_mm(f.size.dimensions) for f in self.book.fruit if f.size is not None]
+        widths["all, each fruit once"] = [
+            width_mm(f.size.dimensions) for f in self.book.fruit if f.size is not None
+        ]
         found["all, each fruit once"] = len(self.book.fruit)
-        classes = {name: [int(width // CLASS_MM) for width in some] for name, some in widths.items()}
+        classes = {
+            name: [int(width // CLASS_MM) for width in some] for name, some in widths.items()
+        }
         there = sorted({each for some in classes.values() for each in some})
         span = range(there[0], there[-1] + 1) if there else range(0)
         names = (f"{CLASS_MM * each}-{CLASS_MM * (each + 1)}" for each in span)
@@ -195,14 +224,30 @@ class FruitReport:
         """Return the newest frame with the outline and the row's number of each find."""
         entry = self.frames[-1]
         lines = tuple(
-            Line2(s.outline, str(s.number), "found" if s.dimensions is None else "refined", closed=True)
+            Line2(
+                s.outline,
+                str(s.number),
+                "found" if s.dimensions is None else "refined",
+                closed=True,
+            )
             for s, _fruit in entry.finds
         )
-        return ImageView(colour, lines, caption=f"{entry.label}: {len(lines)} found, {entry.measured} measured")
+        return ImageView(
+            colour, lines, caption=f"{entry.label}: {len(lines)} found, {entry.measured} measured"
+        )
 
 
 _SAID = ("width [mm]", "height [mm]", "depth [mm]", "mass [g]")
-FIND_WORDS = ("row", "fruit", "score", *_SAID, "x, y, z [mm]", "away [m]", "visible", "not measured")
+FIND_WORDS = (
+    "row",
+    "fruit",
+    "score",
+    *_SAID,
+    "x, y, z [mm]",
+    "away [m]",
+    "visible",
+    "not measured",
+)
 FRUIT_WORDS = ("fruit", "frames", "score", *_SAID, "x, y, z [mm]", "looks", "not measured")
 
 
@@ -220,25 +265,45 @@ def find_said(sighting: Sighting, fruit: int) -> tuple[str, ...]:
 def fruit_said(fruit: KnownFruit) -> tuple[str, ...]:
     """Return a fruit as texts, with the columns `FRUIT_WORDS`."""
     size, kind = fruit.size, fruit.sightings[0].fruit
-    said = _said(kind, None, None) if size is None else _said(kind, size.dimensions, size.covariance)
-    looks = "" if size is None or size.looks < 2 else f"{size.looks} " + ("agree" if size.agree else "disagree")
+    said = (
+        _said(kind, None, None) if size is None else _said(kind, size.dimensions, size.covariance)
+    )
+    looks = (
+        ""
+        if size is None or size.looks < 2
+        else f"{size.looks} " + ("agree" if size.agree else "disagree")
+    )
     place = ("≈ " if size is None else "") + _place(fruit.place)
-    return str(fruit.number), str(len(fruit.sightings)), f"{fruit.score:.2f}", *said, place, looks, fruit.why
+    return (
+        str(fruit.number),
+        str(len(fruit.sightings)),
+        f"{fruit.score:.2f}",
+        *said,
+        place,
+        looks,
+        fruit.why,
+    )
 
 
-def _said(fruit: FruitModel, dimensions: Float64 | None, covariance: Float64 | None) -> tuple[str, ...]:
+def _said(
+    fruit: FruitModel, dimensions: Float64 | None, covariance: Float64 | None
+) -> tuple[str, ...]:
     """Return width, height, depth and mass with their 90 % intervals as texts."""
     from_size = _sizes(fruit, dimensions, covariance)
     pairs = (from_size[k : k + 2] for k in range(0, 8, 2))
     return tuple(f"{value} ± {spread}" if value else "" for value, spread in pairs)
 
 
-def _sizes(fruit: FruitModel, dimensions: Float64 | None, covariance: Float64 | None) -> tuple[str, ...]:
+def _sizes(
+    fruit: FruitModel, dimensions: Float64 | None, covariance: Float64 | None
+) -> tuple[str, ...]:
     """Return width, height, depth and mass, each with half its 90 % interval, and the mass's model."""
     if dimensions is None or covariance is None:
         return ("",) * len(_SIZE)
     spreads = Z_90 * np.sqrt(np.clip(np.diag(covariance), 0.0, None))
-    said = [f"{1e3 * value:.1f}" for pair in zip(dimensions, spreads, strict=True) for value in pair]
+    said = [
+        f"{1e3 * value:.1f}" for pair in zip(dimensions, spreads, strict=True) for value in pair
+    ]
     mass = mass_of(fruit, dimensions, covariance)
     weighs = ("", "") if mass is None else (f"{1e3 * mass[0]:.0f}", f"{1e3 * Z_90 * mass[1]:.0f}")
     return (*said, *weighs, mass_model(fruit))
@@ -282,5 +347,7 @@ def _place(p: Float64) -> str:
 
 
 def _without_outlines(entry: FrameEntry) -> FrameEntry:
-    finds = tuple((replace(sighting, outline=np.empty((0, 2))), number) for sighting, number in entry.finds)
+    finds = tuple(
+        (replace(sighting, outline=np.empty((0, 2))), number) for sighting, number in entry.finds
+    )
     return replace(entry, finds=finds)

@@ -68,7 +68,9 @@ class SizeOfLooks:
         return FusedSize(mean, widened, self.looks, agree)
 
 
-def _turned_as(first: Float64, dimensions: Float64, covariance: Float64, R: Float64) -> tuple[Float64, Float64]:
+def _turned_as(
+    first: Float64, dimensions: Float64, covariance: Float64, R: Float64
+) -> tuple[Float64, Float64]:
     """Return a measurement's dimensions with x and z exchanged where its x axis lies along the first one's z: the turn
     of a fruit about its stem depends on the view, so the axes of another view may differ.
     """

@@ -25,14 +25,19 @@ class KeepTally(Skill):
         self,
         detection: Annotated[Detection | None, Port(help="detected fruit")] = None,
         measured: Annotated[
-            MeasuredFruit | None, Port(help="measurement of the same fruit; one of another look is ignored")
+            MeasuredFruit | None,
+            Port(help="measurement of the same fruit; one of another look is ignored"),
         ] = None,
         outcome: Annotated[str, Port(help=f"{DONE}, or another outcome")] = DONE,
         why: Annotated[str, Port(help="the reason, for the operator")] = "",
-        hold: Annotated[Hold | None, Port(help="grip of this fruit: the width that the pads felt is noted")] = None,
+        hold: Annotated[
+            Hold | None, Port(help="grip of this fruit: the width that the pads felt is noted")
+        ] = None,
         number: Annotated[
             int | None,
-            Port(help="of the fruit, where fruit moves; without it, one at the place of one left is the same"),
+            Port(
+                help="of the fruit, where fruit moves; without it, one at the place of one left is the same"
+            ),
         ] = None,
         so_far: Annotated[Tally | None, Port(help="the tally so far")] = None,
     ) -> Kept:
@@ -48,7 +53,15 @@ class KeepTally(Skill):
         entry = TalliedFruit(p_base, size, outcome, why, number=number, felt=felt)
         tally = (so_far or Tally()).with_entry(entry, 0 if detection is None else detection.found)
         rows = tuple(
-            (str(number + 1), entry.place, entry.dimensions, entry.width, str(entry.tries), entry.outcome, entry.why)
+            (
+                str(number + 1),
+                entry.place,
+                entry.dimensions,
+                entry.width,
+                str(entry.tries),
+                entry.outcome,
+                entry.why,
+            )
             for number, entry in enumerate(tally.entries)
         )
         self.publish("tally", TableView(COLUMNS, rows, tally.sentence))

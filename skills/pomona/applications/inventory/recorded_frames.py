@@ -34,5 +34,7 @@ class NextFrame(Skill):
     def run(self) -> None:
         frames = self.device(FrameSequence)
         if not frames.advance():
-            raise self.failure("LAST_FRAME", f"frame {frames.position + 1} of {frames.count} is the last")
+            raise self.failure(
+                "LAST_FRAME", f"frame {frames.position + 1} of {frames.count} is the last"
+            )
         return

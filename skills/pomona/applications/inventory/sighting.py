@@ -31,7 +31,9 @@ class Sighting:
     distance: float  # from the camera [m]
     fruit: FruitModel  # the model
     R_base_fruit: Float64  # the fruit's axes in the base frame, shape (3, 3)
-    dimensions: Float64 | None  # (d_x, d_y, d_z), d_y the height, shape (3,) [m]; None where it was not measured
+    dimensions: (
+        Float64 | None
+    )  # (d_x, d_y, d_z), d_y the height, shape (3,) [m]; None where it was not measured
     size_covariance: Float64 | None  # of the dimensions, shape (3, 3) [m²]; None with them
     outline: Float64  # in the image, shape (n, 2) [px]; a box where it was not measured
     centre: Float64  # in the image, shape (2,) [px]
@@ -39,7 +41,9 @@ class Sighting:
     why: str  # it was not measured; empty where it was
     # width of the model as it was scaled, and its standard deviation, shape (2,) [m]; NaN where it was not measured
     shown: Float64 = field(default_factory=lambda: np.full(2, np.nan))
-    from_side: float = float("nan")  # sine of the angle between the line of sight and the stem's axis
+    from_side: float = float(
+        "nan"
+    )  # sine of the angle between the line of sight and the stem's axis
     method: str = ""  # by which it was measured; empty where it was not
 
     def moved(self, T: Float64) -> Sighting:
@@ -67,7 +71,9 @@ class FrameSightings:
         return f"{measured} of {len(self.sightings)} fruit measured"
 
 
-def sighting_of(detection: Detection, measured: MeasuredFruit | None, why: str, number: int) -> Sighting:
+def sighting_of(
+    detection: Detection, measured: MeasuredFruit | None, why: str, number: int
+) -> Sighting:
     """Return a sighting from a detection and its measurement, or the reason `why` there is none.
 
     Args:

@@ -24,7 +24,8 @@ class Tabulate(Skill):
         measured: Annotated[MeasuredFruit | None, Port(help="measurement of the fruit")] = None,
         why: Annotated[str, Port(help="why it was not measured; then `measured` is ignored")] = "",
         so_far: Annotated[
-            FrameSightings | None, Port(help="earlier rows of this frame; rows of another frame are ignored")
+            FrameSightings | None,
+            Port(help="earlier rows of this frame; rows of another frame are ignored"),
         ] = None,
     ) -> Tabulated:
         before = so_far.sightings if so_far is not None and so_far.frame is detection.frame else ()

@@ -21,8 +21,12 @@ class TalliedFruit:
     outcome: str  # a word: `DONE`, or another outcome
     why: str  # a sentence, empty when there is nothing to explain
     tries: int = 1  # number of tries
-    number: int | None = None  # its number, where fruit moves and a place is of no fruit; None: known by its place
-    felt: float | None = None  # width between the pads when both had touched it [m]; None: not felt by both
+    number: int | None = (
+        None  # its number, where fruit moves and a place is of no fruit; None: known by its place
+    )
+    felt: float | None = (
+        None  # width between the pads when both had touched it [m]; None: not felt by both
+    )
 
     @property
     def place(self) -> str:
@@ -49,7 +53,11 @@ class TalliedFruit:
     @property
     def dimensions(self) -> str:
         """Text for the operator."""
-        return "not measured" if self.size is None else " × ".join(f"{1e3 * d:.0f}" for d in self.size) + " mm"
+        return (
+            "not measured"
+            if self.size is None
+            else " × ".join(f"{1e3 * d:.0f}" for d in self.size) + " mm"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +75,11 @@ class Tally:
         seen = len(self.entries) - len(self.left) + found
         for k, known in enumerate(self.entries):
             if known.outcome != DONE and entry.is_same(known):
-                again = replace(entry, tries=known.tries + 1, size=known.size if entry.size is None else entry.size)
+                again = replace(
+                    entry,
+                    tries=known.tries + 1,
+                    size=known.size if entry.size is None else entry.size,
+                )
                 return Tally((*self.entries[:k], again, *self.entries[k + 1 :]), seen)
         return Tally((*self.entries, entry), seen)
 
@@ -80,7 +92,9 @@ class Tally:
     def sentence(self) -> str:
         """Text for the operator, with the given-up fruit."""
         done = f"{len(self.entries) - len(self.left)} of {max(self.known, len(self.entries))} fruit put away"
-        return "; ".join((done, *(f"{entry.outcome} at {entry.place}: {entry.why}" for entry in self.left)))
+        return "; ".join(
+            (done, *(f"{entry.outcome} at {entry.place}: {entry.why}" for entry in self.left))
+        )
 
     @property
     def facts(self) -> Mapping[str, object]:
@@ -88,5 +102,8 @@ class Tally:
         return {
             "done": len(self.entries) - len(self.left),
             "felt_m": [entry.felt for entry in self.entries],
-            "left": [{"position_m": e.p_base, "outcome": e.outcome, "why": e.why, "tries": e.tries} for e in self.left],
+            "left": [
+                {"position_m": e.p_base, "outcome": e.outcome, "why": e.why, "tries": e.tries}
+                for e in self.left
+            ],
         }

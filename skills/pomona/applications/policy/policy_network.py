@@ -114,13 +114,22 @@ def _checked(path: Path, parts: dict[str, Any]) -> PolicyNetwork:
         layers.append((W, b))
         size = W.shape[1]
     if not layers or size != dof:
-        raise UnusablePolicy(path, f"its last layer gives {size if layers else 0} numbers for {dof} joints")
+        raise UnusablePolicy(
+            path, f"its last layer gives {size if layers else 0} numbers for {dof} joints"
+        )
     scales = {}
-    for name, length in (("in_mean", dof + GOAL), ("in_scale", dof + GOAL), ("out_mean", dof), ("out_scale", dof)):
+    for name, length in (
+        ("in_mean", dof + GOAL),
+        ("in_scale", dof + GOAL),
+        ("out_mean", dof),
+        ("out_scale", dof),
+    ):
         scales[name] = np.asarray(parts[name], np.float64)
         if scales[name].shape != (length,):
             raise UnusablePolicy(path, f"'{name}' must be {length} numbers")
     numbers = [*scales.values(), *(part for layer in layers for part in layer)]
     if not all(np.isfinite(part).all() for part in numbers) or not (scales["in_scale"] > 0.0).all():
-        raise UnusablePolicy(path, "holds a value that is not finite, or a scale that is not positive")
+        raise UnusablePolicy(
+            path, "holds a value that is not finite, or a scale that is not positive"
+        )
     return PolicyNetwork(joints, rate, layers=tuple(layers), **scales)

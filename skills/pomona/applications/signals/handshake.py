@@ -27,13 +27,18 @@ class Handshake(SignalSkill):
         accepted: Annotated[str, Port(help="input by which the PLC accepts")],
         done: Annotated[str, Port(help="input by which the PLC reports the end")],
         request_within: Annotated[
-            Time, Port(min="0 s", help="deadline of the request: both inputs off, the output accepted")
+            Time,
+            Port(min="0 s", help="deadline of the request: both inputs off, the output accepted"),
         ] = TIME("1 s"),
-        accepted_within: Annotated[Time, Port(min="0 s", help="deadline of `accepted` after the request")] = TIME(
-            "1 s"
-        ),
-        done_within: Annotated[Time, Port(min="0 s", help="deadline of `done` after `accepted`")] = TIME("30 s"),
-        released_within: Annotated[Time, Port(min="0 s", help="deadline of both falls after `done`")] = TIME("1 s"),
+        accepted_within: Annotated[
+            Time, Port(min="0 s", help="deadline of `accepted` after the request")
+        ] = TIME("1 s"),
+        done_within: Annotated[
+            Time, Port(min="0 s", help="deadline of `done` after `accepted`")
+        ] = TIME("30 s"),
+        released_within: Annotated[
+            Time, Port(min="0 s", help="deadline of both falls after `done`")
+        ] = TIME("1 s"),
     ) -> Work[None]:
         self.require_output(request)
         signals = self.device(Signals)
@@ -55,25 +60,35 @@ class Handshake(SignalSkill):
         """Wait until signals have values; a failure names the edge and the first signal that has another one."""
         began = self.context.elapsed()
         while True:
-            wrong = next((name for name, value in wanted.items() if self._value(edge, name) != value), None)
+            wrong = next(
+                (name for name, value in wanted.items() if self._value(edge, name) != value), None
+            )
             if wrong is None:
                 return
             waited = self.context.elapsed() - began
             if waited >= within - 1e-9:
                 word = "on" if wanted[wrong] else "off"
-                words = f"the edge '{edge}' was missed: '{wrong}' was not {word} within {within:g} s"
+                words = (
+                    f"the edge '{edge}' was missed: '{wrong}' was not {word} within {within:g} s"
+                )
                 raise self.failure("EDGE_MISSED", words, edge=edge, signal=wrong, waited_s=waited)
             yield f"{edge}: waiting for '{wrong}'"
 
     def _value(self, edge: str, name: str) -> bool:
         signals = self.device(Signals)
-        return bool(signals.read(name).value if name in signals.names.outputs else self.reading(name, edge=edge))
+        return bool(
+            signals.read(name).value
+            if name in signals.names.outputs
+            else self.reading(name, edge=edge)
+        )
 
     def _set(self, signals: Signals, name: str, on: bool) -> None:
         try:
             signals.write(name, on)
         except MotionRefused as refused:
-            raise self.failure("SIGNAL_REFUSED", refused.message, edge="request", signal=name) from refused
+            raise self.failure(
+                "SIGNAL_REFUSED", refused.message, edge="request", signal=name
+            ) from refused
 
     def _withdraw(self, signals: Signals, name: str) -> None:
         """Take the request back; at a safe stop the device itself has done so."""

@@ -22,7 +22,9 @@ class SetSignal(SignalSkill):
         signal: Annotated[str, Port(help="name of an output in the cell file")],
         state: Annotated[bool, Port(help="whether a switch is on or off")] = True,
         number: Annotated[float | None, Port(help="value of a number")] = None,
-        within: Annotated[Time, Port(min="0 s", help="deadline of the PLC's acceptance")] = TIME("500 ms"),
+        within: Annotated[Time, Port(min="0 s", help="deadline of the PLC's acceptance")] = TIME(
+            "500 ms"
+        ),
     ) -> Work[None]:
         self.require_output(signal)
         signals, began = self.device(Signals), self.context.elapsed()

@@ -43,7 +43,13 @@ class SignalSkill(Skill):
         names = None if cell is None else cell.known(SignalNames)
         if names is None:
             return ()
-        return names.inputs if port in cls.input_ports else names.outputs if port in cls.output_ports else ()
+        return (
+            names.inputs
+            if port in cls.input_ports
+            else names.outputs
+            if port in cls.output_ports
+            else ()
+        )
 
     def reading(self, name: str, **data: object) -> bool | float:
         """Return an input's value. Fails with NO_SIGNAL: the cell has none; SIGNAL_UNKNOWN: it is past its deadline."""

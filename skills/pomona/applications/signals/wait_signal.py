@@ -40,7 +40,9 @@ class WaitSignal(SignalSkill):
             waited = self.context.elapsed() - began
             if waited >= within - 1e-9:
                 words = f"the signal '{signal}' was not {wanted} within {within:g} s; it is {_shown(value)}"
-                raise self.failure("SIGNAL_TIMEOUT", words, signal=signal, value=value, waited_s=waited)
+                raise self.failure(
+                    "SIGNAL_TIMEOUT", words, signal=signal, value=value, waited_s=waited
+                )
             yield f"waiting until '{signal}' is {wanted}; it is {_shown(value)}"
 
 

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from pomona.skills.grip.controller import GripController as GripController, warm_up as warm_up
     from pomona.skills.grip.grip import GripPhase as GripPhase, GripProblem as GripProblem
     from pomona.skills.grip.hold import Hold as Hold, take_over as take_over
-    from pomona.skills.grip.limit_surface import SoftContact as SoftContact, surface_table as surface_table
+    from pomona.skills.grip.limit_surface import (
+        SoftContact as SoftContact,
+        surface_table as surface_table,
+    )
     from pomona.skills.grip.settings import (
         ForceLoopSettings as ForceLoopSettings,
         GripSettings as GripSettings,

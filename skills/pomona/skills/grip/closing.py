@@ -31,11 +31,20 @@ class Closing:
     """
 
     def __init__(
-        self, settings: GripSettings, reference: ForceReference, tracker: ForceTracker, interval: float
+        self,
+        settings: GripSettings,
+        reference: ForceReference,
+        tracker: ForceTracker,
+        interval: float,
     ) -> None:
         """Take the time between two commands [s] besides the parts of the grip."""
         self.problem: GripProblem | None = None
-        self._settings, self._reference, self._tracker, self._interval = settings, reference, tracker, interval
+        self._settings, self._reference, self._tracker, self._interval = (
+            settings,
+            reference,
+            tracker,
+            interval,
+        )
         self._stuck, self._gone, self._reached = Timer(), Timer(), Timer()
         self._touched_at = self._last_width = math.nan
 
@@ -46,7 +55,11 @@ class Closing:
             now: state of the grip.
             speed: rate commanded before [m/s].
         """
-        wanted = self._ramp(now, speed) if self._reference.mode is GripMode.RAMP else self._close(now, speed)
+        wanted = (
+            self._ramp(now, speed)
+            if self._reference.mode is GripMode.RAMP
+            else self._close(now, speed)
+        )
         self._last_width = now.width
         return wanted
 
@@ -66,9 +79,13 @@ class Closing:
             self._touched_at = width
         at_end = width <= max(s.width_min + s.watch.stroke_end, s.narrowest)
         pushed = 0.5 * (self._touched_at - width)
-        if any(touch) and (pushed > s.off_centre or estimate.stronger > s.watch.push_limit or at_end):
+        if any(touch) and (
+            pushed > s.off_centre or estimate.stronger > s.watch.push_limit or at_end
+        ):
             side = ("left", "right")[touch[1]]
-            words = f"only the {side} finger touches: it pushed the fruit {1e3 * pushed:.1f} mm with"
+            words = (
+                f"only the {side} finger touches: it pushed the fruit {1e3 * pushed:.1f} mm with"
+            )
             message = f"{words} {estimate.stronger:.1f} N"
             return self.fail(now.problem("ONE_FINGER", message, pushed=pushed, width=width))
         if at_end:
@@ -86,14 +103,25 @@ class Closing:
     def _ramp(self, now: GripState, speed: float) -> float:
         s, estimate = self._settings, now.estimate
         if now.width <= s.width_min + s.watch.stroke_end and estimate.f_n < s.initial_force - 0.2:
-            message = f"the gripper's stroke ends at {1e3 * now.width:.1f} mm with {estimate.f_n:.1f} N"
-            return self.fail(now.problem("OUT_OF_STROKE", message, width=now.width, f_n=estimate.f_n))
-        if self._gone.update(estimate.weaker < s.watch.gone, self._interval) > 2.0 * s.watch.gone_after:
+            message = (
+                f"the gripper's stroke ends at {1e3 * now.width:.1f} mm with {estimate.f_n:.1f} N"
+            )
+            return self.fail(
+                now.problem("OUT_OF_STROKE", message, width=now.width, f_n=estimate.f_n)
+            )
+        if (
+            self._gone.update(estimate.weaker < s.watch.gone, self._interval)
+            > 2.0 * s.watch.gone_after
+        ):
             # A fruit that one finger pushes may hop to the other one and back: closing goes on, with its bounds.
             if estimate.stronger > s.watch.contact:
                 self._reference.close()
                 return 0.0
-            return self.fail(now.problem("NO_CONTACT", "the fruit slipped away while the force rose", width=now.width))
+            return self.fail(
+                now.problem(
+                    "NO_CONTACT", "the fruit slipped away while the force rose", width=now.width
+                )
+            )
         f_ref = self._reference.ramp(self._interval)
         is_reached = f_ref >= s.initial_force and estimate.f_n >= 0.9 * s.initial_force
         if self._reached.update(is_reached, self._interval) > 1.5 * self._interval:
@@ -122,7 +150,9 @@ class PadTouch:
 
     stamp: Annotated[float, TIME]  # of the sample, on the cell's clock [s]
     width: Annotated[float, LENGTH]  # opening between the pads' faces, which have given way [m]
-    force: Annotated[float, FORCE]  # force on this pad, the bias removed [N]; of a plain gripper, its motor's
+    force: Annotated[
+        float, FORCE
+    ]  # force on this pad, the bias removed [N]; of a plain gripper, its motor's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +162,9 @@ class PickTouches:
     fruit: str  # kind of the fruit
     left: PadTouch | None  # the finger on the side of the tool's y axis; None: it felt nothing
     right: PadTouch | None  # the other finger
-    closed: PadTouch | None  # where a plain gripper has stopped on the fruit: it does not feel its pads one by one
+    closed: (
+        PadTouch | None
+    )  # where a plain gripper has stopped on the fruit: it does not feel its pads one by one
     T_base_tcp: Pose  # the tool during the touches: z approach, y from the right to the left finger
     T_base_fruit: Pose  # the fruit as the camera has measured it
     T_base_camera: Pose  # the camera at that look
@@ -180,7 +212,11 @@ class TouchRecorder:
             self._count[side] += 1
             if self._count[side] == 1:
                 moved = state.speed * min(max(stamp - state.stamp, 0.0), OLDEST)
-                width = state.width + moved + pressed(self._pads, max(0.0, -float(wrenches[:, 2].sum())))
+                width = (
+                    state.width
+                    + moved
+                    + pressed(self._pads, max(0.0, -float(wrenches[:, 2].sum())))
+                )
                 self._begun[side] = PadTouch(stamp, float(width), float(forces[side]))
             if self._count[side] == LASTING and self.touches[side] is None:
                 self.touches[side] = self._begun[side]

@@ -17,7 +17,16 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.closing import Closing
 from pomona.skills.grip.estimate import Estimator, GripEstimate
-from pomona.skills.grip.grip import FREEZING, HELD, IN_HAND, GripMode, GripPhase, GripProblem, GripReading, UnfitSensor
+from pomona.skills.grip.grip import (
+    FREEZING,
+    HELD,
+    IN_HAND,
+    GripMode,
+    GripPhase,
+    GripProblem,
+    GripReading,
+    UnfitSensor,
+)
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.monitors import (
     FingerForceMonitor,
@@ -52,7 +61,9 @@ class GripController:
         rests: set by the caller while something else carries the fruit: fingers and reference stay as they are.
     """
 
-    def __init__(self, settings: GripSettings, modes: Callable[[Levels], Iterable[Mode]] = usual_modes) -> None:
+    def __init__(
+        self, settings: GripSettings, modes: Callable[[Levels], Iterable[Mode]] = usual_modes
+    ) -> None:
         self.settings = settings
         self.problem: GripProblem | None = None
         self.width, self.speed = math.nan, 0.0
@@ -70,7 +81,10 @@ class GripController:
         self._slips = SlipWatch(settings.slips, settings.rate)
         self._slip = SlipMonitor(settings, self._slips)
         saturation = SaturationMonitor(settings.watch)
-        self._before_hold: tuple[Monitor, ...] = (saturation, FingerForceMonitor(settings.loop.max_force))
+        self._before_hold: tuple[Monitor, ...] = (
+            saturation,
+            FingerForceMonitor(settings.loop.max_force),
+        )
         self._while_holding = hold_monitors(settings, self._sensors, saturation, self._slip)
         self._saturated = (False, False)
         self._pushed_samples = 0
@@ -111,8 +125,14 @@ class GripController:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Doubts about the stream and the grip, as sentences."""
-        frozen = (f"{self._reference.frozen}: the force is not lowered any more",) if self._reference.frozen else ()
-        alone = ("one finger's normal force jumped alone",) if self._sensors.has_pressed_alone else ()
+        frozen = (
+            (f"{self._reference.frozen}: the force is not lowered any more",)
+            if self._reference.frozen
+            else ()
+        )
+        alone = (
+            ("one finger's normal force jumped alone",) if self._sensors.has_pressed_alone else ()
+        )
         return (*self._guard.findings(), *frozen, *alone)
 
     @property
@@ -125,7 +145,9 @@ class GripController:
         estimate, watch = self.estimate, self.settings.watch
         if self.mode is GripMode.SLIDING:
             return max(estimate.f_n, estimate.stronger - watch.apart)
-        return 2.0 * estimate.stronger if has_dead_finger(estimate, self.mode, watch) else estimate.f_n
+        return (
+            2.0 * estimate.stronger if has_dead_finger(estimate, self.mode, watch) else estimate.f_n
+        )
 
     @property
     def is_carried(self) -> bool:
@@ -176,7 +198,15 @@ class GripController:
     def row(self) -> tuple[float, ...]:
         """Return one row of `GripSamples`."""
         e = self.estimate
-        return self._guard.stamp, e.f_n, self._reference.f_ref, e.f_least, e.f_t, e.slip_speed, self.width
+        return (
+            self._guard.stamp,
+            e.f_n,
+            self._reference.f_ref,
+            e.f_least,
+            e.f_t,
+            e.slip_speed,
+            self.width,
+        )
 
     def pivot(self, on: bool) -> None:
         """While holding: let the fruit turn under gravity until it hangs plumb, or hold it again as it hangs."""
@@ -188,13 +218,18 @@ class GripController:
         if self._reference.slide(force) and force is None:
             self._start_slip_detection()
 
-    def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+    def set_friction(
+        self, contact: SoftContact, mu_uncertainty: float, initial_force: float
+    ) -> None:
         """Use another friction, and another force until the fruit is carried [N].
 
         The shape of the pressure stays as it was.
         """
         self.settings = replace(
-            self.settings, contact=contact, mu_uncertainty=mu_uncertainty, initial_force=initial_force
+            self.settings,
+            contact=contact,
+            mu_uncertainty=mu_uncertainty,
+            initial_force=initial_force,
         )
         self._estimator.set_friction(contact)
         self._reference.set_friction(self.settings)
@@ -202,7 +237,11 @@ class GripController:
     # ---------------------------------------------------------------------------------------------- stepping
 
     def step(
-        self, stamp: float, sequence: int, wrenches: Float64, saturated: tuple[bool, bool] = (False, False)
+        self,
+        stamp: float,
+        sequence: int,
+        wrenches: Float64,
+        saturated: tuple[bool, bool] = (False, False),
     ) -> float | None:
         """Take one sample.
 
@@ -261,7 +300,9 @@ class GripController:
         s, is_carried, in_hand = self.settings, self.is_carried, self.mode in IN_HAND
         expected = 0.0
         if in_hand or self.mode is GripMode.RAMP:
-            expected = self._tracker.expected(self.speed, self.estimate.f_n, self._guard.period, sample.periods)
+            expected = self._tracker.expected(
+                self.speed, self.estimate.f_n, self._guard.period, sample.periods
+            )
         may_be_pushed = is_carried and self.mode in HELD
         estimate = self._estimator.advance(sample.wrenches, sample.periods, expected, may_be_pushed)
         now = self._now(sample)
@@ -282,7 +323,15 @@ class GripController:
     def _now(self, sample: GripSample) -> GripState:
         reference, estimate = self._reference, self.estimate
         is_dead = has_dead_finger(estimate, reference.mode, self.settings.watch)
-        return GripState(sample, estimate, reference.mode, self.width, reference.wanted, reference.for_weight, is_dead)
+        return GripState(
+            sample,
+            estimate,
+            reference.mode,
+            self.width,
+            reference.wanted,
+            reference.for_weight,
+            is_dead,
+        )
 
     def _watch_hold(self, now: GripState) -> None:
         self.problem = first_problem(self._while_holding, now)
@@ -315,7 +364,10 @@ class GripController:
         """
         s, contact = self.settings.slips, self.settings.contact
         share = self.estimate.f_least / max(self.estimate.f_n, 0.1)
-        if self.settings.law is not ForceLaw.SLIP_AVOIDANCE or not s.least_ratio < share < s.sure_ratio:
+        if (
+            self.settings.law is not ForceLaw.SLIP_AVOIDANCE
+            or not s.least_ratio < share < s.sure_ratio
+        ):
             return
         self.friction_share *= share
         self.settings = replace(self.settings, contact=replace(contact, mu=share * contact.mu))
@@ -328,17 +380,27 @@ class GripController:
         if self.mode is GripMode.BIAS:
             return 0.0
         estimate = self.estimate
-        self._sensors.compare_with_motor(estimate.force_sum, self.motor_force, self._timing.interval)
+        self._sensors.compare_with_motor(
+            estimate.force_sum, self.motor_force, self._timing.interval
+        )
         if self.mode in (GripMode.CLOSING, GripMode.RAMP):
             return self._close(self._now(sample))
         is_gone = estimate.stronger < self.settings.watch.gone
-        if self.mode not in IN_HAND or self.rests or any(sample.saturated) or self._sensors.no_signal or is_gone:
+        if (
+            self.mode not in IN_HAND
+            or self.rests
+            or any(sample.saturated)
+            or self._sensors.no_signal
+            or is_gone
+        ):
             return 0.0
         return self._track(may_open=not self.is_frozen and not estimate.one_presses_more)
 
     def _close(self, now: GripState) -> float:
         closing = self._closing
-        speed = closing.command(now, self.speed) if self._found is None else closing.fail(self._found)
+        speed = (
+            closing.command(now, self.speed) if self._found is None else closing.fail(self._found)
+        )
         self.problem = closing.problem
         if self.mode not in HELD:
             return speed

@@ -188,7 +188,18 @@ class GripEstimate(NamedTuple):
 
 @njit(cache=True)
 def estimate_sample(  # type: ignore[no-untyped-def]
-    memory, raw, periods, expected, is_carried, noise, rates, friction, filters, observer, dynamic, allowance
+    memory,
+    raw,
+    periods,
+    expected,
+    is_carried,
+    noise,
+    rates,
+    friction,
+    filters,
+    observer,
+    dynamic,
+    allowance,
 ):
     """Return the estimate after one raw sample.
 
@@ -208,7 +219,9 @@ def estimate_sample(  # type: ignore[no-untyped-def]
     unknown = (allowance.lever, push, push_lever, filters.farthest_centre)
     left = loads_in_noise(smoothed[0], noise.variance, friction, unknown)
     right = loads_in_noise(smoothed[1], noise.variance, friction, unknown)
-    omega, z, integral, centre, f_nd = observe_finger_loads(left, right, periods, rates, observer, dynamic, memory)
+    omega, z, integral, centre, f_nd = observe_finger_loads(
+        left, right, periods, rates, observer, dynamic, memory
+    )
 
     load = (left.f_x + right.f_x, left.f_y + right.f_y)
     f_t = math.hypot(left.f_x + right.f_x, left.f_y + right.f_y)
@@ -223,7 +236,9 @@ def estimate_sample(  # type: ignore[no-untyped-def]
         push_now = max(f_t - (1.0 + filters.push_ratio) * f_t_before - noise.push, 0.0)
     f_t_calm, tau_calm, push_left = calm_load(f_t, tau_n, push_now, periods, memory, rates, filters)
 
-    jumps_of_one, change_left, change_right = jumps_of_one_finger(memory, fast, slow, periods, noise, rates, filters)
+    jumps_of_one, change_left, change_right = jumps_of_one_finger(
+        memory, fast, slow, periods, noise, rates, filters
+    )
     shear_jump, press_jump_of_one, contact_jump = jumps_of_one
     press_jump_of_both = 0.0
     if not is_contact(fast, slow, noise.band, 0.0, filters.aside):
@@ -236,18 +251,48 @@ def estimate_sample(  # type: ignore[no-untyped-def]
     lever = f_t / max(left.f_n + right.f_n, 0.4)
     unfiltered = np.empty(6)
     for j in range(6):
-        unfiltered[j] = 0.5 * (raw[0, j] - noise.bias[0, j] + MIRROR[j] * (raw[1, j] - noise.bias[1, j]))
+        unfiltered[j] = 0.5 * (
+            raw[0, j] - noise.bias[0, j] + MIRROR[j] * (raw[1, j] - noise.bias[1, j])
+        )
     tau_std = math.sqrt(2.0 * (noise.variance[5] + lever * lever * noise.variance[4]))
     f_least_std = math.sqrt(left.least_variance + right.least_variance)
-    rise, cautious, reserved = f_least - f_least_before, left.cautious + right.cautious, left.reserved + right.reserved
+    rise, cautious, reserved = (
+        f_least - f_least_before,
+        left.cautious + right.cautious,
+        left.reserved + right.reserved,
+    )
     twist = min(max(f_least / max(f_coulomb, 0.1) - 1.0, 0.0), filters.twist_bound)
     slip_speed = abs(omega) * centre
-    averages = (f_t, f_t_before, f_least_before, f_t_calm, tau_calm, push_left, change_left, change_right)
+    averages = (
+        f_t,
+        f_t_before,
+        f_least_before,
+        f_t_calm,
+        tau_calm,
+        push_left,
+        change_left,
+        change_right,
+    )
     memory = Memory(fast, slow, True, omega, z, integral, centre, *averages)
     jumps = (shear_jump, press_jump_of_one, press_jump_of_both, contact_jump, one_presses_more)
-    forces = (left.f_n, right.f_n, f_n, f_t, load, tau_n, tau_std, f_least, f_least_std, rise, f_coulomb, cautious)
+    forces = (
+        left.f_n,
+        right.f_n,
+        f_n,
+        f_t,
+        load,
+        tau_n,
+        tau_std,
+        f_least,
+        f_least_std,
+        rise,
+        f_coulomb,
+        cautious,
+    )
     others = (reserved, twist, f_nd, slip_speed, push_now)
-    return GripEstimate(*(forces + others + jumps + (noise.f_n_band, noise.bias_std, unfiltered, memory)))
+    return GripEstimate(
+        *(forces + others + jumps + (noise.f_n_band, noise.bias_std, unfiltered, memory))
+    )
 
 
 class Estimator:
@@ -276,14 +321,18 @@ class Estimator:
         variance = modes.var(axis=0).sum(axis=0) * rates.load / (2.0 - rates.load)
         apart = float(modes[:, 1, 2].var()) * rates.normal / (2.0 - rates.normal)
         of_mean = samples.var(axis=0).sum(axis=0) / len(samples)
-        normal_variance = float(modes[:, :, 2].var(axis=0).sum()) * rates.normal / (2.0 - rates.normal)
+        normal_variance = (
+            float(modes[:, :, 2].var(axis=0).sum()) * rates.normal / (2.0 - rates.normal)
+        )
         noise = NoiseModel(
             bias=samples.mean(axis=0),
             band=share * modes.std(axis=0) * fast_std,
             variance=variance,
             difference_variance=4.0 * apart,
             f_n_band=4.0 * math.sqrt(normal_variance),
-            bias_std=math.sqrt(float(of_mean[2] + 0.5 * (of_mean[0] + of_mean[1]) / self._model.friction.mu**2)),
+            bias_std=math.sqrt(
+                float(of_mean[2] + 0.5 * (of_mean[0] + of_mean[1]) / self._model.friction.mu**2)
+            ),
             push=self._filters.push_stds * math.sqrt(float(variance[0] + variance[1])),
         )
         self._model = self._model._replace(noise=noise)
@@ -298,9 +347,13 @@ class Estimator:
         memory = self.estimate.memory._replace(is_started=False)
         self.estimate = self.estimate._replace(memory=memory)
 
-    def advance(self, raw: Float64, periods: int = 1, expected: float = 0.0, is_carried: bool = False) -> GripEstimate:
+    def advance(
+        self, raw: Float64, periods: int = 1, expected: float = 0.0, is_carried: bool = False
+    ) -> GripEstimate:
         """Take one raw sample; the arguments are those of `estimate_sample`."""
-        self.estimate = estimate_sample(self.estimate.memory, raw, periods, expected, is_carried, *self._model)
+        self.estimate = estimate_sample(
+            self.estimate.memory, raw, periods, expected, is_carried, *self._model
+        )
         return self.estimate
 
 

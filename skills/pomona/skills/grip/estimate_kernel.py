@@ -96,7 +96,9 @@ def loads_in_noise(wrench, variance, friction, unknown):  # type: ignore[no-unty
     friction_torque = torsion * pressing ** (gamma + 1.0) * tau_tilde
     friction_force = mu * pressing * f_tilde
     at_centre = (centre, friction_torque, friction_force)
-    return _FingerLoads(f_n, f_x, f_y, f_t, tau_n, least, least_variance, cautious, reserved, *at_centre)
+    return _FingerLoads(
+        f_n, f_x, f_y, f_t, tau_n, least, least_variance, cautious, reserved, *at_centre
+    )
 
 
 @njit(cache=True)
@@ -106,7 +108,11 @@ def observe_finger_loads(left, right, periods, rates, observer, dynamic, memory)
     if memory.is_started:
         centre = memory.centre + min(periods * rates.centre, 1.0) * (centre - memory.centre)
     y = abs(left.tau_n) + abs(right.tau_n) + centre * (left.f_t + right.f_t)
-    g = left.friction_torque + right.friction_torque + centre * (left.friction_force + right.friction_force)
+    g = (
+        left.friction_torque
+        + right.friction_torque
+        + centre * (left.friction_force + right.friction_force)
+    )
     omega, z, integral = memory.omega, memory.z, memory.integral
     if not memory.is_started:
         omega, z, integral = 0.0, y / observer.sigma0, 0.0
@@ -136,7 +142,9 @@ def jumps_of_one_finger(memory, fast, slow, periods, noise, rates, filters):  # 
     for sign, (jumped, pressed), other, other_recent in sides:
         if is_contact(fast, slow, noise.band, sign, filters.aside):
             contact = max(contact, jumped, pressed)
-        elif other <= filters.quiet and other_recent <= max(filters.quiet, filters.swing * max(jumped, pressed)):
+        elif other <= filters.quiet and other_recent <= max(
+            filters.quiet, filters.swing * max(jumped, pressed)
+        ):
             normal = max(normal, pressed)
             tangential = max(tangential, jumped)
     return (tangential, normal, contact), change_left, change_right
@@ -147,7 +155,11 @@ def _changes(fast, slow, band, sign):  # type: ignore[no-untyped-def]
     """Fast changes of a finger's tangential and normal force beyond noise [N]; `sign` as in `is_contact`."""
     tangential = normal = 0.0
     for j in range(3):
-        change = abs(fast[0, j] - slow[0, j] + sign * (fast[1, j] - slow[1, j])) - band[0, j] - band[1, j]
+        change = (
+            abs(fast[0, j] - slow[0, j] + sign * (fast[1, j] - slow[1, j]))
+            - band[0, j]
+            - band[1, j]
+        )
         if j < 2:
             tangential = max(tangential, change)
         else:

@@ -54,13 +54,20 @@ class GripMode(Enum):
         return GripPhase.HOLDING if self in HELD else GripPhase[self.name]
 
 
-HELD = (GripMode.STANDING, GripMode.LIFTING, GripMode.CARRIED, GripMode.CATCHING)  # modes of `HOLDING`
+HELD = (
+    GripMode.STANDING,
+    GripMode.LIFTING,
+    GripMode.CARRIED,
+    GripMode.CATCHING,
+)  # modes of `HOLDING`
 HANGING = (GripMode.CARRIED, GripMode.CATCHING)  # modes of a fruit that hangs in the fingers
 REQUESTED = (GripMode.PIVOTING, GripMode.SLIDING)  # modes that a skill starts and ends
 IN_HAND = (*HELD, *REQUESTED)  # modes of a fruit in hand
 
 
-FREEZING = frozenset({"SENSOR_FAULT", "ONE_FINGER"})  # problems after which the force of a held fruit never falls again
+FREEZING = frozenset(
+    {"SENSOR_FAULT", "ONE_FINGER"}
+)  # problems after which the force of a held fruit never falls again
 
 LIES = frozenset({"SENSOR_FAULT", "SENSOR_STALE", "SENSOR_SATURATED", "ONE_FINGER"})
 """Problems of a held fruit that make the readings of the fingers unusable."""

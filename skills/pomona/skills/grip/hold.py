@@ -29,7 +29,15 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.closing import PadTouch, TouchRecorder
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.estimate import GripEstimate
-from pomona.skills.grip.grip import IN_HAND, LIES, GripMode, GripPhase, GripProblem, GripReading, GripSamples
+from pomona.skills.grip.grip import (
+    IN_HAND,
+    LIES,
+    GripMode,
+    GripPhase,
+    GripProblem,
+    GripReading,
+    GripSamples,
+)
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.pads import MIRROR
 from pomona.skills.grip.sensor import EARLIEST, STALE_AFTER
@@ -45,7 +53,11 @@ class Hold:
     """A grip under control. `SlipAvoidGrasp` makes it, `take_over` ends it."""
 
     def __init__(
-        self, gripper: Gripper, sensor: ForceSensor, controller: GripController, now: Callable[[], float]
+        self,
+        gripper: Gripper,
+        sensor: ForceSensor,
+        controller: GripController,
+        now: Callable[[], float],
     ) -> None:
         """Take the fingers over from an earlier grip session and start with the next sample.
 
@@ -145,7 +157,9 @@ class Hold:
             newest = max(self._controller.usable_until, self._started)
             age = self._now() - newest
             if age > STALE_AFTER:
-                message = f"fingers: no valid sample for {1e3 * age:.0f} ms; the grip is kept as it is"
+                message = (
+                    f"fingers: no valid sample for {1e3 * age:.0f} ms; the grip is kept as it is"
+                )
                 return GripProblem("SENSOR_STALE", message, newest, {"age_s": age})
         return self._controller.problem or self._device_problem
 
@@ -196,7 +210,9 @@ class Hold:
                 self._controller.rests = False
 
     @command
-    def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+    def set_friction(
+        self, contact: SoftContact, mu_uncertainty: float, initial_force: float
+    ) -> None:
         """Use another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
         with self._lock:
             self._controller.set_friction(contact, mu_uncertainty, initial_force)
@@ -240,17 +256,23 @@ class Hold:
             if controller.wants_width:
                 state = self._gripper.state()
                 controller.width, controller.motor_force = state.width, state.motor_force
-            if sample.stamp > self._now() + EARLIEST:  # else all later samples would be out of order
+            if (
+                sample.stamp > self._now() + EARLIEST
+            ):  # else all later samples would be out of order
                 self._report_sensor_fault()
                 return
             if self._floor is not None and np.isfinite(sample.wrenches).all():
                 self._rest(self._floor.look(sample.wrenches))
             # a copy: the loops are compiled for arrays that can be written
-            speed = controller.step(sample.stamp, sample.sequence, sample.wrenches.copy(), sample.saturated)
+            speed = controller.step(
+                sample.stamp, sample.sequence, sample.wrenches.copy(), sample.saturated
+            )
             if speed is not None:
                 self._command(0.0 if self._stands else speed)
             if controller.mode in (GripMode.CLOSING, GripMode.RAMP) and not self._touches.complete:
-                self._touches.take(sample.stamp, sample.wrenches - controller.bias, self._gripper.state())
+                self._touches.take(
+                    sample.stamp, sample.wrenches - controller.bias, self._gripper.state()
+                )
             self._report_sensor_fault()
             self._seen += 1
             if self._seen % self._record_every == 0:
@@ -269,7 +291,8 @@ class Hold:
         """Report unusable readings to the driver once, which ends the run; the grip is kept."""
         problem = None if self._controller.rests else self.problem
         lies = problem is not None and (
-            problem.code == "SENSOR_FAULT" or (problem.code in LIES and self._controller.mode in IN_HAND)
+            problem.code == "SENSOR_FAULT"
+            or (problem.code in LIES and self._controller.mode in IN_HAND)
         )
         if lies and not self._sensor_fault_reported and problem is not None:
             self._sensor.distrust(problem.message)
@@ -282,7 +305,9 @@ class Hold:
             self._device_problem = None
         except DeviceError as refused:
             stamp = self._controller.reading.stamp
-            self._device_problem = GripProblem("LOST", f"gripper: the speed was refused: {refused}", stamp)
+            self._device_problem = GripProblem(
+                "LOST", f"gripper: the speed was refused: {refused}", stamp
+            )
 
 
 def current_hold(gripper: Gripper) -> Hold | None:

@@ -24,7 +24,9 @@ from scipy.special import beta, ellipe, ellipkm1, gamma
 
 from pomona.executive.values.arrays import Float64
 
-NODES = 1025  # nodes of the table, uniform in c_tilde / (1 + c_tilde), within 1e-5 of the exact surface
+NODES = (
+    1025  # nodes of the table, uniform in c_tilde / (1 + c_tilde), within 1e-5 of the exact surface
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,9 @@ class SoftContact:
             ("k", self.k, 1.0, 100.0),
         ):
             if not low <= value <= high:
-                raise ValueError(f"{name} of a soft contact must lie in {low:g} … {high:g}, not {value:g}")
+                raise ValueError(
+                    f"{name} of a soft contact must lie in {low:g} … {high:g}, not {value:g}"
+                )
 
     @classmethod
     def with_linear_torsion(cls, mu: float, radius: float) -> SoftContact:
@@ -235,14 +239,20 @@ def least_force(f_t: ArrayLike, tau_n: ArrayLike, contact: SoftContact) -> Float
 
 
 def grasp_force(
-    f_t: tuple[float, float], tau_n: tuple[float, float], contact: SoftContact, margin: float = 1.1, floor: float = 0.5
+    f_t: tuple[float, float],
+    tau_n: tuple[float, float],
+    contact: SoftContact,
+    margin: float = 1.1,
+    floor: float = 0.5,
 ) -> float:
     """Return f_ns of a two-finger grasp [N]: `margin` times both fingers' minimum forces, at least `floor`."""
     return max(floor, margin * float(np.sum(least_force(np.array(f_t), np.array(tau_n), contact))))
 
 
 NO_BRUISE = 0.10e6  # contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)
-PAD_MODULUS = 1.0e6  # of the contact of a pad and an apple [Pa]: 8 N on a fruit of 76 mm give that pressure
+PAD_MODULUS = (
+    1.0e6  # of the contact of a pad and an apple [Pa]: 8 N on a fruit of 76 mm give that pressure
+)
 
 
 def pressure(f_n: float, contact: SoftContact | None = None) -> float:

@@ -25,7 +25,9 @@ from pomona.skills.grip.pads import LEVER_LOAD, MIRROR
 from pomona.skills.grip.sensor import GripSample, SensorWatch, Timer
 from pomona.skills.grip.settings import GripSettings, SlipWatchSettings, WatchSettings
 
-LEAST_FORCE = 0.15  # mean normal force of the fingers below which the centre of pressure is unknown [N]
+LEAST_FORCE = (
+    0.15  # mean normal force of the fingers below which the centre of pressure is unknown [N]
+)
 
 
 class SlipWatch:
@@ -71,7 +73,12 @@ class SlipWatch:
         """
         self._samples += periods
         weakest = _average(
-            estimate.unfiltered, self._samples, min(periods, 10), self._shares, self._means, self._places
+            estimate.unfiltered,
+            self._samples,
+            min(periods, 10),
+            self._shares,
+            self._means,
+            self._places,
         )
         if weakest < LEAST_FORCE:
             return False
@@ -89,13 +96,18 @@ class SlipWatch:
             self._lever_slow = self._lever_fast
             # Count from here: the rising force brings the fruit to rest, which is no further slip.
             if not math.isnan(self._origin[0]):
-                self._slipped_before += math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1])
+                self._slipped_before += math.hypot(
+                    places[0, 0] - self._origin[0], places[0, 1] - self._origin[1]
+                )
                 self._origin[:] = places[0]
         return slides or turns
 
     def _slides(self, places: Float64, pressing: Float64, is_carried: bool) -> bool:
         s = self._settings
-        if not math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1]) > s.moved_far:
+        if (
+            not math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1])
+            > s.moved_far
+        ):
             return False
         for fast, slow in ((0, 1), (1, 2)):
             if slow == 2 and not is_carried:
@@ -119,8 +131,12 @@ class SlipWatch:
             self._lever_fast = self._lever_slow = lever
         self._carried_for += periods * self._period
         slow_lag = min(s.lever_lags[1], max(self._carried_for, s.lever_lags[0]))
-        self._lever_fast += (1.0 - math.exp(-periods * self._period / s.lever_lags[0])) * (lever - self._lever_fast)
-        self._lever_slow += (1.0 - math.exp(-periods * self._period / slow_lag)) * (lever - self._lever_slow)
+        self._lever_fast += (1.0 - math.exp(-periods * self._period / s.lever_lags[0])) * (
+            lever - self._lever_fast
+        )
+        self._lever_slow += (1.0 - math.exp(-periods * self._period / slow_lag)) * (
+            lever - self._lever_slow
+        )
         moved = abs(self._lever_fast - self._lever_slow)
         noise = s.lever_stds * estimate.tau_std / estimate.f_t
         least = max(s.lever_moved, s.lever_ratio * abs(self._lever_slow), noise)
@@ -226,9 +242,14 @@ class SaturationMonitor:
         self._limits, self._saturated = limits, Timer()
 
     def check(self, now: GripState) -> GripProblem | None:
-        if self._saturated.update(any(now.sample.saturated), now.sample.elapsed) <= self._limits.saturated_after:
+        if (
+            self._saturated.update(any(now.sample.saturated), now.sample.elapsed)
+            <= self._limits.saturated_after
+        ):
             return None
-        message = "a finger's channel is at the end of its range; the force is neither raised nor lowered"
+        message = (
+            "a finger's channel is at the end of its range; the force is neither raised nor lowered"
+        )
         return now.problem("SENSOR_SATURATED", message, force_n=now.counted_force)
 
 
@@ -240,7 +261,10 @@ class GoneMonitor:
 
     def check(self, now: GripState) -> GripProblem | None:
         estimate = now.estimate
-        if self._gone.update(estimate.stronger < self._limits.gone, now.sample.elapsed) <= self._limits.gone_after:
+        if (
+            self._gone.update(estimate.stronger < self._limits.gone, now.sample.elapsed)
+            <= self._limits.gone_after
+        ):
             return None
         message = f"the fruit is gone: {estimate.left:.2f} N and {estimate.right:.2f} N at {1e3 * now.width:.1f} mm"
         return now.problem("LOST", message, width_m=now.width)
@@ -256,7 +280,9 @@ class DeadFingerMonitor:
         if self._dead.update(now.has_dead_finger, now.sample.elapsed) <= self._limits.gone_after:
             return None
         left, right = now.estimate.left, now.estimate.right
-        message = f"one finger reads no force any more ({left:.2f} N, {right:.2f} N); the grip is kept"
+        message = (
+            f"one finger reads no force any more ({left:.2f} N, {right:.2f} N); the grip is kept"
+        )
         return now.problem("ONE_FINGER", message, left_force_n=left, right_force_n=right)
 
 
@@ -283,7 +309,9 @@ class SlipMonitor:
         slip = max(self.slip, 0.0 if slides or pivots else self._slips.slipped)
         if slip <= self._slip_limit and beyond <= limits.beyond_after:
             return None
-        message = f"the fruit slips: about {1e3 * slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
+        message = (
+            f"the fruit slips: about {1e3 * slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
+        )
         return now.problem("SLIPPED", message, slip_m=slip, least_force_n=needed)
 
 
@@ -297,7 +325,11 @@ class NeededForceMonitor:
         if now.f_wanted <= self._max_force:
             return None
         message = f"the load needs {now.f_wanted:.1f} N, the limit is {self._max_force:.1f} N"
-        data = {"wanted_force_n": now.f_wanted, "for_weight_alone_n": now.f_for_weight, "limit_n": self._max_force}
+        data = {
+            "wanted_force_n": now.f_wanted,
+            "for_weight_alone_n": now.f_for_weight,
+            "limit_n": self._max_force,
+        }
         return now.problem("FORCE_LIMIT", message, **data)
 
 
@@ -311,5 +343,7 @@ class FingerForceMonitor:
         left, right = now.estimate.left, now.estimate.right
         if max(left, right) <= 0.5 * self._max_force:
             return None
-        message = f"a finger reads {max(left, right):.1f} N, more than half of {self._max_force:.1f} N"
+        message = (
+            f"a finger reads {max(left, right):.1f} N, more than half of {self._max_force:.1f} N"
+        )
         return now.problem("FORCE_LIMIT", message, left=left, right=right)

@@ -74,7 +74,9 @@ def _observe_all(y, g, J, settings, substeps, step, result):  # type: ignore[no-
         result[i] = omega
 
 
-def observe_slip(y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSettings, rate: float = 500.0) -> Float64:
+def observe_slip(
+    y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSettings, rate: float = 500.0
+) -> Float64:
     """Return the estimated slip velocity for arrays of samples, from rest under the first one.
 
     Args:
@@ -86,7 +88,9 @@ def observe_slip(y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSet
     Returns:
         omega after each sample, shape (n,) [rad/s].
     """
-    torque, friction, inertia = (np.ascontiguousarray(a, np.float64) for a in np.broadcast_arrays(y, g, J))
+    torque, friction, inertia = (
+        np.ascontiguousarray(a, np.float64) for a in np.broadcast_arrays(y, g, J)
+    )
     result = np.empty(torque.size)
     substeps = steps_in_a_sample(rate)
     step = 1.0 / rate / substeps
@@ -111,7 +115,9 @@ def answer_slip(integral, omega_before, omega, settings, step):  # type: ignore[
     """Return (integral, f_nd) one step [s] later."""
     ki, bound = settings.ki, settings.bound
     half_leak = 0.5 * step * ki / settings.kdc
-    integral = ((1.0 - half_leak) * integral + 0.5 * step * ki * (omega_before + omega)) / (1.0 + half_leak)
+    integral = ((1.0 - half_leak) * integral + 0.5 * step * ki * (omega_before + omega)) / (
+        1.0 + half_leak
+    )
     integral = min(max(integral, -bound), bound)
     return integral, min(abs(settings.kp * omega + integral), bound)
 

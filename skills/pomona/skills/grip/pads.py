@@ -80,6 +80,8 @@ def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:
     """
     w = np.asarray(wrenches, np.float64)
     flat = w.reshape(-1, 2, 6)
-    rows = np.array([[loads_of_finger(pair[0]), loads_of_finger(MIRROR * pair[1])] for pair in flat])
+    rows = np.array(
+        [[loads_of_finger(pair[0]), loads_of_finger(MIRROR * pair[1])] for pair in flat]
+    )
     rows = rows.reshape(*w.shape[:-1], 4)
     return rows[..., 0], np.hypot(rows[..., 1], rows[..., 2]), rows[..., 3]

@@ -47,10 +47,14 @@ class Levels:
     def set_friction(self, settings: GripSettings) -> None:
         """Take settings with another friction."""
         self.settings, self.tuned = settings, settings.reference
-        self.margin = max(settings.margin, self.tuned.least_margin * (1.0 + settings.mu_uncertainty))
+        self.margin = max(
+            settings.margin, self.tuned.least_margin * (1.0 + settings.mu_uncertainty)
+        )
         self.bias_stds = self.tuned.bias_stds if self.margin > settings.margin else 0.0
         load = 0.5 * settings.expected_load
-        self._for_expected_load = 2.0 * float(least_force(load, load * settings.offset, settings.contact))
+        self._for_expected_load = 2.0 * float(
+            least_force(load, load * settings.offset, settings.contact)
+        )
 
     def drop_urgent(self) -> None:
         """Forget the momentary part."""
@@ -62,7 +66,12 @@ class Levels:
         return self.held
 
     def follow(
-        self, wanted: float, answer: float, elapsed: float, lowest: float = 0.0, fall_rate: float | None = None
+        self,
+        wanted: float,
+        answer: float,
+        elapsed: float,
+        lowest: float = 0.0,
+        fall_rate: float | None = None,
     ) -> float:
         """Follow a wanted force and a momentary answer, and return the reference [N].
 
@@ -117,11 +126,17 @@ class Levels:
         """Return the momentary force of slip avoidance [N]: dynamic term, rise of the load, and lack of force."""
         s, tuned = self.settings, self.tuned
         missing = max(estimate.f_least - tuned.edge * force_coming - estimate.f_n_band, 0.0)
-        coming = tuned.lead * (1.0 + estimate.twist) * max(estimate.f_least_rise - estimate.f_n_band, 0.0)
+        coming = (
+            tuned.lead
+            * (1.0 + estimate.twist)
+            * max(estimate.f_least_rise - estimate.f_n_band, 0.0)
+        )
         if estimate.f_t < s.expected_load:
             coming = min(coming, max(self._for_expected_load - estimate.f_least, 0.0))
         # Force beyond the need is not added twice, except where the load twists: its moment is still to come.
-        spare = max(1.0 - estimate.twist, 0.0) * max(force_coming - self.margin * estimate.f_least, 0.0)
+        spare = max(1.0 - estimate.twist, 0.0) * max(
+            force_coming - self.margin * estimate.f_least, 0.0
+        )
         bound = tuned.most_doubtful
         if self.may_fall:
             bound = min(tuned.urgent_base + estimate.f_least, tuned.most_urgent)
@@ -179,7 +194,9 @@ class LiftingMode(Mode):
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
         levels, tuned = self._levels, self._levels.tuned
-        is_steady = estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
+        is_steady = (
+            estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
+        )
         if estimate.f_t < tuned.carried_load:
             self._loaded_for = 0.0
         elif is_steady:  # a rising load neither counts nor starts again
@@ -235,7 +252,9 @@ class CarriedMode(Mode):
         """Return the static part without the noise of a light fruit [N]."""
         tuned = self._levels.tuned
         is_rising = math.isnan(self._steady.value) or static > self._steady.value
-        steady = self._steady.update(static, elapsed, tuned.rise_average if is_rising else tuned.fall_average)
+        steady = self._steady.update(
+            static, elapsed, tuned.rise_average if is_rising else tuned.fall_average
+        )
         creep = tuned.creep_gain * self._creep(estimate, elapsed) * estimate.f_coulomb
         noise = tuned.average_stds * self._levels.margin * estimate.f_least_std
         return steady + max(static - steady - noise, 0.0) + creep
@@ -243,7 +262,10 @@ class CarriedMode(Mode):
     def _creep(self, estimate: GripEstimate, elapsed: float) -> float:
         """Return the growth of the ratio of minimum force to Coulomb's force, beyond noise."""
         ratio = estimate.f_least / max(estimate.f_coulomb, 0.1)
-        fast, slow = self._twist_fast.update(ratio, elapsed), self._twist_slow.update(ratio, elapsed)
+        fast, slow = (
+            self._twist_fast.update(ratio, elapsed),
+            self._twist_slow.update(ratio, elapsed),
+        )
         return max(fast - slow - self._levels.tuned.creep_noise, 0.0)
 
 
@@ -263,7 +285,10 @@ class CatchingMode(Mode):
         f_ref = self._carried.follow(estimate, force_coming, elapsed)
         tuned = self._levels.tuned
         if self._levels.is_pushed_off(estimate):
-            more = min(tuned.push_gain * estimate.push / self._levels.settings.contact.mu, tuned.most_urgent)
+            more = min(
+                tuned.push_gain * estimate.push / self._levels.settings.contact.mu,
+                tuned.most_urgent,
+            )
             self._caught = max(self._caught, estimate.f_n + more)
         elif estimate.push == 0.0:
             self._caught -= min(tuned.excess_gain * elapsed, 1.0) * self._caught
@@ -271,7 +296,9 @@ class CatchingMode(Mode):
 
     def next_mode(self, estimate: GripEstimate) -> GripMode:
         levels = self._levels
-        if levels.may_fall and (self._caught > levels.settings.floor or levels.is_pushed_off(estimate)):
+        if levels.may_fall and (
+            self._caught > levels.settings.floor or levels.is_pushed_off(estimate)
+        ):
             return self.mode
         self._caught = 0.0
         return GripMode.CARRIED
@@ -287,7 +314,9 @@ class PivotingMode(Mode):
         missing = max(estimate.f_coulomb - tuned.edge * force_coming, 0.0)
         answer = min(tuned.edge_gain * missing, tuned.most_urgent)
         levels.for_weight = levels.margin * estimate.f_coulomb
-        return levels.follow(tuned.pivot_margin * estimate.f_coulomb, answer, elapsed, fall_rate=tuned.pivot_rate)
+        return levels.follow(
+            tuned.pivot_margin * estimate.f_coulomb, answer, elapsed, fall_rate=tuned.pivot_rate
+        )
 
 
 class SlidingMode(Mode):
@@ -320,7 +349,9 @@ class ForceReference:
         frozen: reason why the reference may not fall any more; empty while it may.
     """
 
-    def __init__(self, settings: GripSettings, modes: Callable[[Levels], Iterable[Mode]] = usual_modes) -> None:
+    def __init__(
+        self, settings: GripSettings, modes: Callable[[Levels], Iterable[Mode]] = usual_modes
+    ) -> None:
         self.f_ref = 0.0
         self.mode = GripMode.BIAS
         self.frozen = ""

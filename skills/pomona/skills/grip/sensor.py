@@ -25,7 +25,9 @@ STALE_AFTER = 0.05
 """A stream without a valid sample for this long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
 
 EARLIEST = 0.02  # a sample whose timestamp lies further in the future is rejected [s]
-LONGEST_CATCH_UP = 0.02  # after a gap the filters run on with the new sample for at most this long [s]
+LONGEST_CATCH_UP = (
+    0.02  # after a gap the filters run on with the new sample for at most this long [s]
+)
 RESTART_AFTER = 0.05  # a sequence that falls back with a timestamp this much later comes from a restarted sensor [s]
 
 
@@ -36,7 +38,10 @@ class GripSample(NamedTuple):
     periods: int  # sample periods since the last valid one; 1 in a flawless stream
     elapsed: float  # the same [s]
     wrenches: Float64  # of both fingers, shape (2, 6) [N, N·m], as in `WrenchSample`
-    saturated: tuple[bool, bool] = (False, False)  # True for a finger with a channel at the end of its range
+    saturated: tuple[bool, bool] = (
+        False,
+        False,
+    )  # True for a finger with a channel at the end of its range
 
 
 class StreamGuard:
@@ -51,7 +56,11 @@ class StreamGuard:
         self.longest_gap = 0.0
 
     def accept(
-        self, stamp: float, sequence: int, wrenches: Float64, saturated: tuple[bool, bool] = (False, False)
+        self,
+        stamp: float,
+        sequence: int,
+        wrenches: Float64,
+        saturated: tuple[bool, bool] = (False, False),
     ) -> GripSample | None:
         """Return the sample, or None for one to be ignored."""
         if not (math.isfinite(stamp) and math.isfinite(wrenches.sum())):
@@ -82,9 +91,13 @@ class StreamGuard:
         if self.out_of_order:
             found.append(f"{self.out_of_order} samples came out of order and were ignored")
         if self.not_finite:
-            found.append(f"{self.not_finite} samples held values that are not finite and were ignored")
+            found.append(
+                f"{self.not_finite} samples held values that are not finite and were ignored"
+            )
         if self.missing or self.longest_gap > 1.5 * self.period:
-            found.append(f"{self.missing} samples are missing, the longest gap was {1e3 * self.longest_gap:.0f} ms")
+            found.append(
+                f"{self.missing} samples are missing, the longest gap was {1e3 * self.longest_gap:.0f} ms"
+            )
         return tuple(found)
 
 
@@ -172,12 +185,17 @@ def check_bias(samples: Float64, rate: float, settings: BiasSettings) -> None:
             _check_copies(SIDES[side], changes[:, side], rate, settings)
 
 
-def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings: BiasSettings) -> None:
+def _check_steps(
+    side: str, samples: Float64, noisy: NDArray[np.bool_], settings: BiasSettings
+) -> None:
     for channel in range(6):
         axis, is_force = "xyz"[channel % 3], channel < 3
         if noisy[channel]:
             gaps = np.diff(np.unique(samples[:, channel]))
-            step, coarsest = float(gaps[gaps > SAME].min()), settings.step * (1.0 if is_force else LEVER)
+            step, coarsest = (
+                float(gaps[gaps > SAME].min()),
+                settings.step * (1.0 if is_force else LEVER),
+            )
             if step > coarsest:
                 name, unit, scale = ("force", "N", 1.0) if is_force else ("torque", "mN·m", 1e3)
                 words = f"{name} {axis} changes in steps of {scale * step:.2g} {unit}"
@@ -185,10 +203,14 @@ def _check_steps(side: str, samples: Float64, noisy: NDArray[np.bool_], settings
                 raise UnfitSensor(f"the {side} finger's {words}, {most}", step, coarsest)
         elif is_force:
             words = f"force {axis} did not change in {len(samples)} samples, its other channels did"
-            raise UnfitSensor(f"the {side} finger's {words}: it is dead, or coarser than its noise", 0.0, SAME)
+            raise UnfitSensor(
+                f"the {side} finger's {words}: it is dead, or coarser than its noise", 0.0, SAME
+            )
 
 
-def _check_copies(side: str, changes: NDArray[np.bool_], rate: float, settings: BiasSettings) -> None:
+def _check_copies(
+    side: str, changes: NDArray[np.bool_], rate: float, settings: BiasSettings
+) -> None:
     """Refuse copied samples: they repeat all channels at once, few bits repeat each channel by chance."""
     repeats = float((~changes.any(axis=1)).mean())
     by_chance = math.prod((~changes).mean(axis=0))
@@ -210,7 +232,11 @@ class SensorWatch:
     """
 
     def __init__(self, settings: GripSettings) -> None:
-        self._settings, self._filters, self._rate = settings.sensors, settings.filters, settings.rate
+        self._settings, self._filters, self._rate = (
+            settings.sensors,
+            settings.filters,
+            settings.rate,
+        )
         self.reason = self.doubt = ""
         self.no_signal = self.has_pressed_alone = False
         self._limits = np.full((2, 6), np.inf)
@@ -218,7 +244,10 @@ class SensorWatch:
         self._last = np.full((2, 6), np.nan)
         self._apart, self._against_motor, self._held = Timer(), Timer(), Timer()
         self._load = self._force_rate = self._swings_for = 0.0
-        self._motor, self._fingers = LowPass(settings.sensors.motor_lag), LowPass(settings.sensors.motor_lag)
+        self._motor, self._fingers = (
+            LowPass(settings.sensors.motor_lag),
+            LowPass(settings.sensors.motor_lag),
+        )
 
     def calibrate(self, samples: Float64) -> None:
         """Learn the usual repetitions from samples with nothing touching, shape (n, 2, 6)."""
@@ -228,9 +257,14 @@ class SensorWatch:
         self._limits = np.where(noisy, np.maximum(fewest, self._settings.longer * longest), np.inf)
         for side in range(2):
             if not noisy[side].any() and noisy[1 - side].any():
-                self._find(f"the {SIDES[side]} finger's samples do not change, the other one's do", no_signal=True)
+                self._find(
+                    f"the {SIDES[side]} finger's samples do not change, the other one's do",
+                    no_signal=True,
+                )
 
-    def check(self, sample: GripSample, estimate: GripEstimate, is_carried: bool, force_rate: float) -> None:
+    def check(
+        self, sample: GripSample, estimate: GripEstimate, is_carried: bool, force_rate: float
+    ) -> None:
         """Check one sample.
 
         Args:
@@ -243,8 +277,13 @@ class SensorWatch:
         if frozen >= 0 and not saturated[frozen // 6]:
             side, channel = SIDES[frozen // 6], ("x", "y", "z")[frozen % 3]
             kind = "force" if frozen % 6 < 3 else "torque"
-            self._find(f"the {side} finger's {kind} {channel} repeats one value although it is noisy", no_signal=True)
-        self._force_rate = max(abs(force_rate), self._force_rate * math.exp(-elapsed / s.own_motion_memory))
+            self._find(
+                f"the {side} finger's {kind} {channel} repeats one value although it is noisy",
+                no_signal=True,
+            )
+        self._force_rate = max(
+            abs(force_rate), self._force_rate * math.exp(-elapsed / s.own_motion_memory)
+        )
         if is_carried:
             self.has_pressed_alone = self.has_pressed_alone or estimate.one_presses_more
             if estimate.shear_jump > self._filters.jump:
@@ -255,7 +294,9 @@ class SensorWatch:
         self._check_jumps(estimate, elapsed)
         self._load = max(estimate.f_t, self._load * math.exp(-elapsed / s.load_memory))
         most = max(s.apart, s.apart_ratio * estimate.f_t) + estimate.f_n_band
-        is_apart = abs(estimate.left - estimate.right) > most and estimate.f_t > s.hanging * self._load
+        is_apart = (
+            abs(estimate.left - estimate.right) > most and estimate.f_t > s.hanging * self._load
+        )
         if self._apart.update(is_apart, elapsed) > s.apart_after:
             forces = f"{estimate.left:.1f} N and {estimate.right:.1f} N"
             self._find(f"a hanging fruit presses on both fingers alike, they read {forces}")
@@ -275,13 +316,18 @@ class SensorWatch:
             if held_for > 0.5 * self._settings.load_memory:
                 self._find(jumped)
 
-    def compare_with_motor(self, force_sum: float, motor_force: float | None, elapsed: float) -> None:
+    def compare_with_motor(
+        self, force_sum: float, motor_force: float | None, elapsed: float
+    ) -> None:
         """Compare the sum of both fingers' forces [N] with the motor's force [N], where the gripper reports one."""
         s = self._settings
         if motor_force is None or not math.isfinite(motor_force):
             return
         # Both have the same lag, or the loss of a fruit would look like fingers that read too little.
-        motor, fingers = self._motor.update(motor_force, elapsed), self._fingers.update(force_sum, elapsed)
+        motor, fingers = (
+            self._motor.update(motor_force, elapsed),
+            self._fingers.update(force_sum, elapsed),
+        )
         most = s.motor_error + s.motor_ratio * max(abs(fingers), abs(motor))
         if self._against_motor.update(abs(motor - fingers) > most, elapsed) > s.motor_after:
             words = f"the fingers read {fingers:.1f} N together while the motor presses with {motor:.1f} N"

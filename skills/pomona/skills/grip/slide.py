@@ -25,7 +25,9 @@ LIGHT, LIGHT_NOW = 0.4, 0.65
 """Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
 force, and with the sum of both fingers, of which one may press more (docs/evidence/pick-pace.md)."""
 
-NOT_SQUARE = 0.04  # relative uncertainty of friction from one direction (15 fruits of the simulated cell)
+NOT_SQUARE = (
+    0.04  # relative uncertainty of friction from one direction (15 fruits of the simulated cell)
+)
 UNMODELLED = 0.03  # relative uncertainty that repetition does not reduce: other places of the skin, other speeds
 
 
@@ -40,7 +42,9 @@ class Slide:
     mu: float  # friction coefficient of both fingers together
     uncertainty: float  # its relative standard deviation
     fingers: tuple[float, float]  # mu of each
-    came_along: bool = False  # True when the fruit was lifted on the way up, so that only the way down counts
+    came_along: bool = (
+        False  # True when the fruit was lifted on the way up, so that only the way down counts
+    )
 
 
 def friction_of_slides(
@@ -66,7 +70,9 @@ def friction_of_slides(
     f_n_down, going_down = _ratios(down, contact)
     f_n = np.minimum(f_n_up, f_n_down)
     rubs, rests = 0.5 * (going_down - going_up), 0.5 * (going_down + going_up)
-    came_along = _size((f_n[:, None] * rests).sum(axis=0)) > CAME_ALONG * _size((f_n[:, None] * rubs).sum(axis=0))
+    came_along = _size((f_n[:, None] * rests).sum(axis=0)) > CAME_ALONG * _size(
+        (f_n[:, None] * rubs).sum(axis=0)
+    )
     if came_along:
         f_n, rubs = f_n_down, going_down
     mu, fingers = _mu(f_n, rubs)
@@ -95,7 +101,10 @@ def moves_with_pads(down: Float64, force: float, force_sum: float, expected_load
     """
     if not len(down) or expected_load <= 0.0:
         return False
-    f_n, f_t = -down[:, :, 2].sum(axis=1).mean(), np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()
+    f_n, f_t = (
+        -down[:, :, 2].sum(axis=1).mean(),
+        np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean(),
+    )
     ratio = f_t / max(f_n, 0.1) / max(expected_load, 1e-3)
     return bool(force * ratio > LIGHT or force_sum * ratio > LIGHT_NOW)
 
@@ -109,7 +118,9 @@ def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:
     loads = np.array([loads_of_finger(first), loads_of_finger(MIRROR * second)])
     f_n = loads[:, 0]
     if f_n.min() < PRESSING:
-        raise NoSlideError(f"a finger presses with {f_n.min():.2f} N, at least {PRESSING:g} N are needed")
+        raise NoSlideError(
+            f"a finger presses with {f_n.min():.2f} N, at least {PRESSING:g} N are needed"
+        )
     radius = contact.torsion / contact.mu * f_n**contact.gamma
     return f_n, np.column_stack([loads[:, 1], loads[:, 2], loads[:, 3] / radius]) / f_n[:, None]
 

@@ -15,7 +15,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pomona.skills.grip.settings import CommandSettings, ForceLoopSettings, PadStiffness, TrackingSettings
+from pomona.skills.grip.settings import (
+    CommandSettings,
+    ForceLoopSettings,
+    PadStiffness,
+    TrackingSettings,
+)
 
 
 def pressed(pads: PadStiffness, f_n: float) -> float:
@@ -72,7 +77,9 @@ def finger_speed(
 class ForceTracker:
     """The force loop with its memory: the last commanded reference, and whether the fingers are correcting."""
 
-    def __init__(self, loop: ForceLoopSettings, settings: TrackingSettings = TrackingSettings()) -> None:
+    def __init__(
+        self, loop: ForceLoopSettings, settings: TrackingSettings = TrackingSettings()
+    ) -> None:
         self._loop, self._settings = loop, settings
         self._calm_loop = replace(loop, gain=min(settings.calm_gain, loop.gain))
         self._f_ref_commanded = 0.0
@@ -88,7 +95,9 @@ class ForceTracker:
             period: between two samples [s].
             periods: since the last call.
         """
-        self._moving += (1.0 - math.exp(-periods * period / self._loop.lag)) * (speed - self._moving)
+        self._moving += (1.0 - math.exp(-periods * period / self._loop.lag)) * (
+            speed - self._moving
+        )
         moving = min(max(self._moving, -self._settings.foreseen), self._settings.foreseen)
         return -moving * slope(self._loop.stiffness, f_n) * period
 
@@ -135,7 +144,11 @@ class ForceTracker:
     def _rests(self, f_ref: float, error: float, noise_band: float) -> bool:
         """Return True within a band, to whose middle a correction goes; a step opens by less than an excess."""
         settings, one_step = self._settings, self._loop.step * slope(self._loop.stiffness, f_ref)
-        band = max(noise_band * settings.too_much, one_step) if error < 0.0 else noise_band * settings.too_little
+        band = (
+            max(noise_band * settings.too_much, one_step)
+            if error < 0.0
+            else noise_band * settings.too_little
+        )
         near = settings.near * f_ref + band
         if self._correcting * error <= 0.0:
             self._correcting = 0.0 if abs(error) < near else math.copysign(1.0, error)
@@ -155,13 +168,19 @@ class CommandTiming:
     """
 
     def __init__(
-        self, rate: float, command_period: float = 0.02, settings: CommandSettings = CommandSettings()
+        self,
+        rate: float,
+        command_period: float = 0.02,
+        settings: CommandSettings = CommandSettings(),
     ) -> None:
         self._settings = settings
         self._period = 1.0 / rate
         self.every = math.ceil(command_period * rate - 1e-6)
         self.interval = self.every * self._period
-        self._keep_alive, self._heartbeat = round(settings.keep_alive * rate), round(settings.heartbeat * rate)
+        self._keep_alive, self._heartbeat = (
+            round(settings.keep_alive * rate),
+            round(settings.heartbeat * rate),
+        )
         self._since = self._heartbeat
         self._calm_for = 0.0
 

@@ -8,14 +8,21 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.motion.collision import Convex as Convex, RobotShape as RobotShape, fruit_points as fruit_points
+    from pomona.skills.motion.collision import (
+        Convex as Convex,
+        RobotShape as RobotShape,
+        fruit_points as fruit_points,
+    )
     from pomona.skills.motion.grasp import (
         SAME_PLACE as SAME_PLACE,
         Grasp as Grasp,
         GraspCandidates as GraspCandidates,
         RuledOut as RuledOut,
     )
-    from pomona.skills.motion.grasps.gripper_shape import GripperShape as GripperShape, gripper_shape as gripper_shape
+    from pomona.skills.motion.grasps.gripper_shape import (
+        GripperShape as GripperShape,
+        gripper_shape as gripper_shape,
+    )
     from pomona.skills.motion.grasps.sample import (
         CandidateRejected as CandidateRejected,
         GraspRules as GraspRules,

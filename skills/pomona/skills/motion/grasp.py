@@ -58,10 +58,14 @@ class GraspCandidates:
     attempt: int
 
 
-SAME_PLACE = 0.04  # a fruit within this distance of the last one is the same [m]: less than half a fruit
+SAME_PLACE = (
+    0.04  # a fruit within this distance of the last one is the same [m]: less than half a fruit
+)
 
 
-Direction = tuple[float, float]  # tilt and azimuth of an approach, rounded [rad]: the name of a candidate
+Direction = tuple[
+    float, float
+]  # tilt and azimuth of an approach, rounded [rad]: the name of a candidate
 
 
 def direction(grasp: Grasp) -> Direction:

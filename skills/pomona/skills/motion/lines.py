@@ -60,7 +60,9 @@ def track_poses(
             for row in range(3):
                 error[row] = target[row, 3] - T[row, 3]
                 error[3 + row] = 0.0
-            for column in range(3):  # half the sum of the axes' cross products: the rotation vector, for small angles
+            for column in range(
+                3
+            ):  # half the sum of the axes' cross products: the rotation vector, for small angles
                 a0, a1, a2 = T[0, column], T[1, column], T[2, column]
                 b0, b1, b2 = target[0, column], target[1, column], target[2, column]
                 error[3] += 0.5 * (a1 * b2 - a2 * b1)
@@ -109,7 +111,9 @@ class StraightLine:
         return not self.reason
 
 
-def straight_line(robot: RobotModel, q_start: Float64, T_base_goal: Float64, step: float = STEP) -> StraightLine:
+def straight_line(
+    robot: RobotModel, q_start: Float64, T_base_goal: Float64, step: float = STEP
+) -> StraightLine:
     """Follow a straight line from joints q_start, (dof,) [rad], to a pose of the TCP, in one configuration of the arm.
 
     The joints are solved pose after pose, at most `step` [m] apart, by Newton steps of least joint motion (redundant
@@ -124,7 +128,10 @@ def straight_line(robot: RobotModel, q_start: Float64, T_base_goal: Float64, ste
     poses = np.empty((count + 1, 3, 4))
     poses[:, :, :3] = T_base_goal[:3, :3]
     if np.abs(T_base_start[:3, :3] - T_base_goal[:3, :3]).max() > 1e-9:
-        from scipy.spatial.transform import Rotation, Slerp  # SciPy takes 0.1 s of the processor to load
+        from scipy.spatial.transform import (
+            Rotation,
+            Slerp,
+        )  # SciPy takes 0.1 s of the processor to load
 
         turn = Slerp([0.0, 1.0], Rotation.from_matrix([T_base_start[:3, :3], T_base_goal[:3, :3]]))
         poses[:, :, :3] = turn(shares).as_matrix()
@@ -133,10 +140,20 @@ def straight_line(robot: RobotModel, q_start: Float64, T_base_goal: Float64, ste
     largest_step = max(LARGEST_RATE * length / count, 0.05)
     T_last_tcp = np.ascontiguousarray(robot.T_link_tcp[:3])
     ended, solved = track_poses(
-        robot.steps, robot.sliding, T_last_tcp, robot.lower, robot.upper, q_start, poses, largest_step, q
+        robot.steps,
+        robot.sliding,
+        T_last_tcp,
+        robot.lower,
+        robot.upper,
+        q_start,
+        poses,
+        largest_step,
+        q,
     )
     if solved == 0:
-        return StraightLine(q_start[None], length, 0.0, _REASONS.get(ended, "the line cannot be followed"))
+        return StraightLine(
+            q_start[None], length, 0.0, _REASONS.get(ended, "the line cannot be followed")
+        )
     q[0] = q_start
     reason = "" if ended == REACHED else _REASONS[ended]
     return StraightLine(q[:solved], length, float(shares[solved - 1]), reason)

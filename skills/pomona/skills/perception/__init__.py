@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
-    from pomona.skills.perception.detection.compact_detector import CompactDetector as CompactDetector
+    from pomona.skills.perception.detection.compact_detector import (
+        CompactDetector as CompactDetector,
+    )
     from pomona.skills.perception.detection.detection import (
         AllDetections as AllDetections,
         Detection as Detection,
@@ -27,7 +29,10 @@ if TYPE_CHECKING:
         search_sides as search_sides,
         shared_part as shared_part,
     )
-    from pomona.skills.perception.frame_check import MISMATCHES as MISMATCHES, misplaced_depth as misplaced_depth
+    from pomona.skills.perception.frame_check import (
+        MISMATCHES as MISMATCHES,
+        misplaced_depth as misplaced_depth,
+    )
     from pomona.skills.perception.fruit import (
         FruitModel as FruitModel,
         find_weights as find_weights,
@@ -50,7 +55,10 @@ if TYPE_CHECKING:
     from pomona.skills.perception.refinement.errors import RefineError as RefineError
     from pomona.skills.perception.refinement.measure import measure as measure
     from pomona.skills.perception.refinement.render import DepthLook as DepthLook
-    from pomona.skills.perception.refinement.scale_fit import PlaceFit as PlaceFit, fit_place as fit_place
+    from pomona.skills.perception.refinement.scale_fit import (
+        PlaceFit as PlaceFit,
+        fit_place as fit_place,
+    )
 
 PUBLIC = {
     "detection.compact_detector": "CompactDetector",

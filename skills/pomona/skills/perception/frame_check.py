@@ -51,7 +51,9 @@ class SeenTable:
     distance: float  # of its middle from the camera along the optical axis [m]
     points: int  # number of depth pixels that lie on it, of those that were used
     allowed: float  # height that a sound cell may show at this distance [m]
-    height_ratio: float  # error of the depth, of itself, that would show a level table at this height
+    height_ratio: (
+        float  # error of the depth, of itself, that would show a level table at this height
+    )
     planes: Float64  # the seen plane and the expected one in the camera frame, as `Plane` has them, shape (2, 4)
 
     @property
@@ -94,7 +96,9 @@ def view_table(
     """
     normal, offset = T_base_camera[2, :3], float(T_base_camera[2, 3] - table_z)
     height = points @ normal + offset
-    within = np.abs(height) <= 0.12  # greatest distance from the expected table at which the seen one is searched [m]
+    within = (
+        np.abs(height) <= 0.12
+    )  # greatest distance from the expected table at which the seen one is searched [m]
     if np.count_nonzero(within) < LEAST_POINTS:
         return None
     points, height = points[within], height[within]
@@ -116,10 +120,14 @@ def view_table(
     allowed = HEIGHT + 2.0 * errs.of_the_whole(distance) * distance
     seen = float(middle @ normal)
     planes = np.array([[*plane[0], plane[1]], [*normal, offset]])
-    return SeenTable(seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset, planes)
+    return SeenTable(
+        seen + offset, tilt, distance, int(on_it.sum()), allowed, -(seen + offset) / offset, planes
+    )
 
 
-Plane = tuple[Float64, float]  # unit normal towards the camera, shape (3,), and offset [m]: normal · p + offset = 0
+Plane = tuple[
+    Float64, float
+]  # unit normal towards the camera, shape (3,), and offset [m]: normal · p + offset = 0
 
 
 def _refined(points: Float64, band: Float64, chosen: NDArray[np.bool_]) -> Plane | None:
@@ -197,11 +205,18 @@ def should_show_table(frame: Frame, T_base_camera: Float64, workspace: Workspace
         return False
     lens, normal = frame.intrinsics, T_base_camera[2, :3]
     u, v = np.meshgrid(np.linspace(0, lens.width - 1, 16), np.linspace(0, lens.height - 1, 12))
-    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones_like(u)], axis=-1).reshape(-1, 3)
+    rays = np.stack(
+        [(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones_like(u)], axis=-1
+    ).reshape(-1, 3)
     above, falling = float(T_base_camera[2, 3] - workspace.table_z), -(rays @ normal)
     hits = rays[falling > 1e-6] * (above / falling[falling > 1e-6])[:, None]
-    hits = hits[(hits[:, 2] > 0.0) & (hits[:, 2] < FARTHEST)] @ T_base_camera[:3, :3].T + T_base_camera[:3, 3]
-    inside = ((hits >= workspace.lower) & (hits <= workspace.upper))[:, :2].all(axis=1) & _beside(hits, workspace)
+    hits = (
+        hits[(hits[:, 2] > 0.0) & (hits[:, 2] < FARTHEST)] @ T_base_camera[:3, :3].T
+        + T_base_camera[:3, 3]
+    )
+    inside = ((hits >= workspace.lower) & (hits <= workspace.upper))[:, :2].all(axis=1) & _beside(
+        hits, workspace
+    )
     # share of the image's rays that meet the table inside the workspace, where it should be seen
     return bool(inside.sum() >= 0.6 * len(rays))
 
@@ -209,7 +224,9 @@ def should_show_table(frame: Frame, T_base_camera: Float64, workspace: Workspace
 WIDTH = 320  # width at which it is looked for [px]: leaves and branches are still there
 SMOOTH = 1.5  # standard deviation by which both are smoothed [px of `WIDTH`]
 
-SURE = 8.0  # score of depth that belongs to colour: right frames have 9.8 (simulated) to 23 (orchard)
+SURE = (
+    8.0  # score of depth that belongs to colour: right frames have 9.8 (simulated) to 23 (orchard)
+)
 
 
 VARIANTS = {
@@ -239,20 +256,30 @@ def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
         return ""
     found = [(elsewhere, _lies(shift, frame.depth.shape[1] / WIDTH))]
     for words, turned in VARIANTS.items():
-        found.append((_scores(colour, _of_depth(np.ascontiguousarray(frame.depth[turned])))[1], words))
+        found.append(
+            (_scores(colour, _of_depth(np.ascontiguousarray(frame.depth[turned])))[1], words)
+        )
     score, words = max(found)
     if score >= SURE and here < 0.5 * score:
         return f"depth {words} against colour"
     # minimum ratio of the picture with depth edges for the conclusion that they match no colour edges
     telling = float(np.abs(edges).mean()) >= 0.02 and score > 0.0
     # Score below which the edges disagree everywhere: moved beyond the overlap, the orchard's depth scores 4.6 at most
-    return "depth's edges lie nowhere on colour's" if or_nowhere and telling and max(here, score) < 5.0 else ""
+    return (
+        "depth's edges lie nowhere on colour's"
+        if or_nowhere and telling and max(here, score) < 5.0
+        else ""
+    )
 
 
 def _lies(shift: tuple[int, int], scale: float) -> str:
     """Return words for depth that a shift (right, down) [px of `WIDTH`] would bring onto colour."""
     names = ("left" if shift[0] > 0 else "right"), ("up" if shift[1] > 0 else "down")
-    ways = (f"{abs(pixels) * scale:.0f} px {name}" for pixels, name in zip(shift, names, strict=True) if pixels)
+    ways = (
+        f"{abs(pixels) * scale:.0f} px {name}"
+        for pixels, name in zip(shift, names, strict=True)
+        if pixels
+    )
     return f"lies {' and '.join(ways)}"
 
 
@@ -263,7 +290,9 @@ def _size(shape: tuple[int, ...]) -> tuple[int, int]:
 def _of_colour(colour: UInt8) -> Complex:
     """Directions of the colour's gradient, of the channel that changes the most."""
     small = cv2.GaussianBlur(
-        cv2.resize(colour, _size(colour.shape), interpolation=cv2.INTER_AREA).astype(np.float32), (0, 0), SMOOTH
+        cv2.resize(colour, _size(colour.shape), interpolation=cv2.INTER_AREA).astype(np.float32),
+        (0, 0),
+        SMOOTH,
     )
     x, y = (np.asarray(cv2.Sobel(small, cv2.CV_32F, *order)) / 8.0 for order in ((1, 0), (0, 1)))
     most = np.argmax(x**2 + y**2, axis=2)[..., np.newaxis]
@@ -277,7 +306,9 @@ def _of_depth(depth: Float32) -> Complex:
     inverse = np.where(small > 0.0, 1.0 / np.maximum(small, 0.2), 0.0).astype(np.float32)
     smooth = cv2.GaussianBlur(inverse, (0, 0), SMOOTH)
     x, y = (np.asarray(cv2.Sobel(smooth, cv2.CV_32F, *order)) / 8.0 for order in ((1, 0), (0, 1)))
-    return _directions(x, y, 0.03)  # change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]
+    return _directions(
+        x, y, 0.03
+    )  # change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]
 
 
 def _directions(x: NDArray[Any], y: NDArray[Any], faint: float) -> Complex:
@@ -304,7 +335,9 @@ def _scores(colour: Complex, depth: Complex) -> tuple[float, float, tuple[int, i
     beside = int(np.ceil(0.01 * width))
     near = float(np.roll(score, (beside, beside), (0, 1))[: 2 * beside + 1, : 2 * beside + 1].max())
     row, column = np.unravel_index(int(score.argmax()), score.shape)
-    right, down = (int((at + half) % (2 * half) - half) for at, half in ((column, width), (row, height)))
+    right, down = (
+        int((at + half) % (2 * half) - half) for at, half in ((column, width), (row, height))
+    )
     return near, float(score.max()), (right, down)
 
 
@@ -326,7 +359,10 @@ class FrameProblem:
 
 
 def frame_problem(
-    frame: Frame, T_base_camera: Float64, workspace: Workspace, earlier: Sequence[tuple[float, Float64]] = ()
+    frame: Frame,
+    T_base_camera: Float64,
+    workspace: Workspace,
+    earlier: Sequence[tuple[float, Float64]] = (),
 ) -> FrameProblem | None:
     """Return the implausible part of a frame, or None, for the camera's stated pose, shape (4, 4).
 
@@ -338,11 +374,15 @@ def frame_problem(
     beside = depth_elsewhere(frame, or_nowhere=doubted) if frame.colour.any() else ""
     if not doubted:
         words = f"{beside}: the depth image is not registered to colour, or of another moment"
-        return FrameProblem(DEPTH_MISMATCH, f"{words}; check the camera's driver") if beside else None
+        return (
+            FrameProblem(DEPTH_MISMATCH, f"{words}; check the camera's driver") if beside else None
+        )
     deviation = np.inf if view is None else view.deviation
     if wrong := _other_depth(frame, T_base_camera, workspace, deviation, earlier) or beside:
         shown = "the depth image does not show the table" if view is None else view.sentence
-        return FrameProblem(DEPTH_MISMATCH, f"{wrong}: {shown}; check the camera's driver", _data(view))
+        return FrameProblem(
+            DEPTH_MISMATCH, f"{wrong}: {shown}; check the camera's driver", _data(view)
+        )
     return None if view is None else pose_problem(view)
 
 
@@ -363,7 +403,11 @@ def pose_problem(view: SeenTable) -> FrameProblem | None:
 
 
 def _other_depth(
-    frame: Frame, T_base_camera: Float64, workspace: Workspace, off: float, earlier: Sequence[tuple[float, Float64]]
+    frame: Frame,
+    T_base_camera: Float64,
+    workspace: Workspace,
+    off: float,
+    earlier: Sequence[tuple[float, Float64]],
 ) -> str:
     """Return words for depth of another moment, mirrored or too long, where it explains the table's place; or ""."""
     assert frame.depth is not None
@@ -374,7 +418,10 @@ def _other_depth(
     # another explanation counts where it fits this much better: the ratio of both deviations, in tolerances
     best, words = 0.5 * off, ""
     for name, signs in FLIPS.items():
-        centre = np.array([lens.width - 1 - 2.0 * lens.cx, lens.height - 1 - 2.0 * lens.cy]) / (lens.fx, lens.fy)
+        centre = np.array([lens.width - 1 - 2.0 * lens.cx, lens.height - 1 - 2.0 * lens.cy]) / (
+            lens.fx,
+            lens.fy,
+        )
         flipped = points.copy()
         for axis, sign in enumerate(signs):
             if sign < 0.0:
@@ -386,10 +433,22 @@ def _other_depth(
         seen = view_table(points, T, table_z, lens, errs)
         if seen is not None and seen.sound and seen.deviation < best:
             best = seen.deviation
-            words = f"depth is {frame.stamp - stamp:.2f} s old, and fits the camera's pose of that time"
-    ratio = float(np.median(points @ T_base_camera[2, :3])) / (table_z - T_base_camera[2, 3]) if len(points) else 0.0
-    scaled = view_table(points / ratio, T_base_camera, table_z, lens, errs) if np.isinf(off) and ratio > 1.1 else None
-    if not words and scaled is not None and scaled.sound:  # a thing may lie above the table; below it none does
+            words = (
+                f"depth is {frame.stamp - stamp:.2f} s old, and fits the camera's pose of that time"
+            )
+    ratio = (
+        float(np.median(points @ T_base_camera[2, :3])) / (table_z - T_base_camera[2, 3])
+        if len(points)
+        else 0.0
+    )
+    scaled = (
+        view_table(points / ratio, T_base_camera, table_z, lens, errs)
+        if np.isinf(off) and ratio > 1.1
+        else None
+    )
+    if (
+        not words and scaled is not None and scaled.sound
+    ):  # a thing may lie above the table; below it none does
         words = f"depth is {ratio:.2f} times as long as the table's height and the camera's pose make it"
     return words
 
@@ -397,5 +456,10 @@ def _other_depth(
 def _data(view: SeenTable | None) -> dict[str, float]:
     if view is None:
         return {}
-    data = {"height_m": view.height, "tilt_rad": view.tilt, "allowed_m": view.allowed, "allowed_rad": float(TILT)}
+    data = {
+        "height_m": view.height,
+        "tilt_rad": view.tilt,
+        "allowed_m": view.allowed,
+        "allowed_rad": float(TILT),
+    }
     return {name: round(value, 4) for name, value in data.items()}

@@ -23,10 +23,16 @@ class MeasuredFruit:
     fruit: FruitModel  # the CAD model; its vertices scaled by `dimensions / fruit.dimensions` are the refined shape
     T_base_fruit: Pose  # pose of the refined shape's cuboid in the base frame (object axes: x right, y down, z forward)
     T_base_camera: Pose  # pose of the camera at the look
-    dimensions: Annotated[Float64, Array(3, of=LENGTH)]  # (d_x, d_y, d_z) [m], shape (3,); d_y is the height
-    mu: Annotated[float, RATIO]  # mu, sigma: the paper's scale factor and displacement [m] of the uniform fit
+    dimensions: Annotated[
+        Float64, Array(3, of=LENGTH)
+    ]  # (d_x, d_y, d_z) [m], shape (3,); d_y is the height
+    mu: Annotated[
+        float, RATIO
+    ]  # mu, sigma: the paper's scale factor and displacement [m] of the uniform fit
     sigma: Annotated[float, LENGTH]
-    covariance: Annotated[Float64, Array(6, 6)]  # of (position in the base frame [m], dimensions [m]), shape (6, 6)
+    covariance: Annotated[
+        Float64, Array(6, 6)
+    ]  # of (position in the base frame [m], dimensions [m]), shape (6, 6)
     # ratio of the model's measured pixels with agreeing depth; 0 for an unrefined detection
     inlier_ratio: Annotated[float, RATIO]
     residual: Annotated[float, LENGTH]  # root mean square of the inliers' depth residuals [m]
@@ -35,7 +41,9 @@ class MeasuredFruit:
     # which formulation gave the result: none, paper, uniform, shape, shape+plane, and `+views` where earlier looks were
     # fused in
     method: str
-    earlier: tuple[tuple[Frame, Float64], ...] = ()  # those looks: frames with the pose of the camera, T_base_camera
+    earlier: tuple[
+        tuple[Frame, Float64], ...
+    ] = ()  # those looks: frames with the pose of the camera, T_base_camera
     # contradiction between the fruit's surroundings and the cell file, for the operator; empty without one
     doubt: str = ""
     beside: tuple[MeasuredFruit, ...] = ()  # other fruit of the same look
@@ -45,7 +53,9 @@ class MeasuredFruit:
         """Description for the operator."""
         size = " × ".join(f"{d * 1e3:.1f}" for d in self.dimensions)
         spread = float(np.sqrt(np.clip(np.diag(self.covariance)[:3], 0.0, None).max()))
-        return f"{size} mm   (scale {self.mu:.3f}, {self.method})   position ± {spread * 1e3:.1f} mm"
+        return (
+            f"{size} mm   (scale {self.mu:.3f}, {self.method})   position ± {spread * 1e3:.1f} mm"
+        )
 
     @property
     def facts(self) -> Mapping[str, object]:

@@ -18,10 +18,14 @@ Indices = NDArray[np.int32]
 EDGE = 1e-9  # a pixel this far outside belongs to a triangle, in shares of its corners: no cracks
 
 
-def project(points: NDArray[Any], camera: tuple[float, float, float, float]) -> tuple[Float64, Float64, Float64]:
+def project(
+    points: NDArray[Any], camera: tuple[float, float, float, float]
+) -> tuple[Float64, Float64, Float64]:
     """Return columns, rows [px] and inverse depths [1/m] of points (n, 3), camera frame, (fx, fy, cx, cy) [px]."""
     x, y, z = np.asarray(points, np.float64).T
-    with np.errstate(divide="ignore", invalid="ignore"):  # the caller leaves out points in the camera's plane
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # the caller leaves out points in the camera's plane
         nearness = 1.0 / z
         return camera[0] * x * nearness + camera[2], camera[1] * y * nearness + camera[3], nearness
 
@@ -57,13 +61,29 @@ def draw(
         if not drawn[face]:
             continue
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        ua, va, wa, ub, vb, wb, uc, vc, wc = u[a], v[a], nearness[a], u[b], v[b], nearness[b], u[c], v[c], nearness[c]
+        ua, va, wa, ub, vb, wb, uc, vc, wc = (
+            u[a],
+            v[a],
+            nearness[a],
+            u[b],
+            v[b],
+            nearness[b],
+            u[c],
+            v[c],
+            nearness[c],
+        )
         area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
         if area == 0.0:
             continue
         inverse = 1.0 / area
-        left, right = max(int(np.ceil(min(ua, ub, uc))), 0), min(int(np.floor(max(ua, ub, uc))), columns - 1)
-        top, bottom = max(int(np.ceil(min(va, vb, vc))), 0), min(int(np.floor(max(va, vb, vc))), rows - 1)
+        left, right = (
+            max(int(np.ceil(min(ua, ub, uc))), 0),
+            min(int(np.floor(max(ua, ub, uc))), columns - 1),
+        )
+        top, bottom = (
+            max(int(np.ceil(min(va, vb, vc))), 0),
+            min(int(np.floor(max(va, vb, vc))), rows - 1),
+        )
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 share_b = ((column - ua) * (vc - va) - (uc - ua) * (row - va)) * inverse

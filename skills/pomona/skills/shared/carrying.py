@@ -28,7 +28,9 @@ CONTACT, CARRIED = 0.35, 0.1
 """Change of load that shows contact [N], as in Release, and the least change relative to the load. The inertia of a
 heavy fruit is 3 % of its load with the acceleration above."""
 
-OVERLOAD_TIME = 0.06  # duration of an overload that ends a lift [s]; that of an acceleration is shorter
+OVERLOAD_TIME = (
+    0.06  # duration of an overload that ends a lift [s]; that of an acceleration is shorter
+)
 LOWERING = 0.1  # speed of the tool while a fruit is put back, until it is `NEAR` [m/s]
 BACK = 1e-3  # height above its first place below which a fruit is back [m]
 RESTING = 0.1  # delay after touchdown before the pads are read [s]
@@ -58,7 +60,9 @@ class GripOverloaded(Exception):
             "SLIPPED": "with the configured and with the measured friction",
         }[code]
         back = "put back where it stood"
-        where = back if risen < BACK else f"still {1e3 * risen:.0f} mm up, with no straight way back"
+        where = (
+            back if risen < BACK else f"still {1e3 * risen:.0f} mm up, with no straight way back"
+        )
         return code, f"{where}; {elsewhere}"
 
 
@@ -102,7 +106,11 @@ class OverloadMonitor:
 
 
 def grip_failure(
-    skill: MovingSkill, code: str, message: str, hold: Hold | None, problem: GripProblem | None = None
+    skill: MovingSkill,
+    code: str,
+    message: str,
+    hold: Hold | None,
+    problem: GripProblem | None = None,
 ) -> SkillFailure:
     """Return a failure with the state of the fingers, and with the grip's problem where it has one.
 
@@ -119,7 +127,9 @@ def grip_failure(
         now["motor_force_n"] = round(state.motor_force, 3)
     if problem is None:
         return skill.failure(code, message, grip="", **now)
-    return skill.failure(code, f"{message}: {problem.message}", **{**now, **problem.data, "grip": problem.code})
+    return skill.failure(
+        code, f"{message}: {problem.message}", **{**now, **problem.data, "grip": problem.code}
+    )
 
 
 def rest_on_contact(skill: MovingSkill, contact: float) -> None:
@@ -130,7 +140,11 @@ def rest_on_contact(skill: MovingSkill, contact: float) -> None:
 
 
 def lower_until_contact(
-    skill: MovingSkill, line: StraightLine, speed: float, acceleration: float, watch: Callable[[], None]
+    skill: MovingSkill,
+    line: StraightLine,
+    speed: float,
+    acceleration: float,
+    watch: Callable[[], None],
 ) -> Watching:
     """Follow a line downwards, gently below `NEAR`, to its end or until the fruit touches down.
 
@@ -145,7 +159,9 @@ def lower_until_contact(
     split = 0 if min(split, steps - split) < 3 else split
     if split:
         height = split / steps * line.length
-        quickly = time_curve(line.q[: split + 1], height, limits, speed, acceleration, acceleration / JERK_TIME)
+        quickly = time_curve(
+            line.q[: split + 1], height, limits, speed, acceleration, acceleration / JERK_TIME
+        )
         yield from skill.travel(quickly, watch)
     height = (steps - split) / steps * line.length
     # speed of the tool near the support [m/s]
@@ -165,7 +181,11 @@ def lower_until_contact(
 
 
 def put_back(
-    skill: MovingSkill, T_base_start: Float64, acceleration: float, hold: Hold | None, pad_load: PadLoad
+    skill: MovingSkill,
+    T_base_start: Float64,
+    acceleration: float,
+    hold: Hold | None,
+    pad_load: PadLoad,
 ) -> Work[bool]:
     """Lower a fruit to its first place, on the line on which it came up. Without such a line the arm stays.
 
@@ -207,7 +227,10 @@ def put_back(
 LEAST = 0.25  # the tangential load of a fruit that hangs [N]; the lightest weighs 0.5 N, noise and bias are 0.1 N
 LASTING = 0.06  # minimum duration [s]
 
-AVERAGED, REMEMBERED = 0.1, 1.0  # time of the load's average, and in which its largest value fades [s]
+AVERAGED, REMEMBERED = (
+    0.1,
+    1.0,
+)  # time of the load's average, and in which its largest value fades [s]
 
 
 class Hanging:

@@ -23,7 +23,10 @@ continues."""
 RAISING = Manner(0.05, 2.0, 40.0)
 """Of raising it and of setting it down again: the load is read at rest."""
 
-GENTLE, GRAVITY = 0.5, 9.81  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
+GENTLE, GRAVITY = (
+    0.5,
+    9.81,
+)  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
 
 PUSHED = 0.8e-3
 """Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the
@@ -74,10 +77,14 @@ def lower_to_support(
                 raise skill.failure("LOST", f"{LOST}: {why}")
             width = gripper.state().width
             if current_hold(gripper) is None and abs(width - opened) > PUSHED:
-                words = f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
+                words = (
+                    f"something pushes the fingers from {1e3 * opened:.1f} to {1e3 * width:.1f} mm"
+                )
                 raise skill.failure(code, f"{words}; the fruit is still held")
             if hand.change > most:
-                raise skill.failure(code, f"a finger met something ({hand.change:.1f} N); the fruit is still held")
+                raise skill.failure(
+                    code, f"a finger met something ({hand.change:.1f} N); the fruit is still held"
+                )
 
         def stop_at_touch(motion: Motion) -> None:
             hand.at_change(most, motion.stop)
@@ -85,8 +92,13 @@ def lower_to_support(
         try:
             for leg in legs:
                 accelerated = leg.manner.acceleration
-                limit = touch.limit(contact, accelerated) + touch.at_first() * (accelerated - GENTLE) / GRAVITY
-                most = hand.limit(contact + touch.at_first(), accelerated)  # a support takes the fruit's weight from it
+                limit = (
+                    touch.limit(contact, accelerated)
+                    + touch.at_first() * (accelerated - GENTLE) / GRAVITY
+                )
+                most = hand.limit(
+                    contact + touch.at_first(), accelerated
+                )  # a support takes the fruit's weight from it
                 touch.forget_change()
                 hand.forget_change()
                 rest_on_contact(skill, limit)

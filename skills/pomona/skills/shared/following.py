@@ -7,7 +7,16 @@ from dataclasses import replace
 from typing import ClassVar
 
 from pomona.drivers.errors import MotionRefused
-from pomona.drivers.interfaces import Arm, Cameras, Carrier, Gripper, Motion, MotionState, Trajectory, Workspace
+from pomona.drivers.interfaces import (
+    Arm,
+    Cameras,
+    Carrier,
+    Gripper,
+    Motion,
+    MotionState,
+    Trajectory,
+    Workspace,
+)
 from pomona.executive.skill import Skill
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
@@ -16,7 +25,11 @@ from pomona.skills.shared.live_watch import KnownAround, LiveWatch
 
 Watching = Generator["str | None", None, None]
 
-MOTION_FAILURES = ("REFUSED", "STOPPED", "MOTION_FAILED")  # refused; stopped from outside; failed during the motion
+MOTION_FAILURES = (
+    "REFUSED",
+    "STOPPED",
+    "MOTION_FAILED",
+)  # refused; stopped from outside; failed during the motion
 
 
 class MotionEnded(Exception):
@@ -28,7 +41,9 @@ class MotionEnded(Exception):
 
 
 def follow_motion(
-    motion: Motion, watch: Callable[[], str | None] | None = None, each_tick: Callable[[], None] | None = None
+    motion: Motion,
+    watch: Callable[[], str | None] | None = None,
+    each_tick: Callable[[], None] | None = None,
 ) -> Watching:
     """Watch a motion that was just started until it is done and nothing moves any more.
 
@@ -136,7 +151,9 @@ class MovingSkill(Skill):
         try:
             motion = start()
         except MotionRefused as refused:
-            raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
+            raise self.failure(
+                "REFUSED", f"{refused}; nothing has moved", device=refused.device
+            ) from refused
         try:
             yield from follow_motion(motion, watch, each_tick)
         except MotionEnded as ended:
@@ -144,7 +161,9 @@ class MovingSkill(Skill):
             raise self.failure(code, str(ended), progress=round(motion.progress, 3)) from ended
 
 
-def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp | None = None) -> str:
+def zone_entered(
+    skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp | None = None
+) -> str:
     """Describe which part of the robot or of a held fruit would enter a zone on a path, and where; empty without one.
 
     Args:
@@ -162,4 +181,8 @@ def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp
     entered = world.check_path(trajectory.q, width)
     if entered is None:
         return ""
-    return f"at the arm's present position, {entered}" if entered.at == 0.0 else f"on the way {entered}"
+    return (
+        f"at the arm's present position, {entered}"
+        if entered.at == 0.0
+        else f"on the way {entered}"
+    )

@@ -14,7 +14,12 @@ from pomona.executive.skill import Skill, SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.units import Array
 from pomona.skills.geometry import angle_between
-from pomona.skills.perception.frame_check import FrameProblem, frame_problem, frame_view, pose_problem
+from pomona.skills.perception.frame_check import (
+    FrameProblem,
+    frame_problem,
+    frame_view,
+    pose_problem,
+)
 
 KEPT = 12  # number of earlier poses of each camera that stale depth is compared with
 APART, TURNED = 5e-3, np.radians(0.5)  # poses nearer to each other than this are one [m, rad]
@@ -39,7 +44,9 @@ def note_pose(skill: Skill, frame: Frame, T_base_camera: Float64) -> None:
     poses.append((frame.stamp, T_base_camera))
 
 
-def require_true_look(skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace) -> Work[None]:
+def require_true_look(
+    skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace
+) -> Work[None]:
     """Compare a look with the table, its colour and earlier poses, beside the tick.
 
     Raises SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
@@ -51,7 +58,9 @@ def require_true_look(skill: Skill, frame: Frame, T_base_camera: Float64, worksp
         raise mismatch(skill, frame, problem)
 
 
-def require_sound_pose(skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace) -> None:
+def require_sound_pose(
+    skill: Skill, frame: Frame, T_base_camera: Float64, workspace: Workspace
+) -> None:
     """Compare the table in a depth image with the cell file's; takes 2 ms.
 
     Raises SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH, which the skill must declare.
@@ -78,5 +87,9 @@ def mismatch(skill: Skill, frame: Frame, problem: FrameProblem) -> SkillFailure:
     """Return the failure of a skill whose frame has a problem."""
     camera, planes = frame.label, problem.planes
     if planes is not None:
-        skill.publish("doubted_look", DoubtedLook(planes, frame.T_mount_camera, frame.q is not None))
-    return skill.failure(problem.code, f"{camera or 'camera'}: {problem.message}", camera=camera, **problem.data)
+        skill.publish(
+            "doubted_look", DoubtedLook(planes, frame.T_mount_camera, frame.q is not None)
+        )
+    return skill.failure(
+        problem.code, f"{camera or 'camera'}: {problem.message}", camera=camera, **problem.data
+    )

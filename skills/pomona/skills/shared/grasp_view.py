@@ -14,16 +14,29 @@ from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.grasp import Grasp, RuledOut
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-TAKEN = SceneView(caption="the fruit was taken from its place")  # in the place of a view that draws it where it was
+TAKEN = SceneView(
+    caption="the fruit was taken from its place"
+)  # in the place of a view that draws it where it was
 
 
 def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:
     """Return the measured fruit in the base frame, with its stem."""
     stem = fruit.fruit.stem
-    parts = [_coarse(fruit.fruit.vertices, fruit.fruit.faces)] + ([] if stem is None else [(stem.vertices, stem.faces)])
-    vertices = np.vstack([part for part, _faces in parts]) * (fruit.dimensions / fruit.fruit.dimensions)
-    faces = np.vstack([parts[0][1], *(part_faces + len(parts[0][0]) for _part, part_faces in parts[1:])])
-    return Mesh3(np.round(apply(fruit.T_base_fruit, vertices), 4), faces.astype(np.int32), "measured fruit", "object")
+    parts = [_coarse(fruit.fruit.vertices, fruit.fruit.faces)] + (
+        [] if stem is None else [(stem.vertices, stem.faces)]
+    )
+    vertices = np.vstack([part for part, _faces in parts]) * (
+        fruit.dimensions / fruit.fruit.dimensions
+    )
+    faces = np.vstack(
+        [parts[0][1], *(part_faces + len(parts[0][0]) for _part, part_faces in parts[1:])]
+    )
+    return Mesh3(
+        np.round(apply(fruit.T_base_fruit, vertices), 4),
+        faces.astype(np.int32),
+        "measured fruit",
+        "object",
+    )
 
 
 def _coarse(vertices: Float64, faces: NDArray[np.integer]) -> tuple[Float64, NDArray[np.integer]]:
@@ -41,10 +54,15 @@ def grasp_picture(grasp: Grasp) -> ImageView:
     """Where the fingers will close and the way they come, over the look that the fruit was measured in."""
     fruit = grasp.fruit
     K, T_camera_base = fruit.frame.intrinsics.K, inverse(fruit.T_base_camera)
-    pads = apply(grasp.T_base_grasp, np.array([[0.0, side * grasp.width / 2.0, 0.0] for side in (-1.0, 1.0)]))
+    pads = apply(
+        grasp.T_base_grasp, np.array([[0.0, side * grasp.width / 2.0, 0.0] for side in (-1.0, 1.0)])
+    )
     way = np.array([grasp.T_base_pre_grasp[:3, 3], grasp.T_base_grasp[:3, 3]])
     lines = []
-    for points, label in ((pads, f"candidate {grasp.index}: the fingers close along this line"), (way, "the approach")):
+    for points, label in (
+        (pads, f"candidate {grasp.index}: the fingers close along this line"),
+        (way, "the approach"),
+    ):
         p_camera = apply(T_camera_base, points)
         if (p_camera[:, 2] > 0.0).all():
             uv = p_camera @ K.T

@@ -8,7 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from pomona.drivers.interfaces import ForceSensor, Gripper, Hand, LoadSensor, PressSensor, WrenchSensor
+from pomona.drivers.interfaces import (
+    ForceSensor,
+    Gripper,
+    Hand,
+    LoadSensor,
+    PressSensor,
+    WrenchSensor,
+)
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
@@ -21,7 +28,12 @@ from pomona.skills.shared.touch import HELD_FORCE, pressing_forces, something_be
 
 GRAVITY = 9.81  # [m/s²]
 
-HAND_DEVICES = (ForceSensor, PressSensor, LoadSensor, Hand)  # that show a held fruit: a skill's `optional_devices`
+HAND_DEVICES = (
+    ForceSensor,
+    PressSensor,
+    LoadSensor,
+    Hand,
+)  # that show a held fruit: a skill's `optional_devices`
 
 
 def is_held(skill: MovingSkill, hold: Hold | None = None) -> bool:
@@ -38,7 +50,11 @@ def is_between(skill: MovingSkill) -> bool:
 
     Without a force sensor the state of the hand decides, with every doubt; without that, width and motor now.
     """
-    gripper, sensor, hand = skill.device(Gripper), pressed_fingers(skill), skill.optional_device(Hand)
+    gripper, sensor, hand = (
+        skill.device(Gripper),
+        pressed_fingers(skill),
+        skill.optional_device(Hand),
+    )
     if sensor is not None:
         return something_between(gripper, sensor)
     return bool(between(gripper.state(), gripper.limits) if hand is None else hand.in_hand())
@@ -100,7 +116,9 @@ def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
 
     `everything` publishes all samples, even few (when a node ends).
     """
-    if hold.waiting < 0.1 and not (everything and hold.waiting > 0.0):  # seconds of samples in one view
+    if hold.waiting < 0.1 and not (
+        everything and hold.waiting > 0.0
+    ):  # seconds of samples in one view
         return
     samples = hold.drain()
     skill.publish(

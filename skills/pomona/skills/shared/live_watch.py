@@ -40,9 +40,14 @@ from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
 
-BLOCKED = "PATH_BLOCKED"  # failure code of a motion that was stopped by an obstacle in a camera's view
+BLOCKED = (
+    "PATH_BLOCKED"  # failure code of a motion that was stopped by an obstacle in a camera's view
+)
 
-WATCH_FAILURES = (BLOCKED, *MISMATCHES)  # of watched motions: an obstacle, or a camera with implausible frames
+WATCH_FAILURES = (
+    BLOCKED,
+    *MISMATCHES,
+)  # of watched motions: an obstacle, or a camera with implausible frames
 TOO_OLD = 0.3  # age from which a frame is stale [s]; a camera that sends no others is lost, which its driver reports
 
 
@@ -100,7 +105,9 @@ class LiveWatch:
         for camera in self._cameras:
             frame = _newest(camera)
             if frame is not None and abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
-                require_sound_pose(self._skill, frame, pose_of_camera(frame, self._robot), self._workspace)
+                require_sound_pose(
+                    self._skill, frame, pose_of_camera(frame, self._robot), self._workspace
+                )
 
     def slowed(self) -> Trajectory | None:
         """Return the path, slower where unmapped objects that stand now could meet the moving arm; None if as before.
@@ -123,7 +130,9 @@ class LiveWatch:
             self._watch, self._duration = self._watch.on(slower), slower.duration
         return slower
 
-    def begin(self, motion: Motion, along: Trajectory | None = None, shape: RobotShape | None = None) -> None:
+    def begin(
+        self, motion: Motion, along: Trajectory | None = None, shape: RobotShape | None = None
+    ) -> None:
         """The motion has been started; `along`: on this path instead, as a robot of this shape if it is another now."""
         if along is not None:
             self._watch, self._duration = self._watch.on(along, shape), along.duration
@@ -143,7 +152,12 @@ class LiveWatch:
         said = None
         for number, camera in enumerate(self._cameras):
             frame = _newest(camera)
-            if frame is None or frame.depth is None or not frame.placed or self._stamps.get(number) == frame.stamp:
+            if (
+                frame is None
+                or frame.depth is None
+                or not frame.placed
+                or self._stamps.get(number) == frame.stamp
+            ):
                 continue
             age = self._skill.clock.now() - frame.stamp
             if not -TOO_OLD < age < TOO_OLD:
@@ -151,7 +165,9 @@ class LiveWatch:
             self._stamps[number] = frame.stamp
             q = self._posture(frame.stamp) if frame.q is None else frame.q
             T_base_camera = pose_of_camera(frame, self._robot)
-            ahead = self._watch.look(frame, T_base_camera, q, max(age, 0.0), motion.progress * self._duration, number)
+            ahead = self._watch.look(
+                frame, T_base_camera, q, max(age, 0.0), motion.progress * self._duration, number
+            )
             if ahead is not None and ahead.stop:
                 motion.stop()
                 if (carrier := self._skill.optional_device(Carrier)) is not None:
@@ -164,7 +180,10 @@ class LiveWatch:
 
     def _posture(self, stamp: float) -> Float64:
         """Return joints when a fixed camera looked, (dof,) [rad], from the states around that time."""
-        times, joints = [state.stamp for state in self._states], np.transpose([state.q for state in self._states])
+        times, joints = (
+            [state.stamp for state in self._states],
+            np.transpose([state.q for state in self._states]),
+        )
         return np.array([np.interp(stamp, times, q) for q in joints])
 
     def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
@@ -172,9 +191,16 @@ class LiveWatch:
         x, y, z = ahead.point
         spot = Points3(np.array([ahead.point]), "obstacle", "occupied", 0.04)
         words = "a moving object entered" if ahead.moved else "an unmapped object stands"
-        self._skill.publish("blocked", SceneView(points=(spot,), caption=f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m"))
+        self._skill.publish(
+            "blocked",
+            SceneView(points=(spot,), caption=f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m"),
+        )
         words += f" at ({x:.2f}, {y:.2f}, {z:.2f}) m, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}"
-        at = {"point_m": list(ahead.point), "distance_m": round(ahead.distance, 4), "after_s": round(ahead.after, 3)}
+        at = {
+            "point_m": list(ahead.point),
+            "distance_m": round(ahead.distance, 4),
+            "after_s": round(ahead.after, 3),
+        }
         who = {"part": ahead.part, "moved": ahead.moved, "camera": frame.label}
         raise self._skill.failure(BLOCKED, f"{words}: detect again, or clear the path", **at, **who)
 
@@ -194,7 +220,13 @@ def prepare_watch(skill: Skill) -> None:
     """For `prepare` of a skill that watches its path: compile the loops, and read a frame of every camera."""
     cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
     arm = skill.optional_device(Arm)
-    if cameras is None or not cameras.all or arm is None or workspace is None or workspace.watch is None:
+    if (
+        cameras is None
+        or not cameras.all
+        or arm is None
+        or workspace is None
+        or workspace.watch is None
+    ):
         return
     _warm(arm.description)
     for camera in cameras.all:
@@ -210,8 +242,17 @@ def _warm(description: Path) -> None:
     trajectory = Trajectory(np.array([0.0, 0.1]), np.array([q, q]), still, still)
     limits = ArmLimits(robot.lower, robot.upper, *(np.ones(robot.dof),) * 3)
     at = robot.tcp(q)[:3, 3]
-    watch = PathWatch(RobotShape.of(robot), trajectory, limits, robot.width_max, Workspace(None, at - 0.3, at + 0.3))
-    colour, T_base_camera = np.zeros((2, 2, 3), np.uint8), transform(None, at - np.array([0.0, 0.0, 0.3]))
+    watch = PathWatch(
+        RobotShape.of(robot),
+        trajectory,
+        limits,
+        robot.width_max,
+        Workspace(None, at - 0.3, at + 0.3),
+    )
+    colour, T_base_camera = (
+        np.zeros((2, 2, 3), np.uint8),
+        transform(None, at - np.array([0.0, 0.0, 0.3])),
+    )
     lens = Intrinsics(0.5, 0.5, 0.5, 0.5, 2, 2)  # four points 0.2 m beside the tool
     depth = np.full((2, 2), 0.2, np.float32)
     frame = Frame(0.0, 0, colour, depth, lens, None, T_base_camera, depth_model=DepthModel())

@@ -19,14 +19,30 @@ from pomona.executive.values.installation import entry_points, install_extra, re
 from pomona.executive.values.sections import Problem
 from pomona.executive.views import ImageView, Line2, Pinhole
 from pomona.skills.motion.robot.model import RobotModel
-from pomona.skills.perception.detection.detection import DETECTORS, WORKING_WIDTH, BoxModelFile, DopeFiles, Search
+from pomona.skills.perception.detection.detection import (
+    DETECTORS,
+    WORKING_WIDTH,
+    BoxModelFile,
+    DopeFiles,
+    Search,
+)
 from pomona.skills.perception.detection.dope_config import find_entry
-from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights, MissingPackage
+from pomona.skills.perception.detection.errors import (
+    BadFrame,
+    BadPoseConfig,
+    BadWeights,
+    MissingPackage,
+)
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.detection.places import width_for
 from pomona.skills.perception.detection.weights_file import ENDING, is_torch_file
 from pomona.skills.perception.fruit import FruitModel, find_weights, load_fruit
-from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, FruitError, damage, known_fruits
+from pomona.skills.perception.fruit.catalogue import (
+    SHIPPED_WEIGHTS,
+    FruitError,
+    damage,
+    known_fruits,
+)
 
 if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch takes seconds
     from pomona.skills.perception.detection.compact_detector import CompactDetector
@@ -36,14 +52,21 @@ _EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
 
 AUTO_WIDTH, EVERY_WIDTH = "auto", "all"  # words that the port `working_width` takes beside a number
 LEAST_WIDTH, MOST_WIDTH = 64, 4096  # numbers that it takes [px]
-_NO_WIDTH = f"{{}} is not a width from {LEAST_WIDTH} to {MOST_WIDTH} px, {AUTO_WIDTH} or {EVERY_WIDTH}"
+_NO_WIDTH = (
+    f"{{}} is not a width from {LEAST_WIDTH} to {MOST_WIDTH} px, {AUTO_WIDTH} or {EVERY_WIDTH}"
+)
 WIDTH_HELP = (
     f"width at which the whole picture is searched, {LEAST_WIDTH} to {MOST_WIDTH} [px]; "
     f"{EVERY_WIDTH}: several widths, up to the picture's own"
 )
 
 
-LOOKING_FAILURES = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")  # codes of every skill that looks
+LOOKING_FAILURES = (
+    "NO_FRAME",
+    "STALE_FRAME",
+    "NOTHING_FOUND",
+    "NO_WEIGHTS",
+)  # codes of every skill that looks
 
 
 class LookingSkill(Skill):
@@ -60,7 +83,9 @@ class LookingSkill(Skill):
             BadWeights, BadPoseConfig: a file of the detector is missing or cannot be used.
             MissingPackage: PyTorch runs these weights, and it is not installed.
         """
-        name, weights, config, boxes = (self.known(port) for port in ("fruit", "weights", "config", "boxes"))
+        name, weights, config, boxes = (
+            self.known(port) for port in ("fruit", "weights", "config", "boxes")
+        )
         if name is None:
             return
         fruit = load_fruit(name)
@@ -70,13 +95,18 @@ class LookingSkill(Skill):
             plain = BoxModelFile(Path(boxes))
             pose = self.known("pose_from") or plain.pose
             width = boxes_width(self.known("working_width"))
-            _own_detector(BoxModelFile(plain.model, pose, width), fruit.name, fruit.weights, _sides(fruit))
+            _own_detector(
+                BoxModelFile(plain.model, pose, width), fruit.name, fruit.weights, _sides(fruit)
+            )
             return
         if config and weights:
             _own_detector(DopeFiles(Path(weights), Path(config)), fruit.name, None, _sides(fruit))
             return
         if fruit.weights is None:
-            raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}{ENDING}", "is missing: restore it, or train the detector")
+            raise BadWeights(
+                SHIPPED_WEIGHTS / f"{fruit.name}{ENDING}",
+                "is missing: restore it, or train the detector",
+            )
         _detector(fruit.weights)
 
     @classmethod
@@ -100,13 +130,27 @@ class LookingSkill(Skill):
             except BadPoseConfig as error:
                 yield Problem("config", str(error))
             if boxes:
-                yield Problem("config", f"it goes with DOPE's weights, not with boxes: {boxes}", "wire one of them")
+                yield Problem(
+                    "config",
+                    f"it goes with DOPE's weights, not with boxes: {boxes}",
+                    "wire one of them",
+                )
             elif "weights" in known and not known["weights"]:
-                yield Problem("config", f"{config} needs the weights that it configures", "weights: epoch_60.pth")
-        if not (boxes and known.get("pose_from") == "depth"):  # with depth alone, no weights are read
+                yield Problem(
+                    "config",
+                    f"{config} needs the weights that it configures",
+                    "weights: epoch_60.pth",
+                )
+        if not (
+            boxes and known.get("pose_from") == "depth"
+        ):  # with depth alone, no weights are read
             yield from _weights_problems(name, fruit, known.get("weights"))
         kinds = None if cell is None else cell.known(FruitKinds)
-        if cell is not None and kinds is not None and not {fruit.name, Path(name).name} & set(kinds.names):
+        if (
+            cell is not None
+            and kinds is not None
+            and not {fruit.name, Path(name).name} & set(kinds.names)
+        ):
             there = ", ".join(kinds.names)
             message = f"there is no {fruit.name} on the table of the cell '{cell.name}', which holds {there}"
             yield Problem("fruit", message, warning=True)
@@ -149,11 +193,15 @@ class LookingSkill(Skill):
         age = self.clock.now() - frame.stamp
         if age > max_age:
             raise self.failure(
-                "STALE_FRAME", f"the newest frame is {age:.2f} s old, {max_age:.2f} s are allowed", age_s=age
+                "STALE_FRAME",
+                f"the newest frame is {age:.2f} s old, {max_age:.2f} s are allowed",
+                age_s=age,
             )
         return frame
 
-    def search_width(self, width: object, fruit: FruitModel, frame: Frame, distance: float | None) -> int | None:
+    def search_width(
+        self, width: object, fruit: FruitModel, frame: Frame, distance: float | None
+    ) -> int | None:
         """Return the width at which a frame is searched [px]; None for several, up to the frame's own.
 
         Args:
@@ -165,12 +213,16 @@ class LookingSkill(Skill):
         wanted = _width(width)
         if wanted is None:
             data = {"port": "working_width"}
-            raise SkillFailure(Failure("BAD_VALUE", f"input working_width: {_NO_WIDTH.format(width)}", data))
+            raise SkillFailure(
+                Failure("BAD_VALUE", f"input working_width: {_NO_WIDTH.format(width)}", data)
+            )
         if isinstance(wanted, int):
             return wanted
         if wanted == EVERY_WIDTH or distance is None:
             return None
-        return width_for(distance, float(fruit.dimensions.max()), frame.intrinsics.fx, frame.colour.shape[1])
+        return width_for(
+            distance, float(fruit.dimensions.max()), frame.intrinsics.fx, frame.colour.shape[1]
+        )
 
     def camera_pose(self, frame: Frame) -> Float64:
         """T_base_camera of a frame, shape (4, 4)."""
@@ -178,12 +230,16 @@ class LookingSkill(Skill):
             return frame.T_mount_camera
         arm = self.optional_device(Arm)
         if arm is None:
-            raise self.failure("NO_FRAME", "the frame was taken from an arm, and the cell has no arm")
+            raise self.failure(
+                "NO_FRAME", "the frame was taken from an arm, and the cell has no arm"
+            )
         robot = RobotModel.load(arm.description)
         T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
         return T_base_camera
 
-    def find(self, frame: Frame, model: FruitModel, options: Search) -> Generator[str | None, None, list[Instance]]:
+    def find(
+        self, frame: Frame, model: FruitModel, options: Search
+    ) -> Generator[str | None, None, list[Instance]]:
         """Find every fruit of a frame beside the tick; fails with NO_FRAME or NO_WEIGHTS if these are unusable."""
         try:
             return (yield from self.compute(find_in_frame, frame, model, options))
@@ -224,7 +280,9 @@ def _weights_problems(name: str, fruit: FruitModel, weights: str | None) -> Iter
         hint = f"train its detector: {_training(name, fruit)}"
         yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
     elif problem := damage(fruit.weights):
-        yield Problem("fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file")
+        yield Problem(
+            "fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file"
+        )
     elif needs_torch(fruit.weights):
         yield Problem("fruit", *_without_torch(fruit.weights))
 
@@ -262,7 +320,10 @@ class FrameDetector(Protocol):
 
 @lru_cache(maxsize=4)
 def _own_detector(
-    files: BoxModelFile | DopeFiles, fruit: str, weights: Path | None, dimensions: tuple[float, float, float]
+    files: BoxModelFile | DopeFiles,
+    fruit: str,
+    weights: Path | None,
+    dimensions: tuple[float, float, float],
 ) -> FrameDetector:
     """Return the user's own detector of a fruit, as the package loads it that reads its files."""
     name, file = ("dope", files.weights) if isinstance(files, DopeFiles) else ("boxes", files.model)
@@ -294,7 +355,9 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Inst
         own = _own_detector(options, fruit.name, fruit.weights, _sides(fruit))
         return own.find_instances(colour, K, frame.depth)
     assert fruit.weights is not None
-    return find_instances(_detector(fruit.weights).looking(replace(options, kind=fruit.name)), colour, K, fruit)
+    return find_instances(
+        _detector(fruit.weights).looking(replace(options, kind=fruit.name)), colour, K, fruit
+    )
 
 
 def picture(
@@ -306,12 +369,16 @@ def picture(
         if instance.score < score:
             continue
         style = "found" if k == chosen else "muted"
-        lines.append(Line2(instance.keypoints[_EDGES], f"fruit {k}, score {instance.score:.2f}", style))
+        lines.append(
+            Line2(instance.keypoints[_EDGES], f"fruit {k}, score {instance.score:.2f}", style)
+        )
     centres = np.array([i.keypoints[8] for i in instances if i.score >= score]).reshape(-1, 2)
     target = f", target {chosen}" if isinstance(chosen, int) else chosen and f", {chosen}"
     optics = frame.intrinsics
     pinhole = Pinhole(optics.fx, optics.fy, optics.cx, optics.cy, T_base_camera)
-    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found{target}", frame.depth, pinhole)
+    return ImageView(
+        frame.colour, tuple(lines), centres, f"{len(lines)} found{target}", frame.depth, pinhole
+    )
 
 
 def _training(fruit: str, model: FruitModel) -> str:

@@ -45,8 +45,16 @@ class PoseSkill(MovingSkill):
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Check that the named pose is one of the cell's."""
-        workspace, name = (None if cell is None else cell.known(Workspace)), known.get(cls.pose_port)
-        if cell is not None and workspace is not None and name is not None and name not in workspace.poses:
+        workspace, name = (
+            (None if cell is None else cell.known(Workspace)),
+            known.get(cls.pose_port),
+        )
+        if (
+            cell is not None
+            and workspace is not None
+            and name is not None
+            and name not in workspace.poses
+        ):
             message = f"the cell '{cell.name}' has no pose '{name}'"
             yield Problem(cls.pose_port, message, choose(name, sorted(workspace.poses)))
 
@@ -94,9 +102,13 @@ def move_to_pose(
         q_goal = named_pose(workspace.poses, pose, variation)
     except KeyError:
         known = ", ".join(workspace.poses) or "none"
-        raise skill.failure("UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}") from None
+        raise skill.failure(
+            "UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}"
+        ) from None
     q = arm.state().q
-    if np.abs(q_goal - q).max() < 1e-3:  # an arm this near to the pose in every joint is there [rad]
+    if (
+        np.abs(q_goal - q).max() < 1e-3
+    ):  # an arm this near to the pose in every joint is there [rad]
         return
     field, width = usable_field(skill, map), skill.device(Gripper).state().width
     space = arm_space(arm, workspace, field, width, clearance, held=carrying)
@@ -123,23 +135,38 @@ def move_to_pose(
     )
     result = yield from planned(skill, request)
     path = (
-        result.path if carrying is None else gently(RobotModel.load(arm.description), result.path, carried_acceleration)
+        result.path
+        if carrying is None
+        else gently(RobotModel.load(arm.description), result.path, carried_acceleration)
     )
     around = KnownAround(map, () if avoiding is None else (avoiding,), carrying)
-    yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying)
+    yield from skill.travel(
+        path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying
+    )
 
 
 def _upright(
-    skill: MovingSkill, space: ArmSpace, most: float, q: Float64, q_goal: Float64, carrying: Grasp | None
+    skill: MovingSkill,
+    space: ArmSpace,
+    most: float,
+    q: Float64,
+    q_goal: Float64,
+    carrying: Grasp | None,
 ) -> UprightSpace:
     """Return the space in which the fruit stays upright."""
-    now = RobotModel.load(skill.device(Arm).description).tcp(q) if carrying is None else carrying.T_base_grasp
+    now = (
+        RobotModel.load(skill.device(Arm).description).tcp(q)
+        if carrying is None
+        else carrying.T_base_grasp
+    )
     keeps = UprightSpace(space, now[2, :3].copy(), most)
     for where, there in (("at the arm's present position", q), ("at the pose", q_goal)):
         tilt = keeps.tilt(there)
         if tilt > most:
             words = f"{where} the fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(most):.0f}° are allowed"
-            raise skill.failure("WOULD_TILT", f"{words}; nothing has moved", tilt_rad=tilt, allowed_rad=most)
+            raise skill.failure(
+                "WOULD_TILT", f"{words}; nothing has moved", tilt_rad=tilt, allowed_rad=most
+            )
     return keeps
 
 

@@ -13,12 +13,20 @@ from pomona.skills.motion.occupancy.occupancy_map import OccupancyError
 from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
 from pomona.skills.motion.planning.space import PlanningFailed
 
-PLANNING_FAILURES = ("START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT")
+PLANNING_FAILURES = (
+    "START_IN_COLLISION",
+    "GOAL_UNREACHABLE",
+    "GOAL_IN_COLLISION",
+    "NO_PATH",
+    "TIMEOUT",
+)
 """Codes of every skill that plans."""
 
 COLD_START = 5.0  # seconds that a process which has never planned may need on top of the budget to import and compile
 
-SIMULATED_PATIENCE = 60.0  # wall time of planning on a simulated clock [s]; the budget counts iterations
+SIMULATED_PATIENCE = (
+    60.0  # wall time of planning on a simulated clock [s]; the budget counts iterations
+)
 
 
 def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, PlanResult]:
@@ -26,7 +34,9 @@ def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, P
 
     On a real clock planning is given up, and its process killed, when the budget and a cold start are over.
     """
-    deadline = skill.context.elapsed() + (np.inf if skill.clock.simulated else request.patience + COLD_START)
+    deadline = skill.context.elapsed() + (
+        np.inf if skill.clock.simulated else request.patience + COLD_START
+    )
     work = skill.compute(plan, request, isolated=True)
     try:
         while True:
@@ -55,7 +65,9 @@ def patience(skill: Skill, budget: float) -> float:
 MAP_AGE = 120.0  # an occupancy map whose newest look is older than this is stale [s]
 
 
-def usable_field(skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE) -> DistanceField | None:
+def usable_field(
+    skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE
+) -> DistanceField | None:
     """Return the distance field of a map that may be relied on; None where no map is wired.
 
     `skill` must declare MAP_STALE: it fails with it when the map is empty or too old.
@@ -67,4 +79,6 @@ def usable_field(skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AG
     except OccupancyError as unusable:
         stamp = map.stamp
         age = None if stamp is None else round(skill.clock.now() - stamp, 3)
-        raise skill.failure("MAP_STALE", f"{unusable}: look again", age_s=age, allowed_s=max_age) from unusable
+        raise skill.failure(
+            "MAP_STALE", f"{unusable}: look again", age_s=age, allowed_s=max_age
+        ) from unusable

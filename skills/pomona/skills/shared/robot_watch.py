@@ -43,7 +43,9 @@ def _points(geom: Geom) -> Float64:
     if geom.kind == "mesh":
         return geom.vertices
     if geom.kind == "box":
-        corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        corners = np.array(
+            [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
+        )
         return corners * size[:3]
     if geom.kind == "cylinder":
         return np.vstack([_ring(float(size[0]), z) for z in (-float(size[1]), float(size[1]))])
@@ -117,7 +119,9 @@ class RobotWatch:
 
         links = self._robot.link_poses(q)
         T = np.array([links[part.link] for part, _geoms in self._parts])
-        slides = np.array([part.slide for part, _geoms in self._parts]) * (width - self._robot.width_min)
+        slides = np.array([part.slide for part, _geoms in self._parts]) * (
+            width - self._robot.width_min
+        )
         p_base = T[:, :3, 3] + np.einsum("nij,nj->ni", T[:, :3, :3], slides)
         poses = np.column_stack((p_base, Rotation.from_matrix(T[:, :3, :3]).as_quat()))
         return PosesView(np.round(poses, 5), np.round(self._robot.tcp(q)[:3, 3], 5))

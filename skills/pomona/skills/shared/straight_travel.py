@@ -34,7 +34,12 @@ def tool_pose(skill: MovingSkill) -> Float64:
 
 
 def free_line(
-    skill: MovingSkill, T_base_goal: Float64, space: ArmSpace, codes: tuple[str, str], words: str, **data: object
+    skill: MovingSkill,
+    T_base_goal: Float64,
+    space: ArmSpace,
+    codes: tuple[str, str],
+    words: str,
+    **data: object,
 ) -> StraightLine:
     """Return the complete and free straight line of the tool to a pose.
 
@@ -58,7 +63,9 @@ def free_line(
     return line
 
 
-def vertical_way(skill: MovingSkill, rise: float, code: str, space: ArmSpace | None = None) -> Float64:
+def vertical_way(
+    skill: MovingSkill, rise: float, code: str, space: ArmSpace | None = None
+) -> Float64:
     """Return postures straight up, or down for a negative rise [m], as far as the arm reaches, shape (n, dof).
 
     They end before obstacles of a space; None on a way that the arm has just come.

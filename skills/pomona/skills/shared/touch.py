@@ -7,7 +7,15 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from pomona.drivers.interfaces import Box, ForceSensor, Gripper, LoadSensor, PressSensor, WrenchSample, WrenchSensor
+from pomona.drivers.interfaces import (
+    Box,
+    ForceSensor,
+    Gripper,
+    LoadSensor,
+    PressSensor,
+    WrenchSample,
+    WrenchSensor,
+)
 from pomona.executive.skill import Skill
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse
@@ -15,10 +23,14 @@ from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.gripper_shape import GripperShape
 
-STALE_AFTER = 0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
+STALE_AFTER = (
+    0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
+)
 SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
 
-HELD_FORCE = 0.25  # pressing force of each finger that shows something between them [N]; noise: 0.2 N
+HELD_FORCE = (
+    0.25  # pressing force of each finger that shows something between them [N]; noise: 0.2 N
+)
 FINE = 1.0  # smallest change that a load sensor must show to feel a support [N]: a fruit is pressed no harder
 
 
@@ -43,7 +55,12 @@ by which it falls; `reaction` of an arm that lands with as much at half of this 
 
 
 def landing_speeds(
-    shape: GripperShape, grasp: Grasp, obstacles: Iterable[Box], width: float, length: float, unseen: float
+    shape: GripperShape,
+    grasp: Grasp,
+    obstacles: Iterable[Box],
+    width: float,
+    length: float,
+    unseen: float,
 ) -> Float64:
     """Return the largest speeds along a straight approach, at equal steps, shape (m,) [m/s].
 
@@ -53,15 +70,22 @@ def landing_speeds(
     points, cosines, approach = [np.empty((0, 3))], [np.empty(0)], grasp.T_base_grasp[:3, 2]
     for fruit in (grasp.fruit, *grasp.fruit.beside):
         skin = fruit_points(fruit)
-        normals = (skin - fruit.T_base_fruit[:3, 3]) @ fruit.T_base_fruit[:3, :3] / fruit.dimensions**2
+        normals = (
+            (skin - fruit.T_base_fruit[:3, 3]) @ fruit.T_base_fruit[:3, :3] / fruit.dimensions**2
+        )
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         points.append(skin)
         cosines.append(-normals @ fruit.T_base_fruit[:3, :3].T @ approach)
     for box in obstacles:
-        half, below = np.array(box.half_extents), apply(inverse(box.T_base_box), grasp.T_base_grasp[:3, 3])
+        half, below = (
+            np.array(box.half_extents),
+            apply(inverse(box.T_base_box), grasp.T_base_grasp[:3, 3]),
+        )
         low, high = (np.clip(below + side, -half, half) for side in (-NEAR, NEAR))
         grid = np.linspace(low, high, int(NEAR / unseen) + 2)
-        top = np.stack([each.ravel() for each in np.meshgrid(grid[:, 0], grid[:, 1], half[2])], axis=1)
+        top = np.stack(
+            [each.ravel() for each in np.meshgrid(grid[:, 0], grid[:, 1], half[2])], axis=1
+        )
         points.append(apply(box.T_base_box, top))
         cosines.append(np.ones(len(top)))
     level = shape.levels(apply(inverse(grasp.T_base_grasp), np.vstack(points)), width, unseen)
@@ -82,16 +106,24 @@ class Touch:
         finger: the finger with the change: left or right; empty before any, and when there is one force.
     """
 
-    def __init__(self, sensor: WrenchSensor | None, of: Callable[[Float64], Float64] = each_finger) -> None:
+    def __init__(
+        self, sensor: WrenchSensor | None, of: Callable[[Float64], Float64] = each_finger
+    ) -> None:
         """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared."""
         self._sensor, self._of = sensor, of
-        self._mass, self._least = (sensor.mass, sensor.least) if isinstance(sensor, LoadSensor) else (0.0, 0.0)
+        self._mass, self._least = (
+            (sensor.mass, sensor.least) if isinstance(sensor, LoadSensor) else (0.0, 0.0)
+        )
         first = None if sensor is None else sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
         rate = 1.0 if sensor is None else sensor.rate
-        self._felt: deque[Float64] = deque(maxlen=max(1, round(0.1 * rate)))  # time of an average [s]
-        self._first = round(0.01 * rate)  # samples whose mean is the reference: one sample has the noise of one
+        self._felt: deque[Float64] = deque(
+            maxlen=max(1, round(0.1 * rate))
+        )  # time of an average [s]
+        self._first = round(
+            0.01 * rate
+        )  # samples whose mean is the reference: one sample has the noise of one
         self.change, self.finger = 0.0, ""
         self._limit, self._act = np.inf, _nothing
         self._subscription = None if sensor is None else sensor.subscribe(self._on_sample)
@@ -129,7 +161,11 @@ class Touch:
 
     def at_first(self) -> float:
         """Return the force at the beginning [N]; 0 before the first sample. The zero of a load sensor is unknown: 0."""
-        return 0.0 if self._reference is None or self._mass else float(np.linalg.norm(self._reference, axis=1).max())
+        return (
+            0.0
+            if self._reference is None or self._mass
+            else float(np.linalg.norm(self._reference, axis=1).max())
+        )
 
     def average(self) -> Float64:
         """Return the mean of the recent forces, shape (n, k) [N]."""
@@ -140,7 +176,9 @@ class Touch:
         """How far it has gone from `before` to `now`, shapes (n, k), towards the beginning [N]: the least of n."""
         assert self._reference is not None
         changed = before - self._reference
-        along = ((before - now) * changed).sum(axis=1) / np.maximum(np.linalg.norm(changed, axis=1), 1e-9)
+        along = ((before - now) * changed).sum(axis=1) / np.maximum(
+            np.linalg.norm(changed, axis=1), 1e-9
+        )
         return float(along.min())
 
     def stale_for(self, now: float) -> float:
@@ -190,13 +228,19 @@ def hand_felt(skill: Skill) -> Touch:
 
 def weighing(skill: Skill) -> Touch | None:
     """Listen to a load sensor that feels a fruit's weight, in a cell without force fingers; None without one."""
-    return felt(skill, each_finger) if skill.optional_device(ForceSensor) is None and feels_support(skill) else None
+    return (
+        felt(skill, each_finger)
+        if skill.optional_device(ForceSensor) is None and feels_support(skill)
+        else None
+    )
 
 
 def feels_support(skill: Skill) -> bool:
     """Return True if a sensor of the cell feels a support below a held fruit before the fruit is pressed."""
     sensor = skill.optional_device(LoadSensor)
-    return skill.optional_device(ForceSensor) is not None or (sensor is not None and sensor.least <= FINE)
+    return skill.optional_device(ForceSensor) is not None or (
+        sensor is not None and sensor.least <= FINE
+    )
 
 
 def _nothing() -> None:

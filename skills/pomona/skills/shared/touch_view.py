@@ -43,9 +43,16 @@ def record_touches(
     T_base_tcp = RobotModel.load(arm.description).tcp(arm.state().q)
     T_base_tcp[:3, 3] -= carried
     camera = fruit.T_base_camera, fruit.frame.T_mount_camera, fruit.frame.q is not None
-    shape = fruit.dimensions, skin_along(fruit_points(fruit), T_base_tcp), None if seen is None else seen.planes
+    shape = (
+        fruit.dimensions,
+        skin_along(fruit_points(fruit), T_base_tcp),
+        None if seen is None else seen.planes,
+    )
     name, T_base_fruit = fruit.fruit.name, fruit.T_base_fruit
-    skill.publish(TOPIC, PickTouches(name, left, right, closed, T_base_tcp, T_base_fruit, *camera, *shape, landed))
+    skill.publish(
+        TOPIC,
+        PickTouches(name, left, right, closed, T_base_tcp, T_base_fruit, *camera, *shape, landed),
+    )
 
 
 def record_landing(skill: Skill, fruit: MeasuredFruit, finger: str, force: float) -> None:
@@ -53,6 +60,10 @@ def record_landing(skill: Skill, fruit: MeasuredFruit, finger: str, force: float
     arm, width = skill.device(Arm), skill.device(Gripper).state().width
     robot = RobotModel.load(arm.description)
     T_base_tcp = robot.tcp(arm.state().q)
-    way = gripper_shape(robot).way_to(apply(inverse(T_base_tcp), fruit_points(fruit)), width, finger)
+    way = gripper_shape(robot).way_to(
+        apply(inverse(T_base_tcp), fruit_points(fruit)), width, finger
+    )
     pads = (PadTouch(skill.clock.now(), width, force), None)
-    record_touches(skill, fruit, pads if finger == "left" else pads[::-1], landed=T_base_tcp[:3, :3] @ way)
+    record_touches(
+        skill, fruit, pads if finger == "left" else pads[::-1], landed=T_base_tcp[:3, :3] @ way
+    )

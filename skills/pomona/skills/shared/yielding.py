@@ -65,7 +65,9 @@ class YieldingFingers:
         moved, self._width = state.width - self._width, state.width
         self._lower = min(state.width, self._lower + max(self._speed, 0.0) * dt)
         self._upper = max(state.width, self._upper + min(self._speed, 0.0) * dt)
-        push = max(state.width - self._lower - GIVES, 0.0) - max(self._upper - state.width - GIVES, 0.0)
+        push = max(state.width - self._lower - GIVES, 0.0) - max(
+            self._upper - state.width - GIVES, 0.0
+        )
         force = state.motor_force or 0.0
         resisted = force * (1.0 if push > 0.0 else -1.0) > RESISTS
         given = GAIN * push if resisted else 0.0
@@ -75,7 +77,9 @@ class YieldingFingers:
             given = min(given, -RELIEVES)
         if not given or self.holds or self._given > MOST:
             return speed
-        most = self._gripper.limits.speed_max  # a faster command would be cut, and count as more than was commanded
+        most = (
+            self._gripper.limits.speed_max
+        )  # a faster command would be cut, and count as more than was commanded
         given = min(max(given, -most), most)
         self._given += abs(given) * dt
         return max(speed, given) if given > 0.0 else min(speed, given)

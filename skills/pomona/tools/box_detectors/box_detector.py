@@ -20,7 +20,9 @@ CORE = 0.5  # part of the box's sides, about its middle, whose median depth stan
 BAND = 4e-3  # distance from the sphere within which depth agrees [m], as the default of Refine's `inlier_band`
 
 LEAST_AGREEING = 0.5  # least ratio of agreeing pixels within a radius of the front: a fruit's shape
-RADIUS_PRIOR = 0.15  # standard deviation of the logarithm of the radius about half the box's longer side
+RADIUS_PRIOR = (
+    0.15  # standard deviation of the logarithm of the radius about half the box's longer side
+)
 POINT_ERROR = 2e-3  # standard deviation of a point against the sphere [m]: apples are no spheres
 INDEPENDENT = 30.0  # points that count as independent: an apple's dents and bulges move neighbouring points together
 
@@ -34,14 +36,18 @@ class FittedSphere:
     centre: Float64  # (3,) [m]
     radius: float  # [m]
     agreeing: float  # ratio of the points within a radius of the front that lie within `BAND` of the sphere
-    seen: float  # area of the agreeing pixels over that of the whole sphere in the picture, at most 1
+    seen: (
+        float  # area of the agreeing pixels over that of the whole sphere in the picture, at most 1
+    )
 
 
 class NoSphere(ValueError):
     """The depth in a box is no fruit's; the text has the measured and the expected value."""
 
 
-def sphere_in_box(depth: Float32, K: Float64, box: Float64, radii: tuple[float, float]) -> FittedSphere:
+def sphere_in_box(
+    depth: Float32, K: Float64, box: Float64, radii: tuple[float, float]
+) -> FittedSphere:
     """Fit a sphere to the depth in a box.
 
     Args:
@@ -54,7 +60,9 @@ def sphere_in_box(depth: Float32, K: Float64, box: Float64, radii: tuple[float, 
     """
     points, pixel, each = _points(depth, K, box)
     if len(points) < LEAST_POINTS:
-        raise NoSphere(f"depth at {len(points)} pixels of the box, expected at least {LEAST_POINTS}")
+        raise NoSphere(
+            f"depth at {len(points)} pixels of the box, expected at least {LEAST_POINTS}"
+        )
     middle = box[:2] + 0.5 * box[2:] - 0.5
     core = (np.abs(pixel - middle) <= 0.5 * CORE * box[2:]).all(axis=1)
     front = float(np.median(points[core if core.any() else slice(None), 2]))
@@ -119,7 +127,9 @@ SPHERE_OF_FRUIT = 1.05
 """Radius of the fitted sphere over half the mean of the cuboid's sides: median of 221 rendered apples at least 60 %
 visible, depth noise 0.2 %."""
 
-SIZE_ERROR = 0.05  # relative deviation of the sphere's radius, over the ratio that is seen (apples: 0.045)
+SIZE_ERROR = (
+    0.05  # relative deviation of the sphere's radius, over the ratio that is seen (apples: 0.045)
+)
 ACROSS_ERROR = 2e-3  # deviation of its centre across the line of sight [m], likewise (apples: 2 mm)
 ANY_STEM = 1.0  # standard deviation of the rotation [rad]: depth in a box shows no stem
 
@@ -133,12 +143,18 @@ class BoxDetector:
         dimensions: of the fruit's CAD model [m].
     """
 
-    def __init__(self, model: BoxModel, close_look: CompactDetector | None, dimensions: Float64) -> None:
+    def __init__(
+        self, model: BoxModel, close_look: CompactDetector | None, dimensions: Float64
+    ) -> None:
         self._model, self._close_look, self._dimensions = model, close_look, dimensions
 
     @classmethod
     def load(
-        cls, file: BoxModelFile, fruit: str, weights: Path | None, dimensions: tuple[float, float, float]
+        cls,
+        file: BoxModelFile,
+        fruit: str,
+        weights: Path | None,
+        dimensions: tuple[float, float, float],
     ) -> BoxDetector:
         """Load a model of boxes, and for `pose_from: close_look` the fruit's weights.
 
@@ -166,7 +182,9 @@ class BoxDetector:
         boxes = self._model.find(colour)
         if self._close_look is None:
             return [self._by_depth(found, K, depth) for found in boxes]
-        spots = [(b.box[:2] + 0.5 * b.box[2:] - 0.5, SIZE_OF_BOX * float(b.box[2:].max())) for b in boxes]
+        spots = [
+            (b.box[:2] + 0.5 * b.box[2:] - 0.5, SIZE_OF_BOX * float(b.box[2:].max())) for b in boxes
+        ]
         looks = self._close_look.look_closely(colour, K, spots)
         return [
             instance_of(replace(fruit, score=found.score, box=found.box), K, self._dimensions)
@@ -178,9 +196,19 @@ class BoxDetector:
         try:
             if depth is None:
                 raise NoSphere("the frame has no depth, which pose_from: depth needs")
-            sphere = sphere_in_box(depth, K, found.box, (ACCEPTED[0] * radius, ACCEPTED[1] * radius))
+            sphere = sphere_in_box(
+                depth, K, found.box, (ACCEPTED[0] * radius, ACCEPTED[1] * radius)
+            )
         except NoSphere as problem:
-            return Instance(self._flat(found.box), found.score, float("nan"), None, None, str(problem), found.box)
+            return Instance(
+                self._flat(found.box),
+                found.score,
+                float("nan"),
+                None,
+                None,
+                str(problem),
+                found.box,
+            )
         T, covariance = _posed(sphere, radius)
         keypoints = cuboid_in_picture(T, self._dimensions, K)
         return Instance(keypoints, found.score, sphere.seen, T, covariance, box=found.box)

@@ -21,17 +21,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.tools.box_detectors.box_settings import DETECT, POSE, SEGMENT, BoxSettings, ClassUnknown, class_of
+from pomona.tools.box_detectors.box_settings import (
+    DETECT,
+    POSE,
+    SEGMENT,
+    BoxSettings,
+    ClassUnknown,
+    class_of,
+)
 
 Outputs = Mapping[str, NDArray[Any]]  # of one picture, by name, in order; fractions as float64
 
 IN_SHARES = 2.0  # corners that all lie below this are shares of the input, not pixels
 LEAST_SCORE = 0.05  # boxes with less score are dropped
-EXTENTS = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # width and height from corners
+EXTENTS = np.array(
+    [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]]
+)  # width and height from corners
 CHOSEN_VALUES = 6  # of a box whose class is chosen: corners, score and class
-COCO_NUMBERS = 91  # columns of a network with COCO's own class numbers, 1 to 90: 80 of them have a name
+COCO_NUMBERS = (
+    91  # columns of a network with COCO's own class numbers, 1 to 90: 80 of them have a name
+)
 
-PAIRS = ("dets", "labels"), ("pred_boxes", "logits")  # names of boxes and scores in LOGITS: RF-DETR's, transformers'
+PAIRS = (
+    ("dets", "labels"),
+    ("pred_boxes", "logits"),
+)  # names of boxes and scores in LOGITS: RF-DETR's, transformers'
 
 KNOWN = (
     "boxes (n, 4) and scores (n,), as of torchvision; one output (1, 4 + classes, n) or (1, n, 6), as of YOLO, without "
@@ -94,8 +108,13 @@ def read_boxes(
     if lost.any():
         raise BadForm(f"gives values that are not finite, in {lost.sum()} of {len(lost)} boxes")
     corners, scores = corners[finite], scores[finite]
-    if form in (BoxForm.LISTS, BoxForm.CHOSEN) and (corners[scores >= LEAST_SCORE] @ EXTENTS < -1.0).any():
-        raise BadForm("gives a box whose right end lies left of its left one, or its bottom above its top")
+    if (
+        form in (BoxForm.LISTS, BoxForm.CHOSEN)
+        and (corners[scores >= LEAST_SCORE] @ EXTENTS < -1.0).any()
+    ):
+        raise BadForm(
+            "gives a box whose right end lies left of its left one, or its bottom above its top"
+        )
     if len(scores) and not (scores.min() >= -1e-3 and scores.max() <= 1.001):
         extent = f"{scores.min():.3g} to {scores.max():.3g}"
         raise BadForm(f"gives scores from {extent}, expected 0 to 1: export it with its sigmoid")
@@ -106,7 +125,9 @@ def read_boxes(
 
 def unknown_form(outputs: Outputs) -> BadForm:
     """Return the error for outputs of no known form: those found, and those that are read."""
-    given = ", ".join(f"{name} ({', '.join(map(str, value.shape))})" for name, value in outputs.items())
+    given = ", ".join(
+        f"{name} ({', '.join(map(str, value.shape))})" for name, value in outputs.items()
+    )
     return BadForm(f"has the outputs {given}, expected {KNOWN}")
 
 
@@ -175,7 +196,9 @@ def _queries(outputs: Outputs, settings: BoxSettings, fruit: str) -> tuple[Float
 
 
 def _logits(outputs: Outputs, settings: BoxSettings, fruit: str) -> tuple[Float64, Float64]:
-    boxes, logits = (outputs[name][0] for name in next(pair for pair in PAIRS if _is_pair(outputs, pair)))
+    boxes, logits = (
+        outputs[name][0] for name in next(pair for pair in PAIRS if _is_pair(outputs, pair))
+    )
     columns, named = logits.shape[1], max(settings.names, default=-1) + 1
     # RF-DETR has a last column for no object, and COCO's own numbers, which have gaps.
     right = (named, named + 1, COCO_NUMBERS) if "dets" in outputs else (named,)
@@ -209,7 +232,9 @@ def _of_class(
     if set(names) == set(range(len(names))):
         stray = (scores >= LEAST_SCORE) & ~np.isin(labels, list(names))
         if stray.any():
-            raise BadForm(f"gives a box of class {labels[stray][0]:g}, and names the classes 0 to {len(names) - 1}")
+            raise BadForm(
+                f"gives a box of class {labels[stray][0]:g}, and names the classes 0 to {len(names) - 1}"
+            )
     return corners[labels == number], scores[labels == number]
 
 
@@ -222,7 +247,9 @@ def _column(settings: BoxSettings, fruit: str, classes: int) -> int:
 
 def _number(settings: BoxSettings, fruit: str) -> int:
     if not settings.names:
-        raise BadForm(f"has several classes without names: write names: {{0: apple}} into {settings.file} beside it")
+        raise BadForm(
+            f"has several classes without names: write names: {{0: apple}} into {settings.file} beside it"
+        )
     try:
         return class_of(settings.names, fruit)
     except ClassUnknown as error:
@@ -230,7 +257,9 @@ def _number(settings: BoxSettings, fruit: str) -> int:
 
 
 def _disagreement(kind: str, given: int, settings: BoxSettings) -> BadForm:
-    numbers = ", ".join(map(str, sorted(settings.names)[:8])) + (", …" if len(settings.names) > 8 else "")
+    numbers = ", ".join(map(str, sorted(settings.names)[:8])) + (
+        ", …" if len(settings.names) > 8 else ""
+    )
     named = f"{len(settings.names)} named classes ({numbers})"
     return BadForm(f"gives {given} {kind} of scores for {named}: expected {KNOWN}")
 
@@ -247,7 +276,11 @@ def _are_shares(corners: Float64, form: BoxForm, settings: BoxSettings) -> bool:
             )
         return True
     if 0.0 < largest <= IN_SHARES:
-        if form is BoxForm.ROWS:  # its places fill the input, so that the largest of them tells the unit
+        if (
+            form is BoxForm.ROWS
+        ):  # its places fill the input, so that the largest of them tells the unit
             return True
-        raise BadForm(f"gives boxes in shares of the input, expected pixels: write units: share into {settings.file}")
+        raise BadForm(
+            f"gives boxes in shares of the input, expected pixels: write units: share into {settings.file}"
+        )
     return False

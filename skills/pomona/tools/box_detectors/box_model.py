@@ -24,19 +24,31 @@ from pomona.skills.perception.detection.detection import WORKING_WIDTH
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.onnx_runtime import BadGraph, judge_model, open_session
 from pomona.skills.perception.detection.places import distinct
-from pomona.tools.box_detectors.box_forms import LEAST_SCORE, PAIRS, BadForm, BoxForm, form_of, read_boxes
+from pomona.tools.box_detectors.box_forms import (
+    LEAST_SCORE,
+    PAIRS,
+    BadForm,
+    BoxForm,
+    form_of,
+    read_boxes,
+)
 from pomona.tools.box_detectors.box_settings import read_settings
 
 GREY = (114, 114, 114)  # colour beside the picture, as in the training of YOLO networks
 MOST_BOXES = 300  # boxes that are read, surest first
-DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}  # types of the input that are served
+DTYPES = {
+    "tensor(float)": np.float32,
+    "tensor(float16)": np.float16,
+}  # types of the input that are served
 
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Mean and standard deviation of ImageNet's red, green and blue in 0..1, by which RF-DETR's input is normalised."""
 
 MOST_WORDS = 200  # letters of ONNX Runtime's reason that are quoted
 
-PROCESSOR_S = 20  # limit of a trial: a large network takes seconds for one picture in one thread [s]
+PROCESSOR_S = (
+    20  # limit of a trial: a large network takes seconds for one picture in one thread [s]
+)
 MEMORY_RATIO = 4  # memory of a loaded model over its file's size: its parameters, and copies of them in other layouts
 
 
@@ -60,7 +72,12 @@ def load_boxes(path: Path, fruit: str, working_width: int = WORKING_WIDTH) -> Bo
     """
     memory = MEMORY + MEMORY_RATIO * (path.stat().st_size if path.is_file() else 0)
     problem = trial(
-        f"{__name__}:{try_boxes.__name__}", str(path), fruit, str(working_width), memory=memory, processor_s=PROCESSOR_S
+        f"{__name__}:{try_boxes.__name__}",
+        str(path),
+        fruit,
+        str(working_width),
+        memory=memory,
+        processor_s=PROCESSOR_S,
     )
     if problem:
         raise BadWeights(path, problem)
@@ -115,7 +132,10 @@ class BoxModel:
         except BadForm as error:
             raise BadWeights(path, str(error)) from error
         if not self._settings.fit:  # networks with queries learnt from stretched pictures
-            self._stretched = self._sizes is not None or self._form in (BoxForm.QUERIES, BoxForm.LOGITS)
+            self._stretched = self._sizes is not None or self._form in (
+                BoxForm.QUERIES,
+                BoxForm.LOGITS,
+            )
         self._read(outputs, fitted)
 
     def find(self, colour: UInt8) -> list[ScoredBox]:
@@ -144,7 +164,9 @@ class BoxModel:
     def _read_input(self, working_width: int) -> None:
         inputs = self._session.get_inputs()
         expected = "one input (1, 3, h, w) or (3, h, w) of float32"
-        sizes = [given for given in inputs if given.type == "tensor(int64)" and _ends(given.shape, 2)]
+        sizes = [
+            given for given in inputs if given.type == "tensor(int64)" and _ends(given.shape, 2)
+        ]
         pictures = [given for given in inputs if given not in sizes]
         if len(pictures) != 1 or len(sizes) > 1:
             raise BadWeights(self._path, f"has {len(inputs)} inputs, expected {expected}")
@@ -152,11 +174,15 @@ class BoxModel:
         leading = shape[:-3] if len(shape) in (3, 4) else [0]
         several = any(isinstance(n, int) and n != 1 for n in leading)
         if kind not in DTYPES or several or not _is_size(shape[-3], 3) or shape[-1] == 3:
-            raise BadWeights(self._path, f"has the input {_words(shape)} of {kind}, expected {expected}")
+            raise BadWeights(
+                self._path, f"has the input {_words(shape)} of {kind}, expected {expected}"
+            )
         self._name, self._dtype, self._batched = pictures[0].name, DTYPES[kind], len(shape) == 4
         self._sizes = sizes[0].name if sizes else None
         own = self._settings.imgsz or (0, 0)
-        height, width = (int(n) if isinstance(n, int) else side for n, side in zip(shape[-2:], own, strict=True))
+        height, width = (
+            int(n) if isinstance(n, int) else side for n, side in zip(shape[-2:], own, strict=True)
+        )
         self._fixed = (width, height) if width > 0 and height > 0 else None
         self._working_width = width or working_width
 
@@ -175,7 +201,10 @@ class BoxModel:
             factors[1] = self._fixed[1] / height
             if not self._stretched:
                 factors[:] = factors.min()
-        across, down = (max(1, round(side * factor)) for side, factor in zip((width, height), factors, strict=True))
+        across, down = (
+            max(1, round(side * factor))
+            for side, factor in zip((width, height), factors, strict=True)
+        )
         flag = cv2.INTER_AREA if factors.max() < 1.0 else cv2.INTER_LINEAR
         picture = cv2.resize(np.ascontiguousarray(colour), (across, down), interpolation=flag)
         stride = self._settings.stride
@@ -184,7 +213,9 @@ class BoxModel:
         left, top = right // 2, below // 2
         border = top, below - top, left, right - left
         picture = cv2.copyMakeBorder(picture, *border, cv2.BORDER_CONSTANT, value=GREY)
-        colours = (picture * self._scale + self._shift)[..., :: -1 if self._settings.order == "bgr" else 1]
+        colours = (picture * self._scale + self._shift)[
+            ..., :: -1 if self._settings.order == "bgr" else 1
+        ]
         planes = np.ascontiguousarray(colours.transpose(2, 0, 1)).astype(self._dtype)
         return FittedPicture(planes, factors, np.array([left, top], float))
 
@@ -198,12 +229,18 @@ class BoxModel:
             outputs = self._session.run(None, inputs)
         except Exception as error:  # ONNX Runtime's errors have no common root
             shape = inputs[self._name].shape
-            raise BadWeights(self._path, f"fails on a picture {shape}: {type(error).__name__}") from error
+            raise BadWeights(
+                self._path, f"fails on a picture {shape}: {type(error).__name__}"
+            ) from error
         arrays = (np.asarray(output) for output in outputs)
-        plain = [array if array.dtype.kind in "iu" else array.astype(np.float64) for array in arrays]
+        plain = [
+            array if array.dtype.kind in "iu" else array.astype(np.float64) for array in arrays
+        ]
         return dict(zip(self._outputs, plain, strict=True))
 
-    def _read(self, outputs: Mapping[str, NDArray[Any]], fitted: FittedPicture) -> tuple[Float64, Float64]:
+    def _read(
+        self, outputs: Mapping[str, NDArray[Any]], fitted: FittedPicture
+    ) -> tuple[Float64, Float64]:
         """Return corners (n, 4) [px of the input] and scores (n,) of the fruit's class."""
         height, width = fitted.planes.shape[1:]
         try:

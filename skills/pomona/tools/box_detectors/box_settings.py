@@ -67,14 +67,22 @@ def read_settings(model: Path, metadata: Mapping[str, str]) -> BoxSettings:
 
     Raises BadWeights: a value has another form, or the file cannot be read or has another key.
     """
-    values = {key: _read(model, f"metadata {key}", key, _literal(metadata[key])) for key in KEYS if key in metadata}
+    values = {
+        key: _read(model, f"metadata {key}", key, _literal(metadata[key]))
+        for key in KEYS
+        if key in metadata
+    }
     file = settings_file(model)
     if file.exists():
         try:
             content = yaml.safe_load(read_plain_text(file, MOST_SETTINGS)) or {}
         except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
             raise BadWeights(file, " ".join(f"cannot be read: {error}".split())) from error
-        unknown = [str(key) for key in content if key not in KEYS] if isinstance(content, dict) else [str(content)]
+        unknown = (
+            [str(key) for key in content if key not in KEYS]
+            if isinstance(content, dict)
+            else [str(content)]
+        )
         if unknown:
             raise BadWeights(file, f"has the key {unknown[0][:40]!r}, expected {', '.join(KEYS)}")
         values |= {key: _read(file, key, key, value) for key, value in content.items()}
@@ -99,12 +107,17 @@ def _read(file: Path, where: str, key: str, value: Any) -> Any:
 def _names(value: Any) -> dict[int, str]:
     if isinstance(value, str):
         raise ValueError(value)
-    return {int(number): str(name) for number, name in (value.items() if isinstance(value, dict) else enumerate(value))}
+    return {
+        int(number): str(name)
+        for number, name in (value.items() if isinstance(value, dict) else enumerate(value))
+    }
 
 
 def _two(least: int) -> Callable[[Any], tuple[int, int]]:
     def read(value: Any) -> tuple[int, int]:
-        first, second = (int(part) for part in ((value, value) if isinstance(value, int) else value))
+        first, second = (
+            int(part) for part in ((value, value) if isinstance(value, int) else value)
+        )
         if not all(least <= part <= MOST_SIDE for part in (first, second)):
             raise ValueError(value)
         return first, second
@@ -159,7 +172,21 @@ class ClassUnknown(ValueError):
 
 
 OTHERS = frozenset(
-    ["no", "not", "non", "without", "leaf", "leave", "tree", "trunk", "branch", "stem", "flower", "blossom", "bud"]
+    [
+        "no",
+        "not",
+        "non",
+        "without",
+        "leaf",
+        "leave",
+        "tree",
+        "trunk",
+        "branch",
+        "stem",
+        "flower",
+        "blossom",
+        "bud",
+    ]
 )
 """Words beside that of a fruit with which a class is none; in the singular that `_words` gives."""
 
@@ -203,4 +230,6 @@ def _singular(word: str) -> str:
 
 def _has(words: list[str], wanted: list[str]) -> bool:
     """Return True if the wanted words stand in a name one after the other."""
-    return any(words[at : at + len(wanted)] == wanted for at in range(len(words) - len(wanted) + 1)) and bool(wanted)
+    return any(
+        words[at : at + len(wanted)] == wanted for at in range(len(words) - len(wanted) + 1)
+    ) and bool(wanted)

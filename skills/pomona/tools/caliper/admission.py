@@ -49,11 +49,19 @@ def admit(order: RunOrder, cell: CellFile) -> RunOrder:
             logger.warning(words, cell.name, 1e2 * limits.first_speed)
         order = replace(order, speed=min(order.speed, limits.first_speed))
     finding = None if found is None else find_error(found)
-    return order if finding is None or not finding.is_off else _answer(order, cell, said, read, finding)
+    return (
+        order
+        if finding is None or not finding.is_off
+        else _answer(order, cell, said, read, finding)
+    )
 
 
 def _answer(
-    order: RunOrder, cell: CellFile, said: Settings[CaliperOptions], read: Picks, finding: CameraFinding
+    order: RunOrder,
+    cell: CellFile,
+    said: Settings[CaliperOptions],
+    read: Picks,
+    finding: CameraFinding,
 ) -> RunOrder:
     limits, far = said.values, finding.far
     if limits.self_calibration != "off":
@@ -108,7 +116,9 @@ def _correct(read: Picks, cell: CellFile, limits: CaliperOptions) -> str | None:
     try:
         content: dict[str, Any] = propose(read)[0]
         kept = content["kept_apart"]
-        left = f"picks kept apart: {kept['before_mm']:.1f} mm before, {kept['after_mm']:.1f} mm after"
+        left = (
+            f"picks kept apart: {kept['before_mm']:.1f} mm before, {kept['after_mm']:.1f} mm after"
+        )
         if limits.self_calibration == "propose":
             logger.warning("%s: another pose is proposed (%s): %s.", cell.name, left, WHAT_TO_DO)
             return None

@@ -38,17 +38,33 @@ class CaliperOptions:
 
     warn: float = value(_LENGTH, "2 mm", "from here on, each run begins with a warning")
     slow: float = value(_LENGTH, "6 mm", "from here on, runs go at `slow_speed`")
-    ask: float = value(_LENGTH, "10 mm", "from here on, a run needs `--cleared`: an operator has looked at the camera")
+    ask: float = value(
+        _LENGTH,
+        "10 mm",
+        "from here on, a run needs `--cleared`: an operator has looked at the camera",
+    )
     refuse: float = value(_LENGTH, "20 mm", "from here on, no run begins")
     first_speed: float = value(
-        Number(0.1, 1.0), "0.1", "speed of the arm until picks have shown that fruit lie where the camera sees them"
+        Number(0.1, 1.0),
+        "0.1",
+        "speed of the arm until picks have shown that fruit lie where the camera sees them",
     )
-    slow_speed: float = value(Number(0.1, 1.0), "0.3", "speed of the arm relative to the commanded one, beyond `slow`")
+    slow_speed: float = value(
+        Number(0.1, 1.0), "0.3", "speed of the arm relative to the commanded one, beyond `slow`"
+    )
     self_calibration: str = value(
-        Text("off", "propose", "apply"), "off", "'propose' names a better pose, 'apply' writes it before the next run"
+        Text("off", "propose", "apply"),
+        "off",
+        "'propose' names a better pose, 'apply' writes it before the next run",
     )
-    most: float = value(_LENGTH, "15 mm", "farthest that 'apply' moves the camera, from its pose before the first time")
-    most_turned: float = value(Measure(ANGLE, "0.1 deg", "10 deg"), "2 deg", "farthest that 'apply' turns it, as well")
+    most: float = value(
+        _LENGTH,
+        "15 mm",
+        "farthest that 'apply' moves the camera, from its pose before the first time",
+    )
+    most_turned: float = value(
+        Measure(ANGLE, "0.1 deg", "10 deg"), "2 deg", "farthest that 'apply' turns it, as well"
+    )
 
     def problems(self) -> Iterator[Problem]:
         for lower, upper in pairwise(LIMITS):
@@ -57,12 +73,21 @@ class CaliperOptions:
                 yield Problem(upper, words, f"the order is {' ≤ '.join(LIMITS)}")
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
-        for interface, name in ((Camera, "camera"), (Gripper, "gripper"), (ForceSensor, "force finger")):
+        for interface, name in (
+            (Camera, "camera"),
+            (Gripper, "gripper"),
+            (ForceSensor, "force finger"),
+        ):
             if not any(interface in device.interfaces for device in around.above.values()):
-                yield Problem("driver", f"it needs a {name} above it: touches of each pad are compared with looks")
+                yield Problem(
+                    "driver",
+                    f"it needs a {name} above it: touches of each pad are compared with looks",
+                )
         if around.has(Caliper):
             yield Problem("driver", "a cell has one caliper, and another one stands above it")
-        if self.self_calibration == "apply" and not any(getattr(o, "hand_eye", None) for o in around.options.values()):
+        if self.self_calibration == "apply" and not any(
+            getattr(o, "hand_eye", None) for o in around.options.values()
+        ):
             words = "'apply' corrects the file that a camera's `hand_eye` names, and none has one"
             yield Problem("self_calibration", words)
 
@@ -75,11 +100,16 @@ def connect(settings: Settings[CaliperOptions], _context: ConnectContext) -> Cal
 
 def caliper_of(cell: CellFile) -> Settings[CaliperOptions] | None:
     """Return the section of a cell file, or None where it has none."""
-    return next((said for said in cell.section.devices.values() if isinstance(said.values, CaliperOptions)), None)
+    return next(
+        (said for said in cell.section.devices.values() if isinstance(said.values, CaliperOptions)),
+        None,
+    )
 
 
 def hand_eye_of(cell: CellFile) -> Path | None:
     """Return the file with the pose of the cell's camera; None where it has none, or more than one."""
     options: list[Any] = [said.values for said in cell.section.devices.values()]
-    files: list[Path] = [file for file in (getattr(each, "hand_eye", None) for each in options) if file is not None]
+    files: list[Path] = [
+        file for file in (getattr(each, "hand_eye", None) for each in options) if file is not None
+    ]
     return files[0] if len(files) == 1 else None

@@ -32,7 +32,9 @@ def check(records: Sequence[Path], cell: str = "") -> Iterator[ReportLine]:
         groups = read_groups(ordered)
     for group in groups:
         if group.refused and not group.picks:
-            words = f"not known: none of {len(group.refused)} picks can be used: {group.refused[-1]}"
+            words = (
+                f"not known: none of {len(group.refused)} picks can be used: {group.refused[-1]}"
+            )
             yield ReportLine(f"camera of {group.cell}", True, words, absent=True)
     groups = [group for group in groups if group.picks]
     lines = [_line(group) for group in groups]

@@ -31,15 +31,24 @@ def add(kinds: Any) -> None:
     """Register `from-picks` among the kinds of `pomona calibrate`."""
     about = "propose the camera's pose and the depth's scale from recorded picks"
     picks = kinds.add_parser("from-picks", help=about)
-    picks.add_argument("runs", nargs="+", metavar="RUN", help="names or paths of records, or folders of records")
-    picks.add_argument("--out", type=Path, required=True, help="the file to write; a camera's `hand_eye` may name it")
+    picks.add_argument(
+        "runs", nargs="+", metavar="RUN", help="names or paths of records, or folders of records"
+    )
+    picks.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="the file to write; a camera's `hand_eye` may name it",
+    )
     add_records_folder(picks)
     picks.set_defaults(main=main)
 
 
 def add_undo(kinds: Any) -> None:
     """Register `undo-picks` among the kinds of `pomona calibrate`."""
-    undo_picks = kinds.add_parser("undo-picks", help="take back the last correction of a camera's pose from picks")
+    undo_picks = kinds.add_parser(
+        "undo-picks", help="take back the last correction of a camera's pose from picks"
+    )
     undo_picks.add_argument("file", type=Path, help="the file that the camera's `hand_eye` names")
     undo_picks.set_defaults(main=main_undo)
 
@@ -51,7 +60,9 @@ def main_undo(options: argparse.Namespace) -> int:
     except UsageError as error:
         sys.stderr.write(f"pomona calibrate undo-picks: {error}\n")
         return 2
-    sys.stdout.write(f"{options.file} has the pose before the last correction; undo-picks again swaps them back\n")
+    sys.stdout.write(
+        f"{options.file} has the pose before the last correction; undo-picks again swaps them back\n"
+    )
     return 0
 
 
@@ -68,7 +79,9 @@ def main(options: argparse.Namespace) -> int:
                 raise UsageError(f"{record}: the record holds no beginning of a run: leave it out")
             read.merge(own)
             if not own.picks and not own.refused:
-                read.refused.append(f"{record.name}: it holds no touch and no look; was the record cut?")
+                read.refused.append(
+                    f"{record.name}: it holds no touch and no look; was the record cut?"
+                )
         content, lines = propose(read)
         options.out.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except UsageError as error:
@@ -77,7 +90,9 @@ def main(options: argparse.Namespace) -> int:
     except OSError as error:
         sys.stderr.write(f"pomona calibrate from-picks: {options.out}: {error.strerror}\n")
         return 2
-    sys.stdout.write("\n".join([*lines, f"written to {options.out}; nothing of the cell has changed"]) + "\n")
+    sys.stdout.write(
+        "\n".join([*lines, f"written to {options.out}; nothing of the cell has changed"]) + "\n"
+    )
     return 0
 
 
@@ -106,7 +121,10 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
         *_values(found),
         f"known: {', '.join(known(found)) or 'nothing'}",
         *hidden(found),
-        *(f"left out: {name}: a fruit that was pushed, slipped or leant" for name in found.left_out),
+        *(
+            f"left out: {name}: a fruit that was pushed, slipped or leant"
+            for name in found.left_out
+        ),
         *refused,
     ]
     return _content(read, found, len(apart), before, after), lines
@@ -136,13 +154,19 @@ def _values(found: CameraErrors) -> list[str]:
     ]
 
 
-def _content(read: Picks, found: CameraErrors, apart: int, before: float, after: float) -> dict[str, Any]:
+def _content(
+    read: Picks, found: CameraErrors, apart: int, before: float, after: float
+) -> dict[str, Any]:
     T_mount_camera = found.used[0].T_mount_camera
     return {
         "T_mount_camera": corrected(found, T_mount_camera).tolist(),
-        "T_mount_camera_with_depth_corrected": corrected(found, T_mount_camera, with_depth=True).tolist(),
+        "T_mount_camera_with_depth_corrected": corrected(
+            found, T_mount_camera, with_depth=True
+        ).tolist(),
         "T_mount_camera_before": T_mount_camera.tolist(),
-        "depth_scale": round(-float(found.error[6]), 6),  # as a depth model has it: positive where depth is too long
+        "depth_scale": round(
+            -float(found.error[6]), 6
+        ),  # as a depth model has it: positive where depth is too long
         "wider_than_camera_mm": round(1e3 * float(found.error[7]), 4),
         "error": found.error.tolist(),
         "covariance": found.covariance.tolist(),
@@ -151,5 +175,9 @@ def _content(read: Picks, found: CameraErrors, apart: int, before: float, after:
         "cell": read.cell,
         "runs": list(read.runs),
         "picks": len(found.used),
-        "kept_apart": {"picks": apart, "before_mm": round(1e3 * before, 3), "after_mm": round(1e3 * after, 3)},
+        "kept_apart": {
+            "picks": apart,
+            "before_mm": round(1e3 * before, 3),
+            "after_mm": round(1e3 * after, 3),
+        },
     }

@@ -69,7 +69,9 @@ def _directions(value: Float64, covariance: Float64, limit: float) -> tuple[Dire
         for axis in _nearest_to_axes(part):
             along = float(axis @ value)
             towards = axis if along >= 0.0 else -axis
-            found.append(Direction(towards, abs(along), float(np.sqrt(axis @ covariance @ axis)), is_known))
+            found.append(
+                Direction(towards, abs(along), float(np.sqrt(axis @ covariance @ axis)), is_known)
+            )
     return tuple(found)
 
 
@@ -78,7 +80,9 @@ def _nearest_to_axes(part: Float64) -> list[Float64]:
     basis: list[Float64] = []
     projector = part @ part.T
     for _ in range(part.shape[1]):
-        lengths = np.linalg.norm(projector, axis=0)  # of each coordinate axis within the rest of the subspace
+        lengths = np.linalg.norm(
+            projector, axis=0
+        )  # of each coordinate axis within the rest of the subspace
         best = int(np.argmax(np.round(lengths, 6)))
         vector = np.asarray(projector[:, best] / lengths[best], np.float64)
         basis.append(vector)

@@ -28,7 +28,9 @@ ZERO, BIAS = 0.2e-3, 0.5e-3
 """Standard deviations of the fingers' zero and of the camera's bias in all sizes [m]: pads are set to zero where they
 touch each other; the camera measured the fruit of one simulated cell 0.35 mm too narrow (median)."""
 
-PRIOR = np.array([0.02, 0.02, 0.02, *np.radians([2.0, 2.0, 2.0]), 0.02, float(np.hypot(ZERO, BIAS))])
+PRIOR = np.array(
+    [0.02, 0.02, 0.02, *np.radians([2.0, 2.0, 2.0]), 0.02, float(np.hypot(ZERO, BIAS))]
+)
 """Standard deviations of t [m], ω [rad], κ and z [m] before any pick: a cell that somebody set up by hand."""
 
 TOUCH, WIDTH, SIZE = 0.6e-3, 0.2e-3, 0.4e-3
@@ -45,7 +47,9 @@ TABLE_HEIGHT, TABLE_TILT = 1e-3, float(np.radians(0.15))
 SHOWN = 0.6
 """g: share of an error of the depth's scale that the measured size shows (probe: 0.61); the table holds the rest."""
 
-OUTLIER = 4.0  # distance of a pick from the estimate, in standard deviations, beyond which it is left out
+OUTLIER = (
+    4.0  # distance of a pick from the estimate, in standard deviations, beyond which it is left out
+)
 HUBER = 2.5  # distance from which a pick pulls no harder
 SURE = 4.0  # picks that the deviations above are worth when the picks' own scatter is estimated
 ROUNDS = 20  # of the iteration of weights
@@ -85,14 +89,25 @@ def estimate(picks: Sequence[Pick]) -> CameraErrors:
     if not picks:
         raise ValueError("an estimate needs at least one pick")
     found = _fit(picks)
-    far = [name for name, distance in zip((p.name for p in picks), found[3], strict=True) if distance > OUTLIER]
+    far = [
+        name
+        for name, distance in zip((p.name for p in picks), found[3], strict=True)
+        if distance > OUTLIER
+    ]
     used = [pick for pick in picks if pick.name not in far]
     if far and used:
         found = _fit(used)
     error, covariance, scatter, _ = found
     used = used or list(picks)
     centre = np.mean([pick.place for pick in used], axis=0)
-    return CameraErrors(error, covariance, centre, scatter, tuple(used), tuple(far if len(used) < len(picks) else ()))
+    return CameraErrors(
+        error,
+        covariance,
+        centre,
+        scatter,
+        tuple(used),
+        tuple(far if len(used) < len(picks) else ()),
+    )
 
 
 def touch_left(pick: Pick, error: Float64) -> float:
@@ -168,7 +183,9 @@ def shown_by_table(picks: Sequence[Pick]) -> tuple[Float64, Float64]:
         tilts = np.array([np.append(stated @ _displacement(u), 0.0) for u in along]) / TABLE_TILT
         tilts[:, :3] = 0.0  # a direction is not moved
         H = np.vstack([height, tilts])
-        y = -np.array([(float(stated @ under) + offset) / TABLE_HEIGHT, *(along @ stated) / TABLE_TILT])
+        y = -np.array(
+            [(float(stated @ under) + offset) / TABLE_HEIGHT, *(along @ stated) / TABLE_TILT]
+        )
         information += H.T @ H / len(looks)
         pull += H.T @ y / len(looks)
     return information, pull

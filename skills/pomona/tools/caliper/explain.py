@@ -27,10 +27,16 @@ def explain(record: Path) -> str:
     beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
     read = read_back(record, in_order(beside, lambda run: run.name))
     if not read.picks:
-        return f"No word about the camera: {read.refused[0].partition(': ')[2]}." if read.refused else ""
+        return (
+            f"No word about the camera: {read.refused[0].partition(': ')[2]}."
+            if read.refused
+            else ""
+        )
     found = estimate(read.picks)
     own = [pick for pick in read.picks if pick.name.startswith(f"{record.name} ")]
-    return " ".join(filter(None, (find_error(found).sentence, next_picks(found), describe_widths(own, found))))
+    return " ".join(
+        filter(None, (find_error(found).sentence, next_picks(found), describe_widths(own, found)))
+    )
 
 
 def describe_widths(picks: Sequence[Pick], found: CameraErrors) -> str:
@@ -39,7 +45,11 @@ def describe_widths(picks: Sequence[Pick], found: CameraErrors) -> str:
     if not felt:
         return ""
     fused = np.array([fused_width(pick, found) for pick in felt])
-    alone, mean, std = 1e3 * np.array([pick.across for pick in felt]), 1e3 * fused[:, 0], 1e3 * fused[:, 1].max()
+    alone, mean, std = (
+        1e3 * np.array([pick.across for pick in felt]),
+        1e3 * fused[:, 0],
+        1e3 * fused[:, 1].max(),
+    )
     if len(felt) == 1:
         return f"Width of the fruit between the fingers: {mean[0]:.1f} ± {std:.1f} mm (camera alone: {alone[0]:.1f})."
     if len(felt) <= MOST_LISTED:

@@ -26,7 +26,10 @@ SURE = 2.5  # standard deviations from which an error is reported along one dire
 LEAST_SHOWN = 3  # picks without which nothing is proven
 PROVEN = 8e-3  # largest error of a fruit's place, two deviations included, that fingers with 8 mm of room allow [m]
 REACH = 0.15  # distance of picked fruit from the centre of the picks, for which a turn counts [m]
-STRAIGHT, PART = 0.94, 0.34  # part of a direction along one axis: it is that axis, it has a share of it
+STRAIGHT, PART = (
+    0.94,
+    0.34,
+)  # part of a direction along one axis: it is that axis, it has a share of it
 
 WAYS = (("right", "left"), ("bottom", "top"), ("far side", "near side"))
 """Directions in the picture: along the camera's axes, and against them."""
@@ -51,18 +54,27 @@ def find_error(found: CameraErrors) -> CameraFinding:
     turns = [d for d in angle_directions(found) if d.value > max(LIMIT_ANGLE, SURE * d.std)]
     if (shifts or turns) and is_off(found.used, found.scatter):
         far = float(
-            np.hypot(np.linalg.norm([d.value for d in shifts]), REACH * np.linalg.norm([d.value for d in turns]))
+            np.hypot(
+                np.linalg.norm([d.value for d in shifts]),
+                REACH * np.linalg.norm([d.value for d in turns]),
+            )
         )
-        return CameraFinding(True, f"{_off(shifts, turns, number)}. Directions are those of its picture.", far)
+        return CameraFinding(
+            True, f"{_off(shifts, turns, number)}. Directions are those of its picture.", far
+        )
     known = [direction for direction in places if direction.is_known]
     if not known:
-        return CameraFinding(False, f"The camera's place is not known from {number}{_turned(found)}.")
+        return CameraFinding(
+            False, f"The camera's place is not known from {number}{_turned(found)}."
+        )
     most = 1e3 * max(direction.value + 2.0 * direction.std for direction in known)
     if len(known) < len(places):
         lines = " and ".join(_line(direction.axis) for direction in known)
         words = f"The camera is at most {most:.1f} mm off {lines} ({number}); along other lines its place is not known."
         return CameraFinding(False, words)
-    return CameraFinding(False, f"The camera sits where the cell file has it, within {most:.1f} mm ({number}).")
+    return CameraFinding(
+        False, f"The camera sits where the cell file has it, within {most:.1f} mm ({number})."
+    )
 
 
 def _turned(found: CameraErrors) -> str:
@@ -78,7 +90,9 @@ def _turned(found: CameraErrors) -> str:
 def is_proven(found: CameraErrors) -> bool:
     """Return True when fruit lie, along each line on which fingers have closed, where the camera puts them."""
     shift, covariance = found.shift
-    axes = np.array([pick.axis for pick in found.used if pick.side and not pick.landed]).reshape(-1, 3)
+    axes = np.array([pick.axis for pick in found.used if pick.side and not pick.landed]).reshape(
+        -1, 3
+    )
     off = np.abs(axes @ shift) + 2.0 * np.sqrt(np.einsum("ni,ij,nj->n", axes, covariance, axes))
     return len(axes) >= LEAST_SHOWN and bool(off.max() <= PROVEN)
 
@@ -132,10 +146,17 @@ def next_picks(found: CameraErrors) -> str:
 def _off(shifts: Sequence[Direction], turns: Sequence[Direction], number: str) -> str:
     words = []
     if shifts:
-        terms = (f"{1e3 * d.value:.1f} ± {1e3 * d.std:.1f} mm to the {_towards(d.axis)}" for d in shifts)
-        words.append(f"sits {' and '.join(terms)} of where the cell file has it, or looks as far beside it")
+        terms = (
+            f"{1e3 * d.value:.1f} ± {1e3 * d.std:.1f} mm to the {_towards(d.axis)}" for d in shifts
+        )
+        words.append(
+            f"sits {' and '.join(terms)} of where the cell file has it, or looks as far beside it"
+        )
     if turns:
-        angles = (f"{np.degrees(d.value):.1f} ± {np.degrees(d.std):.1f}° about {_turn(d.axis)}" for d in turns)
+        angles = (
+            f"{np.degrees(d.value):.1f} ± {np.degrees(d.std):.1f}° about {_turn(d.axis)}"
+            for d in turns
+        )
         words.append(f"is turned by {' and '.join(angles)}")
     return f"The camera {', and '.join(words)} ({number})"
 
@@ -143,7 +164,9 @@ def _off(shifts: Sequence[Direction], turns: Sequence[Direction], number: str) -
 def _number(found: CameraErrors) -> str:
     looks = sum(pick.is_look for pick in found.used)
     counts = {"pick": len(found.used) - looks, "look": looks}
-    return " and ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items() if count)
+    return " and ".join(
+        f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items() if count
+    )
 
 
 def _towards(axis: Float64) -> str:

@@ -41,7 +41,10 @@ def log_odds(picks: Sequence[Pick], scatter: float = 1.0) -> tuple[float, float]
     pulls = np.array([H.T @ y for H, y in systems]) / max(scatter, 1.0) ** 2
     table, table_pull = shown_by_table(picks)
     information, pull = informations.sum(axis=0) + table, pulls.sum(axis=0) + table_pull
-    every = np.concatenate([information[None], information - informations]), np.vstack([pull, pull - pulls])
+    every = (
+        np.concatenate([information[None], information - informations]),
+        np.vstack([pull, pull - pulls]),
+    )
     odds = _log_evidence(*every, SUSPECTED) - _log_evidence(*every, TOLERATED)
     return float(odds[0]), float(odds[1:].min())
 

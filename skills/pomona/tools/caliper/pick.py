@@ -15,16 +15,23 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.rotations import is_rigid
 
-MOST_UNLIKE = 0.2  # relative difference of felt and measured width above which another thing was felt
+MOST_UNLIKE = (
+    0.2  # relative difference of felt and measured width above which another thing was felt
+)
 LEAST_PART = 0.5  # felt width relative to the measured one below which the fingers felt each other
-MOST_APART = 0.05  # distance of the felt from the measured skin above which another thing was felt [m]
+MOST_APART = (
+    0.05  # distance of the felt from the measured skin above which another thing was felt [m]
+)
 BESIDE = 2.5e-3
 """Felt width below the measured one by more than errors of 3 % in depth and three of size explain [m]: the pads, 20 mm
 wide, closed beside the widest section of a fruit that lies more than 10 mm off across the fingers."""
 LONGEST = 10.0  # no touch is farther from the camera, or wider [m]
 
 
-KINDS = {"touches": "PickTouches", "doubted_look": "DoubtedLook"}  # topics of a record, and the types of their values
+KINDS = {
+    "touches": "PickTouches",
+    "doubted_look": "DoubtedLook",
+}  # topics of a record, and the types of their values
 NO_WAY = 1e-6  # length of a way that has no direction [m]
 
 
@@ -70,7 +77,8 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         return _look_from(value, name)
     try:
         T_base_tcp, T_base_fruit, T_base_camera, T_mount_camera = (
-            _pose(value[key]) for key in ("T_base_tcp", "T_base_fruit", "T_base_camera", "T_mount_camera")
+            _pose(value[key])
+            for key in ("T_base_tcp", "T_base_fruit", "T_base_camera", "T_mount_camera")
         )
         skin = np.array(value["skin"], float)
         left, right, closed = (_width(value[key]) for key in ("left", "right", "closed"))
@@ -84,17 +92,24 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         raise UnusableTouches("its touches are malformed: the measured skin has no width")
     apart = float(np.linalg.norm(T_base_fruit[:3, 3] - T_base_tcp[:3, 3]))
     if apart > across + MOST_APART:
-        raise UnusableTouches(f"the measured fruit lies {1e3 * apart:.0f} mm from the fingers: they closed on another")
+        raise UnusableTouches(
+            f"the measured fruit lies {1e3 * apart:.0f} mm from the fingers: they closed on another"
+        )
     R, axis = T_base_camera[:3, :3], T_base_tcp[:3, 1]
     side, first, wider = _felt(left, right, closed, skin)
     if way is not None:
         first = float(np.linalg.norm(way))
         if first < NO_WAY:
-            raise UnusableTouches("a finger met the fruit where it was measured: the way to it has no direction")
+            raise UnusableTouches(
+                "a finger met the fruit where it was measured: the way to it has no direction"
+            )
         side, axis = 1, way / first
     _refuse_other_things(first, wider, across)
     if side and wider < -BESIDE:
-        first, wider = first - 0.5 * wider, np.nan  # of the widest section, as if it lay where the pads closed
+        first, wider = (
+            first - 0.5 * wider,
+            np.nan,
+        )  # of the widest section, as if it lay where the pads closed
     return Pick(
         name,
         R.T @ axis,
@@ -120,10 +135,14 @@ def _look_from(value: Mapping[str, Any], name: str) -> Pick:
         raise UnusableTouches("its look shows no table before the camera")
     place = np.array([0.0, 0.0, -planes[0, 3] / planes[0, 2]])
     on_arm, up = value.get("on_arm") is True, planes[1, :3]
-    return Pick(name, np.zeros(3), place, np.nan, 0, np.nan, np.nan, T_mount_camera, on_arm, up, planes)
+    return Pick(
+        name, np.zeros(3), place, np.nan, 0, np.nan, np.nan, T_mount_camera, on_arm, up, planes
+    )
 
 
-def _felt(left: float | None, right: float | None, closed: float | None, skin: Float64) -> tuple[int, float, float]:
+def _felt(
+    left: float | None, right: float | None, closed: float | None, skin: Float64
+) -> tuple[int, float, float]:
     """Return side and place of the first touch, and felt minus measured width [m].
 
     A plain gripper's width is read while it presses: pads and fruit give way by millimetres that nothing tells apart
@@ -141,7 +160,9 @@ def _felt(left: float | None, right: float | None, closed: float | None, skin: F
     return side, 0.5 * first - float(skin[0 if side > 0 else 1]), wider
 
 
-def _refuse_other_things(first: float, wider: float, across: float, *, squeezed: bool = False) -> None:
+def _refuse_other_things(
+    first: float, wider: float, across: float, *, squeezed: bool = False
+) -> None:
     if wider < (LEAST_PART - 1.0) * across:
         words = f"the fingers met at {1e3 * (across + wider):.1f} mm, the fruit is {1e3 * across:.1f} mm wide"
         raise UnusableTouches(f"{words}: they touched each other, or something small")
@@ -149,7 +170,9 @@ def _refuse_other_things(first: float, wider: float, across: float, *, squeezed:
         words = f"felt {1e3 * (across + wider):.1f} mm, the camera measured {1e3 * across:.1f} mm"
         raise UnusableTouches(f"{words}: another fruit, or another side of it")
     if abs(first) > MOST_APART:
-        raise UnusableTouches(f"a finger touched {1e3 * abs(first):.0f} mm from the measured skin: another thing")
+        raise UnusableTouches(
+            f"a finger touched {1e3 * abs(first):.0f} mm from the measured skin: another thing"
+        )
 
 
 def _pose(value: Any) -> Float64:
@@ -170,7 +193,10 @@ def _planes(value: Any) -> Float64 | None:
     if value is None:
         return None
     planes = np.array(value, float)
-    if planes.shape != (2, 4) or not np.abs(np.linalg.norm(planes[:, :3], axis=1) - 1.0).max() < 1e-6:
+    if (
+        planes.shape != (2, 4)
+        or not np.abs(np.linalg.norm(planes[:, :3], axis=1) - 1.0).max() < 1e-6
+    ):
         raise ValueError("the table's planes have no normals")
     if not np.abs(planes[:, 3]).max() < LONGEST:
         raise ValueError("the table is too far")

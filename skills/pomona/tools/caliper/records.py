@@ -14,12 +14,20 @@ import numpy as np
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import trusted
-from pomona.executive.recording.folder import EVENTS, EVENTS_FILE, events_file, find_record, in_order
+from pomona.executive.recording.folder import (
+    EVENTS,
+    EVENTS_FILE,
+    events_file,
+    find_record,
+    in_order,
+)
 from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object
 from pomona.executive.recording.scan import scan
 from pomona.tools.caliper.pick import KINDS, Pick, UnusableTouches, pick_from
 
-SAME_POSE = 1e-6  # difference of two poses of a camera in its mount from which they are two calibrations
+SAME_POSE = (
+    1e-6  # difference of two poses of a camera in its mount from which they are two calibrations
+)
 
 
 class OtherCalibration(UsageError):
@@ -48,7 +56,9 @@ class Picks:
         self._names: dict[str, str] = {}  # names of the picks that were merged, by their values
 
     @classmethod
-    def of_run(cls, run: str, cell: str, cell_hash: str, touches: Iterable[tuple[str, Any]]) -> Picks:
+    def of_run(
+        cls, run: str, cell: str, cell_hash: str, touches: Iterable[tuple[str, Any]]
+    ) -> Picks:
         """Return the picks of one run; `touches` are names and recorded `PickTouches`, as plain JSON.
 
         A touch moves a fruit that lies free. Only the first one after its look shows where the camera saw it.
@@ -112,7 +122,9 @@ class Picks:
             if name == pick.name:
                 self.picks.append(pick)
             else:
-                self.refused.append(f"{pick.name}: measured to the last digit as {name}: a copy of its record")
+                self.refused.append(
+                    f"{pick.name}: measured to the last digit as {name}: a copy of its record"
+                )
 
 
 def read_groups(records: Iterable[Path]) -> list[Picks]:
@@ -145,7 +157,9 @@ def find_runs(names: Sequence[str], root: Path) -> list[Path]:
         if folder.is_dir() and not (folder / EVENTS_FILE).is_file():
             inside = sorted(path.parent for path in folder.glob(f"*/{EVENTS_FILE}"))
             if not inside:
-                raise UsageError(f"no records in {folder}: `pomona run --record {folder}` leaves one there")
+                raise UsageError(
+                    f"no records in {folder}: `pomona run --record {folder}` leaves one there"
+                )
             found += in_order(inside, lambda record: record.name)
         else:
             found.append(find_record(name, root))
@@ -154,7 +168,9 @@ def find_runs(names: Sequence[str], root: Path) -> list[Path]:
 
 NOTED = "touches.json"  # file in a record's folder with its touches, so that they are not looked for in every start
 MOST_NOTED = 10_000_000  # longest note that is read [bytes]: 2 000 picks
-Noted = tuple[str, str, str, list[tuple[str, Any]]]  # run, cell, hash of its files, names and values of its touches
+Noted = tuple[
+    str, str, str, list[tuple[str, Any]]
+]  # run, cell, hash of its files, names and values of its touches
 
 
 def _read(record: Path) -> Noted:
@@ -162,7 +178,9 @@ def _read(record: Path) -> Noted:
     return run.run, run.cell, run.cell_hash, list(_touches(record))
 
 
-def note_touches(record: Path, cell: str, cell_hash: str, touches: Sequence[tuple[str, Any]]) -> None:
+def note_touches(
+    record: Path, cell: str, cell_hash: str, touches: Sequence[tuple[str, Any]]
+) -> None:
     """Note a finished record's touches beside it; a folder that cannot be written has no note."""
     content = {"cell": cell, "cell_hash": cell_hash, "touches": [*map(list, touches)]}
     with contextlib.suppress(OSError, UsageError):
@@ -197,17 +215,27 @@ def _touches(record: Path) -> Iterable[tuple[str, Any]]:
     for topic, content, *_ in scan(events_file(record), topics=lambda topic: topic == EVENTS):
         if topic == EVENTS and any(kind.encode() in content for kind in KINDS.values()):
             match parse_object(content):
-                case {"event": "Published", "topic": str() as at, "t": t, "value": {"type": kind} as value} if (
-                    KINDS.get(at) == kind
-                ):
+                case {
+                    "event": "Published",
+                    "topic": str() as at,
+                    "t": t,
+                    "value": {"type": kind} as value,
+                } if KINDS.get(at) == kind:
                     yield f"{record.name} at {float(t or 0.0):.2f} s", value
 
 
 def _measured(pick: Pick) -> str:
     """Return all values of a pick as text: no two measurements are alike to the last digit, copies of one are."""
     values = {item.name: getattr(pick, item.name) for item in fields(pick) if item.name != "name"}
-    return repr({key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()})
+    return repr(
+        {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in values.items()
+        }
+    )
 
 
 def _same_camera(one: Pick, other: Pick) -> bool:
-    return one.on_arm == other.on_arm and bool(np.abs(one.T_mount_camera - other.T_mount_camera).max() < SAME_POSE)
+    return one.on_arm == other.on_arm and bool(
+        np.abs(one.T_mount_camera - other.T_mount_camera).max() < SAME_POSE
+    )

@@ -60,7 +60,9 @@ class TouchesView(RunView):
     def _show(self) -> None:
         for is_off, sentence in self._words.ready():
             self._console.print(sentence, style="yellow" if is_off else None)
-            table = TableView(("camera",), ((sentence,),), "the camera, from the touches of the pads")
+            table = TableView(
+                ("camera",), ((sentence,),), "the camera, from the touches of the pads"
+            )
             for view in self._others:
                 with contextlib.suppress(PomonaError):  # a page that is lost ends the run by itself
                     view.on_event(Published(*self._at, "", TOPIC, table))
@@ -94,7 +96,10 @@ class CameraWords:
             self._own = []
         else:
             self._thread.start()
-        self._run, self._cell = event.run, (event.cell, hash_of(event.cell_text, *event.cell_files.values()))
+        self._run, self._cell = (
+            event.run,
+            (event.cell, hash_of(event.cell_text, *event.cell_files.values())),
+        )
         self._begun = True
 
     def take(self, t: float, touches: object) -> None:
@@ -143,7 +148,11 @@ class CameraWords:
                 continue
             if past is None:
                 beside = {path.parent for path in self._records.glob(f"*/{EVENTS_FILE}")}
-                past = [other for other in in_order(beside, lambda other: other.name) if other.name != run]
+                past = [
+                    other
+                    for other in in_order(beside, lambda other: other.name)
+                    if other.name != run
+                ]
             for _ in add_back(read, past, noted=True):
                 pass
             found = estimate(read.picks)

@@ -110,11 +110,15 @@ def _follows(content: Mapping[str, Any], T: Float64) -> bool:
 def _apart(one: Float64, other: Float64) -> tuple[float, float]:
     """Return the distance of two poses [m] and the angle between them [rad]."""
     cosine = 0.5 * (float(np.trace(one[:3, :3].T @ other[:3, :3])) - 1.0)
-    return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(
+        np.arccos(np.clip(cosine, -1.0, 1.0))
+    )
 
 
 def _require_writable(path: Path) -> None:
-    if not path.stat().st_mode & 0o222:  # a file that is replaced as a whole would change all the same
+    if (
+        not path.stat().st_mode & 0o222
+    ):  # a file that is replaced as a whole would change all the same
         raise NotApplied(f"{path} is read-only: `chmod u+w {path}` allows corrections")
 
 

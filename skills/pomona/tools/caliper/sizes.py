@@ -27,9 +27,13 @@ def fused_width(pick: Pick, found: CameraErrors) -> tuple[float, float]:
     """
     shown = SHOWN * pick.across
     kappa, z = found.error[6:]
-    measured = np.array([pick.across + shown * kappa + (1.0 - SHARE) * z, pick.across + pick.wider - SHARE * z])
+    measured = np.array(
+        [pick.across + shown * kappa + (1.0 - SHARE) * z, pick.across + pick.wider - SHARE * z]
+    )
     J = np.array([[shown, 1.0 - SHARE], [0.0, -SHARE]])
-    own = np.diag([SIZE**2, (WIDTH * found.scatter) ** 2]) + SHARE * BIAS**2  # of both alike: how z is shared
+    own = (
+        np.diag([SIZE**2, (WIDTH * found.scatter) ** 2]) + SHARE * BIAS**2
+    )  # of both alike: how z is shared
     covariance: Float64 = own + J @ found.covariance[6:, 6:] @ J.T
     if not np.isfinite(pick.wider):
         return float(measured[0]), float(np.sqrt(covariance[0, 0]))

@@ -85,17 +85,25 @@ def read_kinds(path: Path) -> StoredKinds:
         with open_archive(path, MOST_BYTES) as archive:
             about, network = json.loads(archive.read(ABOUT)), archive.read(NETWORK)
         if about["format"] != FORMAT:
-            raise BadWeights(path, f"has the format {str(about['format'])[:60]!r}, expected {FORMAT!r}")
+            raise BadWeights(
+                path, f"has the format {str(about['format'])[:60]!r}, expected {FORMAT!r}"
+            )
         kinds = tuple(str(kind) for kind in about["kinds"])
         values = {name: float(about["score"][name]) for name in ("found", "kind", "offset")}
         notes = {str(key): str(value) for key, value in about.get("about", {}).items()}
     except BadWeights:
         raise
     except Exception as error:  # zipfile's and json's errors have no common root
-        raise BadWeights(path, f"cannot be read as kinds of fruit: {type(error).__name__}") from error
+        raise BadWeights(
+            path, f"cannot be read as kinds of fruit: {type(error).__name__}"
+        ) from error
     if len(set(kinds)) != len(kinds) or len(kinds) < 2 or kinds[-1] != NONE:
-        raise BadWeights(path, f"has the kinds {', '.join(kinds)[:60]}: expected names, the last of them {NONE}")
-    if not (np.isfinite(list(values.values())).all() and min(values["found"], values["kind"]) > 0.0):
+        raise BadWeights(
+            path, f"has the kinds {', '.join(kinds)[:60]}: expected names, the last of them {NONE}"
+        )
+    if not (
+        np.isfinite(list(values.values())).all() and min(values["found"], values["kind"]) > 0.0
+    ):
         raise BadWeights(path, f"has a score that does not rise: {values}")
     return StoredKinds(network, kinds, KindScore(**values), notes)
 
@@ -107,18 +115,26 @@ def find_picture(colour: UInt8, box: Float64, side: int = SIDE) -> UInt8:
     step = 2.0 * half / side
     source = colour
     if step > 1.0:  # large fruit is shrunk with the means of its pixels
-        first, last = np.maximum(np.floor(low).astype(int), 0), np.ceil(low + 2.0 * half).astype(int)
-        source = colour[first[1] : max(last[1], first[1] + 1), first[0] : max(last[0], first[0] + 1)]
+        first, last = (
+            np.maximum(np.floor(low).astype(int), 0),
+            np.ceil(low + 2.0 * half).astype(int),
+        )
+        source = colour[
+            first[1] : max(last[1], first[1] + 1), first[0] : max(last[0], first[0] + 1)
+        ]
         low = low - first
         width, height = (max(1, round(n / step)) for n in source.shape[1::-1])
         low = low * (width / source.shape[1], height / source.shape[0])
-        source = np.asarray(cv2.resize(source, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        source = np.asarray(
+            cv2.resize(source, (width, height), interpolation=cv2.INTER_AREA), np.uint8
+        )
         step = 1.0
     shift = low + 0.5 * step - 0.5
     place = np.array([[step, 0.0, shift[0]], [0.0, step, shift[1]]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return np.asarray(
-        cv2.warpAffine(source, place, (side, side), flags=flags, borderMode=cv2.BORDER_REPLICATE), np.uint8
+        cv2.warpAffine(source, place, (side, side), flags=flags, borderMode=cv2.BORDER_REPLICATE),
+        np.uint8,
     )
 
 
@@ -132,7 +148,9 @@ class KindHead:
         path: of the file, for errors.
     """
 
-    def __init__(self, network: Network, kinds: tuple[str, ...], score: KindScore, path: Path = Path()) -> None:
+    def __init__(
+        self, network: Network, kinds: tuple[str, ...], score: KindScore, path: Path = Path()
+    ) -> None:
         self.kinds, self.score, self.path, self._network = kinds, score, path, network
 
     @classmethod
@@ -152,9 +170,15 @@ class KindHead:
         if kind not in self.kinds[:-1] or not found:
             return found
         height, width = colour.shape[:2]
-        likely = self.probabilities(colour, np.array([fruit.outline(width, height) for fruit in found]))
-        scores = self.score.of(np.array([fruit.score for fruit in found]), likely[:, self.kinds.index(kind)])
-        return [replace(fruit, score=float(score)) for fruit, score in zip(found, scores, strict=True)]
+        likely = self.probabilities(
+            colour, np.array([fruit.outline(width, height) for fruit in found])
+        )
+        scores = self.score.of(
+            np.array([fruit.score for fruit in found]), likely[:, self.kinds.index(kind)]
+        )
+        return [
+            replace(fruit, score=float(score)) for fruit, score in zip(found, scores, strict=True)
+        ]
 
     def probabilities(self, colour: UInt8, boxes: Float64) -> Float64:
         """Return the probability of each kind of each box (n, 4) in a picture (h, w, 3) uint8 RGB, (n, kinds).
@@ -164,10 +188,17 @@ class KindHead:
         found = [np.empty((0, len(self.kinds)), np.float32)]
         for first in range(0, len(boxes), BATCH):
             pictures = np.stack([find_picture(colour, box) for box in boxes[first : first + BATCH]])
-            planes = np.ascontiguousarray(pictures.transpose(0, 3, 1, 2)) * np.float32(1.0 / 255.0) - np.float32(0.5)
+            planes = np.ascontiguousarray(pictures.transpose(0, 3, 1, 2)) * np.float32(
+                1.0 / 255.0
+            ) - np.float32(0.5)
             found.append(self._network(planes)[0])
-            if found[-1].shape != (len(pictures), len(self.kinds)) or not np.isfinite(found[-1]).all():
-                raise BadWeights(self.path, f"{NETWORK} in it does not give {len(self.kinds)} finite logits")
+            if (
+                found[-1].shape != (len(pictures), len(self.kinds))
+                or not np.isfinite(found[-1]).all()
+            ):
+                raise BadWeights(
+                    self.path, f"{NETWORK} in it does not give {len(self.kinds)} finite logits"
+                )
         values = np.concatenate(found).astype(np.float64)
         raised = np.exp(values - values.max(axis=1, keepdims=True))
         return np.asarray(raised / raised.sum(axis=1, keepdims=True), np.float64)

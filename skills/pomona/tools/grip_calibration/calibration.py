@@ -47,14 +47,19 @@ WINDOW = 25  # samples of the average over a push: 50 ms
 SLIDING_SHARE = 0.05  # most loaded fraction of a push, where the fruit slid
 FEW = 10  # samples of the average of the present force
 LEAST_FORCE = 0.3  # smallest normal force of a finger's usable sample [N]
-TYPICAL_RADIUS = 0.005  # lever with which moments count as forces when the most loaded samples are chosen [m]
+TYPICAL_RADIUS = (
+    0.005  # lever with which moments count as forces when the most loaded samples are chosen [m]
+)
 SPREAD = 1.5  # smallest ratio of the pushes' forces from which gamma is fitted
 
 GROWTH_STD, SLIDE_STD = 0.15, 0.05
 """Assumed standard deviations of gamma among fruit, and of the logarithm of a slide's force: with noisy slides gamma
 stays near the assumed value."""
 
-OUTLIER, MOST_OUTLIERS = 0.25, 0.34  # relative error of a slide that is left out, and largest part of those
+OUTLIER, MOST_OUTLIERS = (
+    0.25,
+    0.34,
+)  # relative error of a slide that is left out, and largest part of those
 VAGUE = 0.25  # relative uncertainty of the contact radius above which a note is written
 
 
@@ -130,7 +135,9 @@ class GripCalibration:
     mu_std: float  # mu_std, delta_std, gamma_std: standard errors of the fit; gamma_std is 0 where gamma was not fitted
     delta_std: float
     gamma_std: float
-    residual: float  # root mean square of the relative error of the normal force at which the fruit slid
+    residual: (
+        float  # root mean square of the relative error of the normal force at which the fruit slid
+    )
     pushes: int  # number of slides (one of each finger in a push)
     stiffness: float | None  # grip force per metre of closing [N/m], or None without a squeeze
     stiffness_r2: float  # fraction of the squeeze's variance that a straight line explains
@@ -172,7 +179,9 @@ def calibrate_grip(
         fit.notes.append("the squeeze is not a straight line: the pads stiffen or the fruit moved")
     residual = float(np.sqrt(np.mean(error**2)))
     if residual > 0.1:
-        fit.notes.append("the pushes disagree with each other by more than 10 %: repeat them more slowly")
+        fit.notes.append(
+            "the pushes disagree with each other by more than 10 %: repeat them more slowly"
+        )
     return GripCalibration(
         contact=contact,
         mu_std=float(std[0] * contact.mu),
@@ -199,7 +208,10 @@ class _ContactFit:
         self._f_n, self._f_t, self._tau_n, self._start = f_n, f_t, tau_n, start
         self._agrees = np.ones(len(f_n), bool)
         twisted = tau_n / np.maximum(f_t, 1e-6) > 0.2 * TYPICAL_RADIUS
-        knows_torsion, knows_growth = bool(twisted.any()), bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3)
+        knows_torsion, knows_growth = (
+            bool(twisted.any()),
+            bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3),
+        )
         if not knows_torsion:
             self.notes.append("no push twisted the fruit: delta and gamma are the assumed ones")
         elif not knows_growth:
@@ -212,25 +224,42 @@ class _ContactFit:
         """Return the contact, standard deviations of (ln mu, ln delta, gamma), and the remaining errors of ln f_n."""
         start, free, at = self._start, self._free, self._at
         first = np.array(
-            [np.log(np.median(self._f_t / self._f_n)), np.log(start.delta) + start.gamma * at, start.gamma]
+            [
+                np.log(np.median(self._f_t / self._f_n)),
+                np.log(start.delta) + start.gamma * at,
+                start.gamma,
+            ]
         )
         largest = np.log(PAD_HALF)
-        bounds = (np.array([np.log(0.02), np.log(1e-4), 0.0])[:free], np.array([np.log(5.0), largest, 1.0])[:free])
+        bounds = (
+            np.array([np.log(0.02), np.log(1e-4), 0.0])[:free],
+            np.array([np.log(5.0), largest, 1.0])[:free],
+        )
         x = np.clip(first[:free], *bounds)
         rough = least_squares(self._residuals, x, bounds=bounds, loss="cauchy", f_scale=SLIDE_STD)
         self._leave_out(np.abs(self._errors(rough.x)) > OUTLIER)
-        fit = least_squares(self._residuals, rough.x, bounds=bounds, loss="soft_l1", f_scale=2.0 * SLIDE_STD)
+        fit = least_squares(
+            self._residuals, rough.x, bounds=bounds, loss="soft_l1", f_scale=2.0 * SLIDE_STD
+        )
         error = self._errors(fit.x)[self._agrees]
-        scale = max(float(error @ error) / max(len(error) - free, 1), SLIDE_STD**2 if free > 2 else 0.0)
+        scale = max(
+            float(error @ error) / max(len(error) - free, 1), SLIDE_STD**2 if free > 2 else 0.0
+        )
         covariance = np.zeros((3, 3))
         covariance[:free, :free] = np.linalg.pinv(fit.jac.T @ fit.jac) * scale
         radius_std = float(np.sqrt(covariance[1, 1]))
         if free > 1 and fit.x[1] > largest - 1e-3:
-            self.notes.append(f"the twists give a contact larger than the pads: {1e3 * PAD_HALF:.0f} mm are assumed")
+            self.notes.append(
+                f"the twists give a contact larger than the pads: {1e3 * PAD_HALF:.0f} mm are assumed"
+            )
         elif radius_std > VAGUE:
-            self.notes.append(f"the contact's radius has an uncertainty of {radius_std:.0%}: twist more and pull less")
+            self.notes.append(
+                f"the contact's radius has an uncertainty of {radius_std:.0%}: twist more and pull less"
+            )
         to_delta = np.array([0.0, 1.0, -at])
-        std = np.sqrt(np.maximum([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]], 0.0))
+        std = np.sqrt(
+            np.maximum([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]], 0.0)
+        )
         return self._contact(fit.x), std, error
 
     def _leave_out(self, outliers: NDArray[np.bool_]) -> None:
@@ -247,7 +276,9 @@ class _ContactFit:
         return SoftContact(float(np.exp(x[0])), delta, gamma, start.k, start.ellipsoid)
 
     def _errors(self, x: Float64) -> Float64:
-        return np.log(np.maximum(least_force(self._f_t, self._tau_n, self._contact(x)), 1e-6) / self._f_n)
+        return np.log(
+            np.maximum(least_force(self._f_t, self._tau_n, self._contact(x)), 1e-6) / self._f_n
+        )
 
     def _residuals(self, x: Float64) -> Float64:
         prior = SLIDE_STD * (x[2:] - self._start.gamma) / GROWTH_STD
@@ -260,7 +291,9 @@ def _slides(pushes: list[Push]) -> tuple[Float64, Float64, Float64]:
     for push in pushes:
         if len(push.wrenches) < 2 * WINDOW:
             continue
-        averaged = uniform_filter1d(np.asarray(push.wrenches, np.float64), WINDOW, axis=0)[WINDOW:-WINDOW]
+        averaged = uniform_filter1d(np.asarray(push.wrenches, np.float64), WINDOW, axis=0)[
+            WINDOW:-WINDOW
+        ]
         forces, tangential, moments = pad_loads(averaged)
         for finger in range(2):
             f_n, f_t, tau_n = forces[:, finger], tangential[:, finger], np.abs(moments[:, finger])
@@ -275,7 +308,9 @@ def _slides(pushes: list[Push]) -> tuple[Float64, Float64, Float64]:
 
 
 def _stiffness(squeeze: Push) -> tuple[float | None, float]:
-    forces, _, _ = pad_loads(uniform_filter1d(np.asarray(squeeze.wrenches, np.float64), WINDOW, axis=0))
+    forces, _, _ = pad_loads(
+        uniform_filter1d(np.asarray(squeeze.wrenches, np.float64), WINDOW, axis=0)
+    )
     f_n, width = 2.0 * forces.min(axis=1), np.asarray(squeeze.width, np.float64)
     usable = (f_n > LEAST_FORCE) & np.isfinite(width)
     if usable.sum() < WINDOW or np.ptp(width[usable]) < 1e-5:
@@ -335,15 +370,26 @@ def read_recording(path: Path) -> tuple[list[Push], Push | None]:
     return pushes, _push_of(arrays, "squeeze_wrenches", "squeeze_width", path) if squeezed else None
 
 
-def _push_of(arrays: dict[str, np.ndarray[Any, Any]], wrenches: str, width: str, path: Path) -> Push:
+def _push_of(
+    arrays: dict[str, np.ndarray[Any, Any]], wrenches: str, width: str, path: Path
+) -> Push:
     if wrenches not in arrays:
         raise UnusablePushes(f"{path}: there is no '{wrenches}': number the pushes 0, 1, 2 …")
     both = arrays[wrenches]
-    if both.dtype.kind not in "fiu" or both.ndim != 3 or both.shape[1:] != (2, 6) or not np.isfinite(both).all():
-        raise UnusablePushes(f"{path}: '{wrenches}' must hold finite numbers of shape (n, 2, 6), not {both.shape}")
+    if (
+        both.dtype.kind not in "fiu"
+        or both.ndim != 3
+        or both.shape[1:] != (2, 6)
+        or not np.isfinite(both).all()
+    ):
+        raise UnusablePushes(
+            f"{path}: '{wrenches}' must hold finite numbers of shape (n, 2, 6), not {both.shape}"
+        )
     opening = arrays.get(width, np.full(len(both), np.nan))
     if opening.dtype.kind not in "fiu" or opening.shape != (len(both),):
-        raise UnusablePushes(f"{path}: '{width}' must hold numbers of shape ({len(both)},), not {opening.shape}")
+        raise UnusablePushes(
+            f"{path}: '{width}' must hold numbers of shape ({len(both)},), not {opening.shape}"
+        )
     return Push(np.asarray(both, np.float64), np.asarray(opening, np.float64))
 
 

@@ -94,7 +94,10 @@ class GuidedPushes:
             for force in forces:
                 self._press(recorder, force)
                 for way, task in WAYS:
-                    self._ask(f"At {force:g} N: {way}, slowly, until it slides. You have {seconds:g} s from now.", task)
+                    self._ask(
+                        f"At {force:g} N: {way}, slowly, until it slides. You have {seconds:g} s from now.",
+                        task,
+                    )
                     start = recorder.received
                     self._stand(recorder, seconds)
                     pushes.append(recorder.push(start))
@@ -139,7 +142,9 @@ class GuidedPushes:
         self._wait(CHECK_PERIOD)
         if self._now() - recorder.stamp > STALE_AFTER:
             self._gripper.set_speed(0.0)
-            raise GuidanceEnded(f"fingers: no valid sample for {1e3 * STALE_AFTER:.0f} ms; they stand still")
+            raise GuidanceEnded(
+                f"fingers: no valid sample for {1e3 * STALE_AFTER:.0f} ms; they stand still"
+            )
 
 
 GRASP_FORCE = Measure(FORCE, "0.6 N", "15 N")  # at which pushes may be made
@@ -147,19 +152,38 @@ GRASP_FORCE = Measure(FORCE, "0.6 N", "15 N")  # at which pushes may be made
 
 def add(kinds: Any) -> None:
     """Register `grip` among the kinds of `pomona calibrate`."""
-    grip = kinds.add_parser("grip", help="estimate friction and stiffness of a grip from recorded or guided pushes")
-    grip.add_argument("recording", type=Path, nargs="?", help=".npz of pushes; without it they are recorded at --cell")
-    grip.add_argument("--cell", help="cell file, or the name of an installed cell, for guided pushes")
+    grip = kinds.add_parser(
+        "grip", help="estimate friction and stiffness of a grip from recorded or guided pushes"
+    )
+    grip.add_argument(
+        "recording",
+        type=Path,
+        nargs="?",
+        help=".npz of pushes; without it they are recorded at --cell",
+    )
+    grip.add_argument(
+        "--cell", help="cell file, or the name of an installed cell, for guided pushes"
+    )
     grip.add_argument("--out", type=Path, required=True, help="the parameter file to write")
     grip.add_argument("--fruit", default="", help="name of the fruit, for the report")
     about = "grasp forces (2N 4N 7N)"
     grip.add_argument(
-        "--forces", type=GRASP_FORCE.option, nargs="+", default=[2.0, 4.0, 7.0], metavar="FORCE", help=about
+        "--forces",
+        type=GRASP_FORCE.option,
+        nargs="+",
+        default=[2.0, 4.0, 7.0],
+        metavar="FORCE",
+        help=about,
     )
     long = Measure(TIME, "100 ms", "2 min")
     grip.add_argument("--time", type=long.option, default=6.0, help="time for one push (6s)")
     grip.add_argument("--keep", type=Path, help="also write the recorded pushes to this .npz file")
-    grip.add_argument("--k", type=float, default=4.0, help="exponent k of the pressure distribution; not estimated (4)")
+    grip.add_argument(
+        "--k",
+        type=float,
+        default=4.0,
+        help="exponent k of the pressure distribution; not estimated (4)",
+    )
     grip.set_defaults(main=main)
 
 
@@ -170,13 +194,17 @@ def main(options: argparse.Namespace) -> int:
             if file.exists():
                 raise ValueError(f"{file} is there already: name another file")
         start = SoftContact(k=options.k)
-        pushes, squeeze = _made_now(options) if options.recording is None else read_recording(options.recording)
+        pushes, squeeze = (
+            _made_now(options) if options.recording is None else read_recording(options.recording)
+        )
         found = calibrate_grip(pushes, squeeze, start)
         write_calibration(found, options.out, options.fruit)
     except (GripError, DriverError, OSError, ValueError) as error:
         sys.stderr.write(f"pomona calibrate grip: {error}\n")
         return 2
-    sys.stdout.write(f"{found}\nwritten to {options.out}: put its ports into the tree's SlipAvoidGrasp node\n")
+    sys.stdout.write(
+        f"{found}\nwritten to {options.out}: put its ports into the tree's SlipAvoidGrasp node\n"
+    )
     return 0
 
 

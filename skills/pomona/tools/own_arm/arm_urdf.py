@@ -34,7 +34,9 @@ class Mass:
     inertia: Float64
 
 
-LEAST = Mass(0.1, np.zeros(3), 1e-4 * np.eye(3))  # of a link without mass and shape: that of a small joint
+LEAST = Mass(
+    0.1, np.zeros(3), 1e-4 * np.eye(3)
+)  # of a link without mass and shape: that of a small joint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +50,9 @@ class UrdfArm:
     geoms: tuple[tuple[Geom, ...], ...]  # collision shapes of the base and each link, (dof + 1,)
     masses: tuple[Mass, ...]  # of each link, (dof,)
     efforts: Float64  # largest torque of each joint, (dof,) [N m or N]; 0 where the file has none
-    T_link_hand: Float64  # where the hand is bolted on, in the last link's frame: z along its approach
+    T_link_hand: (
+        Float64  # where the hand is bolted on, in the last link's frame: z along its approach
+    )
     assumed: tuple[str, ...]  # sentences about missing values
 
     @property
@@ -74,7 +78,9 @@ def read_arm(path: Path, flange: str | None = None) -> UrdfArm:
     dof = len(description.joint_names)
     if dof < FEWEST:
         words = f"{dof} joints lead from the base to '{end}', and an arm needs {FEWEST} to hold its hand in any pose"
-        if follow := ", ".join(f"'{joint}' follows '{leader}'" for joint, leader in leaders(root).items()):
+        if follow := ", ".join(
+            f"'{joint}' follows '{leader}'" for joint, leader in leaders(root).items()
+        ):
             words += f"; joints that follow others (mimic) are not among them: {follow}"
         raise UsageError(f"{path}: {words}; --flange LINK names another end")
     return _Reader(path, root, end, description).arm()
@@ -109,7 +115,9 @@ def _xacro(path: Path) -> str:
 
 
 class _Reader:
-    def __init__(self, path: Path, root: ElementTree.Element, end: str, description: Description) -> None:
+    def __init__(
+        self, path: Path, root: ElementTree.Element, end: str, description: Description
+    ) -> None:
         self.path, self.root, self.end, self.description = path, root, end, description
         mujoco = load_mujoco()
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
@@ -124,10 +132,10 @@ class _Reader:
             self.T_base_link.append(self.T_base_link[-1] @ step)
         self.assumed: list[str] = []
         chain = set(description.joint_names)
-        if soft := [name for j in root.findall(f"joint[{SOFT}]") if (name := j.get("name", "")) in chain]:
-            words = (
-                "Ranges end at the soft limits of their safety_controller; its k_position and k_velocity are not used"
-            )
+        if soft := [
+            name for j in root.findall(f"joint[{SOFT}]") if (name := j.get("name", "")) in chain
+        ]:
+            words = "Ranges end at the soft limits of their safety_controller; its k_position and k_velocity are not used"
             self.assumed.append(f"{words}: {', '.join(soft)}.")
 
     def arm(self) -> UrdfArm:
@@ -168,7 +176,9 @@ class _Reader:
             else:
                 kept[name] = len(above)
         if left:
-            self.assumed.append(f"Not taken over, since they hang on the flange or beside the arm: {', '.join(left)}.")
+            self.assumed.append(
+                f"Not taken over, since they hang on the flange or beside the arm: {', '.join(left)}."
+            )
         return kept
 
     def _mass(self, link: int, kept: dict[str, int]) -> Mass:
@@ -176,15 +186,22 @@ class _Reader:
         bodies = [self.model.body(name).id for name, moved in kept.items() if moved == link]
         masses = np.array([float(self.model.body_mass[body]) for body in bodies])
         to_link = inverse(self.T_base_link[link])
-        stated = {part.get("name") for part in self.root.iter("link") if part.find("inertial") is not None}
+        stated = {
+            part.get("name") for part in self.root.iter("link") if part.find("inertial") is not None
+        }
         without = [name for name, moved in kept.items() if moved == link and name not in stated]
         if masses.sum() < LIGHTEST:
             self.assumed.append(
                 f"The link of '{self.description.joint_names[link - 1]}' has no mass: {LEAST.mass:g} kg."
             )
             return LEAST
-        if without and masses[[name in without for name in map(self._body_name, bodies)]].sum() > LIGHTEST:
-            self.assumed.append(f"No mass is stated of {', '.join(without)}: that of water in its shape.")
+        if (
+            without
+            and masses[[name in without for name in map(self._body_name, bodies)]].sum() > LIGHTEST
+        ):
+            self.assumed.append(
+                f"No mass is stated of {', '.join(without)}: that of water in its shape."
+            )
         centres = self.at_zero.xipos[bodies] @ to_link[:3, :3].T + to_link[:3, 3]
         middle = masses @ centres / masses.sum()
         inertia = np.zeros((3, 3))
@@ -216,6 +233,8 @@ class _Reader:
         axes = np.abs(T[2, :3])  # each axis along the joint, z of the last link
         along = int(axes.argmax()) if axes.max() > PARALLEL else 2
         if along != 2:
-            self.assumed.append(f"The hand reaches along the {'xyz'[along]} axis of '{self.end}', the last joint's.")
+            self.assumed.append(
+                f"The hand reaches along the {'xyz'[along]} axis of '{self.end}', the last joint's."
+            )
             T[:3, :3] = T[:3, [(along + 1) % 3, (along + 2) % 3, along]]
         return T

@@ -60,7 +60,9 @@ def begin_arm(file: Path, into: Path, options: argparse.Namespace) -> tuple[list
 
 
 def _name(file: Path) -> str:
-    words = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in file.stem.lower())
+    words = "".join(
+        letter if letter.isascii() and letter.isalnum() else "_" for letter in file.stem.lower()
+    )
     return words.strip("_") or "own_arm"
 
 
@@ -75,9 +77,14 @@ def _cell(name: str, arm: UrdfArm, hand: str, devices: str, fitted: Fitted, sim:
         "  robot: robot.xml",
     ]
     if fitted.nearer < 1.0 and sim.section.world is not None:
-        lines.append(f"  places:                 # {100 * fitted.nearer:.0f} % as far from the base as in sim.yaml")
+        lines.append(
+            f"  places:                 # {100 * fitted.nearer:.0f} % as far from the base as in sim.yaml"
+        )
         places = sim.section.world.values.places
-        lines += [f"    {n}: {fitted.nearer * x:.3f} {fitted.nearer * y:.3f} m" for n, (x, y) in places.items()]
+        lines += [
+            f"    {n}: {fitted.nearer * x:.3f} {fitted.nearer * y:.3f} m"
+            for n, (x, y) in places.items()
+        ]
     lines += [
         "",
         "workspace:",
@@ -87,7 +94,8 @@ def _cell(name: str, arm: UrdfArm, hand: str, devices: str, fitted: Fitted, sim:
         "  poses:                  # joints from the base to the wrist",
     ]
     lines += [
-        f"    {pose}: {' '.join(f'{angle:.4f}' for angle in q)} rad" for pose, q in fitted.reached.postures.items()
+        f"    {pose}: {' '.join(f'{angle:.4f}' for angle in q)} rad"
+        for pose, q in fitted.reached.postures.items()
     ]
     return "\n".join(lines) + "\n" + devices
 
@@ -102,7 +110,11 @@ def _page(name: str, arm: UrdfArm, hand: str, fitted: Fitted) -> str:
     missing = fitted.reached.missing
     chain = (*bodies(arm), "tool0")
     beside = set(pairwise(chain))
-    far = [f"{a} and {b}" for a, b in sorted(fitted.apart) if {a, b} <= set(chain) and (a, b) not in beside]
+    far = [
+        f"{a} and {b}"
+        for a, b in sorted(fitted.apart)
+        if {a, b} <= set(chain) and (a, b) not in beside
+    ]
     notes = [
         f"The hand {hand} is bolted on '{arm.flange}', turned by {np.degrees(fitted.turn):.0f}° about its approach.",
         "Accelerations, jerks, gains and armatures of the joints: a URDF has none of them.",
@@ -111,7 +123,13 @@ def _page(name: str, arm: UrdfArm, hand: str, fitted: Fitted) -> str:
             if fitted.nearer < 1.0
             else []
         ),
-        *([f"Not checked for contact, since their hulls touch in most postures: {'; '.join(far)}."] if far else []),
+        *(
+            [
+                f"Not checked for contact, since their hulls touch in most postures: {'; '.join(far)}."
+            ]
+            if far
+            else []
+        ),
         *([f"Out of reach, so left out: {', '.join(missing)}."] if missing else []),
         *arm.assumed,
     ]

@@ -19,9 +19,20 @@ from pomona.tools.own_arm.arm_urdf import UrdfArm
 from pomona.tools.own_arm.poses import HOME, OBSERVE, Reached, lowest, never_apart, reach
 from pomona.tools.own_arm.robot_xml import Drives, robot_xml
 
-TURNED = (0.0, np.pi, np.pi / 2.0, -np.pi / 2.0)  # of the hand on the flange, in the order of preference [rad]
+TURNED = (
+    0.0,
+    np.pi,
+    np.pi / 2.0,
+    -np.pi / 2.0,
+)  # of the hand on the flange, in the order of preference [rad]
 NEARER = (1.0, 0.85, 0.7, 0.55)  # shares of the shipped distances from the base, for short arms
-TOWARDS = (0.0, 0.25, 0.5, 0.75, 1.0)  # alternatives of the rest pose: shares of the way to the observe pose
+TOWARDS = (
+    0.0,
+    0.25,
+    0.5,
+    0.75,
+    1.0,
+)  # alternatives of the rest pose: shares of the way to the observe pose
 POSTURES = 64  # postures in which the inertia at each joint is looked up
 PEDESTAL = "pedestal"  # the obstacle of the shipped cell on which the base stands
 GAP = 0.012  # between the pedestal and the lowest part that moves: the arm's margin of 10 mm, and 2 mm [m]
@@ -34,7 +45,9 @@ class Fitted:
     turn: float  # of the hand [rad]
     nearer: float  # share of the shipped distances
     apart: frozenset[tuple[str, str]]  # pairs of bodies that are not checked for contact
-    obstacles: tuple[ObstacleSection, ...]  # those of the shipped cell, the pedestal below all that moves
+    obstacles: tuple[
+        ObstacleSection, ...
+    ]  # those of the shipped cell, the pedestal below all that moves
     reached: Reached
     text: str  # robot.xml
 
@@ -50,21 +63,26 @@ def fit(arm: UrdfArm, hand: str, sim: CellFile) -> Fitted:
         apart = never_apart(plain)
         around = _surroundings(sim, lowest(plain))
         texts = {turn: robot_xml(arm, hand, turn, drives, apart) for turn in TURNED}
-        models = {turn: _model(text, Path(scratch) / f"turned_{n}.xml") for n, (turn, text) in enumerate(texts.items())}
+        models = {
+            turn: _model(text, Path(scratch) / f"turned_{n}.xml")
+            for n, (turn, text) in enumerate(texts.items())
+        }
         best = None
         for nearer in NEARER:
             wanted = _wanted(sim, nearer)
             for turn, model in models.items():
                 found = reach(model, around.workspace(), wanted)
-                if found.usable and (best is None or len(found.missing) < len(best.reached.missing)):
-                    best = Fitted(turn, nearer, frozenset(apart), around.obstacles, found, texts[turn])
+                if found.usable and (
+                    best is None or len(found.missing) < len(best.reached.missing)
+                ):
+                    best = Fitted(
+                        turn, nearer, frozenset(apart), around.obstacles, found, texts[turn]
+                    )
                 if best is not None and not best.reached.missing:
                     return best
             if best is not None:
                 return best
-    words = (
-        f"reaches neither the pose home nor observe of the cell sim, even {100 * NEARER[-1]:.0f} % as far from its base"
-    )
+    words = f"reaches neither the pose home nor observe of the cell sim, even {100 * NEARER[-1]:.0f} % as far from its base"
     raise UsageError(
         f"{arm.path}: with the hand {hand} on '{arm.flange}' it {words}. Is '{arm.flange}' its flange? (--flange LINK)"
     )
@@ -79,11 +97,15 @@ def _inertia(arm: UrdfArm, hand: str, scratch: Path) -> Float64:
     """Return the largest inertia that each joint moves, hand included, (dof,) [kg m²]."""
     mujoco = load_mujoco()
     path = scratch / "plain_drives.xml"
-    path.write_text(robot_xml(arm, hand, 0.0, Drives.of(arm, np.ones(arm.dof)), ()), encoding="utf-8")
+    path.write_text(
+        robot_xml(arm, hand, 0.0, Drives.of(arm, np.ones(arm.dof)), ()), encoding="utf-8"
+    )
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise UsageError(f"{arm.path}: MuJoCo cannot use it as an arm: {' '.join(str(error).split())}") from error
+        raise UsageError(
+            f"{arm.path}: MuJoCo cannot use it as an arm: {' '.join(str(error).split())}"
+        ) from error
     model.dof_armature[:] = 0.0
     data, full, most = mujoco.MjData(model), np.zeros((model.nv, model.nv)), np.zeros(arm.dof)
     about = arm.description
@@ -107,10 +129,14 @@ def _surroundings(sim: CellFile, lowest_part: float) -> WorkspaceSection:
             return obstacle
         (x, y, z), (length, width, height) = obstacle.centre, obstacle.size
         bottom = z - height / 2.0
-        return replace(obstacle, centre=(x, y, (top + bottom) / 2.0), size=(length, width, top - bottom))
+        return replace(
+            obstacle, centre=(x, y, (top + bottom) / 2.0), size=(length, width, top - bottom)
+        )
 
     if top <= min(box.centre[2] - box.size[2] / 2.0 for box in section.obstacles):
-        return replace(section, obstacles=tuple(box for box in section.obstacles if box.name != PEDESTAL))
+        return replace(
+            section, obstacles=tuple(box for box in section.obstacles if box.name != PEDESTAL)
+        )
     return replace(section, obstacles=tuple(map(lowered, section.obstacles)))
 
 
@@ -125,7 +151,10 @@ def _wanted(sim: CellFile, nearer: float) -> Mapping[str, Sequence[Float64]]:
     for T in poses.values():
         T[:2, 3] *= nearer
     observe = poses.pop(OBSERVE)
-    wanted: dict[str, Sequence[Float64]] = {OBSERVE: [observe], **{name: [T] for name, T in poses.items()}}
+    wanted: dict[str, Sequence[Float64]] = {
+        OBSERVE: [observe],
+        **{name: [T] for name, T in poses.items()},
+    }
     for share in TOWARDS if HOME in poses else ():
         between = observe.copy()
         between[:3, 3] += (1.0 - share) * (poses[HOME][:3, 3] - observe[:3, 3])

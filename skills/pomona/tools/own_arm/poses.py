@@ -14,13 +14,13 @@ from pomona.skills.geometry import inverse
 from pomona.skills.motion.collision import CollisionWorld, Margins, RobotShape
 from pomona.skills.motion.robot import RobotModel, inverse_kinematics
 
-OFTEN = (
-    0.5  # share of postures in which hulls touch, and parts do not: of five arms such pairs have 0.66 to 1, others 0.33
-)
+OFTEN = 0.5  # share of postures in which hulls touch, and parts do not: of five arms such pairs have 0.66 to 1, others 0.33
 DRAWS = 128  # postures that are tried for it
 OBSERVE, HOME = "observe", "home"  # poses that no cell can be without
 TRIED = 12  # postures of the first pose from which the others are reached
-VIEW = 0.48  # half of the width of a camera's view, beside which no part of the arm shall stand [rad]
+VIEW = (
+    0.48  # half of the width of a camera's view, beside which no part of the arm shall stand [rad]
+)
 ROOM = 0.01  # least distance of a joint to its limits [rad]: a hundred times the rounding of a written pose
 
 
@@ -45,7 +45,10 @@ def never_apart(model: RobotModel) -> set[tuple[str, str]]:
     shape, margin = RobotShape.of(model), Margins().itself
     lower, upper = np.maximum(model.lower, -np.pi), np.minimum(model.upper, np.pi)
     postures = np.random.default_rng(0).uniform(lower, upper, (DRAWS, model.dof))
-    spheres = [[shape.spheres_of(geom, q, model.width_max) for geom in range(len(shape.geom_names))] for q in postures]
+    spheres = [
+        [shape.spheres_of(geom, q, model.width_max) for geom in range(len(shape.geom_names))]
+        for q in postures
+    ]
     touches: dict[tuple[str, str], NDArray[np.bool_]] = {}
     for i, j in shape.arrays.pairs:
         pair = (shape.geom_bodies[i], shape.geom_bodies[j])
@@ -67,11 +70,17 @@ def lowest(model: RobotModel) -> float:
 
 def _apart(one: Float64, other: Float64) -> float:
     """Return the smallest distance between two sets of spheres, (n, 4) [m]."""
-    gaps = np.linalg.norm(one[:, None, :3] - other[None, :, :3], axis=2) - one[:, None, 3] - other[None, :, 3]
+    gaps = (
+        np.linalg.norm(one[:, None, :3] - other[None, :, :3], axis=2)
+        - one[:, None, 3]
+        - other[None, :, 3]
+    )
     return float(gaps.min())
 
 
-def reach(model: RobotModel, workspace: Workspace, wanted: Mapping[str, Sequence[Float64]]) -> Reached:
+def reach(
+    model: RobotModel, workspace: Workspace, wanted: Mapping[str, Sequence[Float64]]
+) -> Reached:
     """Return free postures with the flange at poses T_base_tool0, all near to each other.
 
     Where the camera observes, the arm itself stands out of its view, or as far out as it can. Of each pose the first of
@@ -84,26 +93,40 @@ def reach(model: RobotModel, workspace: Workspace, wanted: Mapping[str, Sequence
     for q in _free(model, world, first, wanted[first][0])[:TRIED]:
         postures, far = {first: q}, 0.0
         for name in others:
-            near = next((found[0] for T in wanted[name] if len(found := _free(model, world, name, T, q))), None)
+            near = next(
+                (found[0] for T in wanted[name] if len(found := _free(model, world, name, T, q))),
+                None,
+            )
             if near is not None:
                 postures[name] = near
                 far += float(np.abs(near - q).max())
         cost = (len(wanted) - len(postures), far)
         if cost < least:
-            best, least = Reached(postures, tuple(name for name in wanted if name not in postures)), cost
+            best, least = (
+                Reached(postures, tuple(name for name in wanted if name not in postures)),
+                cost,
+            )
     return best
 
 
 def _free(
-    model: RobotModel, world: CollisionWorld, name: str, T_base_tool0: Float64, near: Float64 | None = None
+    model: RobotModel,
+    world: CollisionWorld,
+    name: str,
+    T_base_tool0: Float64,
+    near: Float64 | None = None,
 ) -> Float64:
     """Return the free postures of a pose: the nearest first, or those far from everything and from their limits.
 
     Joints are turned by whole turns towards `near`, or towards the middle of their ranges.
     """
     middle = 0.5 * (model.lower + model.upper)
-    solutions = inverse_kinematics(model, T_base_tool0 @ model.T_tool_tcp, near=middle if near is None else near)
-    room: Float64 = np.minimum(solutions - model.lower, model.upper - solutions).min(axis=1, initial=np.inf)
+    solutions = inverse_kinematics(
+        model, T_base_tool0 @ model.T_tool_tcp, near=middle if near is None else near
+    )
+    room: Float64 = np.minimum(solutions - model.lower, model.upper - solutions).min(
+        axis=1, initial=np.inf
+    )
     inside: Float64 = solutions[room >= ROOM]
     if not len(inside):
         return inside

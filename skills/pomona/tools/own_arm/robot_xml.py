@@ -17,11 +17,25 @@ from pomona.tools.own_arm.arm_urdf import UrdfArm
 
 TURNS = 2.0 * np.pi  # range of a joint without limits: one turn to each side [rad]
 CORNERS = 400  # directions in which the hull of a mesh is kept: within 0.5 % of its size
-TAKEN = ("base", "tool0", "finger_left", "finger_right", "pad_left", "pad_right", "gripper")  # names of the hand
+TAKEN = (
+    "base",
+    "tool0",
+    "finger_left",
+    "finger_right",
+    "pad_left",
+    "pad_right",
+    "gripper",
+)  # names of the hand
 LAG = 1.0 / 60.0  # of a joint behind its set-point, kv / kp, as the shipped arms have [s]
-STIFFNESS = (2500.0, 2300.0)  # of a joint: at least [N m/rad], and per inertia [1/s²], as the shipped arms have
+STIFFNESS = (
+    2500.0,
+    2300.0,
+)  # of a joint: at least [N m/rad], and per inertia [1/s²], as the shipped arms have
 SHARE = 0.4  # of a joint's effort that accelerates the arm
-QUICK, SHARP = 3.0, 10.0  # highest acceleration over speed, and jerk over acceleration [1/s]: those of a UR5e
+QUICK, SHARP = (
+    3.0,
+    10.0,
+)  # highest acceleration over speed, and jerk over acceleration [1/s]: those of a UR5e
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +65,9 @@ class Drives:
         return Drives(stiffness, armature, effort, velocity, acceleration, SHARP * acceleration)
 
 
-def robot_xml(arm: UrdfArm, hand: str, turn: float, drives: Drives, apart: Collection[tuple[str, str]]) -> str:
+def robot_xml(
+    arm: UrdfArm, hand: str, turn: float, drives: Drives, apart: Collection[tuple[str, str]]
+) -> str:
     """Return the description.
 
     Args:
@@ -72,10 +88,18 @@ def robot_xml(arm: UrdfArm, hand: str, turn: float, drives: Drives, apart: Colle
         velocity=_row(drives.velocity),
         acceleration=_row(drives.acceleration),
         jerk=_row(drives.jerk),
-        meshes="".join(_mesh(geom, f"shape_{n}_{i}") for n, of in enumerate(arm.geoms) for i, geom in enumerate(of)),
-        base="".join(_geom(geom, f"shape_0_{i}", indent_by=6) for i, geom in enumerate(arm.geoms[0])),
+        meshes="".join(
+            _mesh(geom, f"shape_{n}_{i}")
+            for n, of in enumerate(arm.geoms)
+            for i, geom in enumerate(of)
+        ),
+        base="".join(
+            _geom(geom, f"shape_0_{i}", indent_by=6) for i, geom in enumerate(arm.geoms[0])
+        ),
         body=indent(body, "      "),
-        apart="".join(f'    <exclude body1="{one}" body2="{other}"/>\n' for one, other in sorted(apart)),
+        apart="".join(
+            f'    <exclude body1="{one}" body2="{other}"/>\n' for one, other in sorted(apart)
+        ),
         actuators="".join(map(_actuator, names, drives.stiffness, drives.effort)),
         file=file,
     )
@@ -130,7 +154,9 @@ _TEMPLATE = """<!-- {source} up to '{flange}', with the hand {hand}: written by 
 
 
 def _actuator(joint: str, stiffness: float, effort: float) -> str:
-    gains = f'kp="{stiffness:.5g}" kv="{LAG * stiffness:.5g}" forcerange="-{effort:.5g} {effort:.5g}"'
+    gains = (
+        f'kp="{stiffness:.5g}" kv="{LAG * stiffness:.5g}" forcerange="-{effort:.5g} {effort:.5g}"'
+    )
     return f'    <position name="arm_{joint}" joint="{joint}" {gains}/>\n'
 
 
@@ -154,7 +180,9 @@ def _link(arm: UrdfArm, link: int, drives: Drives, inside: str) -> str:
 
 def _geom(geom: Geom, name: str, indent_by: int = 2) -> str:
     size = f'mesh="{name}"' if geom.kind == "mesh" else f'size="{_row(geom.size)}"'
-    shape = f'<geom name="{name}" class="solid" type="{geom.kind}" {size} {_pose(geom.T_link_geom)}/>'
+    shape = (
+        f'<geom name="{name}" class="solid" type="{geom.kind}" {size} {_pose(geom.T_link_geom)}/>'
+    )
     return f"{' ' * indent_by}{shape}\n"
 
 

@@ -12,12 +12,16 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.places import iou
 
 
-def match_boxes(found: Float64, scores: Float64, labelled: Float64, least: float) -> NDArray[np.bool_]:
+def match_boxes(
+    found: Float64, scores: Float64, labelled: Float64, least: float
+) -> NDArray[np.bool_]:
     """Return which found boxes have a label, (n,); arguments as of `labels_of`."""
     return labels_of(found, scores, labelled, least) >= 0
 
 
-def labels_of(found: Float64, scores: Float64, labelled: Float64, least: float) -> NDArray[np.int64]:
+def labels_of(
+    found: Float64, scores: Float64, labelled: Float64, least: float
+) -> NDArray[np.int64]:
     """Return the label of each found box, (n,), -1 for none: surest first, each takes the free one of most overlap.
 
     Args:
@@ -65,7 +69,11 @@ class BoxCurve:
     def at_score(self, score: float) -> tuple[float, float]:
         """Return recall and precision of the finds with at least this score."""
         count = int((self.scores >= score).sum())
-        return (float(self.recall[count - 1]), float(self.precision[count - 1])) if count else (0.0, 1.0)
+        return (
+            (float(self.recall[count - 1]), float(self.precision[count - 1]))
+            if count
+            else (0.0, 1.0)
+        )
 
 
 def curve(pictures: Iterable[tuple[Float64, Float64, Float64]], least: float = 0.5) -> BoxCurve:
@@ -84,11 +92,16 @@ def curve(pictures: Iterable[tuple[Float64, Float64, Float64]], least: float = 0
     order = np.argsort(-all_scores, kind="stable")
     hits = np.cumsum(all_right[order])
     return BoxCurve(
-        all_scores[order], hits / np.maximum(1, np.arange(1, len(hits) + 1)), hits / max(1, labelled), labelled
+        all_scores[order],
+        hits / np.maximum(1, np.arange(1, len(hits) + 1)),
+        hits / max(1, labelled),
+        labelled,
     )
 
 
-IOUS = np.linspace(0.5, 0.95, 10)  # intersections over union over which COCO's mean average precision is the mean
+IOUS = np.linspace(
+    0.5, 0.95, 10
+)  # intersections over union over which COCO's mean average precision is the mean
 PRECISION = 0.9  # recall is reported where precision is at least this
 RECALLS = np.linspace(0.0, 1.0, 101)  # recalls at which COCO reads precision
 ROUNDS = 300  # draws of an interval
@@ -124,7 +137,9 @@ class BoxFigures:
 def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:
     """Return figures of these pictures together."""
     scores = np.concatenate([np.empty(0), *(picture.scores for picture in pictures)])
-    right = np.concatenate([np.empty((len(IOUS), 0), np.bool_), *(picture.right for picture in pictures)], axis=1)
+    right = np.concatenate(
+        [np.empty((len(IOUS), 0), np.bool_), *(picture.right for picture in pictures)], axis=1
+    )
     order = np.argsort(-scores, kind="stable")
     labelled = max(1, sum(picture.labelled for picture in pictures))
     hits = np.cumsum(right[:, order], axis=1)
@@ -145,7 +160,9 @@ def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:
     )
 
 
-def box_intervals(pictures: Sequence[JudgedPicture], seed: int = 0) -> dict[str, tuple[float, float]]:
+def box_intervals(
+    pictures: Sequence[JudgedPicture], seed: int = 0
+) -> dict[str, tuple[float, float]]:
     """Return bounds of 95 % of each figure, from groups drawn again: pictures of one group are alike."""
     names = [field.name for field in fields(BoxFigures)]
 
@@ -157,7 +174,9 @@ def box_intervals(pictures: Sequence[JudgedPicture], seed: int = 0) -> dict[str,
 
 
 def intervals(
-    pictures: Sequence[JudgedPicture], figures: Callable[[Sequence[JudgedPicture]], Sequence[float]], seed: int = 0
+    pictures: Sequence[JudgedPicture],
+    figures: Callable[[Sequence[JudgedPicture]], Sequence[float]],
+    seed: int = 0,
 ) -> list[tuple[float, float]]:
     """Return bounds of 95 % of each of `figures`, from groups of pictures drawn again; NaN where none is finite."""
     groups: dict[str, list[JudgedPicture]] = {}
@@ -165,12 +184,22 @@ def intervals(
         groups.setdefault(picture.group, []).append(picture)
     places, rng = list(groups.values()), np.random.default_rng(seed)
     drawn = [
-        figures([picture for k in rng.integers(0, len(places), len(places)) for picture in places[int(k)]])
+        figures(
+            [
+                picture
+                for k in rng.integers(0, len(places), len(places))
+                for picture in places[int(k)]
+            ]
+        )
         for _ in range(ROUNDS)
     ]
     bounds = []
     for values in np.array(drawn, np.float64).T:
-        low, high = np.nanquantile(values, (0.025, 0.975)) if np.isfinite(values).any() else (np.nan, np.nan)
+        low, high = (
+            np.nanquantile(values, (0.025, 0.975))
+            if np.isfinite(values).any()
+            else (np.nan, np.nan)
+        )
         bounds.append((float(low), float(high)))
     return bounds
 
@@ -178,7 +207,10 @@ def intervals(
 def recall_and_precision(pictures: Sequence[JudgedPicture], score: float) -> tuple[float, float]:
     """Return both at IoU 0.5 for detections with at least this score; NaN without labels, or without detections."""
     right = sum(int(picture.right[0, picture.scores >= score].sum()) for picture in pictures)
-    labelled, found = (sum(picture.labelled for picture in pictures), sum((p.scores >= score).sum() for p in pictures))
+    labelled, found = (
+        sum(picture.labelled for picture in pictures),
+        sum((p.scores >= score).sum() for p in pictures),
+    )
     return right / labelled if labelled else np.nan, right / int(found) if found else np.nan
 
 

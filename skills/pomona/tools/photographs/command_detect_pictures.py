@@ -13,14 +13,31 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
-from pomona.executive import ENDINGS, Number, UInt8, UnusablePicture, is_file, raise_again, read_picture
+from pomona.executive import (
+    ENDINGS,
+    Number,
+    UInt8,
+    UnusablePicture,
+    is_file,
+    raise_again,
+    read_picture,
+)
 from pomona.tools.photographs.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
 
 if TYPE_CHECKING:
     from pomona.skills.perception import CompactDetector, DetectorOptions, FoundFruit
     from pomona.tools.box_detectors.box_model import ScoredBox
 
-BESIDE = (".txt", ".json", ".xml", ".csv", ".yaml", ".yml", ".md", ".npy")  # labels and notes, beside pictures
+BESIDE = (
+    ".txt",
+    ".json",
+    ".xml",
+    ".csv",
+    ".yaml",
+    ".yml",
+    ".md",
+    ".npy",
+)  # labels and notes, beside pictures
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
@@ -28,13 +45,19 @@ MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH = 3000, 200  # places that are looked at clo
 BOXES_WIDTH = 1280  # width at which a detector of boxes searches, unless --width gives another [px]
 
 
-Search = Callable[[UInt8], "Sequence[FoundFruit | ScoredBox]"]  # finds the fruit in a picture (h, w, 3) uint8 RGB
+Search = Callable[
+    [UInt8], "Sequence[FoundFruit | ScoredBox]"
+]  # finds the fruit in a picture (h, w, 3) uint8 RGB
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("detect", help="find the fruit in pictures: a table, and the pictures with boxes")
-    parser.add_argument("pictures", type=Path, nargs="+", metavar="PICTURE", help="files, or folders of them")
+    parser = subparsers.add_parser(
+        "detect", help="find the fruit in pictures: a table, and the pictures with boxes"
+    )
+    parser.add_argument(
+        "pictures", type=Path, nargs="+", metavar="PICTURE", help="files, or folders of them"
+    )
     parser.add_argument(
         "--fruit",
         default="apple",
@@ -45,9 +68,14 @@ def add(subparsers: Any) -> None:
         help="another weights file, or the name of a shipped one: apple.weights is that of the simulated cell (the "
         "fruit's photo_weights, else its weights)",
     )
-    parser.add_argument("--boxes", type=Path, help="a detector of boxes as an ONNX file, instead of weights")
     parser.add_argument(
-        "--score", type=Number(0, 1).option, default=0.5, help="lowest score of a detection, 0 to 1 (0.5)"
+        "--boxes", type=Path, help="a detector of boxes as an ONNX file, instead of weights"
+    )
+    parser.add_argument(
+        "--score",
+        type=Number(0, 1).option,
+        default=0.5,
+        help="lowest score of a detection, 0 to 1 (0.5)",
     )
     parser.add_argument(
         "--width",
@@ -62,9 +90,14 @@ def add(subparsers: Any) -> None:
         help="your own labels: a folder of COCO, YOLO or tables, or a .json of COCO; gives recall and precision",
     )
     parser.add_argument(
-        "--format", choices=FORMATS, default="csv", help=f"of the boxes, beside {TABLE}: coco, yolo (csv: that table)"
+        "--format",
+        choices=FORMATS,
+        default="csv",
+        help=f"of the boxes, beside {TABLE}: coco, yolo (csv: that table)",
     )
-    parser.add_argument("--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)"
+    )
     parser.set_defaults(main=main)
 
 
@@ -97,7 +130,9 @@ def main(options: argparse.Namespace) -> int:
         if table.is_file():
             sys.stderr.write(f"interrupted: {table} holds the results so far\n")
         raise
-    sys.stdout.write(f"written to {options.out}: {TABLE}, {SHEET}, and each picture with its boxes\n")
+    sys.stdout.write(
+        f"written to {options.out}: {TABLE}, {SHEET}, and each picture with its boxes\n"
+    )
     return 2 if unusable else 0
 
 
@@ -113,11 +148,17 @@ def _files(given: Sequence[Path]) -> Iterator[Path]:
             raise UnusableInput(f"{path} holds no pictures ({', '.join(ENDINGS)})")
         below = sorted({file.parent for file in path.glob("*/*") if _is_picture(file.name)})
         if below:
-            sys.stderr.write(f"{path}: pictures of the folders in it are not searched: {', '.join(map(str, below))}\n")
-        others = sorted(file.name for file in path.iterdir() if file.is_file() and not _is_expected(file.name))
+            sys.stderr.write(
+                f"{path}: pictures of the folders in it are not searched: {', '.join(map(str, below))}\n"
+            )
+        others = sorted(
+            file.name for file in path.iterdir() if file.is_file() and not _is_expected(file.name)
+        )
         if others:
             more = f" and {len(others) - 3} more" if len(others) > 3 else ""
-            sys.stderr.write(f"{path}: not searched, expected {', '.join(ENDINGS)}: {', '.join(others[:3])}{more}\n")
+            sys.stderr.write(
+                f"{path}: not searched, expected {', '.join(ENDINGS)}: {', '.join(others[:3])}{more}\n"
+            )
         yield from inside
 
 
@@ -158,7 +199,11 @@ def _search(options: argparse.Namespace) -> Search:
     kinds = kinds_beside(weights)
     if kinds is not None and name in kinds.kinds:
         others = ", ".join(kind for kind in kinds.kinds[:-1] if kind != name)
-        note = f"; {kinds.about[CALIBRATION]}" if name == kinds.kinds[0] and CALIBRATION in kinds.about else ""
+        note = (
+            f"; {kinds.about[CALIBRATION]}"
+            if name == kinds.kinds[0] and CALIBRATION in kinds.about
+            else ""
+        )
         sys.stdout.write(f"scores are those of {name}, not of {others}{note}\n")
     detector = CompactDetector.load(weights, photo_options(options.width, name))
     return lambda colour: find_fruit(detector, colour)
@@ -172,7 +217,9 @@ def photo_options(width: int | None, kind: str = "") -> DetectorOptions:
     from pomona.skills.perception import DetectorOptions
 
     if width is None:
-        return DetectorOptions(working_width=None, most_fruit=MOST_LOOKS, looks=1, mirrored=False, kind=kind)
+        return DetectorOptions(
+            working_width=None, most_fruit=MOST_LOOKS, looks=1, mirrored=False, kind=kind
+        )
     return DetectorOptions(working_width=width, most_fruit=MOST_LOOKS_AT_ONE_WIDTH, kind=kind)
 
 
@@ -224,7 +271,9 @@ def _all(files: Sequence[Path], search: Search, results: PictureResults, stream:
     return unusable
 
 
-def _row(file: Path, number: int, fruit: FoundFruit | ScoredBox, width: int, height: int) -> tuple[object, ...]:
+def _row(
+    file: Path, number: int, fruit: FoundFruit | ScoredBox, width: int, height: int
+) -> tuple[object, ...]:
     box = (f"{value:.1f}" for value in fruit.outline(width, height))
     visible = "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}"
     return _shown(file), number, f"{fruit.score:.3f}", *box, visible

@@ -49,7 +49,11 @@ def refuse_corners(labelled: Sequence[Labelled]) -> None:
     for item in labelled:
         files[str(Path(item.says).parent) if item.parts else item.says].append(item)
     for says, items in files.items():
-        pictures = [np.unique(written(item)[~np.array(item.crowd, np.bool_)], axis=0) for item in items if item.boxes]
+        pictures = [
+            np.unique(written(item)[~np.array(item.crowd, np.bool_)], axis=0)
+            for item in items
+            if item.boxes
+        ]
         boxes = np.vstack([np.empty((0, 4)), *pictures])
         most = max((int((some[:, :2] > 0.0).all(axis=1).sum()) for some in pictures), default=0)
         if most < 2 or not all(item.sizes for item in items) or not are_corners(boxes):
@@ -63,7 +67,9 @@ def refuse_corners(labelled: Sequence[Labelled]) -> None:
         )
 
 
-def refuse_areas_of_corners(path: Path, labels: Sequence[tuple[str, tuple[float, float, float, float], float]]) -> None:
+def refuse_areas_of_corners(
+    path: Path, labels: Sequence[tuple[str, tuple[float, float, float, float], float]]
+) -> None:
     """Raise BadPhotographs: the areas [px²] of a file's labels (place, box, area) are of their boxes as corners."""
     boxes = np.array([box for _, box, _ in labels], np.float64).reshape(-1, 4)
     areas = np.array([area for _, _, area in labels], np.float64)
@@ -71,7 +77,10 @@ def refuse_areas_of_corners(path: Path, labels: Sequence[tuple[str, tuple[float,
         return
     with np.errstate(over="ignore", invalid="ignore"):  # boxes that are none are named later
         sizes, corners = boxes[:, 2] * boxes[:, 3], (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
-        if not np.allclose(areas, corners, EXACT, 0.0) or np.isclose(areas, sizes, EXACT, 0.0).any():
+        if (
+            not np.allclose(areas, corners, EXACT, 0.0)
+            or np.isclose(areas, sizes, EXACT, 0.0).any()
+        ):
             return
     x, y, right, bottom = boxes[0]
     raise BadPhotographs(

@@ -15,7 +15,11 @@ from pomona.executive import Float64, UInt8
 
 COLOUR = (255, 176, 46)  # of boxes and numbers, RGB: `pomona.executive.palette.OVERLAY["found"]`
 ON_SHEET, COLUMNS = 10, 5  # pictures on a sheet, and pictures in a row
-CELL_WIDTH, CELL_HEIGHT, LINE = 400, 300, 24  # of a picture on the sheet, and of the line below it [px]
+CELL_WIDTH, CELL_HEIGHT, LINE = (
+    400,
+    300,
+    24,
+)  # of a picture on the sheet, and of the line below it [px]
 PAPER, INK = (255, 255, 255), (40, 40, 40)  # colours of the sheet, RGB
 
 
@@ -37,7 +41,15 @@ def draw(picture: UInt8, found: Sequence[Outlined]) -> None:
     for k, fruit in enumerate(found):
         x, y, w, h = (round(float(value)) for value in fruit.outline(width, height))
         cv2.rectangle(picture, (x, y), (x + w, y + h), COLOUR, thick)
-        cv2.putText(picture, str(k + 1), (x, max(y - 3, 12)), cv2.FONT_HERSHEY_SIMPLEX, 0.4 * thick, COLOUR, thick)
+        cv2.putText(
+            picture,
+            str(k + 1),
+            (x, max(y - 3, 12)),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.4 * thick,
+            COLOUR,
+            thick,
+        )
 
 
 class ContactSheet:
@@ -48,7 +60,9 @@ class ContactSheet:
     """
 
     def __init__(self, count: int) -> None:
-        self._chosen = set(np.linspace(0, count - 1, min(count, ON_SHEET)).round().astype(int).tolist())
+        self._chosen = set(
+            np.linspace(0, count - 1, min(count, ON_SHEET)).round().astype(int).tolist()
+        )
         self._cells: list[UInt8] = []
 
     def add(self, number: int, drawn: UInt8, name: str) -> None:
@@ -60,9 +74,15 @@ class ContactSheet:
         small = max(1, round(factor * width)), max(1, round(factor * height))
         cell = np.full((CELL_HEIGHT + LINE, CELL_WIDTH, 3), PAPER, np.uint8)
         left, top = (CELL_WIDTH - small[0]) // 2, (CELL_HEIGHT - small[1]) // 2
-        cell[top : top + small[1], left : left + small[0]] = cv2.resize(drawn, small, interpolation=cv2.INTER_AREA)
-        text = name.encode("ascii", "replace").decode("ascii")[:48]  # OpenCV's font has no other characters
-        cv2.putText(cell, text, (4, CELL_HEIGHT + 17), cv2.FONT_HERSHEY_SIMPLEX, 0.45, INK, 1, cv2.LINE_AA)
+        cell[top : top + small[1], left : left + small[0]] = cv2.resize(
+            drawn, small, interpolation=cv2.INTER_AREA
+        )
+        text = name.encode("ascii", "replace").decode("ascii")[
+            :48
+        ]  # OpenCV's font has no other characters
+        cv2.putText(
+            cell, text, (4, CELL_HEIGHT + 17), cv2.FONT_HERSHEY_SIMPLEX, 0.45, INK, 1, cv2.LINE_AA
+        )
         self._cells.append(cell)
 
     def picture(self) -> UInt8 | None:
@@ -91,7 +111,9 @@ class CocoFile:
     def add(self, file: Path, width: int, height: int, found: Sequence[Outlined]) -> None:
         """Append a picture of this size [px] and its fruit."""
         number = len(self.images) + 1
-        self.images.append({"id": number, "file_name": str(file.absolute()), "width": width, "height": height})
+        self.images.append(
+            {"id": number, "file_name": str(file.absolute()), "width": width, "height": height}
+        )
         for fruit in found:
             box = [round(float(value), 1) for value in fruit.outline(width, height)]
             self.annotations.append(
@@ -109,7 +131,9 @@ class CocoFile:
     def text(self) -> str:
         """Return the file's content."""
         categories = [{"id": 1, "name": self.fruit}]
-        return json.dumps({"images": self.images, "categories": categories, "annotations": self.annotations})
+        return json.dumps(
+            {"images": self.images, "categories": categories, "annotations": self.annotations}
+        )
 
 
 def yolo_lines(width: int, height: int, found: Sequence[Outlined]) -> str:
@@ -117,5 +141,7 @@ def yolo_lines(width: int, height: int, found: Sequence[Outlined]) -> str:
     lines = []
     for fruit in found:
         x, y, w, h = fruit.outline(width, height)
-        lines.append(f"0 {(x + 0.5 * w) / width:.6f} {(y + 0.5 * h) / height:.6f} {w / width:.6f} {h / height:.6f}\n")
+        lines.append(
+            f"0 {(x + 0.5 * w) / width:.6f} {(y + 0.5 * h) / height:.6f} {w / width:.6f} {h / height:.6f}\n"
+        )
     return "".join(lines)

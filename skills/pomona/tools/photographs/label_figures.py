@@ -80,7 +80,9 @@ class LabelFigures:
         for sized, (low, high) in zip(self._by_size, SIZES, strict=True):
             count = sum(picture.labelled for picture in sized)
             extent = f"{low:g} to {high:g} px" if np.isfinite(high) else f"from {low:g} px"
-            lines.append(f"| AP50, longer side {extent} ({count} boxes) | {_average_precision(sized)} |")
+            lines.append(
+                f"| AP50, longer side {extent} ({count} boxes) | {_average_precision(sized)} |"
+            )
         notes = [_advice(self._judged), "A fruit without a label counts as a wrong find."]
         if not _is_drawn(self._judged):
             notes.append("All pictures are of one group: an interval needs several.")
@@ -91,7 +93,9 @@ def _advice(pictures: Sequence[JudgedPicture]) -> str:
     """Return the score to use on pictures like these, as a sentence."""
     score = np.ceil(100.0 * box_figures(pictures).threshold - 1e-6) / 100.0
     recall, precision = recall_and_precision(pictures, score - 1e-9)
-    if not precision >= PRECISION - 0.005:  # none, or several finds of one score; figures are printed to 0.01
+    if (
+        not precision >= PRECISION - 0.005
+    ):  # none, or several finds of one score; figures are printed to 0.01
         return f"No score gives precision {PRECISION:g} on these labels."
     return f"On these labels, --score {score:.2f} gives precision {precision:.2f} and recall {recall:.2f}."
 
@@ -119,4 +123,8 @@ def _average_precision(pictures: Sequence[JudgedPicture]) -> str:
 def _cells(value: float, bound: tuple[float, float]) -> str:
     if not np.isfinite(value):
         return "none | "
-    return f"{value:.3f} | {bound[0]:.3f}–{bound[1]:.3f}" if np.isfinite(bound).all() else f"{value:.3f} | none"
+    return (
+        f"{value:.3f} | {bound[0]:.3f}–{bound[1]:.3f}"
+        if np.isfinite(bound).all()
+        else f"{value:.3f} | none"
+    )

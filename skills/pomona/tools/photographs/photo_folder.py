@@ -19,7 +19,12 @@ from pomona.executive.values.pictures import UnusablePicture, read_picture
 from pomona.executive.values.plain_text import NoTableError, read_plain_text, read_table
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.tools.box_detectors.box_settings import ClassUnknown, class_of
-from pomona.tools.photographs.corners import CORNERS, fit_as_corners, refuse_areas_of_corners, refuse_corners
+from pomona.tools.photographs.corners import (
+    CORNERS,
+    fit_as_corners,
+    refuse_areas_of_corners,
+    refuse_corners,
+)
 from pomona.tools.photographs.photographs import (
     PICTURES,
     Labelled,
@@ -36,7 +41,9 @@ from pomona.tools.photographs.photographs import (
 
 SLACK = 3.0  # a box may end this far outside of its picture, as rounding leaves it, and is cut there [px]
 
-MOST_JSON = 1 << 30  # of a COCO file [bytes]; a hundred thousand pictures with their outlines have less
+MOST_JSON = (
+    1 << 30
+)  # of a COCO file [bytes]; a hundred thousand pictures with their outlines have less
 
 CLASSES = "classes.txt"  # names of classes, one per line, as labelImg and Label Studio write them
 
@@ -72,7 +79,9 @@ def read_labels(
     if place.suffix.lower() == ".json" and place.is_file():
         content = _json(place)
         if not isinstance(content, dict):
-            raise BadPhotographs(place, "is no COCO file, expected images, annotations and categories")
+            raise BadPhotographs(
+                place, "is no COCO file, expected images, annotations and categories"
+            )
         return tuple(_all_checked(_coco(place, content, place.parent, fruit), progress))
     return tuple(_all_checked(_labelled(place, fruit), progress))
 
@@ -82,7 +91,9 @@ def _labelled(folder: Path, fruit: str) -> list[Labelled]:
     if (folder / "images.csv").is_file() or (folder / "fruit.csv").is_file():
         return _tables(folder)
     if coco := _coco_files(folder):
-        return [item for path, content in coco.items() for item in _coco(path, content, folder, fruit)]
+        return [
+            item for path, content in coco.items() for item in _coco(path, content, folder, fruit)
+        ]
     if yolo := _yolo_folders(folder):
         return _yolo(folder, yolo, fruit)
     if (place := kfuji_folder(folder)) is not None:
@@ -93,11 +104,15 @@ def _labelled(folder: Path, fruit: str) -> list[Labelled]:
     raise BadPhotographs(folder, f"has no labels, expected {known}")
 
 
-def _all_checked(labelled: list[Labelled], progress: Callable[[int, int], None] | None) -> list[Photograph]:
+def _all_checked(
+    labelled: list[Labelled], progress: Callable[[int, int], None] | None
+) -> list[Photograph]:
     photographs, says = [], dict[Path, str]()
     for number, item in enumerate(labelled):
         if item.path in says:
-            raise BadPhotographs(Path(item.says), f"labels {item.path.name}, as {says[item.path]} does: expected one")
+            raise BadPhotographs(
+                Path(item.says), f"labels {item.path.name}, as {says[item.path]} does: expected one"
+            )
         says[item.path] = item.says
         photographs.append(_checked(item))
         if progress is not None:
@@ -126,18 +141,29 @@ def _split(folder: Path, labelled: list[Labelled], photographs: list[Photograph]
                 sets["train" if word in TRAIN else "val"].append(photograph)
             elif word not in NEITHER:
                 raise BadPhotographs(
-                    folder, f"{item.path.name} is in the split '{item.split}', not in train, val or test"
+                    folder,
+                    f"{item.path.name} is in the split '{item.split}', not in train, val or test",
                 )
     else:
         by_name = sorted(photographs, key=lambda photograph: (photograph.group, photograph.name))
         # Without given splits, the last of this many parts by name is measured on: tiles of one place are neighbours
         first = len(by_name) - len(by_name) // 8
-        while 0 < first < len(by_name) and by_name[first].group and by_name[first].group == by_name[first - 1].group:
+        while (
+            0 < first < len(by_name)
+            and by_name[first].group
+            and by_name[first].group == by_name[first - 1].group
+        ):
             first -= 1  # a group is measured on whole
-        sets = {"train": by_name[:first], "val": by_name[first:]} if first else {"train": by_name, "val": []}
+        sets = (
+            {"train": by_name[:first], "val": by_name[first:]}
+            if first
+            else {"train": by_name, "val": []}
+        )
     shared = {p.group for p in sets["train"] if p.group} & {p.group for p in sets["val"] if p.group}
     if shared:
-        raise BadPhotographs(folder, f"{sorted(shared)[0]} is in both train and val: expected groups in one of them")
+        raise BadPhotographs(
+            folder, f"{sorted(shared)[0]} is in both train and val: expected groups in one of them"
+        )
     if not any(len(photograph.boxes) for photograph in sets["train"]):
         raise BadPhotographs(folder, "no photograph of its train split has a box")
     return scaled(PhotoSet(tuple(sets["train"]), tuple(sets["val"])))
@@ -163,20 +189,32 @@ def _checked(item: Labelled) -> Photograph:
     limits = np.array([width, height], np.float64)
     for k in range(len(boxes)):
         if not np.isfinite(boxes[k]).all() or (boxes[k, 2:] <= 0.0).any():
-            raise BadPhotographs(item.says, f"{item.lines[k]}: a box without width or height, or not finite")
+            raise BadPhotographs(
+                item.says, f"{item.lines[k]}: a box without width or height, or not finite"
+            )
         if not item.parts and (high[k] <= 1.0).all():
-            raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in parts of the picture, expected pixels")
+            raise BadPhotographs(
+                item.says, f"{item.lines[k]}: the box is in parts of the picture, expected pixels"
+            )
         if item.parts and (boxes[k, 2:] > limits + SLACK).any():
-            raise BadPhotographs(item.says, f"{item.lines[k]}: the box is in pixels, expected parts of the picture")
+            raise BadPhotographs(
+                item.says, f"{item.lines[k]}: the box is in pixels, expected parts of the picture"
+            )
         if (low[k] < -SLACK).any() or (high[k] > limits + SLACK).any():
             x, y, w, h = boxes[k]
-            corners = f"; as {CORNERS} it would: expected x, y, w, h" if fit_as_corners(item, limits) else ""
+            corners = (
+                f"; as {CORNERS} it would: expected x, y, w, h"
+                if fit_as_corners(item, limits)
+                else ""
+            )
             raise BadPhotographs(
                 item.says,
                 f"{item.lines[k]}: the box at {x:.0f}, {y:.0f} of {w:.0f} × {h:.0f} px does not lie in the picture "
                 f"{path.name} of {width} × {height}{corners}",
             )
-    once = np.sort(np.unique(boxes, axis=0, return_index=True)[1])  # a line that stands twice is one fruit
+    once = np.sort(
+        np.unique(boxes, axis=0, return_index=True)[1]
+    )  # a line that stands twice is one fruit
     low, high = np.clip(low[once], 0.0, limits), np.clip(high[once], 0.0, limits)
     crowd = np.array(item.crowd, np.bool_)[once]
     return Photograph(path, width, height, np.hstack([low, high - low]), crowd, item.group)
@@ -189,7 +227,9 @@ def _tables(folder: Path) -> list[Labelled]:
         if row["image"] in items:
             raise BadPhotographs(says, f"line {line}: {row['image']} is listed twice")
         group = row.get("tree") or row.get("group") or ""
-        items[row["image"]] = Labelled(folder / "images" / row["image"], str(fruit), row["split"], group, sizes=True)
+        items[row["image"]] = Labelled(
+            folder / "images" / row["image"], str(fruit), row["split"], group, sizes=True
+        )
     for line, row in _rows(fruit, ("image", "x", "y", "w", "h")):
         item = items.get(row["image"])
         if item is None:
@@ -197,14 +237,18 @@ def _tables(folder: Path) -> list[Labelled]:
         try:
             box = float(row["x"]), float(row["y"]), float(row["w"]), float(row["h"])
         except ValueError:
-            raise BadPhotographs(fruit, f"line {line}: x, y, w and h must be numbers [px]") from None
+            raise BadPhotographs(
+                fruit, f"line {line}: x, y, w and h must be numbers [px]"
+            ) from None
         item.add(box, f"line {line}", row.get("crowd") == "1")
     return list(items.values())
 
 
 def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str, str]]]:
     if not path.is_file():
-        raise BadPhotographs(path, "no such file: images.csv lists the pictures and fruit.csv their boxes")
+        raise BadPhotographs(
+            path, "no such file: images.csv lists the pictures and fruit.csv their boxes"
+        )
     try:
         rows = read_table(path, columns, MOST_JSON)
     except NoTableError as error:
@@ -218,7 +262,8 @@ def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str,
 def _yolo_folders(folder: Path) -> list[tuple[Path, Path]]:
     """Return the folders of texts, and of the pictures that belong to each; labelImg writes texts beside pictures."""
     found = [
-        (labels, labels.parent / "images") for labels in sorted([*folder.glob("labels"), *folder.glob("*/labels")])
+        (labels, labels.parent / "images")
+        for labels in sorted([*folder.glob("labels"), *folder.glob("*/labels")])
     ]
     return found or ([(folder, folder)] if (folder / CLASSES).is_file() else [])
 
@@ -234,15 +279,23 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
     items, seen = [], set()
     for labels, images in places:
         texts = {path.relative_to(labels).with_suffix("") for path in _texts(labels)}
-        pictures = {p.relative_to(images).with_suffix(""): p for p in files(images) if p.suffix.lower() in PICTURES}
+        pictures = {
+            p.relative_to(images).with_suffix(""): p
+            for p in files(images)
+            if p.suffix.lower() in PICTURES
+        }
         _both(images, labels, set(pictures), texts)
         for name in sorted(texts):
-            split = next((w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), "")
+            split = next(
+                (w.lower() for w in (*name.parts[:-1], labels.parent.name) if _is_split(w)), ""
+            )
             text = (labels / name).with_name(f"{name.name}.txt")
             item = Labelled(pictures[name], str(text), split, parts=True, sizes=True)
             for line, kind, box, outlined in _yolo_lines(text, keypoints or 0):
                 if names is not None and kind not in names[1]:
-                    raise BadPhotographs(text, f"line {line}: the class {kind} has no name in {names[0]}")
+                    raise BadPhotographs(
+                        text, f"line {line}: the class {kind} has no name in {names[0]}"
+                    )
                 seen.add(kind)
                 if wanted is None or kind == wanted:
                     item.add(box, f"line {line}")
@@ -250,11 +303,13 @@ def _yolo(folder: Path, places: Sequence[tuple[Path, Path]], fruit: str) -> list
             items.append(item)
     if wanted is None and len(seen) > 1:
         raise BadPhotographs(
-            folder, f"its labels have {len(seen)} classes, and no data.yaml or {CLASSES} names the one that is {fruit}"
+            folder,
+            f"its labels have {len(seen)} classes, and no data.yaml or {CLASSES} names the one that is {fruit}",
         )
     if wanted is None and seen - {0}:
         raise BadPhotographs(
-            folder, f"its labels have class {min(seen)}, and no data.yaml or {CLASSES} gives its name: is it {fruit}?"
+            folder,
+            f"its labels have class {min(seen)}, and no data.yaml or {CLASSES} gives its name: is it {fruit}?",
         )
     return items
 
@@ -263,7 +318,11 @@ def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> 
     """Refuse pictures without labels, whose content is unknown, and labels without pictures."""
     for some, where, text in (
         (texts - pictures, labels, "has {n} without a picture in images/: {first}.txt"),
-        (pictures - texts, images, "has {n} without a file in labels/: {first} (an empty file: no fruit)"),
+        (
+            pictures - texts,
+            images,
+            "has {n} without a file in labels/: {first} (an empty file: no fruit)",
+        ),
     ):
         if some:
             raise BadPhotographs(where, text.format(n=len(some), first=min(some)))
@@ -279,7 +338,11 @@ def _keypoints(path: Path) -> int | None:
     if "kpt_shape" not in said:
         return None
     shape = said["kpt_shape"]
-    if not (isinstance(shape, list | tuple) and len(shape) == 2 and all(isinstance(n, int) for n in shape)):
+    if not (
+        isinstance(shape, list | tuple)
+        and len(shape) == 2
+        and all(isinstance(n, int) for n in shape)
+    ):
         raise BadPhotographs(path, "kpt_shape is not [keypoints, numbers of each]")
     return int(shape[0] * shape[1])
 
@@ -291,7 +354,11 @@ def _refuse_unstated_keypoints(remedy: Path, places: Sequence[Path]) -> None:
         with contextlib.suppress(OSError, ValueError):  # named when the file is read
             rows = (line.split() for line in read_plain_text(text).split("\n"))
             long += [(text, np.array(row[1:], float)) for row in rows if len(row) >= 7]
-    if long and len({len(values) for _, values in long}) == 1 and all(_may_be_keypoints(values) for _, values in long):
+    if (
+        long
+        and len({len(values) for _, values in long}) == 1
+        and all(_may_be_keypoints(values) for _, values in long)
+    ):
         words = f"has {len(long[0][1])} numbers after each class: outlines, or boxes with keypoints"
         raise BadPhotographs(long[0][0], f"{words}? Write into {remedy} {KPT_SHAPES}")
 
@@ -305,12 +372,16 @@ def _may_be_keypoints(values: Float64) -> bool:
         points = rest.reshape(-1, size)
         inside = (np.abs(points[:, :2] - middle) <= half + KEYPOINT_SLACK).all(axis=1)
         seen = np.isin(points[:, 2:], (0.0, 1.0, 2.0)).all(axis=1)
-        if (seen & (inside | ~points[:, :2].any(axis=1))).all():  # (0, 0): a point that has no place
+        if (
+            seen & (inside | ~points[:, :2].any(axis=1))
+        ).all():  # (0, 0): a point that has no place
             return True
     return False
 
 
-def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[float, float, float, float], bool]]:
+def _yolo_lines(
+    path: Path, keypoints: int
+) -> Iterator[tuple[int, int, tuple[float, float, float, float], bool]]:
     """Yield number, class and box (in parts of the picture) of each line, and True for the box of an outline."""
     try:
         lines = read_plain_text(path).split("\n")
@@ -322,7 +393,9 @@ def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[fl
         try:
             kind, *values = (float(word) for word in line.split())
         except ValueError:
-            raise BadPhotographs(path, f"line {number}: expected numbers: class, x, y, w, h") from None
+            raise BadPhotographs(
+                path, f"line {number}: expected numbers: class, x, y, w, h"
+            ) from None
         if not kind.is_integer():
             raise BadPhotographs(path, f"line {number}: the class {kind:g} is no whole number")
         if keypoints and len(values) > 4:
@@ -338,7 +411,9 @@ def _yolo_lines(path: Path, keypoints: int) -> Iterator[tuple[int, int, tuple[fl
             x, y = min(across), min(down)
             yield number, int(kind), (x, y, max(across) - x, max(down) - y), True
         else:
-            raise BadPhotographs(path, f"line {number}: expected class, x, y, w, h, not {len(values) + 1} numbers")
+            raise BadPhotographs(
+                path, f"line {number}: expected class, x, y, w, h, not {len(values) + 1} numbers"
+            )
 
 
 def _names(folder: Path) -> tuple[Path, dict[int, str]] | None:
@@ -365,7 +440,9 @@ def _names_in(path: Path) -> dict[int, str]:
         if not isinstance(names, dict | list):  # a single word would be a class for each letter
             raise TypeError(names)
         if content.get("nc", len(names)) != len(names):
-            raise BadPhotographs(path, f"names {len(names)} classes, and nc is {content['nc']}: expected one number")
+            raise BadPhotographs(
+                path, f"names {len(names)} classes, and nc is {content['nc']}: expected one number"
+            )
         pairs = names.items() if isinstance(names, dict) else enumerate(names)
         return {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
     except (yaml.MarkedYAMLError, UnicodeDecodeError, OSError) as error:
@@ -390,7 +467,11 @@ def _coco_files(folder: Path) -> dict[Path, Any]:
     """
     inside = sorted(place for place in folder.iterdir() if place.is_dir() and _is_split(place.name))
     found = {}
-    for path in (path for place in (folder, folder / "annotations", *inside) for path in sorted(place.glob("*.json"))):
+    for path in (
+        path
+        for place in (folder, folder / "annotations", *inside)
+        for path in sorted(place.glob("*.json"))
+    ):
         content = _json(path)
         if isinstance(content, dict) and content.keys() & {"images", "annotations"}:
             found[path] = content
@@ -411,18 +492,27 @@ def _coco(path: Path, content: dict[str, Any], folder: Path, fruit: str) -> list
         if names.setdefault(number, name) != name:
             raise BadPhotographs(path, f"{at}: another category has the id {number}")
     wanted = _class_of(path, names, fruit)
-    words = *path.stem.replace("-", "_").split("_"), path.parent.name if path.parent != folder else ""
+    words = (
+        *path.stem.replace("-", "_").split("_"),
+        path.parent.name if path.parent != folder else "",
+    )
     split = next((word for word in words if _is_split(word)), "")
     items = dict[str, Labelled]()
     for at, image in _entries(path, content, "images"):
-        key, name = _text(path, at, image, "id"), _text(path, at, image, "file_name").replace("\\", "/")
+        key, name = (
+            _text(path, at, image, "id"),
+            _text(path, at, image, "file_name").replace("\\", "/"),
+        )
         if key in items:
             raise BadPhotographs(path, f"{at}: another picture has the id {key}")
         size = _whole(path, at, image, "width"), _whole(path, at, image, "height")
         items[key] = Labelled(_picture(folder, path, name), str(path), split, size=size, sizes=True)
     with_area: list[tuple[str, tuple[float, float, float, float], float]] = []
     for at, annotation in _entries(path, content, "annotations"):
-        kind, key = _whole(path, at, annotation, "category_id"), _text(path, at, annotation, "image_id")
+        kind, key = (
+            _whole(path, at, annotation, "category_id"),
+            _text(path, at, annotation, "image_id"),
+        )
         if kind not in names:
             raise BadPhotographs(path, f"{at}: its category {kind} is not in categories")
         if key not in items:
@@ -439,7 +529,9 @@ def _entries(path: Path, content: dict[str, Any], key: str) -> Iterator[tuple[st
     """Yield the place and the content of each entry of a list of a COCO file."""
     entries = content.get(key)
     if not isinstance(entries, list):
-        raise BadPhotographs(path, f"has no list of {key}, expected COCO's images, annotations and categories")
+        raise BadPhotographs(
+            path, f"has no list of {key}, expected COCO's images, annotations and categories"
+        )
     for number, entry in enumerate(entries):
         at = f"{key.replace('ies', 'ys')[:-1]} {number}"
         if not isinstance(entry, dict):
@@ -456,7 +548,9 @@ def _text(path: Path, at: str, entry: dict[str, Any], key: str) -> str:
 
 
 def _whole(path: Path, at: str, entry: dict[str, Any], key: str) -> int:
-    if isinstance(value := entry.get(key), float) and value.is_integer():  # as some tools write widths
+    if (
+        isinstance(value := entry.get(key), float) and value.is_integer()
+    ):  # as some tools write widths
         return int(value)
     try:
         return int(_text(path, at, entry, key))
@@ -473,7 +567,10 @@ def _box(path: Path, at: str, entry: dict[str, Any]) -> tuple[float, float, floa
 
 
 def _picture(folder: Path, described: Path, name: str) -> Path:
-    places = [root / name for root in (described.parent, described.parent / "images", folder, folder / "images")]
+    places = [
+        root / name
+        for root in (described.parent, described.parent / "images", folder, folder / "images")
+    ]
     return next((place for place in places if place.is_file()), places[0])
 
 

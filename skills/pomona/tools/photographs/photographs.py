@@ -60,7 +60,9 @@ class Photograph:
 def camera_of(width: int, height: int) -> Float64:
     """Camera matrix (3, 3) [px] for a photograph that names none: long, so a close look is nearly a crop."""
     focal = 4.0 * max(width, height)
-    return np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
+    return np.array(
+        [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +77,10 @@ class PhotoSet:
 def scaled(photographs: PhotoSet) -> PhotoSet:
     """Return a set with one scale, by the boxes to learn from: each set has fruit of its own size."""
     scale = fruit_scale(photographs.train)
-    train, val = (tuple(replace(photo, scale=scale) for photo in some) for some in (photographs.train, photographs.val))
+    train, val = (
+        tuple(replace(photo, scale=scale) for photo in some)
+        for some in (photographs.train, photographs.val)
+    )
     return replace(photographs, train=train, val=val)
 
 
@@ -115,7 +120,9 @@ class Labelled:
     sizes: bool = False  # boxes are written as x, y, w, h, for which corners may be taken
     boxes: Boxes = field(default_factory=list)  # x, y, w, h
     lines: list[str] = field(default_factory=list)  # place of each box in `says`
-    crowd: list[bool] = field(default_factory=list)  # whether each box is of more than one fruit or marked as doubtful
+    crowd: list[bool] = field(
+        default_factory=list
+    )  # whether each box is of more than one fruit or marked as doubtful
 
     def add(self, box: tuple[float, float, float, float], line: str, crowd: bool = False) -> None:
         """Append a box with its place in the file of labels."""
@@ -127,7 +134,9 @@ class Labelled:
 def require_folder(folder: Path) -> None:
     """Raise BadPhotographs where there is no such folder, or a file instead."""
     if folder.is_file():
-        raise BadPhotographs(folder, "a file, expected the folder with the photographs and their labels")
+        raise BadPhotographs(
+            folder, "a file, expected the folder with the photographs and their labels"
+        )
     if not folder.is_dir():
         raise BadPhotographs(folder, "no such folder")
 
@@ -140,7 +149,9 @@ def files(folder: Path) -> list[Path]:
     require_folder(folder)
     found = list(islice((p for p in folder.rglob("[!.]*") if p.is_file()), MOST_FILES + 1))
     if len(found) > MOST_FILES:
-        raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: name a folder with fewer")
+        raise BadPhotographs(
+            folder, f"holds more than {MOST_FILES} files: name a folder with fewer"
+        )
     return found
 
 
@@ -161,9 +172,20 @@ def minneapple(folder: Path) -> list[Labelled]:
     """
     items = []
     for place in minneapple_folders(folder):
-        pictures = {path.stem: path for path in (place / "images").iterdir() if path.suffix.lower() in PICTURES}
-        masks = {path.stem: path for path in (place / "masks").iterdir() if path.suffix.lower() in PICTURES}
-        for here, missing, kind in ((pictures, masks, "mask in masks/"), (masks, pictures, "picture in images/")):
+        pictures = {
+            path.stem: path
+            for path in (place / "images").iterdir()
+            if path.suffix.lower() in PICTURES
+        }
+        masks = {
+            path.stem: path
+            for path in (place / "masks").iterdir()
+            if path.suffix.lower() in PICTURES
+        }
+        for here, missing, kind in (
+            (pictures, masks, "mask in masks/"),
+            (masks, pictures, "picture in images/"),
+        ):
             alone = sorted(here.keys() - missing.keys())
             if alone:
                 raise BadPhotographs(here[alone[0]], f"has no {kind}, like {len(alone) - 1} others")
@@ -177,19 +199,30 @@ def _masked(picture: Path, path: Path) -> Labelled:
     except UnusablePicture as error:
         raise BadPhotographs(path, str(error)) from error
     if mask.ndim != 2:
-        raise BadPhotographs(path, f"has {mask.shape[2]} channels, expected one: 0 for background, a value per apple")
+        raise BadPhotographs(
+            path, f"has {mask.shape[2]} channels, expected one: 0 for background, a value per apple"
+        )
     height, width = mask.shape
-    item = Labelled(picture, str(path), group="_".join(picture.stem.split("_")[:-1]), size=(width, height))
+    item = Labelled(
+        picture, str(path), group="_".join(picture.stem.split("_")[:-1]), size=(width, height)
+    )
     for value in np.unique(mask[mask > 0]).tolist():
         rows, columns = (np.flatnonzero((mask == value).any(axis=axis)) for axis in (1, 0))
         left, top = float(columns[0]), float(rows[0])
-        item.add((left, top, float(columns[-1]) + 1.0 - left, float(rows[-1]) + 1.0 - top), f"value {value}")
+        item.add(
+            (left, top, float(columns[-1]) + 1.0 - left, float(rows[-1]) + 1.0 - top),
+            f"value {value}",
+        )
     return item
 
 
 def kfuji_folder(folder: Path) -> Path | None:
     """Return the folder with KFuji's boxes: this one, or one of the two levels in it; None without."""
-    found = [folder / ANNOTATIONS, *sorted(folder.glob(f"*/{ANNOTATIONS}")), *sorted(folder.glob(f"*/*/{ANNOTATIONS}"))]
+    found = [
+        folder / ANNOTATIONS,
+        *sorted(folder.glob(f"*/{ANNOTATIONS}")),
+        *sorted(folder.glob(f"*/*/{ANNOTATIONS}")),
+    ]
     return next((place.parent for place in found if place.is_dir()), None)
 
 
@@ -201,7 +234,9 @@ def kfuji(folder: Path) -> list[Labelled]:
         try:
             names = read_plain_text(listed).split()
         except (OSError, ValueError) as error:
-            raise BadPhotographs(listed, f"cannot be read, expected a name per line: {error}") from None
+            raise BadPhotographs(
+                listed, f"cannot be read, expected a name per line: {error}"
+            ) from None
         items += [_annotated(folder, name, split) for name in names]
     return items
 
@@ -215,7 +250,9 @@ def _annotated(folder: Path, name: str, split: str) -> Labelled:
             raise ValueError("it declares a document type")
         root = ElementTree.fromstring(text)
         for number, box in enumerate(root.iter("bbox"), start=1):
-            left, top, right, bottom = (float(box.findtext(side) or "") for side in ("xmin", "ymin", "xmax", "ymax"))
+            left, top, right, bottom = (
+                float(box.findtext(side) or "") for side in ("xmin", "ymin", "xmax", "ymax")
+            )
             item.add((left, top, right - left, bottom - top), f"object {number}")
     except (OSError, ValueError, ElementTree.ParseError) as error:
         raise BadPhotographs(path, f"is no annotation of KFuji's: {error}") from None

@@ -15,7 +15,12 @@ from pomona.tools.photographs.label_figures import LabelFigures
 from pomona.tools.photographs.photo_folder import read_labels
 from pomona.tools.photographs.sizes_found import SizesFound
 
-SHEET, FIGURES, COCO, YOLO = "contact_sheet.jpg", "figures.md", "found.json", "labels"  # files and a folder
+SHEET, FIGURES, COCO, YOLO = (
+    "contact_sheet.jpg",
+    "figures.md",
+    "found.json",
+    "labels",
+)  # files and a folder
 FORMATS = ("csv", "coco", "yolo")
 
 
@@ -43,7 +48,9 @@ class PictureResults:
         by_name = {file.stem: file for file in files}
         if self._yolo is not None and len(by_name) < len(files):
             repeated = next(file for file in files if by_name[file.stem] != file)
-            raise UnusableInput(f"{repeated}: YOLO's labels need a name for each picture, and another has this one")
+            raise UnusableInput(
+                f"{repeated}: YOLO's labels need a name for each picture, and another has this one"
+            )
         self._figures = None
         if options.eval is not None:
             self._figures = LabelFigures(read_labels(options.eval, self._fruit), options.score)
@@ -54,17 +61,23 @@ class PictureResults:
         sure = [fruit for fruit in found if fruit.score >= self.score]
         if self._figures is not None:
             boxes = np.array([fruit.outline(width, height) for fruit in found]).reshape(-1, 4)
-            problem = self._figures.add(file, width, height, boxes, np.array([fruit.score for fruit in found]))
+            problem = self._figures.add(
+                file, width, height, boxes, np.array([fruit.score for fruit in found])
+            )
             if problem:
                 sys.stderr.write(f"pomona detect: {file} {problem}\n")
         if words := self._sizes.announce(width, height):
             sys.stdout.write(f"{words}\n")
-        self._sizes.add(width, height, np.array([fruit.outline(width, height)[2:].max() for fruit in sure]))
+        self._sizes.add(
+            width, height, np.array([fruit.outline(width, height)[2:].max() for fruit in sure])
+        )
         if self._coco is not None:
             self._coco.add(file, width, height, sure)
         if self._yolo is not None:
             self._yolo.mkdir(exist_ok=True)
-            (self._yolo / f"{file.stem}.txt").write_text(yolo_lines(width, height, sure), encoding="utf-8")
+            (self._yolo / f"{file.stem}.txt").write_text(
+                yolo_lines(width, height, sure), encoding="utf-8"
+            )
         draw(picture, sure)
         write_picture(self._out / f"{number + 1:04d}_{file.stem}.jpg", picture)
         self._sheet.add(number, picture, f"{file.name}: {len(sure)} found")

@@ -10,11 +10,15 @@ from pomona.executive import Float64
 from pomona.skills.perception import LARGEST_SIDE, at_edge, findable_sizes, search_sides
 from pomona.skills.perception.detection.places import LARGEST_WHOLE
 
-MOST_ANNOUNCED = 5  # sizes of pictures whose search is announced: a folder may hold as many sizes as pictures
+MOST_ANNOUNCED = (
+    5  # sizes of pictures whose search is announced: a folder may hold as many sizes as pictures
+)
 
 AT_FIRST = f"; above {LARGEST_WHOLE} px only where a smaller width is sure of a fruit"
 
-CUT = 0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
+CUT = (
+    0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
+)
 
 
 class SizesFound:
@@ -33,7 +37,11 @@ class SizesFound:
 
     def announce(self, width: int, height: int) -> str:
         """Return the widths of the search and the sizes that it finds, once for each size of picture; else nothing."""
-        if not self._range_known or (width, height) in self._known or len(self._known) > MOST_ANNOUNCED:
+        if (
+            not self._range_known
+            or (width, height) in self._known
+            or len(self._known) > MOST_ANNOUNCED
+        ):
             return ""
         self._known.add((width, height))
         if len(self._known) > MOST_ANNOUNCED:
@@ -53,7 +61,11 @@ class SizesFound:
         if not self._range_known:
             return
         lower, upper = at_edge(sizes, self._sides(width, height), width, height)
-        self._lower, self._upper, self._widest = self._lower + lower, self._upper + upper, max(self._widest, width)
+        self._lower, self._upper, self._widest = (
+            self._lower + lower,
+            self._upper + upper,
+            max(self._widest, width),
+        )
 
     def lines(self) -> list[str]:
         """Return the sizes found, and a warning where they lie at an edge of the range."""
@@ -61,10 +73,14 @@ class SizesFound:
         if not sizes.size:
             return []
         low, middle, high = np.quantile(sizes, (0.1, 0.5, 0.9))
-        lines = [f"longer sides of the boxes: {low:.0f} to {high:.0f} px (10 % to 90 %), median {middle:.0f} px"]
+        lines = [
+            f"longer sides of the boxes: {low:.0f} to {high:.0f} px (10 % to 90 %), median {middle:.0f} px"
+        ]
         if self._lower >= CUT * sizes.size:
             wider = 2 * (self._width or self._widest)
-            cure = f"enlarge them: --width {wider}" if wider <= LARGEST_SIDE else "cut them into parts"
+            cure = (
+                f"enlarge them: --width {wider}" if wider <= LARGEST_SIDE else "cut them into parts"
+            )
             lines.append(
                 f"{self._lower / sizes.size:.0%} of the fruit are as small as the search can find: smaller fruit is "
                 f"missed. Take the pictures from nearer, or {cure}"

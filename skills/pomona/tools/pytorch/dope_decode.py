@@ -14,7 +14,9 @@ from pomona.skills.perception.detection.errors import BadMaps
 
 OFFSET_DUE_TO_UPSAMPLING = 0.4395  # where a peak lies within its cell, in DOPE's convention [cells]
 WINDOW = 5  # half width of the window whose weighted mean locates a peak [cells]
-MOST_PEAKS = 200  # peaks kept per map, strongest first: adversarial maps must not cost unbounded time
+MOST_PEAKS = (
+    200  # peaks kept per map, strongest first: adversarial maps must not cost unbounded time
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +28,10 @@ class DecodedObject:
 
 
 def decode_maps(
-    belief: ArrayLike, affinity: ArrayLike, thresholds: DecodeThresholds | None = None, stride: int = 8
+    belief: ArrayLike,
+    affinity: ArrayLike,
+    thresholds: DecodeThresholds | None = None,
+    stride: int = 8,
 ) -> list[DecodedObject]:
     """Find objects in DOPE's maps.
 
@@ -52,15 +57,29 @@ def decode_maps(
         return []
     for k in range(8):
         corners = peaks[k][peaks[k][:, 2] >= thresholds.thresh_points]
-        _join(corners, centroids[:, :2], affinities[2 * k : 2 * k + 2], thresholds.thresh_angle, objects, k, stride)
-    return [DecodedObject(points, float(c[2])) for points, c in zip(objects, centroids, strict=True)]
+        _join(
+            corners,
+            centroids[:, :2],
+            affinities[2 * k : 2 * k + 2],
+            thresholds.thresh_angle,
+            objects,
+            k,
+            stride,
+        )
+    return [
+        DecodedObject(points, float(c[2])) for points, c in zip(objects, centroids, strict=True)
+    ]
 
 
 def _checked(belief: ArrayLike, affinity: ArrayLike) -> tuple[Float64, Float64]:
     beliefs, affinities = np.asarray(belief, np.float64), np.asarray(affinity, np.float64)
-    shapes_fit = beliefs.ndim == 3 and affinities.ndim == 3 and beliefs.shape[1:] == affinities.shape[1:]
+    shapes_fit = (
+        beliefs.ndim == 3 and affinities.ndim == 3 and beliefs.shape[1:] == affinities.shape[1:]
+    )
     if not shapes_fit or len(beliefs) != 9 or len(affinities) != 16 or min(beliefs.shape) < 2:
-        raise BadMaps("belief (9, h, w) and affinity (16, h, w)", f"{beliefs.shape} and {affinities.shape}")
+        raise BadMaps(
+            "belief (9, h, w) and affinity (16, h, w)", f"{beliefs.shape} and {affinities.shape}"
+        )
     return (np.nan_to_num(m, nan=0.0, posinf=0.0, neginf=0.0) for m in (beliefs, affinities))  # type: ignore[return-value]
 
 
@@ -77,7 +96,9 @@ def _peaks(belief: Float64, thresholds: DecodeThresholds) -> Float64:
         strongest = np.sort(np.argsort(-belief[v, u], kind="stable")[:MOST_PEAKS])
         v, u = v[strongest], u[strongest]
     located = [_weighted_mean(belief, int(a), int(b)) for a, b in zip(u, v, strict=True)]
-    return np.array([(a, b, belief[y, x]) for (a, b), x, y in zip(located, u, v, strict=True)]).reshape(-1, 3)
+    return np.array(
+        [(a, b, belief[y, x]) for (a, b), x, y in zip(located, u, v, strict=True)]
+    ).reshape(-1, 3)
 
 
 def _weighted_mean(belief: Float64, u: int, v: int) -> tuple[float, float]:
@@ -122,5 +143,7 @@ def _join(
 def _units(vectors: Float64) -> Float64:
     """Unit vectors; NaN, which agrees with nothing, where a vector has no direction."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    units: Float64 = np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0)
+    units: Float64 = np.divide(
+        vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0
+    )
     return units

@@ -35,7 +35,11 @@ class DopeDetector:
 
     @classmethod
     def load(
-        cls, files: DopeFiles, fruit: str, _weights: Path | None, dimensions: tuple[float, float, float]
+        cls,
+        files: DopeFiles,
+        fruit: str,
+        _weights: Path | None,
+        dimensions: tuple[float, float, float],
     ) -> DopeDetector:
         """Load a user's files for a fruit.
 
@@ -52,7 +56,9 @@ class DopeDetector:
         config, entry = find_entry(files.config, fruit, np.array(dimensions))
         return cls(load_weights(files.weights), config, entry.dimensions)
 
-    def find_instances(self, colour: NDArray[np.uint8], K: Float64, depth: Float32 | None = None) -> list[Instance]:
+    def find_instances(
+        self, colour: NDArray[np.uint8], K: Float64, depth: Float32 | None = None
+    ) -> list[Instance]:
         """Find all objects of a picture with their poses, by falling belief.
 
         Args:
@@ -65,7 +71,9 @@ class DopeDetector:
         tensor, factor = dope_input(colour, self._config.downscale_height)
         with torch.inference_mode():
             beliefs, affinities = self._network(tensor)
-        found = decode_maps(beliefs[-1][0].numpy(), affinities[-1][0].numpy(), self._config.thresholds)
+        found = decode_maps(
+            beliefs[-1][0].numpy(), affinities[-1][0].numpy(), self._config.thresholds
+        )
         instances = []
         for one in sorted(found, key=lambda one: -one.score):
             keypoints = one.keypoints / factor
@@ -74,11 +82,15 @@ class DopeDetector:
             except PoseUnsolved as error:
                 # Keypoints without a peak are drawn at the centroid.
                 drawn = np.where(np.isfinite(keypoints), keypoints, keypoints[8])
-                instances.append(Instance(drawn, _belief(one.score), _seen(keypoints), None, None, str(error)))
+                instances.append(
+                    Instance(drawn, _belief(one.score), _seen(keypoints), None, None, str(error))
+                )
                 continue
             drawn = cuboid_in_picture(solved.T_camera_object, self._dimensions, K)
             belief, seen = _belief(one.score), _seen(keypoints)
-            instances.append(Instance(drawn, belief, seen, solved.T_camera_object, solved.covariance))
+            instances.append(
+                Instance(drawn, belief, seen, solved.T_camera_object, solved.covariance)
+            )
         return instances
 
 
@@ -88,7 +100,9 @@ def _try(weights: Path) -> None:
     if size > MOST_TORCH_BYTES:
         words = f"has {size / 1e6:.0f} MB; a checkpoint of DOPE has at most {MOST_TORCH_BYTES / 1e6:.0f} MB"
         raise BadWeights(weights, words)
-    problem = trial("pomona.tools.pytorch.weights:try_dope", str(weights), memory=MEMORY + size, processor_s=30)
+    problem = trial(
+        "pomona.tools.pytorch.weights:try_dope", str(weights), memory=MEMORY + size, processor_s=30
+    )
     if problem:
         raise BadWeights(weights, problem)
 

@@ -59,10 +59,18 @@ class ConvNorm(nn.Module):
     """
 
     def __init__(
-        self, inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1, momentum: float = 0.03
+        self,
+        inputs: int,
+        outputs: int,
+        kernel: int,
+        stride: int = 1,
+        groups: int = 1,
+        momentum: float = 0.03,
     ) -> None:
         super().__init__()
-        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, groups=groups, bias=False)
+        self.conv = nn.Conv2d(
+            inputs, outputs, kernel, stride, kernel // 2, groups=groups, bias=False
+        )
         self.norm = nn.BatchNorm2d(outputs, eps=SMOOTH, momentum=momentum)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -109,7 +117,9 @@ class Trunk(nn.Module):
         inputs = 32
         for kernel, stride, expansion, outputs, repeats in STAGES:
             for number in range(repeats):
-                self.blocks.append(_Block(inputs, outputs, kernel, stride if number == 0 else 1, expansion))
+                self.blocks.append(
+                    _Block(inputs, outputs, kernel, stride if number == 0 else 1, expansion)
+                )
                 inputs = outputs
 
     def forward(self, x: Tensor) -> list[Tensor]:
@@ -146,7 +156,9 @@ class FinderNetwork(nn.Module):
         super().__init__()
         self.trunk = Trunk()
         widths, taps = (48, 64, 96, 128), (24, 40, 112, 192)
-        self.lateral = nn.ModuleList(ConvNorm(tap, width, 1) for tap, width in zip(taps, widths, strict=True))
+        self.lateral = nn.ModuleList(
+            ConvNorm(tap, width, 1) for tap, width in zip(taps, widths, strict=True)
+        )
         self.down = nn.ModuleList(ConvNorm(widths[k + 1], widths[k], 1) for k in range(3))
         self.mix = nn.ModuleList([ConvNorm(48, 48, 3), ConvNorm(64, 64, 3), _Mix(96), _Mix(128)])
         self.head = ConvNorm(48, 64, 3)
@@ -223,7 +235,9 @@ class BeliefFinder(nn.Module):
     reaches of a whole fruit of the size that was found, or, with `boxes`, of its own boxes.
     """
 
-    def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160), boxes: bool = True) -> None:
+    def __init__(
+        self, widths: tuple[int, int, int, int] = (24, 48, 96, 160), boxes: bool = True
+    ) -> None:
         super().__init__()
         a, b, c, d = widths
         self.widths, self.boxes = widths, boxes
@@ -244,8 +258,12 @@ class BeliefFinder(nn.Module):
         fine = self.at_4(self.stem(x))
         middle = self.at_8(fine)
         coarse = self.to_8(self.at_16(middle))
-        middle = self.up_8(middle + functional.interpolate(coarse, scale_factor=2.0, mode="nearest"))
-        fine = self.up_4(fine + functional.interpolate(self.to_4(middle), scale_factor=2.0, mode="nearest"))
+        middle = self.up_8(
+            middle + functional.interpolate(coarse, scale_factor=2.0, mode="nearest")
+        )
+        fine = self.up_4(
+            fine + functional.interpolate(self.to_4(middle), scale_factor=2.0, mode="nearest")
+        )
         maps = self.head(fine)
         belief = maps[:, 8:9]
         if self.boxes:
@@ -355,8 +373,12 @@ def dope_input(colour: NDArray[np.uint8], downscale_height: int = 400) -> tuple[
     height, width = colour.shape[:2]
     factor = min(1.0, downscale_height / height)
     if factor < 1.0:
-        colour = np.asarray(cv2.resize(colour, (int(width * factor), int(height * factor))), np.uint8)
-    scaled = torch.from_numpy(np.ascontiguousarray(colour)).permute(2, 0, 1).to(torch.float32) / 255.0
+        colour = np.asarray(
+            cv2.resize(colour, (int(width * factor), int(height * factor))), np.uint8
+        )
+    scaled = (
+        torch.from_numpy(np.ascontiguousarray(colour)).permute(2, 0, 1).to(torch.float32) / 255.0
+    )
     mean, std = torch.tensor(IMAGENET_MEAN).view(3, 1, 1), torch.tensor(IMAGENET_STD).view(3, 1, 1)
     return ((scaled - mean) / std)[None], factor
 

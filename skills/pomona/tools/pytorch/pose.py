@@ -17,7 +17,9 @@ MOST_STEPS = 20
 
 
 @njit(cache=True, nogil=True)
-def linearise(R: Float64, t: Float64, model: Float64, seen: Float64, K: Float64) -> tuple[Float64, Float64]:
+def linearise(
+    R: Float64, t: Float64, model: Float64, seen: Float64, K: Float64
+) -> tuple[Float64, Float64]:
     """Residuals (2n,) [px] and their derivative (2n, 6) by a rotation vector and translation in the camera frame.
 
     Args:
@@ -75,7 +77,14 @@ def refine_pose(
                 break
             continue
         small = cost - cost_new < 1e-8 * cost + 1e-12
-        R, t, residual, jacobian, cost, damping = R_new, t_new, residual_new, jacobian_new, cost_new, damping * 0.2
+        R, t, residual, jacobian, cost, damping = (
+            R_new,
+            t_new,
+            residual_new,
+            jacobian_new,
+            cost_new,
+            damping * 0.2,
+        )
         if small:
             break
     return R, t
@@ -155,7 +164,9 @@ def solve_pose(
         raise PoseUnsolved(f"expected (9, 2) or (8, 2) keypoints, not {points.shape}")
     usable = np.asarray(np.isfinite(points).all(axis=1) & (np.abs(points) < 1e5).all(axis=1))
     if usable[:8].sum() < LEAST_KEYPOINTS:
-        raise PoseUnsolved(f"{int(usable[:8].sum())} corners were found, at least {LEAST_KEYPOINTS} are needed")
+        raise PoseUnsolved(
+            f"{int(usable[:8].sum())} corners were found, at least {LEAST_KEYPOINTS} are needed"
+        )
     model = cuboid_keypoints(dimensions, convention)[: len(points)][usable]
     seen = points[usable]
     deviation = np.ones(len(seen)) if spreads is None else np.asarray(spreads, np.float64)[usable]
@@ -176,7 +187,9 @@ def solve_pose(
         raise PoseUnsolved("the keypoints leave the pose undetermined") from error
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, t
-    return SolvedPose(T, 0.5 * (covariance + covariance.T), float(np.sqrt((residual**2).mean() * 2.0)))
+    return SolvedPose(
+        T, 0.5 * (covariance + covariance.T), float(np.sqrt((residual**2).mean() * 2.0))
+    )
 
 
 def _start(model: Float64, seen: Float64, K: Float64) -> tuple[Float64, Float64]:
@@ -189,7 +202,10 @@ def _start(model: Float64, seen: Float64, K: Float64) -> tuple[Float64, Float64]
         raise PoseUnsolved("EPnP failed") from error
     if not found or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
         raise PoseUnsolved("EPnP failed")
-    R, t = np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(translation, np.float64).ravel()
+    R, t = (
+        np.asarray(cv2.Rodrigues(rotation)[0], np.float64),
+        np.asarray(translation, np.float64).ravel(),
+    )
     if t[2] < 0.0:
         R, t = np.diag([-1.0, -1.0, 1.0]) @ R, -t
     return R, t

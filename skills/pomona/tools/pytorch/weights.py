@@ -26,7 +26,9 @@ from pomona.skills.perception.detection.weights_file import (
 )
 from pomona.tools.pytorch.networks import BeliefFinder, CloseLookNetwork, DopeNetwork, FinderNetwork
 
-TORCH_FORMAT = "pomona compact detector 2"  # format of the files that earlier versions wrote with PyTorch
+TORCH_FORMAT = (
+    "pomona compact detector 2"  # format of the files that earlier versions wrote with PyTorch
+)
 
 OPSET = 18
 
@@ -83,7 +85,10 @@ def load_compact(path: Path | str) -> tuple[Finder, CloseLookNetwork, dict[str, 
         finder, close_look, about, _ = _load_torch(path)
         return finder, close_look, about
     stored = read_weights(path)
-    tensors = {"finder": _initialisers(path, stored.finder), "close_look": _initialisers(path, stored.close_look)}
+    tensors = {
+        "finder": _initialisers(path, stored.finder),
+        "close_look": _initialisers(path, stored.close_look),
+    }
     finder, close_look = _built(path, {"widths": stored.widths, **tensors})
     return finder, close_look, dict(stored.about)
 
@@ -114,7 +119,10 @@ def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> No
     Raises BadWeights: naming the keys that are missing or not expected, or a wrong shape.
     """
     wanted = network.state_dict()
-    missing, unknown = sorted(wanted.keys() - tensors.keys()), sorted(tensors.keys() - wanted.keys())
+    missing, unknown = (
+        sorted(wanted.keys() - tensors.keys()),
+        sorted(tensors.keys() - wanted.keys()),
+    )
     if missing or unknown:
         raise BadWeights(
             path,
@@ -123,21 +131,35 @@ def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> No
         )
     for key, value in wanted.items():
         if tensors[key].shape != value.shape:
-            raise BadWeights(path, f"{key} has shape {tuple(tensors[key].shape)}, expected {tuple(value.shape)}")
+            raise BadWeights(
+                path, f"{key} has shape {tuple(tensors[key].shape)}, expected {tuple(value.shape)}"
+            )
         if not torch.isfinite(tensors[key].float()).all():
             raise BadWeights(path, f"{key} holds values that are not finite")
     network.load_state_dict(tensors)
 
 
 def _store(
-    path: Path | str, finder: Finder, close_look: CloseLookNetwork, about: Mapping[str, str], scores: Score
+    path: Path | str,
+    finder: Finder,
+    close_look: CloseLookNetwork,
+    about: Mapping[str, str],
+    scores: Score,
 ) -> StoredDetector:
     widths = {"close_look": list(close_look.widths)}
     if isinstance(finder, BeliefFinder):
         widths["finder"] = list(finder.widths)
     return StoredDetector(
-        exported(path, finder, FINDER_EXAMPLE, ["maps"], {name: {0: "n", 2: "h", 3: "w"} for name in (INPUT, "maps")}),
-        exported(path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], {INPUT: {0: "n"}, "look": {0: "n"}}),
+        exported(
+            path,
+            finder,
+            FINDER_EXAMPLE,
+            ["maps"],
+            {name: {0: "n", 2: "h", 3: "w"} for name in (INPUT, "maps")},
+        ),
+        exported(
+            path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], {INPUT: {0: "n"}, "look": {0: "n"}}
+        ),
         about,
         scores,
         widths,
@@ -176,7 +198,11 @@ def exported(
     network.train(training)
     model = onnx.load_model_from_string(content.getvalue())
     graph = model.graph
-    parameters = {key: value for key, value in network.state_dict().items() if not key.endswith("num_batches_tracked")}
+    parameters = {
+        key: value
+        for key, value in network.state_dict().items()
+        if not key.endswith("num_batches_tracked")
+    }
     # A parameter that equals another one is exported as its copy, by a node of its name.
     nodes = [node for node in graph.node if node.output[0] not in parameters]
     picture, casts = graph.input[0], []
@@ -185,7 +211,9 @@ def exported(
         if not np.isfinite(half).all():
             raise BadWeights(path, f"{name} holds values that are not finite in half precision")
         graph.initializer.append(onnx.numpy_helper.from_array(half, name + _HALF))
-        casts.append(onnx.helper.make_node("Cast", [name + _HALF], [name], to=onnx.TensorProto.FLOAT))
+        casts.append(
+            onnx.helper.make_node("Cast", [name + _HALF], [name], to=onnx.TensorProto.FLOAT)
+        )
     del graph.input[:], graph.node[:]
     graph.input.append(picture)
     graph.node.extend([*casts, *nodes])
@@ -199,9 +227,17 @@ def _initialisers(path: Path | str, content: bytes) -> dict[str, Tensor]:
     try:
         tensors = onnx.load_model_from_string(content).graph.initializer
     except Exception as error:  # protobuf's errors are not onnx's
-        raise BadWeights(path, f"holds a network that is not ONNX: {type(error).__name__}") from error
-    named = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in tensors if tensor.name.endswith(_HALF)}
-    return {name.removesuffix(_HALF): torch.from_numpy(values.copy()) for name, values in named.items()}
+        raise BadWeights(
+            path, f"holds a network that is not ONNX: {type(error).__name__}"
+        ) from error
+    named = {
+        tensor.name: onnx.numpy_helper.to_array(tensor)
+        for tensor in tensors
+        if tensor.name.endswith(_HALF)
+    }
+    return {
+        name.removesuffix(_HALF): torch.from_numpy(values.copy()) for name, values in named.items()
+    }
 
 
 def _onnx() -> Any:
@@ -232,10 +268,16 @@ def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[Finder, CloseL
     except (KeyError, TypeError, ValueError) as error:
         raise BadWeights(path, f"has no usable widths of its networks: {error!r}") from error
     for name, network in (("finder", finder), ("close_look", close_look)):
-        counters = {key: value for key, value in network.state_dict().items() if key.endswith("num_batches_tracked")}
+        counters = {
+            key: value
+            for key, value in network.state_dict().items()
+            if key.endswith("num_batches_tracked")
+        }
         tensors = _tensors(path, content.get(name))
         if name == "close_look":  # some earlier ones had four outputs more, of a box
-            tensors |= {key: tensors[key][:CLOSE_LOOK_OUTPUTS] for key in LAST_LAYER if key in tensors}
+            tensors |= {
+                key: tensors[key][:CLOSE_LOOK_OUTPUTS] for key in LAST_LAYER if key in tensors
+            }
         fill(network, {**counters, **tensors}, path)  # copies into float32
     return finder.eval(), close_look.eval()
 

@@ -36,7 +36,9 @@ class GradientAllReduce:
         self._meet()
         mean = self._gradients.mean(dim=0)
         self._meet()
-        for gradient, part in zip(gradients, mean.split([g.numel() for g in gradients]), strict=True):
+        for gradient, part in zip(
+            gradients, mean.split([g.numel() for g in gradients]), strict=True
+        ):
             gradient.copy_(part.view(gradient.shape))
 
     def abandon(self) -> None:
@@ -45,6 +47,10 @@ class GradientAllReduce:
 
     def _meet(self) -> None:
         try:
-            self._met.wait(600.0)  # longest wait for the others [s]: the first process validates and saves in between
+            self._met.wait(
+                600.0
+            )  # longest wait for the others [s]: the first process validates and saves in between
         except threading.BrokenBarrierError as error:
-            raise BadTraining("a process that trains beside this one has ended; start again to resume") from error
+            raise BadTraining(
+                "a process that trains beside this one has ended; start again to resume"
+            ) from error

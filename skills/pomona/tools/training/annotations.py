@@ -15,7 +15,9 @@ from pomona.executive.values.rotations import from_quaternion, to_quaternion
 from pomona.skills.perception.detection.errors import BadAnnotation
 
 LARGEST_OBJECT = 2.0  # an object larger than this [m] is one whose file is in centimetres
-FARTHEST_OBJECT = 10.0  # the same for one that is farther than this [m], where a file holds no cuboid in space
+FARTHEST_OBJECT = (
+    10.0  # the same for one that is farther than this [m], where a file holds no cuboid in space
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +30,9 @@ class AnnotatedObject:
     keypoints: Float64  # corners 0..7 and centroid, (9, 2) [px]
     scale: float = 1.0  # size against the CAD model; 1 without it in the file
     dimensions: Float64 | None = None  # true cuboid [m], None without it in the file
-    box: tuple[int, int, int, int] | None = None  # x, y, w, h of the visible pixels [px], None without it in the file
+    box: tuple[int, int, int, int] | None = (
+        None  # x, y, w, h of the visible pixels [px], None without it in the file
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +93,12 @@ def read_annotation(path: Path) -> Annotation:
         return Annotation(
             width=int(camera.get("width", 0)),
             height=int(camera.get("height", 0)),
-            camera=(float(k.get("fx", 0)), float(k.get("fy", 0)), float(k.get("cx", 0)), float(k.get("cy", 0))),
+            camera=(
+                float(k.get("fx", 0)),
+                float(k.get("fy", 0)),
+                float(k.get("cx", 0)),
+                float(k.get("cy", 0)),
+            ),
             objects=tuple(_object(item) for item in content["objects"]),
             decoys=tuple((float(u), float(v), float(r)) for u, v, r in content.get("decoys", ())),
             scene=str(content.get("scene", "")),
@@ -103,7 +112,9 @@ def _object_json(item: AnnotatedObject) -> dict[str, Any]:
         "class": item.name,
         "visibility": round(item.visibility, 4),
         "location": [round(float(v), 6) for v in item.T_camera_object[:3, 3]],
-        "quaternion_xyzw": [round(float(v), 7) for v in to_quaternion(item.T_camera_object[:3, :3])],
+        "quaternion_xyzw": [
+            round(float(v), 7) for v in to_quaternion(item.T_camera_object[:3, :3])
+        ],
         "projected_cuboid": [[round(float(u), 3), round(float(v), 3)] for u, v in item.keypoints],
         "projected_cuboid_centroid": [round(float(v), 3) for v in item.keypoints[8]],
         "scale": round(item.scale, 5),

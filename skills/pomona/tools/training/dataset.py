@@ -47,7 +47,9 @@ def annotate(frame: RenderedFrame, fruit: FruitModel, options: SceneOptions) -> 
         )
         for truth in frame.fruit
     )
-    return Annotation(options.width, options.height, options.camera, objects, frame.decoys, frame.kind.value)
+    return Annotation(
+        options.width, options.height, options.camera, objects, frame.decoys, frame.kind.value
+    )
 
 
 def render_dataset(
@@ -87,7 +89,9 @@ def render_dataset(
 
 
 def _rendered(
-    orders: list[tuple[list[int], int, str, SceneOptions]], workers: int | None, engine: Engine | None
+    orders: list[tuple[list[int], int, str, SceneOptions]],
+    workers: int | None,
+    engine: Engine | None,
 ) -> Iterator[list[Rendered]]:
     """Yield the chunks as they are done: in this process when one is enough, else on an engine."""
     count = min(workers or one_per_core(), len(orders))
@@ -108,7 +112,9 @@ def frame_seed(seed: int, index: int) -> int:
     return seed * 10_000_000 + index
 
 
-def render_chunk(indices: list[int], seed: int, fruit: str, options: SceneOptions) -> list[Rendered]:
+def render_chunk(
+    indices: list[int], seed: int, fruit: str, options: SceneOptions
+) -> list[Rendered]:
     """Render some frames: their indices, JPEG files and annotations. Writes nothing: it may be on another machine."""
     cv2.setNumThreads(1)
     model = load_fruit(fruit)

@@ -59,16 +59,26 @@ class _Rounding:
 
         def rectified(name: str) -> str:
             after = users.get(name, [])
-            return rectified(after[0].output[0]) if len(after) == 1 and after[0].op_type in RECTIFIERS else name
+            return (
+                rectified(after[0].output[0])
+                if len(after) == 1 and after[0].op_type in RECTIFIERS
+                else name
+            )
 
-        layers = [node for node in nodes if node.op_type in ("Conv", "Gemm") and node.input[0] in moving]
-        self._layers = {node.output[0]: node for node in layers[FIRST:-LAST] if node.op_type == "Conv"}
+        layers = [
+            node for node in nodes if node.op_type in ("Conv", "Gemm") and node.input[0] in moving
+        ]
+        self._layers = {
+            node.output[0]: node for node in layers[FIRST:-LAST] if node.op_type == "Conv"
+        }
         values: dict[str, None] = {}
         for node in nodes:
             read = [name for name in node.input if name in moving]
             if node.output[0] in self._layers:
                 values |= dict.fromkeys((read[0], rectified(node.output[0])))
-            elif node.op_type in ("Add", "Resize") and read and all(name in values for name in read):
+            elif (
+                node.op_type in ("Add", "Resize") and read and all(name in values for name in read)
+            ):
                 values[rectified(node.output[0])] = None
         self._ranges = {name: np.zeros(2) for name in values}
         probe = onnx.ModelProto()
@@ -80,7 +90,9 @@ class _Rounding:
         self._weights: dict[str, Float32] = {}
 
     def __call__(self, pictures: Float32) -> list[Float32]:
-        outputs = dict(zip(self._names, self._probe.run(self._names, {INPUT: pictures}), strict=True))
+        outputs = dict(
+            zip(self._names, self._probe.run(self._names, {INPUT: pictures}), strict=True)
+        )
         for name, bounds in self._ranges.items():
             bounds[:] = min(bounds[0], outputs[name].min()), max(bounds[1], outputs[name].max())
         self._weights = {node.input[1]: outputs[node.input[1]] for node in self._layers.values()}
@@ -88,21 +100,36 @@ class _Rounding:
 
     def rounded(self) -> bytes:
         graph = self._model.graph
-        scales = {name: np.float32((high - low) / 255.0 or 1.0) for name, (low, high) in self._ranges.items()}
+        scales = {
+            name: np.float32((high - low) / 255.0 or 1.0)
+            for name, (low, high) in self._ranges.items()
+        }
         nodes: list[Any] = []
         made = {}
 
         def rounding(name: str, scale: Any, zero: Any, axis: int | None = None) -> str:
-            graph.initializer.extend([from_array(scale, f"{name}.scale"), from_array(zero, f"{name}.zero")])
+            graph.initializer.extend(
+                [from_array(scale, f"{name}.scale"), from_array(zero, f"{name}.zero")]
+            )
             given = [f"{name}.scale", f"{name}.zero"]
             kind: dict[str, Any] = {} if axis is None else {"axis": axis}
             if zero.dtype == np.int32:  # QuantizeLinear has no such output
                 nodes.append(make_node("Div", [name, given[0]], [f"{name}.ratio"]))
                 nodes.append(make_node("Round", [f"{name}.ratio"], [f"{name}.whole"]))
-                nodes.append(make_node("Cast", [f"{name}.whole"], [f"{name}.integer"], to=onnx.TensorProto.INT32))
+                nodes.append(
+                    make_node(
+                        "Cast", [f"{name}.whole"], [f"{name}.integer"], to=onnx.TensorProto.INT32
+                    )
+                )
             else:
-                nodes.append(make_node("QuantizeLinear", [name, *given], [f"{name}.integer"], **kind))
-            nodes.append(make_node("DequantizeLinear", [f"{name}.integer", *given], [f"{name}.rounded"], **kind))
+                nodes.append(
+                    make_node("QuantizeLinear", [name, *given], [f"{name}.integer"], **kind)
+                )
+            nodes.append(
+                make_node(
+                    "DequantizeLinear", [f"{name}.integer", *given], [f"{name}.rounded"], **kind
+                )
+            )
             return f"{name}.rounded"
 
         for node in list(graph.node):
@@ -111,9 +138,13 @@ class _Rounding:
                 weights = self._weights[node.input[1]]
                 largest = np.abs(weights).reshape(len(weights), -1).max(axis=1)
                 scale = np.where(largest > 0.0, largest / LARGEST_WEIGHT, 1.0).astype(np.float32)
-                made[node.input[1]] = rounding(node.input[1], scale, np.zeros(len(scale), np.int8), 0)
+                made[node.input[1]] = rounding(
+                    node.input[1], scale, np.zeros(len(scale), np.int8), 0
+                )
                 bias = scale * scales[node.input[0]]
-                made[node.input[2]] = rounding(node.input[2], bias, np.zeros(len(scale), np.int32), 0)
+                made[node.input[2]] = rounding(
+                    node.input[2], bias, np.zeros(len(scale), np.int32), 0
+                )
             read = [made.get(name, name) for name in node.input]
             del node.input[:]
             node.input.extend(read)

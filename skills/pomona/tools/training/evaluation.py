@@ -92,7 +92,9 @@ class Evaluation:
     def recall(self, score: float, least: float = CLEARLY_VISIBLE) -> float:
         """Part of the fruit at least `least` visible that was found with at least `score`."""
         wanted = sum(visibility >= least for visibility, *_ in self.fruit)
-        return sum(m.visibility >= least and m.score >= score for m in self.matches) / max(1, wanted)
+        return sum(m.visibility >= least and m.score >= score for m in self.matches) / max(
+            1, wanted
+        )
 
     def score_for(self, recall: float, least: float = CLEARLY_VISIBLE) -> float | None:
         """Return the highest score with which `recall` is still reached; None where it is reached with none."""
@@ -110,11 +112,17 @@ class Evaluation:
         """Precision over all detections, recall of the fruit at least `least` visible."""
         scores, right = self.judged()
         order = np.argsort(-scores, kind="stable")
-        clear = np.array([*(match.visibility >= least for match in self.matches), *(False for _ in self.wrong)], bool)
+        clear = np.array(
+            [*(match.visibility >= least for match in self.matches), *(False for _ in self.wrong)],
+            bool,
+        )
         wanted = sum(visibility >= least for visibility, *_ in self.fruit)
         counts = np.maximum(1, np.arange(1, len(scores) + 1))
         return BoxCurve(
-            scores[order], np.cumsum(right[order]) / counts, np.cumsum(clear[order]) / max(1, wanted), wanted
+            scores[order],
+            np.cumsum(right[order]) / counts,
+            np.cumsum(clear[order]) / max(1, wanted),
+            wanted,
         )
 
     def precision(self, score: float) -> float:
@@ -142,7 +150,9 @@ def evaluate(
         instances = find_instances(detector, colour, annotation.K, fruit)
         seconds.append(time.perf_counter() - start)
         seen = [item for item in annotation.objects if item.visibility > 0.02]
-        everything += [(i.visibility, _distance(i), keypoint_size(i.keypoints), annotation.scene) for i in seen]
+        everything += [
+            (i.visibility, _distance(i), keypoint_size(i.keypoints), annotation.scene) for i in seen
+        ]
         pairs, missed = pair(instances, seen)
         wrong += [instances[k].score for k in missed]
         matches += [compare(instances[a], seen[b], fruit, annotation.scene) for a, b in pairs]
@@ -151,7 +161,9 @@ def evaluate(
     return Evaluation(count, tuple(matches), tuple(everything), tuple(wrong), tuple(seconds))
 
 
-def pair(instances: list[Instance], objects: list[AnnotatedObject]) -> tuple[list[tuple[int, int]], list[int]]:
+def pair(
+    instances: list[Instance], objects: list[AnnotatedObject]
+) -> tuple[list[tuple[int, int]], list[int]]:
     """Return detections and the fruit they are of, each used once, surest first; and detections of nothing."""
     free, pairs, nothing = set(range(len(objects))), [], []
     for k in sorted(range(len(instances)), key=lambda i: -instances[i].score):
@@ -177,7 +189,9 @@ def compare(found: Instance, truth: AnnotatedObject, fruit: FruitModel, scene: s
     direction = axis = add = depth = float("nan")
     if T is not None:
         direction, axis = _angle(T[:3, 3], T_true[:3, 3]), _angle(T[:3, 1], T_true[:3, 1])
-        if truth.dimensions is not None and np.allclose(truth.dimensions, fruit.dimensions, rtol=0.01):
+        if truth.dimensions is not None and np.allclose(
+            truth.dimensions, fruit.dimensions, rtol=0.01
+        ):
             points = fruit.vertices[:: max(1, len(fruit.vertices) // 500)]
             away = points @ (T[:3, :3] - T_true[:3, :3]).T + T[:3, 3] - T_true[:3, 3]
             add = 1e3 * float(np.linalg.norm(away, axis=1).mean())
@@ -208,9 +222,13 @@ def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
     """
     lines = ["| score at least | recall (≥ 60 % visible) | precision |", "|---|---|---|"]
     for threshold in (0.3, 0.5, 0.6, 0.7, 0.8, 0.9):
-        lines.append(f"| {threshold} | {result.recall(threshold):.4f} | {result.precision(threshold):.4f} |")
+        lines.append(
+            f"| {threshold} | {result.recall(threshold):.4f} | {result.precision(threshold):.4f} |"
+        )
     if (least := result.score_for(0.99)) is not None:
-        lines.append(f"| {least:.3f} | {result.recall(least):.4f} | {result.precision(least):.4f} |")
+        lines.append(
+            f"| {least:.3f} | {result.recall(least):.4f} | {result.precision(least):.4f} |"
+        )
     sure = [m for m in result.matches if m.score >= score]
     clear = [m for m in sure if m.visibility >= CLEARLY_VISIBLE]
     lines += [
@@ -223,12 +241,17 @@ def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
     ]
     for low, high in ((0.85, 1.01), (0.6, 0.85), (0.4, 0.6), (0.2, 0.4)):
         lines.append(
-            _row(f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible", _only(sure, "visibility", low, high))
+            _row(
+                f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible",
+                _only(sure, "visibility", low, high),
+            )
         )
     if brief:
         return "\n".join(lines)
     in_sight = [m for m in clear if m.turned >= END_IN_SIGHT]
-    lines.append(_row(f"clear, stem or calyx at least {END_IN_SIGHT:.0f}° towards the camera", in_sight))
+    lines.append(
+        _row(f"clear, stem or calyx at least {END_IN_SIGHT:.0f}° towards the camera", in_sight)
+    )
     lines.append(_row("clear, seen from the side", [m for m in clear if m.turned < END_IN_SIGHT]))
     for low, high in ((0.2, 0.45), (0.45, 0.65), (0.65, 0.85), (0.85, 2.0)):
         lines.append(_row(f"clear, at {low}–{high} m", _only(clear, "distance", low, high)))
@@ -236,7 +259,11 @@ def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
         lines.append(_row(f"clear, size {low:.0f}–{high:.0f} px", _only(clear, "size", low, high)))
     for scene in sorted({m.scene for m in clear}):
         lines.append(_row(f"clear, scene {scene}", [m for m in clear if m.scene == scene]))
-    lines += ["", "Turned over, calyx for stem (axis more than 90° off), clear fruit by how its axis lies:", ""]
+    lines += [
+        "",
+        "Turned over, calyx for stem (axis more than 90° off), clear fruit by how its axis lies:",
+        "",
+    ]
     lines += ["| axis out of the picture's plane | fruit | turned over |", "|---|---|---|"]
     for low, high in ((0.0, 10.0), (10.0, 20.0), (20.0, 40.0), (40.0, 60.0), (60.0, 90.1)):
         some = _only(clear, "turned", low, high)
@@ -248,9 +275,14 @@ def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
 
 
 def _by_visibility(matches: list[Match]) -> dict[str, list[PoseErrors]]:
-    groups = {"all": matches, "≥ 60 % visible": [m for m in matches if m.visibility >= CLEARLY_VISIBLE]}
+    groups = {
+        "all": matches,
+        "≥ 60 % visible": [m for m in matches if m.visibility >= CLEARLY_VISIBLE],
+    }
     for low, high in ((0.85, 1.01), (0.6, 0.85), (0.4, 0.6), (0.0, 0.4)):
-        groups[f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible"] = _only(matches, "visibility", low, high)
+        groups[f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible"] = _only(
+            matches, "visibility", low, high
+        )
     return {name: [m.errors for m in some if m.errors is not None] for name, some in groups.items()}
 
 

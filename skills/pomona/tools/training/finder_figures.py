@@ -17,9 +17,14 @@ from pomona.tools.photographs.photographs import PhotoSet
 from pomona.tools.pytorch.networks import to_input
 from pomona.tools.training.samples import FrameFolder
 
-Finds = tuple[Float64, Float64, Float64]  # of a picture: found boxes (n, 4), their scores (n,), true boxes (m, 4)
+Finds = tuple[
+    Float64, Float64, Float64
+]  # of a picture: found boxes (n, 4), their scores (n,), true boxes (m, 4)
 PRECISION = 0.9  # recall is reported where precision is at least this
-FRAMES, FRAME_WIDTH = 30, 320  # rendered frames that are searched, and the width to which they are shrunk [px]
+FRAMES, FRAME_WIDTH = (
+    30,
+    320,
+)  # rendered frames that are searched, and the width to which they are shrunk [px]
 
 
 def finder_figures(
@@ -32,14 +37,19 @@ def finder_figures(
     def measure(network: nn.Module) -> dict[str, float]:
         figures: dict[str, float] = {}
         if val:
-            found = [_finds(places_in(network, photo.picture(), photo.scale, device), photo.boxes) for photo in val]
+            found = [
+                _finds(places_in(network, photo.picture(), photo.scale, device), photo.boxes)
+                for photo in val
+            ]
             figures |= _named("photographs", found)
         if frames is not None:
             found = []
             for k in range(min(FRAMES, len(frames))):
                 annotation, picture = frames.annotation(k), frames.picture(k, halved=False)
                 # rendered fruit of which less is visible is not asked for
-                boxes = [item.box for item in annotation.objects if item.box and item.visibility >= 0.3]
+                boxes = [
+                    item.box for item in annotation.objects if item.box and item.visibility >= 0.3
+                ]
                 places = places_in(network, picture, FRAME_WIDTH / annotation.width, device)
                 found.append(_finds(places, np.array(boxes, np.float64).reshape(-1, 4)))
             figures |= _named("rendered", found)
@@ -48,13 +58,19 @@ def finder_figures(
     return measure
 
 
-def places_in(network: nn.Module, picture: UInt8, scale: float, device: str = "cpu") -> list[Proposal]:
+def places_in(
+    network: nn.Module, picture: UInt8, scale: float, device: str = "cpu"
+) -> list[Proposal]:
     """Places that a finder proposes in a picture (h, w, 3) that is shrunk by `scale`, in pixels of the picture."""
     height, width = picture.shape[:2]
     small = round(width * scale), round(height * scale)
-    shrunk = cv2.resize(picture, small, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
+    shrunk = cv2.resize(
+        picture, small, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
+    )
     below, right = -small[1] % FINDER_MULTIPLE, -small[0] % FINDER_MULTIPLE
-    padded = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
+    padded = cv2.copyMakeBorder(
+        shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114)
+    )
     with torch.inference_mode():
         maps = network(to_input(torch.from_numpy(padded[None]).to(device)))[0].float().cpu().numpy()
     return [place.scaled(width / small[0]) for place in read_places(maps, *small)]

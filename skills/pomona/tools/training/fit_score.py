@@ -45,9 +45,14 @@ def photo_places(
     def judged() -> Iterator[tuple[Float64, NDArray[np.bool_]]]:
         for number, photo in enumerate(photographs):
             # least score of the finder's own for a place to be fitted on
-            places, _, features = searching(detector, photo, 0.2).look(photo.picture(), photo.K, 0.0)
+            places, _, features = searching(detector, photo, 0.2).look(
+                photo.picture(), photo.K, 0.0
+            )
             boxes = np.array([place.box for place in places]).reshape(-1, 4)
-            yield features, match_boxes(boxes, np.array([place.score for place in places]), photo.boxes, SAME)
+            yield (
+                features,
+                match_boxes(boxes, np.array([place.score for place in places]), photo.boxes, SAME),
+            )
             if progress is not None:
                 progress(number + 1, len(photographs))
 
@@ -55,7 +60,9 @@ def photo_places(
 
 
 def frame_places(
-    detector: CompactDetector, frames: FrameFolder, progress: Callable[[int, int], None] | None = None
+    detector: CompactDetector,
+    frames: FrameFolder,
+    progress: Callable[[int, int], None] | None = None,
 ) -> JudgedPlaces:
     """Return places in rendered frames; those that overlap a fruit a little are left out."""
 
@@ -64,7 +71,9 @@ def frame_places(
             annotation, picture = frames.annotation(index), frames.picture(index, halved=False)
             places, _, features = detector.look(picture, annotation.K, 0.0)
             boxes = np.array([place.box for place in places]).reshape(-1, 4)
-            fruit = np.array([item.box for item in annotation.objects if item.box], np.float64).reshape(-1, 4)
+            fruit = np.array(
+                [item.box for item in annotation.objects if item.box], np.float64
+            ).reshape(-1, 4)
             best = iou(boxes, fruit).max(axis=1, initial=0.0)
             clear = (best >= SAME) | (best < OTHER)
             yield features[clear], best[clear] >= SAME
@@ -100,11 +109,15 @@ def fit_score(domains: Sequence[JudgedPlaces], seed: int = 0) -> FusedScore | No
     # The net reads logits as they are: their mean and spread go into weights and biases.
     scaled = hidden[:, :FEATURES] / spread
     bias = hidden[:, FEATURES] - scaled @ mean
-    output = np.concatenate([*(net[1][:-1] for net in nets), [sum(net[1][-1] for net in nets)]]) / NETS
+    output = (
+        np.concatenate([*(net[1][:-1] for net in nets), [sum(net[1][-1] for net in nets)]]) / NETS
+    )
     return FusedScore(np.column_stack([scaled, bias]), output)
 
 
-def _fit_net(z: Float64, y: Float64, w: Float64, rng: np.random.Generator) -> tuple[Float64, Float64]:
+def _fit_net(
+    z: Float64, y: Float64, w: Float64, rng: np.random.Generator
+) -> tuple[Float64, Float64]:
     """Return weights (units, 5) and (units + 1,) of one net, by Adam on the weighted cross entropy."""
     hidden, output = rng.normal(0.0, 0.5, (UNITS, FEATURES + 1)), rng.normal(0.0, 0.3, UNITS + 1)
     parts = [hidden, output]
@@ -114,10 +127,17 @@ def _fit_net(z: Float64, y: Float64, w: Float64, rng: np.random.Generator) -> tu
         wide = np.column_stack([units, np.ones(len(z))])
         error = w * (1.0 / (1.0 + np.exp(-(wide @ output))) - y)
         back = error[:, None] * output[:-1] * (1.0 - units**2)
-        gradients = [back.T @ z + DECAY * hidden / len(hidden), wide.T @ error + DECAY * output / len(hidden)]
+        gradients = [
+            back.T @ z + DECAY * hidden / len(hidden),
+            wide.T @ error + DECAY * output / len(hidden),
+        ]
         rate = RATE * (1.0 - step / STEPS)
         for part, gradient, mean, square in zip(parts, gradients, first, second, strict=True):
             mean += 0.1 * (gradient - mean)
             square += 0.001 * (gradient**2 - square)
-            part -= rate * (mean / (1.0 - 0.9 ** (step + 1))) / (np.sqrt(square / (1.0 - 0.999 ** (step + 1))) + 1e-8)
+            part -= (
+                rate
+                * (mean / (1.0 - 0.9 ** (step + 1)))
+                / (np.sqrt(square / (1.0 - 0.999 ** (step + 1))) + 1e-8)
+            )
     return hidden, output

@@ -13,7 +13,9 @@ from pomona.tools.training.contents import Item, SyntheticScene
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.shapes import ShadedMesh
 
-SPRAYS = 64  # different sprays of leaves; each is turned, stretched and coloured anew wherever it grows
+SPRAYS = (
+    64  # different sprays of leaves; each is turned, stretched and coloured anew wherever it grows
+)
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -21,7 +23,10 @@ UP = np.array([0.0, 0.0, 1.0])
 def grow_tree(options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> None:
     """Put leaves over most fruit of a scene, and leaves and branches everywhere else."""
     eye = scene.T_world_camera[:3, 3]
-    hue, thickness = rng.uniform(0.0, 1.0), rng.uniform(0.5, 2.0)  # leaves of one tree resemble each other
+    hue, thickness = (
+        rng.uniform(0.0, 1.0),
+        rng.uniform(0.5, 2.0),
+    )  # leaves of one tree resemble each other
     for centre, radius in list(scene.spheres):
         if rng.random() < 0.25:
             continue
@@ -40,7 +45,9 @@ def grow_tree(options: SceneOptions, scene: SyntheticScene, rng: np.random.Gener
         _add_branch(scene, place, rng)
 
 
-def _in_view(options: SceneOptions, scene: SyntheticScene, depth: float, rng: np.random.Generator) -> Float64:
+def _in_view(
+    options: SceneOptions, scene: SyntheticScene, depth: float, rng: np.random.Generator
+) -> Float64:
     fx, fy, cx, cy = options.camera
     u, v = rng.uniform(0.0, options.width), rng.uniform(0.0, options.height)
     ray = np.array([(u - cx) / fx, (v - cy) / fy, 1.0])
@@ -71,7 +78,12 @@ def _frame(along: Float64, rng: np.random.Generator) -> Float64:
 
 
 def _add_spray(
-    scene: SyntheticScene, root: Float64, along: Float64, length: float, hue: float, rng: np.random.Generator
+    scene: SyntheticScene,
+    root: Float64,
+    along: Float64,
+    length: float,
+    hue: float,
+    rng: np.random.Generator,
 ) -> None:
     shape = spray(int(rng.integers(SPRAYS)))
     each = len(shapes.leaf(0).vertices)
@@ -87,7 +99,9 @@ def _add_spray(
     scale = length * np.exp(rng.normal(0.0, 0.12, 3))
     look = (rng.uniform(0.0, 0.35), 10.0 ** rng.uniform(0.7, 1.6), rng.uniform(0.0, 0.2))
     albedo = paint.reshape(-1, 3).astype(np.float32)
-    scene.items.append(Item(shape, _frame(along, rng), scale, root, albedo, rng.uniform(300.0, 1500.0), look))
+    scene.items.append(
+        Item(shape, _frame(along, rng), scale, root, albedo, rng.uniform(300.0, 1500.0), look)
+    )
 
 
 def _add_branch(scene: SyntheticScene, centre: Float64, rng: np.random.Generator) -> None:
@@ -96,7 +110,9 @@ def _add_branch(scene: SyntheticScene, centre: Float64, rng: np.random.Generator
     paint = np.broadcast_to(bark.astype(np.float32), shape.vertices.shape)
     size = np.full(3, rng.uniform(0.3, 0.9))
     rotation = _frame(rng.normal(size=3), rng)
-    scene.items.append(Item(shape, rotation, size, centre, paint, 600.0, (0.02, 8.0, rng.uniform(0.1, 0.5))))
+    scene.items.append(
+        Item(shape, rotation, size, centre, paint, 600.0, (0.02, 8.0, rng.uniform(0.1, 0.5)))
+    )
 
 
 def add_far_fruit(picture: Float32, colours: Float64, rng: np.random.Generator) -> None:
@@ -109,4 +125,12 @@ def add_far_fruit(picture: Float32, colours: Float64, rng: np.random.Generator) 
         for part, tone in ((1.0, 0.6), (0.7, 1.0), (0.3, 1.3)):
             at = centre - (1.0 - part) * 0.4 * radius
             spot = np.round(at * 8).astype(int).tolist()
-            cv2.circle(picture, spot, max(1, round(8 * part * radius)), (tone * colour).tolist(), -1, cv2.LINE_AA, 3)
+            cv2.circle(
+                picture,
+                spot,
+                max(1, round(8 * part * radius)),
+                (tone * colour).tolist(),
+                -1,
+                cv2.LINE_AA,
+                3,
+            )

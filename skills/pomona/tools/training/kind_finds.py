@@ -40,7 +40,9 @@ class KindPicture:
     split: str  # one of `SPLITS`
     source: str  # pictures of one source count alike in all, however many there are
     group: str = ""  # pictures of one group show the same place
-    boxes: Float64 | None = None  # labelled apples, x, y, w, h (n, 4) [px]; None for a picture of one kind
+    boxes: Float64 | None = (
+        None  # labelled apples, x, y, w, h (n, 4) [px]; None for a picture of one kind
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +69,13 @@ def read_kind_table(path: Path, kinds: Sequence[str]) -> list[KindPicture]:
     for line, row in rows:
         picture, kind, split = (row[name] or "" for name in COLUMNS)
         if kind not in (*kinds, NONE):
-            raise BadPhotographs(path, f"line {line}: the kind '{kind}' is not one of {', '.join(kinds)}, {NONE}")
+            raise BadPhotographs(
+                path, f"line {line}: the kind '{kind}' is not one of {', '.join(kinds)}, {NONE}"
+            )
         if split not in SPLITS:
-            raise BadPhotographs(path, f"line {line}: the split '{split}' is not one of {', '.join(SPLITS)}")
+            raise BadPhotographs(
+                path, f"line {line}: the split '{split}' is not one of {', '.join(SPLITS)}"
+            )
         if not (path.parent / picture).is_file():
             raise BadPhotographs(path, f"line {line}: there is no picture {path.parent / picture}")
         pictures.append(KindPicture(path.parent / picture, kind, split, f"{path}:{kind}", picture))
@@ -90,7 +96,9 @@ def labelled_pictures(folder: Path, most: int) -> list[KindPicture]:
             group = some[k].group or some[k].name
             is_test = split == "val" and groups.index(group) % 2
             part = "test" if is_test else split
-            found.append(KindPicture(some[k].path, "apple", part, str(folder), group, some[k].boxes))
+            found.append(
+                KindPicture(some[k].path, "apple", part, str(folder), group, some[k].boxes)
+            )
     return found
 
 
@@ -119,7 +127,10 @@ def collect(
             parts.append((stored["pictures"], stored["scores"], stored["boxes"]))
         if progress is not None:
             progress(number + 1, len(pictures))
-    judged = [_judged(picture, part[1], part[2], kinds) for picture, part in zip(pictures, parts, strict=True)]
+    judged = [
+        _judged(picture, part[1], part[2], kinds)
+        for picture, part in zip(pictures, parts, strict=True)
+    ]
     return KindFinds(
         np.concatenate([part[0] for part in parts]),
         np.concatenate([part[1] for part in parts]),
@@ -135,7 +146,9 @@ def _search(detector: CompactDetector, path: Path, kept: Path) -> None:
     except UnusablePicture as error:
         raise BadPhotographs(path, str(error)) from error
     height, width = colour.shape[:2]
-    found = [fruit for fruit in detector.find(colour, camera_of(width, height)) if fruit.score >= LEAST]
+    found = [
+        fruit for fruit in detector.find(colour, camera_of(width, height)) if fruit.score >= LEAST
+    ]
     boxes = np.array([fruit.outline(width, height) for fruit in found]).reshape(-1, 4)
     crops = [find_picture(colour, box, SIDE) for box in boxes]
     part = kept.with_suffix(".part")
@@ -159,5 +172,7 @@ def _judged(
         return np.full(len(scores), names.index(picture.kind)), np.where(sure, 1.0, 0.5)
     overlap = iou(boxes, picture.boxes).max(axis=1, initial=0.0)
     stray = (overlap < APART) & (scores < UNSURE)
-    found = np.where(overlap >= 0.5, names.index(picture.kind), np.where(stray, names.index(NONE), UNKNOWN))
+    found = np.where(
+        overlap >= 0.5, names.index(picture.kind), np.where(stray, names.index(NONE), UNKNOWN)
+    )
     return found, np.where(stray, 0.3, 1.0)

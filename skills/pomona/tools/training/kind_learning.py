@@ -25,7 +25,12 @@ from pomona.tools.training.kind_finds import MOST, UNKNOWN, KindFinds, KindPictu
 from pomona.tools.training.kind_network import FEATURES, KindNetwork
 
 VIEWS = 4  # changed views of each find that is learnt from, beside the plain one
-BATCH, EPOCHS, RATE, DECAY = 256, 12, 4e-3, 0.02  # of the two layers; AdamW with one cycle of the rate
+BATCH, EPOCHS, RATE, DECAY = (
+    256,
+    12,
+    4e-3,
+    0.02,
+)  # of the two layers; AdamW with one cycle of the rate
 SMOOTHING = 0.03  # of the labels
 SHARES = {"apple": 4.0, NONE: 2.5}  # of kinds in a batch; 1 for each other
 HEAVIEST = 12.0  # largest weight of one find over the mean
@@ -40,16 +45,30 @@ def view(picture: UInt8, rng: np.random.Generator | None = None) -> UInt8:
     step, angle, shift, mirror = len(picture) / SIDE, 0.0, np.zeros(2), 1.0
     if rng is not None:
         step *= float(np.exp(rng.uniform(np.log(0.78), np.log(1.12))))
-        angle, shift, mirror = rng.normal(0.0, 0.2), rng.normal(0.0, 4.0, 2), float(rng.choice([-1.0, 1.0]))
+        angle, shift, mirror = (
+            rng.normal(0.0, 0.2),
+            rng.normal(0.0, 4.0, 2),
+            float(rng.choice([-1.0, 1.0])),
+        )
         if rng.random() < 0.4:  # fewer pixels, as small fruit has
             few = int(rng.integers(20, 70))
             small = cv2.resize(picture, (few, few), interpolation=cv2.INTER_AREA)
-            picture = np.asarray(cv2.resize(small, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.uint8)
-    turn = step * np.array([[np.cos(angle) * mirror, -np.sin(angle)], [np.sin(angle) * mirror, np.cos(angle)]])
+            picture = np.asarray(
+                cv2.resize(small, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.uint8
+            )
+    turn = step * np.array(
+        [[np.cos(angle) * mirror, -np.sin(angle)], [np.sin(angle) * mirror, np.cos(angle)]]
+    )
     place = np.column_stack([turn, middle + shift - turn @ (half, half)])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    window = cv2.warpAffine(picture, place, (SIDE, SIDE), flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(window, np.uint8) if rng is None else change_look(np.asarray(window, np.uint8), rng)
+    window = cv2.warpAffine(
+        picture, place, (SIDE, SIDE), flags=flags, borderMode=cv2.BORDER_REPLICATE
+    )
+    return (
+        np.asarray(window, np.uint8)
+        if rng is None
+        else change_look(np.asarray(window, np.uint8), rng)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +92,10 @@ def features(
     rng = np.random.default_rng(0)
     train = np.array([picture.split == "train" for picture in pictures])[finds.owners]
     usable = np.nonzero(train & (finds.kinds != UNKNOWN))[0]
-    parts = [rng.permutation(usable[finds.owners[usable] == owner])[:MOST] for owner in np.unique(finds.owners[usable])]
+    parts = [
+        rng.permutation(usable[finds.owners[usable] == owner])[:MOST]
+        for owner in np.unique(finds.owners[usable])
+    ]
     chosen = np.sort(np.concatenate([np.empty(0, np.int64), *parts]))
     jobs = [np.arange(len(finds.scores)), *([chosen] * VIEWS)]
     done: list[Float32] = []
@@ -89,8 +111,12 @@ def features(
         count += have
         for first in range(have, len(job), PICTURES):
             some = job[first : first + PICTURES]
-            changes = [None if number == 0 else np.random.default_rng((number, k)) for k in some.tolist()]
-            views = np.stack([view(finds.pictures[k], change) for k, change in zip(some, changes, strict=True)])
+            changes = [
+                None if number == 0 else np.random.default_rng((number, k)) for k in some.tolist()
+            ]
+            views = np.stack(
+                [view(finds.pictures[k], change) for k, change in zip(some, changes, strict=True)]
+            )
             done[number] = np.concatenate([done[number], _read(network, views, device)])
             count += len(some)
             if progress is not None:
@@ -115,7 +141,11 @@ def _save(path: Path, parts: Sequence[Float32]) -> None:
 
 
 def learn(
-    network: KindNetwork, learnt: KindFeatures, finds: KindFinds, pictures: Sequence[KindPicture], names: Sequence[str]
+    network: KindNetwork,
+    learnt: KindFeatures,
+    finds: KindFinds,
+    pictures: Sequence[KindPicture],
+    names: Sequence[str],
 ) -> None:
     """Teach the two layers; the network is in evaluation mode afterwards. Raises BadTraining: a kind has no finds."""
     torch.manual_seed(0)
@@ -150,14 +180,21 @@ def learn(
     network.eval()
 
 
-def _balanced(weights: Float64, kinds: NDArray[np.int64], sources: NDArray[np.str_], names: Sequence[str]) -> Float64:
+def _balanced(
+    weights: Float64, kinds: NDArray[np.int64], sources: NDArray[np.str_], names: Sequence[str]
+) -> Float64:
     """Return weights of mean 1: each kind has its share, and in a kind each source counts alike."""
     balanced = np.zeros(len(weights))
     for kind, name in enumerate(names):
         there = np.unique(sources[kinds == kind])
         for source in there:
             mine = (kinds == kind) & (sources == source)
-            balanced[mine] = weights[mine] * SHARES.get(name, 1.0) / len(there) / max(float(weights[mine].sum()), 1e-9)
+            balanced[mine] = (
+                weights[mine]
+                * SHARES.get(name, 1.0)
+                / len(there)
+                / max(float(weights[mine].sum()), 1e-9)
+            )
     return np.asarray(np.minimum(balanced * (len(balanced) / balanced.sum()), HEAVIEST), np.float64)
 
 
@@ -168,7 +205,9 @@ def probabilities(network: KindNetwork, rows: Float32) -> Float64:
     return np.asarray(judged.numpy(), np.float64)
 
 
-def fit_kind_score(scores: Float64, likely: Float64, right: NDArray[np.bool_], weights: Float64) -> KindScore:
+def fit_kind_score(
+    scores: Float64, likely: Float64, right: NDArray[np.bool_], weights: Float64
+) -> KindScore:
     """Return the line that makes one score of the finder's score and a kind's probability, (n,) each.
 
     Args:
@@ -177,17 +216,27 @@ def fit_kind_score(scores: Float64, likely: Float64, right: NDArray[np.bool_], w
     """
     rows = np.column_stack([logits(scores), logits(likely), np.ones(len(scores))])
     line = np.array([1.0, 1.0, 0.0])
-    for _ in range(50):  # Newton's steps of a logistic regression, with a weak prior about the start
+    for _ in range(
+        50
+    ):  # Newton's steps of a logistic regression, with a weak prior about the start
         chance = 1.0 / (1.0 + np.exp(-rows @ line))
-        curvature = (rows * (weights * chance * (1.0 - chance))[:, None]).T @ rows + 1e-3 * np.eye(3)
+        curvature = (rows * (weights * chance * (1.0 - chance))[:, None]).T @ rows + 1e-3 * np.eye(
+            3
+        )
         line = line + np.linalg.solve(
             curvature, rows.T @ (weights * (right - chance)) - 1e-3 * (line - (1.0, 1.0, 0.0))
         )
-    return KindScore(max(float(line[0]), LEAST_SLOPE), max(float(line[1]), LEAST_SLOPE), float(line[2]))
+    return KindScore(
+        max(float(line[0]), LEAST_SLOPE), max(float(line[1]), LEAST_SLOPE), float(line[2])
+    )
 
 
 def fitted(
-    network: KindNetwork, learnt: KindFeatures, finds: KindFinds, pictures: Sequence[KindPicture], kinds: Sequence[str]
+    network: KindNetwork,
+    learnt: KindFeatures,
+    finds: KindFinds,
+    pictures: Sequence[KindPicture],
+    kinds: Sequence[str],
 ) -> KindScore:
     """Return the score by finds of the split val: from 0.5 on, 0.90 of them are of the first kind.
 
@@ -209,7 +258,9 @@ def fitted(
 
 def exported_kinds(path: Path, network: KindNetwork) -> bytes:
     """Return the network as ONNX. Raises BadWeights: a parameter is not finite; MissingPackage: without onnx."""
-    return exported(path, network, (2, 3, SIDE, SIDE), ["kinds"], {INPUT: {0: "n"}, "kinds": {0: "n"}})
+    return exported(
+        path, network, (2, 3, SIDE, SIDE), ["kinds"], {INPUT: {0: "n"}, "kinds": {0: "n"}}
+    )
 
 
 def table(
@@ -222,10 +273,16 @@ def table(
 ) -> str:
     """Return figures of the split test as Markdown: finds from 0.5 on of each source, before and for each kind."""
     likely = probabilities(network, learnt.plain)
-    scores = [finds.scores, *(score.of(finds.scores, likely[:, kind]) for kind in range(len(names) - 1))]
+    scores = [
+        finds.scores,
+        *(score.of(finds.scores, likely[:, kind]) for kind in range(len(names) - 1)),
+    ]
     tested = np.array([picture.split == "test" for picture in pictures])
     sources = np.array([picture.source for picture in pictures])
-    lines = [f"| source | pictures | finds before | {' | '.join(names[:-1])} |", "|---" * (len(names) + 2) + "|"]
+    lines = [
+        f"| source | pictures | finds before | {' | '.join(names[:-1])} |",
+        "|---" * (len(names) + 2) + "|",
+    ]
     for source in np.unique(sources[tested]).tolist():
         mine = (tested & (sources == source))[finds.owners]
         counts = " | ".join(str(int((mine & (values >= 0.5)).sum())) for values in scores)

@@ -35,7 +35,9 @@ class KindNetwork(nn.Module):
 
     def features(self, pictures: Tensor) -> Tensor:
         """Return the trunk's numbers of pictures, (n, 456)."""
-        x = functional.relu6(self.stem((255.0 * pictures + 0.5) / 128.0))  # it learnt from (value - 127) / 128
+        x = functional.relu6(
+            self.stem((255.0 * pictures + 0.5) / 128.0)
+        )  # it learnt from (value - 127) / 128
         found = []
         for number, block in enumerate(self.blocks):
             x = block(x)

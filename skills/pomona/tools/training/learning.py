@@ -20,7 +20,14 @@ from pomona.tools.training.evaluation import evaluate
 from pomona.tools.training.loop import Progress
 from pomona.tools.training.options import WITHOUT_TREES
 from pomona.tools.training.photo_figures import find_boxes
-from pomona.tools.training.recipe import FIT, FrameSet, Recipe, TrainingStage, make_weights, render_set
+from pomona.tools.training.recipe import (
+    FIT,
+    FrameSet,
+    Recipe,
+    TrainingStage,
+    make_weights,
+    render_set,
+)
 from pomona.tools.training.samples import FrameFolder
 
 LEARN = Recipe(
@@ -31,14 +38,25 @@ LEARN = Recipe(
     held_out=FrameSet(40, 9001, WITHOUT_TREES),
     stages=(
         TrainingStage(
-            "finder", 200, 4e-4, (5, 3), photos=8, average=0.985, warm_up=20, method="adam", decay=0.02, clip=10.0
+            "finder",
+            200,
+            4e-4,
+            (5, 3),
+            photos=8,
+            average=0.985,
+            warm_up=20,
+            method="adam",
+            decay=0.02,
+            clip=10.0,
         ),
     ),
     fit=FIT,
 )
 """The recipe of `pomona learn`: half rendered frames, so that rendered fruit is not forgotten."""
 
-BENCH = FrameSet(200, 9201, WITHOUT_TREES)  # rendered frames on which weights before and after are compared
+BENCH = FrameSet(
+    200, 9201, WITHOUT_TREES
+)  # rendered frames on which weights before and after are compared
 SCORE = 0.6  # score at which rendered frames are judged, the default of Detect's `score`
 LEAST_LABELS = 20  # least number of labels to learn from, and to measure on: fewer decide nothing
 
@@ -54,7 +72,9 @@ class BenchFigures:
 
     def is_no_worse(self, before: BenchFigures) -> bool:
         """Return True where no figure is below that of `before`."""
-        return all(getattr(self, name) >= getattr(before, name) for name in self.__dataclass_fields__)
+        return all(
+            getattr(self, name) >= getattr(before, name) for name in self.__dataclass_fields__
+        )
 
     def text(self) -> str:
         """Return the figures in one line."""
@@ -109,14 +129,22 @@ def learn(
     for some, use in ((photographs.train, "learn from"), (photographs.val, "measure on")):
         labels = sum(int((~photo.crowd).sum()) for photo in some)
         if labels < LEAST_LABELS:
-            raise BadTraining(f"{labels} labels to {use}, expected at least {LEAST_LABELS}: record more runs")
+            raise BadTraining(
+                f"{labels} labels to {use}, expected at least {LEAST_LABELS}: record more runs"
+            )
     new = work / "new.weights"
-    make_weights(new, work, fruit, recipe, workers=workers, photographs=photographs, start=start, say=say)
+    make_weights(
+        new, work, fruit, recipe, workers=workers, photographs=photographs, start=start, say=say
+    )
     render_set(work / "bench", bench, fruit, max(1, workers))
     learnt = Learnt(*(_figures(path, work / "bench", fruit, photographs) for path in (start, new)))
     if learnt.is_kept:
         stored = read_weights(new)
-        about = {**stored.about, "bench before": learnt.before.text(), "bench after": learnt.after.text()}
+        about = {
+            **stored.about,
+            "bench before": learnt.before.text(),
+            "bench after": learnt.after.text(),
+        }
         out.with_suffix(".md").write_text(_card(out, start, about), encoding="utf-8")
         write_weights(out, replace(stored, about=about))
     return learnt
@@ -140,7 +168,11 @@ def _figures(weights: Path, bench: Path, fruit: str, photographs: PhotoSet) -> B
     rendered = evaluate(detector, frames, load_fruit(fruit), len(frames))
     # Doubtful boxes are no labels: detections there count as wrong for both weights alike.
     val = [
-        replace(photo, boxes=photo.boxes[~photo.crowd], crowd=np.zeros(int((~photo.crowd).sum()), np.bool_))
+        replace(
+            photo,
+            boxes=photo.boxes[~photo.crowd],
+            crowd=np.zeros(int((~photo.crowd).sum()), np.bool_),
+        )
         for photo in photographs.val
     ]
     found = box_figures([finds.judged() for finds in find_boxes(detector, val)])

@@ -25,7 +25,9 @@ Loss = Callable[[nn.Module, tuple[Tensor, ...]], Tensor]
 
 Fall = Literal["cosine", "late", "constant"]
 
-FALLING = 0.4  # part of the steps in which a rate falls to nothing; before it a run may be made longer
+FALLING = (
+    0.4  # part of the steps in which a rate falls to nothing; before it a run may be made longer
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,9 @@ class Schedule:
     decay: float = 0.05  # weight decay, on matrices and kernels only
     clip: float = 5.0  # largest norm of the gradient
     average: float = 0.998  # decay of the running average of weights that is kept in the end
-    validate_every: int = 250  # validate_every, save_every: steps between validations and between checkpoints
+    validate_every: int = (
+        250  # validate_every, save_every: steps between validations and between checkpoints
+    )
     save_every: int = 250
 
     def rate_at(self, step: int) -> float:
@@ -104,7 +108,11 @@ def train_network(
     remaining = Subset(batches, range(first, schedule.steps))
     on_gpu = place.type == "cuda"
     loader = DataLoader(
-        remaining, batch_size=None, num_workers=workers, prefetch_factor=4 if workers else None, pin_memory=on_gpu
+        remaining,
+        batch_size=None,
+        num_workers=workers,
+        prefetch_factor=4 if workers else None,
+        pin_memory=on_gpu,
     )
     low_precision = on_gpu or has_bfloat16()
     started, mean_loss = time.monotonic(), 0.0
@@ -123,7 +131,9 @@ def train_network(
         _update_average(average, network, min(schedule.average, (1.0 + step) / (10.0 + step)))
         current = float(value.detach())
         if not math.isfinite(current):
-            raise BadTraining(f"the loss is {current} at step {step}; lower the learning rate and resume")
+            raise BadTraining(
+                f"the loss is {current} at step {step}; lower the learning rate and resume"
+            )
         mean_loss = current if step == first else 0.97 * mean_loss + 0.03 * current
         last = step + 1 == schedule.steps
         figures = None
@@ -134,11 +144,17 @@ def train_network(
             _save(checkpoint, network, optimiser, average, step + 1, schedule)
         if report is not None and (figures is not None or last or (step + 1) % 25 == 0):
             elapsed = time.monotonic() - started
-            report(Progress(step + 1, schedule.steps, mean_loss, schedule.rate_at(step), elapsed, figures))
+            report(
+                Progress(
+                    step + 1, schedule.steps, mean_loss, schedule.rate_at(step), elapsed, figures
+                )
+            )
     return _averaged(network, average)
 
 
-def _counted(loader: DataLoader[tuple[Tensor, ...]], first: int) -> Iterator[tuple[int, tuple[Tensor, ...]]]:
+def _counted(
+    loader: DataLoader[tuple[Tensor, ...]], first: int
+) -> Iterator[tuple[int, tuple[Tensor, ...]]]:
     return enumerate(loader, start=first)
 
 
@@ -198,10 +214,14 @@ def _resume(
     except Exception as error:
         raise BadTraining(f"checkpoint {path} does not belong to this training: {error}") from error
     step, saved, wanted = int(state["step"]), json.loads(state["schedule"]), asdict(schedule)
-    changed = [k for k in wanted if saved.get(k) != wanted[k] and k not in ("validate_every", "save_every")]
+    changed = [
+        k for k in wanted if saved.get(k) != wanted[k] and k not in ("validate_every", "save_every")
+    ]
     if changed == ["steps"]:
         before = Schedule(**saved)
-        if step <= schedule.steps and all(before.rate_at(k) == schedule.rate_at(k) for k in range(step)):
+        if step <= schedule.steps and all(
+            before.rate_at(k) == schedule.rate_at(k) for k in range(step)
+        ):
             changed = []  # shorter or longer, but the same so far
     if changed:
         raise BadTraining(

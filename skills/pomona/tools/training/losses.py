@@ -10,8 +10,14 @@ from pomona.skills.perception.detection import close_look as rows
 from pomona.skills.perception.detection.close_look import AXIS, CENTRE, KIND, SEEN, SIZE, SPREAD
 from pomona.tools.training import targets
 
-BOXES, QUALITIES = 2.0, 0.5  # weights of the finder's losses of boxes and of their quality, beside that of the heat
-LOG_REACHES = -3.0, 5.0  # bounds of the logarithm of a reach [cells] before it is raised: no step overflows
+BOXES, QUALITIES = (
+    2.0,
+    0.5,
+)  # weights of the finder's losses of boxes and of their quality, beside that of the heat
+LOG_REACHES = (
+    -3.0,
+    5.0,
+)  # bounds of the logarithm of a reach [cells] before it is raised: no step overflows
 
 
 def finder_loss(maps: Tensor, wanted: Tensor) -> Tensor:
@@ -21,7 +27,12 @@ def finder_loss(maps: Tensor, wanted: Tensor) -> Tensor:
     against the IoU that the box has now.
     """
     maps = maps.float()
-    heat = focal_loss(maps[:, rows.HEAT], wanted[:, targets.HEAT], wanted[:, targets.PEAK], wanted[:, targets.WEIGHT])
+    heat = focal_loss(
+        maps[:, rows.HEAT],
+        wanted[:, targets.HEAT],
+        wanted[:, targets.PEAK],
+        wanted[:, targets.WEIGHT],
+    )
     reaches = maps[:, rows.REACHES].clamp(*LOG_REACHES).exp()
     overlap, generalised = _overlaps(reaches, wanted[:, targets.REACHES])
     weight = wanted[:, targets.BOX_WEIGHT]
@@ -77,7 +88,9 @@ def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Te
     spread = output[:, SPREAD].clamp(-6.0, 2.0)
     likelihood = ((residual.detach() * torch.exp(-spread) + spread) * share).sum(dim=0) / total
     is_fruit = functional.binary_cross_entropy_with_logits(output[:, KIND], kind)
-    seen = functional.binary_cross_entropy_with_logits(output[:, SEEN], visibility, reduction="none")
+    seen = functional.binary_cross_entropy_with_logits(
+        output[:, SEEN], visibility, reduction="none"
+    )
     seen = (seen * fruit).sum() / fruit.sum().clamp(min=1.0)
     return placed.sum() + 0.2 * likelihood.mean() + 3.0 * is_fruit + 0.3 * seen
 

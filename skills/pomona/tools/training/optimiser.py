@@ -24,7 +24,9 @@ class Optimiser:
     `decay` acts on matrices and kernels only; `slow` is a part that was trained before, moved at `SLOW` of the rate.
     """
 
-    def __init__(self, network: nn.Module, method: Method, decay: float, slow: nn.Module | None = None) -> None:
+    def __init__(
+        self, network: nn.Module, method: Method, decay: float, slow: nn.Module | None = None
+    ) -> None:
         parameters = [p for p in network.parameters() if p.requires_grad]
         self._kernels = [p for p in parameters if method == "muon" and _is_hidden(p)]
         # Muon takes matrices: it moves these, and the kernels are copies of them.
@@ -34,7 +36,9 @@ class Optimiser:
         others = [p for p in parameters if id(p) not in taken]
         groups: list[dict[str, Any]] = [
             {
-                "params": [p for p in others if (p.ndim > 1) == matrices and (id(p) in before) == is_slow],
+                "params": [
+                    p for p in others if (p.ndim > 1) == matrices and (id(p) in before) == is_slow
+                ],
                 "weight_decay": decay if matrices else 0.0,
                 "ratio": SLOW if is_slow else 1.0,
             }
@@ -42,7 +46,9 @@ class Optimiser:
             for is_slow in (False, True)
         ]
         groups = [group for group in groups if group["params"]]
-        self._parts: dict[str, torch.optim.Optimizer] = {"others": torch.optim.AdamW(groups, betas=BETAS)}
+        self._parts: dict[str, torch.optim.Optimizer] = {
+            "others": torch.optim.AdamW(groups, betas=BETAS)
+        }
         if self._matrices:
             self._parts["kernels"] = torch.optim.Muon(
                 self._matrices, weight_decay=decay, adjust_lr_fn="match_rms_adamw"

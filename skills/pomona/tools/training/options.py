@@ -15,7 +15,12 @@ class SceneKind(StrEnum):
     TREE = "tree"
 
 
-WITHOUT_TREES = (0.5, 0.3, 0.2, 0.0)  # kinds of scenes in the frames of `make bench-detect`, which never change
+WITHOUT_TREES = (
+    0.5,
+    0.3,
+    0.2,
+    0.0,
+)  # kinds of scenes in the frames of `make bench-detect`, which never change
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,5 +36,10 @@ class SceneOptions:
     # range of height over width against the CAD model's; an apple's is then 0.75 to 1.0
     height_ratio: tuple[float, float] = (0.85, 1.133)
     exact: float = 0.15  # part of the instances that keep the CAD model's own size and proportions
-    kinds: tuple[float, float, float, float] = (0.4, 0.25, 0.1, 0.25)  # how often each kind of scene appears
+    kinds: tuple[float, float, float, float] = (
+        0.4,
+        0.25,
+        0.1,
+        0.25,
+    )  # how often each kind of scene appears
     lookalikes: int = 0  # tomatoes, oranges, peaches, balls, cans and the like, per frame, at most

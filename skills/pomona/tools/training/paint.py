@@ -26,12 +26,22 @@ def skins(fruit: FruitModel) -> Float64:
     if fruit.name == "apple":
         return _SKINS
     own = np.asarray(fruit.colour) ** 2.2
-    return np.array([[own, own * 1.2], [own * (0.8, 1.0, 0.7), own * (1.1, 1.0, 1.0)], [own * (0.5, 0.9, 0.6), own]])
+    return np.array(
+        [
+            [own, own * 1.2],
+            [own * (0.8, 1.0, 0.7), own * (1.1, 1.0, 1.0)],
+            [own * (0.5, 0.9, 0.6), own],
+        ]
+    )
 
 
-def skin_paint(shape: ShadedMesh, skins: Float64, style: Float64, rng: np.random.Generator) -> Float32:
+def skin_paint(
+    shape: ShadedMesh, skins: Float64, style: Float64, rng: np.random.Generator
+) -> Float32:
     """Linear RGB per vertex (n, 3): ground colour, blush on the sunny side, streaks along meridians, russet hollows."""
-    skin = skins[int(style[0] * len(skins)) if rng.random() < 0.7 else int(rng.integers(len(skins)))]
+    skin = skins[
+        int(style[0] * len(skins)) if rng.random() < 0.7 else int(rng.integers(len(skins)))
+    ]
     skin = skin * np.exp(rng.normal(0.0, 0.18, (2, 3))) * np.exp(rng.normal(0.0, 0.15))
     x, y, z = shape.vertices.T
     angle = np.arctan2(z, x)
@@ -42,11 +52,15 @@ def skin_paint(shape: ShadedMesh, skins: Float64, style: Float64, rng: np.random
             rng.integers(1, 5) * angle + rng.uniform(0, 6.28) + rng.normal() * height * 2
         )
     streak_table = rng.normal(0.0, 1.0, 40)
-    streaks = streak_table[np.round((angle / (2 * np.pi) + 0.5) * 40).astype(int) % 40] * rng.uniform(0.0, 0.7)
+    streaks = streak_table[
+        np.round((angle / (2 * np.pi) + 0.5) * 40).astype(int) % 40
+    ] * rng.uniform(0.0, 0.7)
     blush = 1.0 / (1.0 + np.exp(-(rng.normal(0.8, 1.2) + rng.uniform(0.5, 2.0) * wobble + streaks)))
     colour = skin[0] * blush[:, None] + skin[1] * (1.0 - blush[:, None])
     inner = np.clip(1.0 - np.hypot(x, z) / (0.30 * np.abs(x).max()), 0.0, 1.0)[:, None]
-    hollow = np.where(y[:, None] < 0, [0.36, 0.34, 0.10], [0.20, 0.15, 0.07]) * rng.uniform(0.5, 1.2)
+    hollow = np.where(y[:, None] < 0, [0.36, 0.34, 0.10], [0.20, 0.15, 0.07]) * rng.uniform(
+        0.5, 1.2
+    )
     hollow_strength = rng.uniform(0.0, 1.0)
     colour = colour * (1.0 - hollow_strength * inner) + hollow * hollow_strength * inner
     tip = ((y > 0) & (np.hypot(x, z) < 0.09 * np.abs(x).max()))[:, None]
@@ -56,6 +70,8 @@ def skin_paint(shape: ShadedMesh, skins: Float64, style: Float64, rng: np.random
 
 def plain_paint(shape: ShadedMesh, style: Float64, rng: np.random.Generator) -> Float32:
     """One colour all over, as simulators paint fruit: linear RGB per vertex (n, 3)."""
-    skin = _SKINS[int(style[1] * len(_SKINS))][0] if rng.random() < 0.8 else rng.uniform(0.02, 0.8, 3)
+    skin = (
+        _SKINS[int(style[1] * len(_SKINS))][0] if rng.random() < 0.8 else rng.uniform(0.02, 0.8, 3)
+    )
     skin = skin * np.exp(rng.normal(0.0, 0.3, 3))
     return np.broadcast_to(skin.astype(np.float32), shape.vertices.shape)

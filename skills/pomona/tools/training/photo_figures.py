@@ -28,7 +28,9 @@ TITLES = {
 """Figures of a table, by their names in `BoxFigures`."""
 
 
-def searching(detector: CompactDetector, photo: Photograph, least: float | None = None) -> CompactDetector:
+def searching(
+    detector: CompactDetector, photo: Photograph, least: float | None = None
+) -> CompactDetector:
     """Return the detector as it searches a photograph at its scale, for places of at least this score."""
     options = replace(
         detector.options,
@@ -74,7 +76,9 @@ def judged(found: Sequence[Finds]) -> tuple[Float64, NDArray[np.bool_]]:
     """Return scores of all detections, and which overlap a label by half; (n,) each."""
     pictures = [finds.judged() for finds in found]
     scores = np.concatenate([np.empty(0), *(picture.scores for picture in pictures)])
-    return scores, np.concatenate([np.empty(0, np.bool_), *(picture.right[0] for picture in pictures)])
+    return scores, np.concatenate(
+        [np.empty(0, np.bool_), *(picture.right[0] for picture in pictures)]
+    )
 
 
 def photo_table(found: Sequence[Finds], score: float) -> str:
@@ -87,8 +91,13 @@ def photo_table(found: Sequence[Finds], score: float) -> str:
     for name, title in TITLES.items():
         low, high = bounds[name]
         lines.append(f"| {title} | {getattr(result, name):.3f} | {low:.3f}–{high:.3f} |")
-    shares = int(right[sure].sum()) / max(1, labelled), float(right[sure].mean()) if sure.any() else 1.0
-    lines.append(f"| recall / precision at score ≥ {score:g} | {shares[0]:.3f} / {shares[1]:.3f} | |")
+    shares = (
+        int(right[sure].sum()) / max(1, labelled),
+        float(right[sure].mean()) if sure.any() else 1.0,
+    )
+    lines.append(
+        f"| recall / precision at score ≥ {score:g} | {shares[0]:.3f} / {shares[1]:.3f} | |"
+    )
     return "\n".join(lines)
 
 

@@ -11,7 +11,9 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.tools.training.samples import FrameFolder
 
-THRESHOLD = 0.12  # least score of a place: half of the detector's, since elsewhere it may be proposed
+THRESHOLD = (
+    0.12  # least score of a place: half of the detector's, since elsewhere it may be proposed
+)
 
 
 def find_places(
@@ -49,4 +51,6 @@ def load_places(path: Path) -> dict[str, Float64]:
     """Read the file of `save_places`: (n, 4) for each name."""
     with np.load(path) as content:
         ends = np.cumsum(content["counts"])
-        return dict(zip(content["names"].tolist(), np.split(content["rows"], ends[:-1]), strict=True))
+        return dict(
+            zip(content["names"].tolist(), np.split(content["rows"], ends[:-1]), strict=True)
+        )

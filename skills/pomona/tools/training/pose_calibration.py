@@ -69,9 +69,15 @@ def coverage(errors: Sequence[PoseErrors], key: str, level: float) -> float:
 
 def pose_calibration_table(groups: Mapping[str, Sequence[PoseErrors]]) -> str:
     """Shares of truths inside the ellipsoids of 50 % and 90 % by group of fruit, as Markdown."""
-    lines = ["| fruit | poses | " + " | ".join(f"{key} 50 % / 90 %" for key in FREEDOM) + " |", "|---" * 6 + "|"]
+    lines = [
+        "| fruit | poses | " + " | ".join(f"{key} 50 % / 90 %" for key in FREEDOM) + " |",
+        "|---" * 6 + "|",
+    ]
     for name, errors in groups.items():
-        cells = (f"{coverage(errors, key, 0.5):.2f} / {coverage(errors, key, 0.9):.2f}" for key in FREEDOM)
+        cells = (
+            f"{coverage(errors, key, 0.5):.2f} / {coverage(errors, key, 0.9):.2f}"
+            for key in FREEDOM
+        )
         lines.append(f"| {name} | {len(errors)} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

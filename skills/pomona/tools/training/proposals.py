@@ -18,7 +18,9 @@ from pomona.skills.perception.fruit import FruitModel
 from pomona.tools.box_detectors.box_detector import NoSphere, sphere_in_box
 
 SURE = 0.6  # least score of a detection that becomes a label, the default of Detect's `score`
-DOUBTFUL = 0.2  # detections with at least this score and without a label are neither fruit nor background
+DOUBTFUL = (
+    0.2  # detections with at least this score and without a label are neither fruit nor background
+)
 
 SIZES = 0.4, 1.6  # least and greatest size relative to the CAD model, as Refine's defaults
 VAL_EVERY = 4  # interval of the runs that are used for validation
@@ -61,7 +63,9 @@ def propose(detector: CompactDetector, look: RecordedLook, fruit: FruitModel) ->
         if found.score < DOUBTFUL and not was_picked:
             continue
         boxes.append(found.box)
-        doubtful.append(not was_picked and (found.score < SURE or not _has_shape(look, found.box, radius)))
+        doubtful.append(
+            not was_picked and (found.score < SURE or not _has_shape(look, found.box, radius))
+        )
     return Proposed(np.array(boxes, np.float64).reshape(-1, 4), np.array(doubtful, np.bool_))
 
 
@@ -82,7 +86,9 @@ def write_proposals(
     """
     searching = detector.looking(replace(detector.options, finder_threshold=DOUBTFUL))
     runs = list(dict.fromkeys(look.run for look in looks))
-    content: dict[str, dict[str, list[Any]]] = {s: {"images": [], "annotations": []} for s in ("train", "val")}
+    content: dict[str, dict[str, list[Any]]] = {
+        s: {"images": [], "annotations": []} for s in ("train", "val")
+    }
     labels = doubts = 0
     (folder / "images").mkdir(parents=True)
     for number, look in enumerate(looks):
@@ -91,9 +97,13 @@ def write_proposals(
         proposed = propose(searching, look, fruit)
         part = content["val" if runs.index(look.run) % VAL_EVERY == VAL_EVERY - 1 else "train"]
         height, width = look.colour.shape[:2]
-        part["images"].append({"id": number, "file_name": name, "width": width, "height": height, "run": look.run})
+        part["images"].append(
+            {"id": number, "file_name": name, "width": width, "height": height, "run": look.run}
+        )
         for box, doubtful in zip(proposed.boxes.tolist(), proposed.doubtful.tolist(), strict=True):
-            part["annotations"].append({"image_id": number, "category_id": 1, "bbox": box, "iscrowd": int(doubtful)})
+            part["annotations"].append(
+                {"image_id": number, "category_id": 1, "bbox": box, "iscrowd": int(doubtful)}
+            )
         doubts += int(proposed.doubtful.sum())
         labels += int((~proposed.doubtful).sum())
     for split, part in content.items():

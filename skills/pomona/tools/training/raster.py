@@ -33,7 +33,9 @@ def rasterise(
     nearest, face_index = np.zeros(shape), np.full(shape, -1, np.int32)
     shares = np.zeros((*shape, 2), np.float32)
     draw(u, v, nearness, faces, drawn, nearest, face_index, shares)
-    depth = np.where(face_index >= 0, 1.0 / np.where(nearest > 0.0, nearest, 1.0), 0.0).astype(np.float32)
+    depth = np.where(face_index >= 0, 1.0 / np.where(nearest > 0.0, nearest, 1.0), 0.0).astype(
+        np.float32
+    )
     return depth, face_index, shares
 
 
@@ -197,7 +199,10 @@ def shade(
                     gy = wa * grain[a, 1] + wb * grain[b, 1] + wc * grain[c, 1]
                     gz = wa * grain[a, 2] + wb * grain[b, 2] + wc * grain[c, 2]
                     ix, iy, iz = int(np.floor(gx)), int(np.floor(gy)), int(np.floor(gz))
-                    spot = noise[ix & noise_mask, iy & noise_mask] * noise[iy & noise_mask, iz & noise_mask]
+                    spot = (
+                        noise[ix & noise_mask, iy & noise_mask]
+                        * noise[iy & noise_mask, iz & noise_mask]
+                    )
                     factor = 1.0 + contrast * spot
                     cr, cg, cb = cr * factor, cg * factor, cb * factor
                 specular, shininess = material[object_id, 0], material[object_id, 1]
@@ -220,7 +225,9 @@ def shade(
                 lb += reach * cosine * lights[k, 5]
                 if specular > 0.0:
                     hx, hy, hz = lx - rx * view, ly - ry * view, lz - view
-                    half = (nx * hx + ny * hy + nz * hz) / (np.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9)
+                    half = (nx * hx + ny * hy + nz * hz) / (
+                        np.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
+                    )
                     if half > 0.0:
                         gloss = specular * reach * half**shininess
                         hr += gloss * lights[k, 3]

@@ -29,7 +29,9 @@ from pomona.tools.training.torch_engine import torch_detector
 from pomona.tools.training.train import Part, TrainingRun, train_part
 from pomona.tools.training.trunk import load_trunk
 
-LEAST_SHARE = 8  # least part of a batch in a process that learns: batch norms need this many pictures
+LEAST_SHARE = (
+    8  # least part of a batch in a process that learns: batch norms need this many pictures
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +174,9 @@ QUICK = Recipe(
     held_out=FrameSet(16, 9001, WITHOUT_TREES),
     stages=(
         TrainingStage("finder", 80, 1e-3, (8,), fall="late", average=0.95, warm_up=10),
-        TrainingStage("close_look", 120, 1e-3, (48,), turned=0.1, fall="late", average=0.95, warm_up=10),
+        TrainingStage(
+            "close_look", 120, 1e-3, (48,), turned=0.1, fall="late", average=0.95, warm_up=10
+        ),
     ),
     fit=(FrameSet(24, 53, WITHOUT_TREES),),
 )
@@ -235,10 +239,17 @@ def make_weights(
     for number, stage in enumerate(recipe.stages):
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
         making.teach(number, stage, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
-    about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__), **_source(photographs, start)}
+    about = {
+        "fruit": fruit,
+        "recipe": repr(recipe),
+        "torch": str(torch.__version__),
+        **_source(photographs, start),
+    }
     if trunk is not None:
         about["trunk"] = hashlib.sha256(trunk.read_bytes()).hexdigest()
-    score = _fitted_score(making.detector(), recipe.fit, work, fruit, workers, photographs, rendered)
+    score = _fitted_score(
+        making.detector(), recipe.fit, work, fruit, workers, photographs, rendered
+    )
     save_compact(out, making.networks["finder"], making.networks["close_look"], about, score)
     round_weights(out, _shown(FrameFolder([held_out]), photographs))
     return out
@@ -248,7 +259,9 @@ def _shown(frames: FrameFolder, photographs: PhotoSet | None) -> Iterator[tuple[
     """Pictures and camera matrices that show the ranges of the networks' values."""
     for index in range(min(SHOWN, len(frames))):
         yield frames.picture(index, halved=False), frames.annotation(index).K
-    for photo in () if photographs is None else photographs.train[:: max(1, len(photographs.train) // SHOWN)]:
+    for photo in (
+        () if photographs is None else photographs.train[:: max(1, len(photographs.train) // SHOWN)]
+    ):
         yield photo.picture(), photo.K
 
 
@@ -288,12 +301,17 @@ class _Making:
     ) -> None:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(0)  # a run that is started again begins with the same weights
-            self.networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
+            self.networks: dict[str, Any] = {
+                "finder": FinderNetwork(),
+                "close_look": CloseLookNetwork(),
+            }
         self._made_by: dict[str, int] = {}
         if start is not None:
             finder, close_look, _ = load_compact(start)
             self.networks["close_look"], self._made_by = close_look, {"close_look": -1}
-            if isinstance(finder, FinderNetwork):  # the finder of earlier weights cannot be learnt on
+            if isinstance(
+                finder, FinderNetwork
+            ):  # the finder of earlier weights cannot be learnt on
                 self.networks["finder"], self._made_by["finder"] = finder, -1
         if trunk is not None:
             load_trunk(self.networks["finder"], trunk)
@@ -307,7 +325,9 @@ class _Making:
         self.networks = {name: network.cpu().eval() for name, network in self.networks.items()}
         return torch_detector(self.networks["finder"], self.networks["close_look"])
 
-    def teach(self, number: int, stage: TrainingStage, say: Callable[[Progress], None] | None) -> None:
+    def teach(
+        self, number: int, stage: TrainingStage, say: Callable[[Progress], None] | None
+    ) -> None:
         # Frames that were made before take the place of all sets.
         counts = (sum(stage.batch),) if len(self._folders) == 1 else stage.batch
         learnt_from = tuple(zip(self._folders, counts, strict=False))
@@ -318,13 +338,19 @@ class _Making:
             self._work / f"stage_{number}",
             _schedule(stage),
             seed=number,
-            places=self._places(tuple(folder for folder, _ in learnt_from)) if stage.part == "close_look" else None,
-            start_from=self.networks[stage.part].state_dict() if stage.part in self._made_by else None,
+            places=self._places(tuple(folder for folder, _ in learnt_from))
+            if stage.part == "close_look"
+            else None,
+            start_from=self.networks[stage.part].state_dict()
+            if stage.part in self._made_by
+            else None,
             trained_trunk=stage.part == "finder" and self._trained_trunk,
             device=self._device,
             # A GPU waits for its batches; on a CPU the network itself needs the cores.
             workers=self._workers if self._device == "cuda" else min(1, self._workers),
-            processes=1 if self._device == "cuda" else max(1, min(self._workers, sum(stage.batch) // LEAST_SHARE)),
+            processes=1
+            if self._device == "cuda"
+            else max(1, min(self._workers, sum(stage.batch) // LEAST_SHARE)),
             turned=stage.turned,
             photographs=self._photographs,
             photos=stage.photos,
@@ -339,7 +365,9 @@ class _Making:
         """Where the finder sends the close look in rendered frames; found once."""
         file = self._work / f"places_{self._made_by['finder']}_{len(learnt_from)}.npz"
         if not file.is_file():
-            save_places(file, find_places(self._searching(), FrameFolder(list(learnt_from)), self._rendered))
+            save_places(
+                file, find_places(self._searching(), FrameFolder(list(learnt_from)), self._rendered)
+            )
         return file
 
     def _searching(self) -> CompactDetector:
@@ -370,11 +398,19 @@ def _schedule(stage: TrainingStage) -> Schedule:
         clip=stage.clip,
         average=stage.average,
     )
-    return replace(schedule, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY) if stage.photos else schedule
+    return (
+        replace(schedule, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY)
+        if stage.photos
+        else schedule
+    )
 
 
 def render_set(
-    folder: Path, frames: FrameSet, fruit: str, workers: int, rendered: Callable[[int, int], None] | None = None
+    folder: Path,
+    frames: FrameSet,
+    fruit: str,
+    workers: int,
+    rendered: Callable[[int, int], None] | None = None,
 ) -> None:
     """Render a set of frames into a folder; those that are there already are kept."""
     options = SceneOptions(
@@ -383,4 +419,6 @@ def render_set(
         lookalikes=frames.lookalikes,
         distractors=frames.distractors,
     )
-    render_dataset(folder, frames.frames, frames.seed, fruit, options, workers=workers, progress=rendered)
+    render_dataset(
+        folder, frames.frames, frames.seed, fruit, options, workers=workers, progress=rendered
+    )

@@ -28,7 +28,20 @@ from pomona.tools.training.photo_figures import (
 )
 from pomona.tools.training.samples import FrameFolder
 
-_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+_EDGES = (
+    (0, 1),
+    (1, 2),
+    (2, 3),
+    (3, 0),
+    (4, 5),
+    (5, 6),
+    (6, 7),
+    (7, 4),
+    (0, 4),
+    (1, 5),
+    (2, 6),
+    (3, 7),
+)
 _PICTURES = 6
 FRAMES = 200  # held-out frames that a report measures
 LEAST_SCORE = 0.05  # detections with less are left out of the plot of scores
@@ -63,13 +76,18 @@ def write_report(
         name = f"frame_{k}.jpg"
         look = draw(detector, folder.picture(k, halved=False), folder.annotation(k).K, model)
         write_picture(out / name, look)
-        lines.append(f"![Held-out frame {k}: cuboids on the left, the finder's heat on the right]({name})")
+        lines.append(
+            f"![Held-out frame {k}: cuboids on the left, the finder's heat on the right]({name})"
+        )
     found = None
     if photographs is not None and photographs.val:
         found = find_boxes(detector, photographs.val)
         lines += ["", *_on_photographs(found, photographs, out)]
     draw_curves(result, found, out / "curves.png")
-    lines += ["", "![Precision over recall, and the share that is right over the score](curves.png)"]
+    lines += [
+        "",
+        "![Precision over recall, and the share that is right over the score](curves.png)",
+    ]
     (out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return result
 
@@ -88,7 +106,10 @@ def draw_curves(rendered: Evaluation, found: Sequence[Finds] | None, path: Path)
         error, points = calibration(scores[scores >= LEAST_SCORE], right[scores >= LEAST_SCORE])
         said, shares = [point[0] for point in points], [point[1] for point in points]
         axes[1].plot(said, shares, "o-", color=colour, label=f"{name}: error {error:.3f}")
-    for part, across, up in ((axes[0], "recall", "precision"), (axes[1], "score", "share that is right")):
+    for part, across, up in (
+        (axes[0], "recall", "precision"),
+        (axes[1], "score", "share that is right"),
+    ):
         part.set(xlabel=across, ylabel=up, xlim=(0, 1), ylim=(0, 1.02))
         part.grid(color="0.9")
         part.legend(loc="lower left" if part is axes[0] else "upper left")
@@ -112,7 +133,10 @@ def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) ->
         for place, k in enumerate(chosen):
             drawn = photographs.val[k].picture()
             finds = found[k]
-            for some, colour in ((finds.labelled, (0, 160, 255)), (finds.boxes[finds.scores >= score], (255, 255, 0))):
+            for some, colour in (
+                (finds.labelled, (0, 160, 255)),
+                (finds.boxes[finds.scores >= score], (255, 255, 0)),
+            ):
                 for x, y, w, h in np.round(some).astype(int).tolist():
                     cv2.rectangle(drawn, (x, y), (x + w, y + h), colour, 2)
             write_picture(out / f"photograph_{name}_{place}.jpg", drawn)
@@ -124,7 +148,11 @@ def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) ->
 
 
 def draw(
-    detector: CompactDetector, colour: UInt8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5
+    detector: CompactDetector,
+    colour: UInt8,
+    K: NDArray[np.float64],
+    fruit: FruitModel,
+    score: float = 0.5,
 ) -> UInt8:
     """A frame (h, w, 3) with its cuboids beside the same frame under the finder's heat, (h, 2 w, 3) uint8 RGB."""
     instances = find_instances(detector, colour, K, fruit)
@@ -135,10 +163,18 @@ def draw(
         points = np.round(instance.keypoints).astype(int)
         for a, b in _EDGES:
             top = {a, b} <= {0, 1, 4, 5}
-            cv2.line(cuboids, points[a].tolist(), points[b].tolist(), (255, 255, 0) if top else (0, 255, 255), 1)
+            cv2.line(
+                cuboids,
+                points[a].tolist(),
+                points[b].tolist(),
+                (255, 255, 0) if top else (0, 255, 255),
+                1,
+            )
         cv2.circle(cuboids, points[8].tolist(), 3, (255, 0, 255), -1)
     height, width = colour.shape[:2]
-    heat = cv2.resize(heat_map(detector, colour), (width, height))[..., None] * np.array([200.0, 0.0, 0.0])
+    heat = cv2.resize(heat_map(detector, colour), (width, height))[..., None] * np.array(
+        [200.0, 0.0, 0.0]
+    )
     return np.hstack([cuboids, np.clip(0.45 * colour + heat, 0, 255).astype(np.uint8)])
 
 

@@ -71,8 +71,16 @@ class FrameFolder:
 class _FrameBatches(Dataset[tuple[Tensor, ...]]):
     """A number of batches of frames, each drawn from the seed and its number alone."""
 
-    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
-        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+    def __init__(
+        self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True
+    ) -> None:
+        self.frames, self.batch, self.seed, self.steps, self.augment = (
+            frames,
+            batch,
+            seed,
+            steps,
+            augment,
+        )
 
     def __len__(self) -> int:
         return self.steps
@@ -86,7 +94,10 @@ def move_boxes(boxes: Float64, size: float, shift: Float64) -> Float64:
 def cut_boxes(boxes: Float64, width: int, height: int) -> Float64:
     """Return the parts of boxes x, y, w, h (n, 4) that lie in a picture."""
     limits = np.array([width, height], np.float64)
-    low, high = np.clip(boxes[:, :2], 0.0, limits), np.clip(boxes[:, :2] + boxes[:, 2:], 0.0, limits)
+    low, high = (
+        np.clip(boxes[:, :2], 0.0, limits),
+        np.clip(boxes[:, :2] + boxes[:, 2:], 0.0, limits),
+    )
     return np.hstack([low, high - low])
 
 
@@ -107,7 +118,9 @@ class DopeBatches(_FrameBatches):
         height, width = picture.shape[:2]
         angle = rng.uniform(-0.5, 0.5) * np.pi if self.augment else 0.0
         size = side / height * (rng.uniform(0.8, 1.4) if self.augment else 1.0)
-        place = np.array([rng.uniform(0.3, 0.7) * width if self.augment else 0.5 * width, 0.5 * height])
+        place = np.array(
+            [rng.uniform(0.3, 0.7) * width if self.augment else 0.5 * width, 0.5 * height]
+        )
         turn = size * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         matrix = np.column_stack([turn, 0.5 * (side - 1) - turn @ place])
         picture = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR)
@@ -116,7 +129,9 @@ class DopeBatches(_FrameBatches):
         keypoints = np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2)
         cells = (keypoints @ turn.T + matrix[:, 2] + 0.5) / STRIDE - 0.5
         visibility = np.array([item.visibility for item in annotation.objects])
-        normal = ((picture / 255.0 - np.array(IMAGENET_MEAN)) / np.array(IMAGENET_STD)).astype(np.float32)
+        normal = ((picture / 255.0 - np.array(IMAGENET_MEAN)) / np.array(IMAGENET_STD)).astype(
+            np.float32
+        )
         belief, affinity = dope_targets(cells, visibility, side // STRIDE, side // STRIDE)
         return np.ascontiguousarray(normal.transpose(2, 0, 1)), belief, affinity
 
@@ -139,7 +154,13 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         places: Mapping[str, Float64] | None = None,
         turned: float = 0.0,
     ) -> None:
-        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+        self.frames, self.batch, self.seed, self.steps, self.augment = (
+            frames,
+            batch,
+            seed,
+            steps,
+            augment,
+        )
         self.places, self.turned = places or {}, turned
 
     def __len__(self) -> int:
@@ -155,10 +176,15 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*chosen, strict=True))
 
     def _samples(self, index: int, rng: np.random.Generator) -> list[Sample]:
-        annotation, picture = self.frames.annotation(index), self.frames.picture(index, halved=False)
+        annotation, picture = (
+            self.frames.annotation(index),
+            self.frames.picture(index, halved=False),
+        )
         if min(annotation.camera[:2]) <= 0.0:
             path = self.frames.pictures[index].with_suffix(".json")
-            raise BadAnnotation(path, "names no camera: the close look needs fx, fy, cx and cy [px]")
+            raise BadAnnotation(
+                path, "names no camera: the close look needs fx, fy, cx and cy [px]"
+            )
         K = annotation.K
         seen = [item for item in annotation.objects if item.visibility >= 0.12]
         samples = []
@@ -170,27 +196,42 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
                 # A further look is aimed by the one before it, three times as well as the first by the finder.
                 doubt = 1.0 if rng.random() < 0.7 else 0.35
                 centre = item.keypoints[8] + rng.normal(0.0, 0.06 * doubt, 2) * size
-                look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), self._roll(rng))
+                look = look_at(
+                    K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), self._roll(rng)
+                )
                 target = look.label(item.T_camera_object, item.scale).astype(np.float32)
-                samples.append(look_sample(picture, look, target, 1.0, item.visibility, rng, self.augment))
+                samples.append(
+                    look_sample(picture, look, target, 1.0, item.visibility, rng, self.augment)
+                )
         for place, size in self._elsewhere(annotation, seen, self.frames.name(index), rng):
             inside = (place > -0.3 * size).all() and (
                 place < np.array([annotation.width, annotation.height]) + 0.3 * size
             ).all()
-            if inside and all(not _on_fruit(place, size, item.keypoints) for item in annotation.objects):
+            if inside and all(
+                not _on_fruit(place, size, item.keypoints) for item in annotation.objects
+            ):
                 look = look_at(K, place, size, self._roll(rng))
-                samples.append(look_sample(picture, look, np.zeros(6, np.float32), 0.0, 0.0, rng, self.augment))
+                samples.append(
+                    look_sample(picture, look, np.zeros(6, np.float32), 0.0, 0.0, rng, self.augment)
+                )
         return samples
 
     def _roll(self, rng: np.random.Generator) -> float:
         return roll_of_look(self.turned, rng) if self.augment else 0.0
 
     def _elsewhere(
-        self, annotation: Annotation, seen: list[AnnotatedObject], name: str, rng: np.random.Generator
+        self,
+        annotation: Annotation,
+        seen: list[AnnotatedObject],
+        name: str,
+        rng: np.random.Generator,
     ) -> list[tuple[Float64, float]]:
         """Return aims of looks beside fruit: false places of the finder, decoys, near fruit, anywhere."""
         wrong = [(row[:2], float(row[2])) for row in self.places.get(name, np.empty((0, 4)))]
-        decoys = [annotation.decoys[k] for k in rng.permutation(len(annotation.decoys))[: 2 if wrong else 4]]
+        decoys = [
+            annotation.decoys[k]
+            for k in rng.permutation(len(annotation.decoys))[: 2 if wrong else 4]
+        ]
         wrong += [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in decoys]
         if rng.random() < 0.4:
             place = rng.uniform((0.0, 0.0), (annotation.width, annotation.height))
@@ -224,10 +265,13 @@ def look_sample(
     augment: bool,
 ) -> Sample:
     """One look: view, target (6,), kind, visibility."""
-    colour = [int(c) for c in rng.integers(0, 256, 3)] if augment and rng.random() < 0.3 else [0, 0, 0]
+    colour = (
+        [int(c) for c in rng.integers(0, 256, 3)] if augment and rng.random() < 0.3 else [0, 0, 0]
+    )
     flags, side = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
     view = np.asarray(
-        cv2.warpPerspective(picture, look.picture_from_look, side, flags=flags, borderValue=colour), np.uint8
+        cv2.warpPerspective(picture, look.picture_from_look, side, flags=flags, borderValue=colour),
+        np.uint8,
     )
     if augment and rng.random() < 0.5:
         view = np.ascontiguousarray(view[:, ::-1])
@@ -240,7 +284,9 @@ def look_sample(
 def _on_fruit(place: Float64, size: float, keypoints: Float64) -> bool:
     """Return True for a place and size so near a fruit that it is no negative."""
     own = keypoint_size(keypoints)
-    return bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
+    return (
+        bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
+    )
 
 
 def _indices(batches: _FrameBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:

@@ -33,12 +33,16 @@ class RenderedFrame:
 def render_scene(fruit: FruitModel, options: SceneOptions, seed: int) -> RenderedFrame:
     """Compose and render the scene of a seed; the same seed and options give the same frame."""
     rng = np.random.default_rng((23, seed))
-    kind = list(SceneKind)[rng.choice(len(SceneKind), p=np.asarray(options.kinds) / sum(options.kinds))]
+    kind = list(SceneKind)[
+        rng.choice(len(SceneKind), p=np.asarray(options.kinds) / sum(options.kinds))
+    ]
     scene = compose(fruit, options, kind, rng)
     return _render(fruit, options, scene, rng)
 
 
-def _render(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> RenderedFrame:
+def _render(
+    fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator
+) -> RenderedFrame:
     h, w = options.height, options.width
     T_wc = scene.T_world_camera
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
@@ -68,8 +72,13 @@ def _render(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng
     lights, up, ambient = set_lights(scene, R_cw, rng)
     shadow, light_map = cast_shadow(P, F, lights[0, :3], rng)
     plane, plane_axes, plane_look = lay_table(scene, T_wc, rng)
-    spheres = np.array([[*(R_cw @ (c - eye)), r] for c, r in scene.spheres], np.float32).reshape(-1, 4)
-    looks = [np.ascontiguousarray(np.concatenate(each), np.float32) for each in (normals, albedo, grain, openness)]
+    spheres = np.array([[*(R_cw @ (c - eye)), r] for c, r in scene.spheres], np.float32).reshape(
+        -1, 4
+    )
+    looks = [
+        np.ascontiguousarray(np.concatenate(each), np.float32)
+        for each in (normals, albedo, grain, openness)
+    ]
     material = np.array([item.material for item in scene.items], np.float32)
     surfaces = Surfaces(looks[0], looks[1], looks[2], looks[3], F, owner_of_face, material)
     darkening = spheres if rng.random() < 0.8 else spheres[:0]
@@ -77,7 +86,9 @@ def _render(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng
     shade(
         surfaces,
         Visible(camera, depth, face_index, weights),
-        TablePlane(plane, plane_axes, plane_look, darkening, textures.table_top(int(rng.integers(0, 96)))),
+        TablePlane(
+            plane, plane_axes, plane_look, darkening, textures.table_top(int(rng.integers(0, 96)))
+        ),
         Lighting(lights, up, ambient, light_map, shadow, strength),
         textures.grain(),
         picture,

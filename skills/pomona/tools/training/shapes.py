@@ -24,7 +24,9 @@ class ShadedMesh:
     two_sided: bool = False
 
 
-def make_shape(vertices: NDArray[np.float64], faces: NDArray[np.int32], two_sided: bool = False) -> ShadedMesh:
+def make_shape(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], two_sided: bool = False
+) -> ShadedMesh:
     """Return a shape with smooth normals and open everywhere."""
     corners = vertices[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -48,7 +50,9 @@ def with_hollows(shape: ShadedMesh) -> ShadedMesh:
     depth = (half_height - np.abs(y)) / half_height
     inside = np.clip(1.0 - np.hypot(x, z) / (0.45 * half_width), 0.0, 1.0)
     openness = 1.0 - np.clip(3.2 * depth * inside, 0.0, 0.85)
-    return ShadedMesh(shape.vertices, shape.normals, shape.faces, openness.astype(np.float32), shape.two_sided)
+    return ShadedMesh(
+        shape.vertices, shape.normals, shape.faces, openness.astype(np.float32), shape.two_sided
+    )
 
 
 @lru_cache(maxsize=96)
@@ -87,7 +91,9 @@ def fruit_relative(fruit: FruitModel, index: int) -> ShadedMesh:
                 wave = rng.normal(0.0, 1.2, 3)
                 swelling = rng.normal(0.0, 0.03) * np.sin(vertices @ wave + rng.uniform(0.0, 6.28))
                 vertices = vertices * (1.0 + swelling)[:, None]
-            vertices = vertices + np.outer(vertices[:, 1] ** 2, rng.normal(0.0, 0.04, 3) * (1.0, 0.0, 1.0))
+            vertices = vertices + np.outer(
+                vertices[:, 1] ** 2, rng.normal(0.0, 0.04, 3) * (1.0, 0.0, 1.0)
+            )
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         fitted = (vertices - 0.5 * (low + high)) * (fruit.dimensions / (high - low))
         _RELATIVES[key] = make_shape(fitted, fruit.faces)
@@ -120,7 +126,9 @@ def revolved(outline: NDArray[np.float64], around: int = 28) -> ShadedMesh:
         ],
         axis=-1,
     )
-    vertices = np.vstack([[[0.0, outline[0, 1], 0.0]], ring.reshape(-1, 3), [[0.0, outline[-1, 1], 0.0]]])
+    vertices = np.vstack(
+        [[[0.0, outline[0, 1], 0.0]], ring.reshape(-1, 3), [[0.0, outline[-1, 1], 0.0]]]
+    )
     return make_shape(vertices, _faces(around, len(inner)))
 
 
@@ -157,7 +165,9 @@ def box() -> ShadedMesh:
             normal[axis], right[(axis + 1) % 3] = sign, 1.0
             up = np.cross(normal, right)
             start = len(vertices)
-            vertices += [normal + a * right + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+            vertices += [
+                normal + a * right + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            ]
             normals += [normal] * 4
             faces += [[start, start + 1, start + 2], [start, start + 2, start + 3]]
     return ShadedMesh(
@@ -177,7 +187,11 @@ def leaf(index: int) -> ShadedMesh:
     fold, curl = rng.uniform(0.0, 0.5), rng.uniform(-0.5, 0.9)
     rows = []
     for side in (-1.0, 0.0, 1.0):
-        rows.append(np.stack([side * half_width, -fold * half_width * abs(side) + curl * t**2 * 0.4, t], axis=1))
+        rows.append(
+            np.stack(
+                [side * half_width, -fold * half_width * abs(side) + curl * t**2 * 0.4, t], axis=1
+            )
+        )
     vertices = np.stack(rows, axis=1).reshape(-1, 3)
     faces = []
     for i in range(8):
@@ -199,7 +213,9 @@ def capsule(length: float, radius: float) -> ShadedMesh:
 def turned_body(rng: np.random.Generator) -> ShadedMesh:
     """Return a random smooth vessel, bulb or pear of about unit radius."""
     polar = np.linspace(0.0, np.pi, 22)
-    wave = sum(rng.normal(0.0, 0.22 / k) * np.cos(k * polar + rng.uniform(0.0, 6.28)) for k in (1, 2, 3))
+    wave = sum(
+        rng.normal(0.0, 0.22 / k) * np.cos(k * polar + rng.uniform(0.0, 6.28)) for k in (1, 2, 3)
+    )
     radius = np.sin(polar) * np.exp(wave)
     return revolved(np.stack([radius, -np.cos(polar) * rng.uniform(0.7, 2.2)], axis=1))
 

@@ -18,7 +18,9 @@ from pomona.tools.training.raster import shadow_map
 SHADOW_CELLS = 320
 
 
-def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> Float32:
+def draw_backdrop(
+    fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator
+) -> Float32:
     """Return the picture behind everything, (h, w, 3) float32."""
     index = int(rng.integers(0, 160))
     tree = scene.kind is SceneKind.TREE
@@ -40,7 +42,9 @@ def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScen
     return np.asarray(picture * cast, np.float32)
 
 
-def set_lights(scene: SyntheticScene, R_cw: Float64, rng: np.random.Generator) -> tuple[Float32, Float32, Float32]:
+def set_lights(
+    scene: SyntheticScene, R_cw: Float64, rng: np.random.Generator
+) -> tuple[Float32, Float32, Float32]:
     """One to three lamps (n, 6), direction and colour, which way is up (3,), ambient light (3,); camera frame."""
     count = int(rng.integers(1, 4))
     lights = np.zeros((count, 6), np.float32)
@@ -59,7 +63,9 @@ def set_lights(scene: SyntheticScene, R_cw: Float64, rng: np.random.Generator) -
     return lights, R_cw[:, 2].astype(np.float32), ambient.astype(np.float32)
 
 
-def cast_shadow(P: Float32, F: NDArray[np.int32], light: Float32, rng: np.random.Generator) -> tuple[Float32, Float32]:
+def cast_shadow(
+    P: Float32, F: NDArray[np.int32], light: Float32, rng: np.random.Generator
+) -> tuple[Float32, Float32]:
     """Shadow map of the key light and the map (3, 4) from camera coordinates to its cells and distance."""
     d = light.astype(np.float64)
     a = np.cross(d, [1.0, 0.0, 0.0] if abs(d[0]) < 0.8 else [0.0, 1.0, 0.0])
@@ -71,13 +77,17 @@ def cast_shadow(P: Float32, F: NDArray[np.int32], light: Float32, rng: np.random
     scaling = np.array([cells, cells, 1.0])
     matrix = np.zeros((3, 4))
     matrix[:, :3] = axes * scaling[:, None]
-    matrix[:, 3] = -(axes @ middle) * scaling + np.array([0.5 * SHADOW_CELLS, 0.5 * SHADOW_CELLS, 0.0])
+    matrix[:, 3] = -(axes @ middle) * scaling + np.array(
+        [0.5 * SHADOW_CELLS, 0.5 * SHADOW_CELLS, 0.0]
+    )
     light_map = matrix.astype(np.float32)
     shadow = shadow_map(P @ light_map[:, :3].T + light_map[:, 3], F, SHADOW_CELLS, 1e6)
     return shadow, light_map
 
 
-def lay_table(scene: SyntheticScene, T_wc: Float64, rng: np.random.Generator) -> tuple[Float32, Float32, Float32]:
+def lay_table(
+    scene: SyntheticScene, T_wc: Float64, rng: np.random.Generator
+) -> tuple[Float32, Float32, Float32]:
     """Return the table's plane (4,), its texture's axes (2, 4) and its paint (4,), in the camera's frame [m]."""
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
     normal = R_cw[:, 2]
@@ -86,5 +96,10 @@ def lay_table(scene: SyntheticScene, T_wc: Float64, rng: np.random.Generator) ->
     s, t = np.array([np.cos(turn), np.sin(turn), 0.0]), np.array([-np.sin(turn), np.cos(turn), 0.0])
     axes = np.array([[*(R_cw @ s), -(s @ eye)], [*(R_cw @ t), -(t @ eye)]], np.float32)
     reach = rng.uniform(0.25, 0.6) if rng.random() < 0.3 else 9.0
-    look = [rng.uniform(200.0, 1500.0), rng.uniform(0.0, 0.25) * (rng.random() < 0.4), rng.uniform(5.0, 60.0), reach]
+    look = [
+        rng.uniform(200.0, 1500.0),
+        rng.uniform(0.0, 0.25) * (rng.random() < 0.4),
+        rng.uniform(5.0, 60.0),
+        reach,
+    ]
     return np.array([*normal, offset], np.float32), axes, np.array(look, np.float32)

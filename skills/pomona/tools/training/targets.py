@@ -38,7 +38,9 @@ def finder_targets(boxes: Float64, taught: NDArray[np.bool_], height: int, width
         spot = (down[:, None] * across[None, :]).astype(np.float32)
         np.maximum(maps[HEAT], spot, out=maps[HEAT])
         maps[PEAK, row, column] = 1.0
-        sides = np.broadcast_arrays(u[None, :] - x, v[:, None] - y, x + w - u[None, :], y + h - v[:, None])
+        sides = np.broadcast_arrays(
+            u[None, :] - x, v[:, None] - y, x + w - u[None, :], y + h - v[:, None]
+        )
         here = (spot > NEAR) & (np.min(sides, axis=0) > 0.0)
         maps[BOX_WEIGHT][here] = spot[here]
         maps[REACHES, here] = np.stack([side[here] for side in sides])
@@ -61,19 +63,25 @@ def dope_targets(
         visibility: (n,), 0..1; below 0.1 fruit is left out, as DOPE's tools do.
         sigma, radius: of the belief's Gaussians, and of the discs on which affinities are drawn [cells].
     """
-    belief, affinity = np.zeros((9, height, width), np.float32), np.zeros((16, height, width), np.float32)
+    belief, affinity = (
+        np.zeros((9, height, width), np.float32),
+        np.zeros((16, height, width), np.float32),
+    )
     for points, seen in zip(keypoints, visibility, strict=True):
         if seen < 0.1:
             continue
         for k, (u, v) in enumerate(points):
             rows, columns = _window((u, v), max(4.0 * sigma, radius) + 1.0, height, width)
             distance = np.hypot(
-                np.arange(rows.start, rows.stop)[:, None] - v, np.arange(columns.start, columns.stop)[None, :] - u
+                np.arange(rows.start, rows.stop)[:, None] - v,
+                np.arange(columns.start, columns.stop)[None, :] - u,
             )
             spot = np.exp(-(distance**2) / (2.0 * sigma**2))
             np.maximum(belief[k, rows, columns], spot, out=belief[k, rows, columns])
             if k < 8:
-                towards = (points[8] - points[k]) / max(float(np.linalg.norm(points[8] - points[k])), 1e-6)
+                towards = (points[8] - points[k]) / max(
+                    float(np.linalg.norm(points[8] - points[k])), 1e-6
+                )
                 affinity[2 * k, rows, columns][distance <= radius] = towards[0]
                 affinity[2 * k + 1, rows, columns][distance <= radius] = towards[1]
     return belief, affinity
@@ -83,6 +91,12 @@ def _window(
     centre: tuple[float, float] | NDArray[np.float64], reach: float, height: int, width: int
 ) -> tuple[slice, slice]:
     u, v = float(centre[0]), float(centre[1])
-    columns = slice(min(width, max(0, int(np.ceil(u - reach)))), max(0, min(width, int(np.floor(u + reach)) + 1)))
-    rows = slice(min(height, max(0, int(np.ceil(v - reach)))), max(0, min(height, int(np.floor(v + reach)) + 1)))
+    columns = slice(
+        min(width, max(0, int(np.ceil(u - reach)))),
+        max(0, min(width, int(np.floor(u + reach)) + 1)),
+    )
+    rows = slice(
+        min(height, max(0, int(np.ceil(v - reach)))),
+        max(0, min(height, int(np.floor(v + reach)) + 1)),
+    )
     return rows, columns

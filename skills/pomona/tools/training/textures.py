@@ -40,7 +40,11 @@ def background(index: int, height: int, width: int) -> Float32:
     kind = index % 4
     if kind == 3:
         return foliage(rng, height, width)
-    base = rng.uniform(0.03, 0.9, 3) if kind == 0 else rng.uniform(0.02, 0.7, 3) * rng.uniform(0.3, 1.0)
+    base = (
+        rng.uniform(0.03, 0.9, 3)
+        if kind == 0
+        else rng.uniform(0.02, 0.7, 3) * rng.uniform(0.3, 1.0)
+    )
     picture = np.empty((height, width, 3), np.float32)
     shared = clouds(rng, height, width, (3, 7)) * rng.uniform(0.0, 0.35)
     for c in range(3):
@@ -54,7 +58,12 @@ def background(index: int, height: int, width: int) -> Float32:
             if rng.random() < 0.5:
                 cv2.rectangle(picture, corner.tolist(), (corner + size).tolist(), colour, -1)
             else:
-                cv2.ellipse(picture, (corner.tolist(), (size // 2).tolist(), rng.uniform(0, 180)), colour, -1)
+                cv2.ellipse(
+                    picture,
+                    (corner.tolist(), (size // 2).tolist(), rng.uniform(0, 180)),
+                    colour,
+                    -1,
+                )
     return np.clip(picture, 0.0, 1.5)
 
 
@@ -63,7 +72,9 @@ def foliage(rng: np.random.Generator, height: int, width: int) -> Float32:
     picture = np.empty((height, width, 3), np.float32)
     sky = rng.random() < 0.4
     picture[:] = (
-        rng.uniform(0.4, 1.2) * np.array([0.8, 0.9, 1.0]) if sky else rng.uniform(0.01, 0.08) * np.array([0.8, 1, 0.6])
+        rng.uniform(0.4, 1.2) * np.array([0.8, 0.9, 1.0])
+        if sky
+        else rng.uniform(0.01, 0.08) * np.array([0.8, 1, 0.6])
     )
     hue = rng.uniform(0.0, 1.0)
     for layer in range(3):
@@ -72,7 +83,13 @@ def foliage(rng: np.random.Generator, height: int, width: int) -> Float32:
             centre = rng.uniform(-20, (width + 20, height + 20))
             length = rng.uniform(0.02, 0.13) * width
             angle = rng.uniform(0.0, 2 * np.pi)
-            green = np.array([0.10 + 0.20 * hue * rng.random(), 0.16 + 0.2 * rng.random(), 0.03 + 0.06 * rng.random()])
+            green = np.array(
+                [
+                    0.10 + 0.20 * hue * rng.random(),
+                    0.16 + 0.2 * rng.random(),
+                    0.03 + 0.06 * rng.random(),
+                ]
+            )
             if rng.random() < 0.08:
                 green = np.array([0.35, 0.25, 0.08]) * rng.uniform(0.4, 1.2)
             t = np.linspace(0.0, 1.0, 7)
@@ -92,7 +109,14 @@ def foliage(rng: np.random.Generator, height: int, width: int) -> Float32:
         for _ in range(int(rng.integers(0, 5))):
             ends = np.round(rng.uniform(0, (width, height), (2, 2))).astype(int)
             brown = (np.array([0.16, 0.11, 0.08]) * brightness * rng.uniform(0.5, 1.6)).tolist()
-            cv2.line(picture, ends[0].tolist(), ends[1].tolist(), brown, int(rng.integers(2, 12)), cv2.LINE_AA)
+            cv2.line(
+                picture,
+                ends[0].tolist(),
+                ends[1].tolist(),
+                brown,
+                int(rng.integers(2, 12)),
+                cv2.LINE_AA,
+            )
     light = np.exp(0.5 * clouds(rng, height, width, (5, 11)))[..., None]
     picture *= light
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.3, 2.5)), np.float32)
@@ -108,12 +132,18 @@ def table_top(index: int) -> Float32:
         base = rng.uniform(0.03, 0.7, 3)
     texture = np.broadcast_to(base, (size, size, 3)).astype(np.float32).copy()
     if kind == 1:  # wood: noise drawn out along one direction
-        lines = cv2.resize(rng.normal(size=(64, 4)).astype(np.float32), (size, size), interpolation=cv2.INTER_CUBIC)
+        lines = cv2.resize(
+            rng.normal(size=(64, 4)).astype(np.float32), (size, size), interpolation=cv2.INTER_CUBIC
+        )
         warm = np.array([0.55, 0.33, 0.16]) * rng.uniform(0.4, 1.4)
-        texture = (warm * np.exp(0.22 * lines + 0.05 * clouds(rng, size, size, (9, 120)))[..., None]).astype(np.float32)
+        texture = (
+            warm * np.exp(0.22 * lines + 0.05 * clouds(rng, size, size, (9, 120)))[..., None]
+        ).astype(np.float32)
     elif kind == 2:  # cloth
         ramp = np.arange(size) * 2 * np.pi / rng.choice([4, 8, 16])
-        texture *= (1.0 + 0.12 * np.sin(ramp)[None, :, None]) * (1.0 + 0.12 * np.sin(ramp)[:, None, None])
+        texture *= (1.0 + 0.12 * np.sin(ramp)[None, :, None]) * (
+            1.0 + 0.12 * np.sin(ramp)[:, None, None]
+        )
         texture *= np.exp(0.1 * clouds(rng, size, size, (5, 90)))[..., None]
     elif kind == 3:  # checkers
         cell = int(rng.choice([16, 32, 64]))

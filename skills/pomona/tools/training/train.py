@@ -18,7 +18,13 @@ from torch.utils.data import Dataset
 from pomona.skills.perception.detection.close_look import AXIS, CENTRE, KIND, SIZE
 from pomona.skills.perception.detection.errors import BadTraining
 from pomona.tools.photographs.photographs import PhotoSet
-from pomona.tools.pytorch.networks import FROZEN, CloseLookNetwork, DopeNetwork, FinderNetwork, to_input
+from pomona.tools.pytorch.networks import (
+    FROZEN,
+    CloseLookNetwork,
+    DopeNetwork,
+    FinderNetwork,
+    to_input,
+)
 from pomona.tools.training.all_reduce import CONTEXT, GradientAllReduce
 from pomona.tools.training.finder_figures import finder_figures
 from pomona.tools.training.finder_samples import (
@@ -37,7 +43,14 @@ from pomona.tools.training.samples import CloseLookBatches, DopeBatches, FrameFo
 Part = Literal["finder", "close_look", "dope"]
 
 PAPER_SCHEDULE = Schedule(
-    steps=124_000, rate=1e-4, fall="constant", warm_up=0, method="adam", decay=0.0, clip=1e9, average=0.0
+    steps=124_000,
+    rate=1e-4,
+    fall="constant",
+    warm_up=0,
+    method="adam",
+    decay=0.0,
+    clip=1e9,
+    average=0.0,
 )
 """The paper's: 120 epochs of 120 000 frames in batches of 116 at a constant rate of 1e-4 (Adam)."""
 
@@ -47,7 +60,9 @@ class TrainingRun:
     """One training run: network, data and place of its files."""
 
     part: Part  # the network
-    data: tuple[tuple[Path, int], ...]  # folders of annotated frames, and how many samples of a batch come from each
+    data: tuple[
+        tuple[Path, int], ...
+    ]  # folders of annotated frames, and how many samples of a batch come from each
     held_out: Path | None  # folder of validation frames, None for none
     out: Path  # folder of checkpoints
     schedule: Schedule  # length and rates
@@ -62,7 +77,9 @@ class TrainingRun:
     workers: int = 1  # processes that prepare batches, for each that learns
     processes: int = 1  # that learn, each with its part of every batch
     turned: float = 0.0  # ratio of the close looks that are turned by any angle about their axis
-    photographs: PhotoSet | None = None  # with boxes, for the finder to learn from beside the frames, and to measure on
+    photographs: PhotoSet | None = (
+        None  # with boxes, for the finder to learn from beside the frames, and to measure on
+    )
     photos: int = 0  # photos, empty: windows of a batch that come from photographs, and from pictures without fruit
     empty: int = 0
 
@@ -75,7 +92,10 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
     if run.processes == 1:
         return _train(run, report)
     all_reduce = GradientAllReduce(run.processes, _PARTS[run.part][0]())
-    others = [CONTEXT.Process(target=_follow, args=(run, all_reduce, rank)) for rank in range(1, run.processes)]
+    others = [
+        CONTEXT.Process(target=_follow, args=(run, all_reduce, rank))
+        for rank in range(1, run.processes)
+    ]
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -148,7 +168,9 @@ def _train(
 def _finder_batches(run: TrainingRun, rank: int) -> FinderBatches:
     photographs = run.photographs or PhotoSet((), ())
     sources: list[tuple[Windows, int]] = [
-        (FrameWindows(FrameFolder([folder]), photographs.empty), count) for folder, count in run.data if count
+        (FrameWindows(FrameFolder([folder]), photographs.empty), count)
+        for folder, count in run.data
+        if count
     ]
     if run.photos:
         sources.append((PhotoWindows(photographs.train, run.jitter), run.photos))
@@ -171,7 +193,9 @@ def _all_figures(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
     """Return figures on rendered frames and on photographs, of those that the run has."""
     if run.part == "finder":
         return finder_figures(
-            None if run.held_out is None else FrameFolder([run.held_out]), run.photographs, run.device
+            None if run.held_out is None else FrameFolder([run.held_out]),
+            run.photographs,
+            run.device,
         )
     return (lambda network: {}) if run.held_out is None else _validation(run)
 
@@ -215,7 +239,9 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
             return {"held-out loss": total / len(map_batches)}
 
         return map_figures
-    look_batches = CloseLookBatches(frames, min(200, 8 * len(frames)), 0, 1 + min(3, len(frames) // 25), augment=False)
+    look_batches = CloseLookBatches(
+        frames, min(200, 8 * len(frames)), 0, 1 + min(3, len(frames) // 25), augment=False
+    )
     fixed = [look_batches[k] for k in range(len(look_batches))]
 
     def look_figures(network: nn.Module) -> dict[str, float]:
@@ -231,7 +257,9 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
                 cosine = (axis * target[clear, 3:6]).sum(dim=1).clamp(-1.0, 1.0)
                 centre = (output[clear, CENTRE] - target[clear, :2]).norm(dim=1)
                 size = (output[clear, SIZE] - target[clear, 2]).abs()
-                errors.append(torch.stack([torch.rad2deg(torch.acos(cosine)), 100.0 * centre, 100.0 * size]))
+                errors.append(
+                    torch.stack([torch.rad2deg(torch.acos(cosine)), 100.0 * centre, 100.0 * size])
+                )
                 wrong += float(((output[:, KIND] > 0.0) != (kind > 0.5)).sum())
                 count += len(kind)
         axis, centre, size = torch.cat(errors, dim=1)

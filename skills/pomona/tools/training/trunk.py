@@ -24,7 +24,9 @@ def load_trunk(network: FinderNetwork, path: Path) -> None:
     for key in network.trunk.state_dict():
         name = _published(key)
         if name not in published and not name.endswith("num_batches_tracked"):
-            raise BadWeights(path, f"holds no {name}: these are not the weights of EfficientNet-Lite0")
+            raise BadWeights(
+                path, f"holds no {name}: these are not the weights of EfficientNet-Lite0"
+            )
         tensors[key] = published.get(name, torch.tensor(0))
     fill(network.trunk, tensors, path)
     network.keep_trunk()

@@ -42,7 +42,11 @@ def true_fruit(
     T_wc = scene.T_world_camera
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
     cad = cuboid_keypoints(fruit.dimensions)
-    flesh = {item.fruit: k for k, item in enumerate(scene.items) if item.fruit >= 0 and len(item.shape.faces) > 500}
+    flesh = {
+        item.fruit: k
+        for k, item in enumerate(scene.items)
+        if item.fruit >= 0 and len(item.shape.faces) > 500
+    }
     truths = []
     for order, (rotation, centre_world, dimensions, _) in enumerate(scene.truths):
         centre = R_cw @ (centre_world - eye)
@@ -58,12 +62,22 @@ def true_fruit(
         outline = own[:, :2] / own[:, 2:] * (fx, fy) + (cx, cy)
         silhouette = cv2.contourArea(cv2.convexHull(outline.astype(np.float32)))
         v, u = np.nonzero(owner == k)
-        box = (int(u.min()), int(v.min()), int(np.ptp(u)) + 1, int(np.ptp(v)) + 1) if len(u) else (0, 0, 0, 0)
-        truths.append(FruitTruth(T, dimensions, scale, keypoints, min(1.0, len(u) / max(silhouette, 1.0)), box))
+        box = (
+            (int(u.min()), int(v.min()), int(np.ptp(u)) + 1, int(np.ptp(v)) + 1)
+            if len(u)
+            else (0, 0, 0, 0)
+        )
+        truths.append(
+            FruitTruth(
+                T, dimensions, scale, keypoints, min(1.0, len(u) / max(silhouette, 1.0)), box
+            )
+        )
     return tuple(truths)
 
 
-def decoy_circle(options: SceneOptions, centre: Float64, radius: float) -> tuple[float, float, float]:
+def decoy_circle(
+    options: SceneOptions, centre: Float64, radius: float
+) -> tuple[float, float, float]:
     """Where a round thing that is no fruit shows in the picture: centre and radius [px]."""
     fx, fy, cx, cy = options.camera
     return (

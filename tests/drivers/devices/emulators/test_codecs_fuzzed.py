@@ -8,7 +8,9 @@ from benchmarks.fuzz_codecs import FUZZERS, FramesLost
 
 
 @pytest.mark.parametrize("fuzz", FUZZERS)
-def test_every_intact_frame_is_found_among_damaged_ones(fuzz: Callable[[int, int], FramesLost]) -> None:
+def test_every_intact_frame_is_found_among_damaged_ones(
+    fuzz: Callable[[int, int], FramesLost],
+) -> None:
     report = fuzz(4000, 1)
     assert report.intact > 1500
     assert report.missed == 0

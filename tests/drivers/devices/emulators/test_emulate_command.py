@@ -62,7 +62,9 @@ def test_a_finger_answers_50_bytes_on_its_terminal(tmp_path: Path) -> None:
     assert 1.0 < reading.volts.mean() < 2.0
 
 
-def test_a_recording_for_the_fitter_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_for_the_fitter_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "r.npz"
     assert main(["suntouch", "--record", str(path), "--samples", "50"]) == 0
     volts, wrenches = read_recording(path)

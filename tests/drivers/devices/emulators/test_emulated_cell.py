@@ -43,7 +43,9 @@ def test_every_device_answers_through_its_own_wire(tmp_path: Path) -> None:
     cell = load_cell(CELL, overrides=free_ports(tmp_path) | {"pace": PACE})
     try:
         assert set(cell.links().values()) == {"ok"}
-        arm, gripper, fingers, camera = (cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Camera))
+        arm, gripper, fingers, camera = (
+            cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Camera)
+        )
         assert cell.workspace is not None
         assert arm.state().q == pytest.approx(cell.workspace.poses["observe"], abs=2e-3)
         assert gripper.limits.width_min == pytest.approx(0.035)
@@ -67,16 +69,24 @@ def test_every_device_answers_through_its_own_wire(tmp_path: Path) -> None:
         cell.close()
 
 
-def test_options_that_the_emulated_world_cannot_have_are_refused_before_it_starts(tmp_path: Path) -> None:
+def test_options_that_the_emulated_world_cannot_have_are_refused_before_it_starts(
+    tmp_path: Path,
+) -> None:
     with pytest.raises(CellFileError, match="cannot be used with these options") as caught:
         load_cell(CELL, overrides=free_ports(tmp_path) | {"fruit": "apple_9"})
     assert "apple_9" in caught.value.message
     assert caught.value.line > 0
 
 
-def test_fingers_in_front_of_a_simulated_cell_without_a_force_sensor_are_refused_by_the_check(tmp_path: Path) -> None:
+def test_fingers_in_front_of_a_simulated_cell_without_a_force_sensor_are_refused_by_the_check(
+    tmp_path: Path,
+) -> None:
     cells = CELL.parent
-    simulated = (cells / "sim_ur5e_hand_e.yaml").read_text().replace("include: sim", f"include: {cells}/sim")
+    simulated = (
+        (cells / "sim_ur5e_hand_e.yaml")
+        .read_text()
+        .replace("include: sim", f"include: {cells}/sim")
+    )
     simulated = simulated.replace("../robots", str(cells.parent / "robots"))
     simulated = re.sub(r"  (fingers|hands): .*\n", "", simulated)
     (tmp_path / "sim.yaml").write_text(simulated)
@@ -94,7 +104,9 @@ def test_fingers_in_front_of_a_simulated_cell_without_a_force_sensor_are_refused
 
 @pytest.mark.realtime
 def test_the_whole_pick_goes_through_the_wires(tmp_path: Path) -> None:
-    settings = [f"--set={key}={value}" for key, value in (free_ports(tmp_path) | {"pace": PACE}).items()]
+    settings = [
+        f"--set={key}={value}" for key, value in (free_ports(tmp_path) | {"pace": PACE}).items()
+    ]
     command = [
         sys.executable,
         "-m",
@@ -107,7 +119,9 @@ def test_the_whole_pick_goes_through_the_wires(tmp_path: Path) -> None:
         "--quiet",
     ]
     record = ["--record", str(tmp_path / "runs")]
-    result = subprocess.run([*command, *record, *settings], capture_output=True, text=True, timeout=600)
+    result = subprocess.run(
+        [*command, *record, *settings], capture_output=True, text=True, timeout=600
+    )
     report = json.loads(result.stdout.splitlines()[-1])
     assert (report["outcome"], report["reason"]) == ("success", None)
     assert report["truth"]["lifted"] is True

@@ -42,14 +42,18 @@ def run(cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False) -
 def swing(cell: Cell, change: float = 0.4):
     arm = cell.device(Arm)
     q = arm.state().q
-    return arm.follow(time_polyline([q, q + change * np.array([1.0, -0.2, 0.0, -0.2, 0.3, 0.0, 0.5])], arm.limits))
+    return arm.follow(
+        time_polyline([q, q + change * np.array([1.0, -0.2, 0.0, -0.2, 0.3, 0.0, 0.5])], arm.limits)
+    )
 
 
 def test_every_device_answers_through_its_own_wire(open_cell):
     cell = open_cell()
     assert cell.clock.simulated
     assert set(cell.links().values()) == {"ok"}
-    arm, gripper, fingers, camera = (cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Camera))
+    arm, gripper, fingers, camera = (
+        cell.device(kind) for kind in (Arm, Gripper, ForceSensor, Camera)
+    )
     assert type(arm).__name__ == "MotomanArm"
     assert arm.state().q == pytest.approx(cell.workspace.poses["observe"], abs=2e-3)
     motion, width = swing(cell), gripper.state().width
@@ -80,17 +84,27 @@ def test_a_frame_taken_while_the_arm_moves_knows_where_the_arm_was(open_cell):
     assert frame.q == pytest.approx(truly, abs=0.02)
 
 
-def test_two_cells_of_one_seed_measure_the_same_to_the_last_bit_and_another_seed_does_not(open_cell):
+def test_two_cells_of_one_seed_measure_the_same_to_the_last_bit_and_another_seed_does_not(
+    open_cell,
+):
     def trace(seed):
         cell = open_cell(seed)
         received = []
-        subscription = cell.device(ForceSensor).subscribe(lambda sample: received.append(sample.wrenches.tobytes()))
+        subscription = cell.device(ForceSensor).subscribe(
+            lambda sample: received.append(sample.wrenches.tobytes())
+        )
         motion = swing(cell)
         cell.device(Gripper).set_speed(-0.02)
         told = []
         while not motion.settled:
             run(cell, TICK)
-            told.append((cell.clock.now(), cell.device(Arm).state().q.tobytes(), cell.device(Gripper).state().width))
+            told.append(
+                (
+                    cell.clock.now(),
+                    cell.device(Arm).state().q.tobytes(),
+                    cell.device(Gripper).state().width,
+                )
+            )
         subscription.close()
         frame = cell.device(Camera).latest()
         return told, received, frame.stamp, frame.depth.tobytes(), frame.colour.tobytes()
@@ -158,7 +172,9 @@ def test_a_fault_beside_a_moving_arm_names_the_right_device_and_the_arm_comes_to
     cell.clock.advance(1.0)
     assert np.abs(joints.qpos[:7] - stood).max() < 1e-3
     cell.switches[switch].clear_fault()
-    cell.clock.advance(3.0)  # mended and connected again: still nothing moves, and nothing is forgotten
+    cell.clock.advance(
+        3.0
+    )  # mended and connected again: still nothing moves, and nothing is forgotten
     assert np.abs(joints.qpos[:7] - stood).max() < 1e-3
     with pytest.raises((DeviceLost, DeviceFault)):
         cell.check()

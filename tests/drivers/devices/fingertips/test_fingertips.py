@@ -60,13 +60,17 @@ def serve(fingertips: TsfFingertips, cell: Cell, seconds: float) -> None:
 
 
 @given(st.lists(st.tuples(ROWS, ROWS), max_size=3), st.integers(1, 70))
-def test_packets_are_found_again_whatever_the_pieces_of_the_stream(rows: list[Any], size: int) -> None:
+def test_packets_are_found_again_whatever_the_pieces_of_the_stream(
+    rows: list[Any], size: int
+) -> None:
     stream = b"".join(map(packet, rows))
     buffer, found = bytearray(), []
     for start in range(0, len(stream), size):
         buffer += stream[start : start + size]
         found += take_packets(buffer)[0]
-    assert [[one[0].tolist(), one[1].tolist()] for one in found] == [list(map(list, both)) for both in rows]
+    assert [[one[0].tolist(), one[1].tolist()] for one in found] == [
+        list(map(list, both)) for both in rows
+    ]
 
 
 @given(st.binary(max_size=400))
@@ -135,9 +139,19 @@ def open_fingertips(folder: Path, text: str, width: float, cleared: bool = False
 @pytest.mark.parametrize(
     ("text", "width", "cleared", "words"),
     [
-        ("port: /dev/none\ncount: 0.2 mN", 0.05, False, r"(?s):2:7: .*zero cannot be taken.*--cleared"),
+        (
+            "port: /dev/none\ncount: 0.2 mN",
+            0.05,
+            False,
+            r"(?s):2:7: .*zero cannot be taken.*--cleared",
+        ),
         ("port: /dev/none\ncount: 0.2 mN", 0.05, True, r"(?s):2:7: .*cannot be reached"),
-        ("port: /dev/none\ncount: 0.2 mN\nzero: [25200, 25200]", 0.05, False, r"(?s):2:7: .*cannot be reached"),
+        (
+            "port: /dev/none\ncount: 0.2 mN\nzero: [25200, 25200]",
+            0.05,
+            False,
+            r"(?s):2:7: .*cannot be reached",
+        ),
         ("port: /dev/none", 0.05, True, "count"),
     ],
 )

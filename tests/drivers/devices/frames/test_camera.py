@@ -30,7 +30,9 @@ def write_frame(
     cv2.imwrite(str(folder / f"{label}_depth_mm.png"), depth)
 
 
-def connect_folder(cell: Path, folder: object, extra: str = f"intrinsics: {INTRINSICS}") -> FramesCamera:
+def connect_folder(
+    cell: Path, folder: object, extra: str = f"intrinsics: {INTRINSICS}"
+) -> FramesCamera:
     cell.write_text(f"driver: frames\nfolder: '{folder}'\n{extra}\n")
     return connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
 
@@ -43,13 +45,17 @@ def animated(folder: Path, name: str) -> None:
 def cut_off(folder: Path) -> None:
     """Half of a JPEG: OpenCV makes the rest grey, and a fruit of the grey half is missed without a word."""
     (folder / "a_color.png").unlink()
-    content = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 256, (30, 40, 3)).astype(np.uint8))[1].tobytes()
+    content = cv2.imencode(
+        ".jpg", np.random.default_rng(0).integers(0, 256, (30, 40, 3)).astype(np.uint8)
+    )[1].tobytes()
     (folder / "a_color.jpg").write_bytes(content[: -len(content) // 3])
 
 
 def exchanged(folder: Path) -> None:
     """Write a table at a slant whose two bytes are exchanged."""
-    slant = np.round(np.linspace(600, 900, 30)[:, None] + np.random.default_rng(1).normal(0, 2, (30, 40)))
+    slant = np.round(
+        np.linspace(600, 900, 30)[:, None] + np.random.default_rng(1).normal(0, 2, (30, 40))
+    )
     cv2.imwrite(str(folder / "a_depth_mm.png"), slant.astype(np.uint16).byteswap())
 
 
@@ -67,7 +73,9 @@ def folder(cell: Path) -> Path:
     return folder
 
 
-def test_frames_come_in_the_order_of_their_names_with_depth_in_metres(cell: Path, folder: Path) -> None:
+def test_frames_come_in_the_order_of_their_names_with_depth_in_metres(
+    cell: Path, folder: Path
+) -> None:
     camera = connect_folder(cell, folder)
     first = camera.latest()
     assert first is not None
@@ -103,7 +111,9 @@ def test_a_relative_folder_is_meant_from_the_cell_file(cell: Path, folder: Path)
 
 
 def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
-    (folder / "intrinsics.yaml").write_text("{fx: 500 px, fy: 501 px, cx: 19 px, cy: 14 px, width: 40, height: 30}")
+    (folder / "intrinsics.yaml").write_text(
+        "{fx: 500 px, fy: 501 px, cx: 19 px, cy: 14 px, width: 40, height: 30}"
+    )
     intrinsics = connect_folder(cell, folder).latest().intrinsics
     assert (intrinsics.fx, intrinsics.cy) == (500.0, 14.0)
 
@@ -111,32 +121,62 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (lambda folder: [path.unlink() for path in folder.iterdir()], "holds no frame.*`pomona detect` finds fruit"),
+        (
+            lambda folder: [path.unlink() for path in folder.iterdir()],
+            "holds no frame.*`pomona detect` finds fruit",
+        ),
         (lambda folder: (folder / "b_depth_mm.png").unlink(), "b_depth_mm.png is missing"),
         (
             lambda folder: (folder / "b_depth_mm.png").rename(folder / "b2_depth_mm.png"),
             "b_depth_mm.png is missing; b2_depth_mm.png has no colour and is of another moment",
         ),
-        (lambda folder: animated(folder, "a_depth_mm.png"), "a_depth_mm.png: holds 2 pictures: store each"),
-        (lambda folder: animated(folder, "a_color.png"), "a_color.png: holds 2 pictures: store each"),
-        (lambda folder: write_frame(folder, "a", depth_mm=2), "up to 2 mm, nearer than any camera measures"),
-        (exchanged, "its depth is smooth only in the other byte order: it was written with bytes exchanged"),
-        (lambda folder: (folder / "frames.json").write_text("[]}"), "is no list of frames"),
-        (lambda folder: (folder / "frames.json").write_text('[{"T_base_camera": 1}]'), "is no list of frames"),
         (
-            lambda folder: (folder / "frames.json").write_text('[{"label": "a", "T_base_camera": [[2.0]]}]'),
+            lambda folder: animated(folder, "a_depth_mm.png"),
+            "a_depth_mm.png: holds 2 pictures: store each",
+        ),
+        (
+            lambda folder: animated(folder, "a_color.png"),
+            "a_color.png: holds 2 pictures: store each",
+        ),
+        (
+            lambda folder: write_frame(folder, "a", depth_mm=2),
+            "up to 2 mm, nearer than any camera measures",
+        ),
+        (
+            exchanged,
+            "its depth is smooth only in the other byte order: it was written with bytes exchanged",
+        ),
+        (lambda folder: (folder / "frames.json").write_text("[]}"), "is no list of frames"),
+        (
+            lambda folder: (folder / "frames.json").write_text('[{"T_base_camera": 1}]'),
+            "is no list of frames",
+        ),
+        (
+            lambda folder: (folder / "frames.json").write_text(
+                '[{"label": "a", "T_base_camera": [[2.0]]}]'
+            ),
             "the pose of 'a' is no rigid 4 x 4 transform",
         ),
-        (lambda folder: write_frame(folder, "a", size=(20, 40)), "is 40 x 20 pixels, the intrinsics are for 40 x 30"),
-        (lambda folder: (folder / "a_color.png").write_bytes(b"no image"), "cannot be read as a picture"),
+        (
+            lambda folder: write_frame(folder, "a", size=(20, 40)),
+            "is 40 x 20 pixels, the intrinsics are for 40 x 30",
+        ),
+        (
+            lambda folder: (folder / "a_color.png").write_bytes(b"no image"),
+            "cannot be read as a picture",
+        ),
         (lambda folder: (folder / "a_color.png").write_bytes(b""), "cannot be read as a picture"),
         (cut_off, "a_color.jpg: cannot be read as a picture: its end is missing"),
         (
-            lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((20, 40), np.uint16)),
+            lambda folder: cv2.imwrite(
+                str(folder / "a_depth_mm.png"), np.zeros((20, 40), np.uint16)
+            ),
             "is 40 x 20 pixels, and its colour 40 x 30: depth must be registered to colour",
         ),
         (
-            lambda folder: cv2.imwrite(str(folder / "a_color.jpg"), np.zeros((30, 40, 3), np.uint8)),
+            lambda folder: cv2.imwrite(
+                str(folder / "a_color.jpg"), np.zeros((30, 40, 3), np.uint8)
+            ),
             "a_color.png: is a second colour image of a_depth_mm.png, beside a_color.jpg",
         ),
         (lambda folder: (folder / "frames.json").write_text("{}"), "is no list of frames"),
@@ -149,7 +189,9 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
             "names none of the frames of the folder. Its first label is 'A', the first frame is 'a'",
         ),
         (
-            lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((30, 40), np.uint8)),
+            lambda folder: cv2.imwrite(
+                str(folder / "a_depth_mm.png"), np.zeros((30, 40), np.uint8)
+            ),
             "1 x uint8, depth in mm is one channel of uint16",
         ),
     ],
@@ -175,7 +217,9 @@ def test_missing_or_impossible_intrinsics_are_refused(cell: Path, folder: Path) 
         connect_folder(cell, folder, f"intrinsics: {INTRINSICS.replace('cx: 20 ', 'cx: 2000 ')}")
 
 
-def test_a_later_unreadable_frame_is_reported_and_the_next_one_is_shown(cell: Path, folder: Path) -> None:
+def test_a_later_unreadable_frame_is_reported_and_the_next_one_is_shown(
+    cell: Path, folder: Path
+) -> None:
     write_frame(folder, "c")
     camera = connect_folder(cell, folder)
     write_frame(folder, "b", size=(10, 10))
@@ -220,7 +264,9 @@ def test_a_camera_that_the_folder_does_not_name_is_reported(
 
 
 @pytest.mark.parametrize("focal", ["0 px", ".nan px", "nan px", "-600 px", "600"])
-def test_a_focal_length_that_is_none_is_refused_with_its_place(cell: Path, folder: Path, focal: str) -> None:
+def test_a_focal_length_that_is_none_is_refused_with_its_place(
+    cell: Path, folder: Path, focal: str
+) -> None:
     (folder / "intrinsics.yaml").write_text(INTRINSICS.replace("600 px", focal))
     with pytest.raises(CellFileError, match="fx") as caught:
         connect_folder(cell, folder)
@@ -230,19 +276,27 @@ def test_a_focal_length_that_is_none_is_refused_with_its_place(cell: Path, folde
 @pytest.mark.parametrize("focal", ["1200 px", "300 px"])
 def test_pixels_twice_as_high_as_wide_are_refused(cell: Path, folder: Path, focal: str) -> None:
     (folder / "intrinsics.yaml").write_text(INTRINSICS.replace("600 px", focal))
-    with pytest.raises(CellFileError, match=r"fx: it is .* and fy is 601 px: a camera's are nearly the same"):
+    with pytest.raises(
+        CellFileError, match=r"fx: it is .* and fy is 601 px: a camera's are nearly the same"
+    ):
         connect_folder(cell, folder)
 
 
 def test_a_focal_length_in_millimetres_is_refused(cell: Path, folder: Path) -> None:
-    (folder / "intrinsics.yaml").write_text(INTRINSICS.replace("600 px", "3.6 px").replace("601 px", "3.6 px"))
-    with pytest.raises(CellFileError, match=r"fx: it is 3\.6 px in an image of 40 px: is it in mm\?"):
+    (folder / "intrinsics.yaml").write_text(
+        INTRINSICS.replace("600 px", "3.6 px").replace("601 px", "3.6 px")
+    )
+    with pytest.raises(
+        CellFileError, match=r"fx: it is 3\.6 px in an image of 40 px: is it in mm\?"
+    ):
         connect_folder(cell, folder)
 
 
 def test_an_empty_file_of_intrinsics_is_no_empty_tree(cell: Path, folder: Path) -> None:
     (folder / "intrinsics.yaml").write_text("")
-    with pytest.raises(CellFileError, match="the file is empty, a file of intrinsics is a mapping\n"):
+    with pytest.raises(
+        CellFileError, match="the file is empty, a file of intrinsics is a mapping\n"
+    ):
         connect_folder(cell, folder)
 
 
@@ -257,7 +311,9 @@ def test_a_folder_of_a_hundred_thousand_files_is_listed_by_their_names_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = [f"{k:06d}_{kind}" for k in range(50_000) for kind in ("color.png", "depth_mm.png")]
-    monkeypatch.setattr(folder_module.os, "scandir", lambda _folder: [SimpleNamespace(name=name) for name in names])
+    monkeypatch.setattr(
+        folder_module.os, "scandir", lambda _folder: [SimpleNamespace(name=name) for name in names]
+    )
     monkeypatch.setattr(Path, "is_file", None)  # no look at any of them
     frames = list_frames(tmp_path)
     assert (len(frames), frames[-1].label) == (50_000, "049999")

@@ -51,14 +51,20 @@ REALSENSE = '{"width": 640, "height": 480, "fx": 615.25, "fy": 615.75, "ppx": 31
         (ROS.replace("DISTORTION", "0.0"), "ROS or OpenCV", PLAIN),
         (ROS.replace("DISTORTION", "0.1, -0.2"), "ROS or OpenCV", RECTIFIED),
         (ECHO, "CameraInfo of ROS 2", PLAIN),
-        (ECHO.replace("k:", "K:").replace("p:", "P:").replace("d:", "D:"), "CameraInfo of ROS 1", PLAIN),
+        (
+            ECHO.replace("k:", "K:").replace("p:", "P:").replace("d:", "D:"),
+            "CameraInfo of ROS 1",
+            PLAIN,
+        ),
         (OPENCV, "ROS or OpenCV", PLAIN),
         (KALIBR.replace("DISTORTION", "0.0"), "Kalibr", PLAIN),
         (OPEN3D, "Open3D", PLAIN),
         (REALSENSE, "librealsense", PLAIN),
     ],
 )
-def test_the_values_that_it_gives_are_a_file_of_intrinsics(tmp_path: Path, text: str, name: str, values: str) -> None:
+def test_the_values_that_it_gives_are_a_file_of_intrinsics(
+    tmp_path: Path, text: str, name: str, values: str
+) -> None:
     path = tmp_path / "intrinsics.yaml"
     path.write_text(text)
     with pytest.raises(CellFileError) as refused:
@@ -82,8 +88,14 @@ NONE, CUT = "its matrix is that of no camera", "the pictures are binned or cut"
     ("text", "words"),
     [
         (ROS.replace("DISTORTION", "0.0") + "distortion_model: equidistant\n", RECTIFIED),
-        (KALIBR.replace("DISTORTION", "0, 0, 0, 0") + "  distortion_model: equidistant\n", "its lens distorts"),
-        (KALIBR.replace("pinhole", "eucm"), "its model is eucm: rectify the pictures for a pinhole camera"),
+        (
+            KALIBR.replace("DISTORTION", "0, 0, 0, 0") + "  distortion_model: equidistant\n",
+            "its lens distorts",
+        ),
+        (
+            KALIBR.replace("pinhole", "eucm"),
+            "its model is eucm: rectify the pictures for a pinhole camera",
+        ),
         (ROS.replace("615.25", ".nan").replace("DISTORTION", "0.0"), NONE),
         (ECHO.replace("615.25", "0.0"), NONE),
         (OPENCV.replace("0.0, 318.5, 0.0", "0.0, 0.0, 0.0").replace("241.25", "0.0"), NONE),
@@ -124,6 +136,8 @@ def test_a_pose_that_is_none_gives_no_matrix(values: str) -> None:
     assert "T_mount_camera" not in found[1]
 
 
-@pytest.mark.parametrize("text", ["", "fx: 600 px", "[1, 2]", "a: [", "tree: t\nparameters: {a: 1}\nroot: {}"])
+@pytest.mark.parametrize(
+    "text", ["", "fx: 600 px", "[1, 2]", "a: [", "tree: t\nparameters: {a: 1}\nroot: {}"]
+)
 def test_any_other_text_is_left_to_its_own_reader(text: str) -> None:
     assert foreign_calibration(text) is None

@@ -15,7 +15,9 @@ COUNT = 7
 
 
 def write_colour(path: Path, count: int = COUNT) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 10.0, (64, 48))
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 10.0, (64, 48)
+    )
     assert writer.isOpened()
     for k in range(count):
         writer.write(np.full((48, 64, 3), (10, 20, 30 * k), np.uint8))  # OpenCV writes BGR
@@ -23,9 +25,13 @@ def write_colour(path: Path, count: int = COUNT) -> Path:
     return path
 
 
-def write_depth(path: Path, count: int = COUNT, first_mm: int = 1000, size: tuple[int, int] = (64, 48)) -> Path:
+def write_depth(
+    path: Path, count: int = COUNT, first_mm: int = 1000, size: tuple[int, int] = (64, 48)
+) -> Path:
     options = [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U, cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 10.0, size, options)
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 10.0, size, options
+    )
     assert writer.isOpened()
     for k in range(count):
         writer.write(np.full(size[::-1], first_mm + k, np.uint16))
@@ -53,13 +59,19 @@ def test_pictures_of_both_come_together_in_any_order(video: Path) -> None:
 def test_a_video_that_cannot_be_measured_is_refused_in_words(video: Path) -> None:
     depth = video.with_name("row_depth_mm.mkv")
     write_depth(depth, COUNT - 2)
-    with pytest.raises(UnusableFrames, match=r"holds 7 pictures and row_depth_mm\.mkv 5: .* not of the same moments"):
+    with pytest.raises(
+        UnusableFrames,
+        match=r"holds 7 pictures and row_depth_mm\.mkv 5: .* not of the same moments",
+    ):
         list_video(video)
     depth.write_bytes(b"nothing")
     with pytest.raises(UnusableFrames, match=r"row_depth_mm\.mkv: is no video"):
         list_video(video)
     depth.unlink()
-    with pytest.raises(UnusableFrames, match=r"no depth beside it .* `pomona detect` finds fruit in single pictures"):
+    with pytest.raises(
+        UnusableFrames,
+        match=r"no depth beside it .* `pomona detect` finds fruit in single pictures",
+    ):
         list_video(video)
     video.write_bytes(b"nothing")
     with pytest.raises(UnusableFrames, match=r"row_color\.mkv: is no video"):

@@ -20,7 +20,9 @@ def plc() -> PlcEmulator:
 
 @pytest.fixture
 def client(plc: PlcEmulator) -> Iterator[Any]:
-    modbus: Any = pytest.importorskip("pymodbus.client", reason="pymodbus, of the extra dev, is not installed")
+    modbus: Any = pytest.importorskip(
+        "pymodbus.client", reason="pymodbus, of the extra dev, is not installed"
+    )
     port, done = TcpPort(plc, clients=2), threading.Event()
     server = Server([port], [plc], time.monotonic)
     thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)
@@ -53,10 +55,17 @@ def test_pymodbus_reads_and_writes_all_areas(plc: PlcEmulator, client: Any) -> N
         (lambda c: c.read_coils(60, count=8, device_id=1), 2),
         (lambda c: c.write_register(9, 1, device_id=1), 2),
         (lambda c: c.read_coils(0, count=1, device_id=7), 11),
-        (lambda c: c.readwrite_registers(read_address=0, read_count=1, write_address=0, values=[1], device_id=1), 1),
+        (
+            lambda c: c.readwrite_registers(
+                read_address=0, read_count=1, write_address=0, values=[1], device_id=1
+            ),
+            1,
+        ),
     ],
 )
-def test_pymodbus_is_refused_with_the_protocols_exceptions(client: Any, ask: Any, code: int) -> None:
+def test_pymodbus_is_refused_with_the_protocols_exceptions(
+    client: Any, ask: Any, code: int
+) -> None:
     answer = ask(client)
     assert answer.isError()
     assert answer.exception_code == code

@@ -17,7 +17,9 @@ from pomona.devices.laboratory_emulators.robotiq import RobotiqEmulator
 @pytest.mark.realtime
 @pytest.mark.filterwarnings("ignore")  # the client's own
 def test_pyrobotiqgripper_activates_moves_and_reads(tmp_path: Path) -> None:
-    client: Any = pytest.importorskip("pyrobotiqgripper", reason="pyrobotiqgripper, of the extra dev, is not installed")
+    client: Any = pytest.importorskip(
+        "pyrobotiqgripper", reason="pyrobotiqgripper, of the extra dev, is not installed"
+    )
     fingers = FreeGripper(time.monotonic, 0.068)
     gripper = RobotiqEmulator(fingers, activated=False)
     done = threading.Event()

@@ -28,14 +28,20 @@ def test_it_measures_what_pulls_at_the_hand_and_its_faults_are_noticed() -> None
         assert len(samples) == 50
         rest = np.mean(samples[10:], axis=0)
         hand = world.model.body("tool0").id
-        world.state.xfrc_applied[hand, :3] = [0.0, 0.0, -3.0]  # in the base frame, at the body's centre of mass
+        world.state.xfrc_applied[hand, :3] = [
+            0.0,
+            0.0,
+            -3.0,
+        ]  # in the base frame, at the body's centre of mass
         samples.clear()
         cell.clock.advance(1.0)
         axes = world.state.xmat[hand].reshape(3, 3)
         arm_to_force = world.state.xipos[hand] - world.state.xpos[hand]
         change = np.mean(samples[50:], axis=0) - rest
         np.testing.assert_allclose(change[:3], axes.T @ [0.0, 0.0, -3.0], atol=0.1)
-        np.testing.assert_allclose(change[3:], axes.T @ np.cross(arm_to_force, [0.0, 0.0, -3.0]), atol=0.02)
+        np.testing.assert_allclose(
+            change[3:], axes.T @ np.cross(arm_to_force, [0.0, 0.0, -3.0]), atol=0.02
+        )
         cell.check()
         sensor.inject_fault("stuck")
         cell.clock.advance(0.2)

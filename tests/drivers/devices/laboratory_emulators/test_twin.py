@@ -19,7 +19,9 @@ ARMS = {"ur5e": "UrArm", "xarm6": "XArm"}
 
 @pytest.fixture(params=ARMS)
 def cell(request: pytest.FixtureRequest) -> Iterator[Cell]:
-    opened = load_cell(CELLS / f"emulated_{request.param}_hand_e.yaml", seed=1, overrides={"distractors": "0"})
+    opened = load_cell(
+        CELLS / f"emulated_{request.param}_hand_e.yaml", seed=1, overrides={"distractors": "0"}
+    )
     yield opened
     opened.close()
 
@@ -38,7 +40,9 @@ def test_every_device_answers_through_its_own_wire(cell: Cell) -> None:
     q, width = arm.state().q, gripper.state().width
     truly = cell.devices["world"]._cell.device(Gripper).state().width  # type: ignore[attr-defined]
     assert width == pytest.approx(truly, abs=2e-4)
-    motion = arm.follow(time_polyline([q, q + 0.2 * np.array([1.0, -0.2, 0.1, -0.2, 0.3, 0.5])], arm.limits))
+    motion = arm.follow(
+        time_polyline([q, q + 0.2 * np.array([1.0, -0.2, 0.1, -0.2, 0.3, 0.5])], arm.limits)
+    )
     move = gripper.move(0.075, 0.05)
     run(cell, 5.0, lambda: motion.settled and move.settled)
     assert (motion.state, move.state) == (MotionState.DONE, MotionState.DONE)
@@ -68,10 +72,14 @@ def test_every_device_answers_through_its_own_wire(cell: Cell) -> None:
     ],
     indirect=["cell"],
 )
-def test_a_fault_stops_the_arm(cell: Cell, switch: str, fault: str, device: str, within: float) -> None:
+def test_a_fault_stops_the_arm(
+    cell: Cell, switch: str, fault: str, device: str, within: float
+) -> None:
     arm = cell.device(Arm)
     q = arm.state().q
-    motion = arm.follow(time_polyline([q, q + 0.6 * np.array([1.0, -0.1, 0.1, -0.2, 0.3, 0.5])], arm.limits))
+    motion = arm.follow(
+        time_polyline([q, q + 0.6 * np.array([1.0, -0.1, 0.1, -0.2, 0.3, 0.5])], arm.limits)
+    )
     run(cell, 0.5)
     assert motion.state is MotionState.RUNNING
     cell.switches[switch].inject_fault(fault)

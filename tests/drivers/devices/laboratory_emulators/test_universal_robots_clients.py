@@ -17,7 +17,14 @@ START = [0.0, -1.57, 1.57, -1.57, -1.57, 0.0]
 
 @contextlib.contextmanager
 def emulated(host: str, *options: str) -> Iterator[str]:
-    command = [sys.executable, "-m", "pomona.devices.emulators.command_emulate", "universal-robots", "--host", host]
+    command = [
+        sys.executable,
+        "-m",
+        "pomona.devices.emulators.command_emulate",
+        "universal-robots",
+        "--host",
+        host,
+    ]
     with subprocess.Popen([*command, *options], stdout=subprocess.PIPE) as process:
         try:
             assert process.stdout is not None
@@ -34,7 +41,9 @@ def near(q: list[float], to: list[float], by: float = 2e-3) -> bool:
 
 @pytest.mark.realtime
 def test_ur_rtde_reads_moves_and_asks() -> None:
-    rtde_receive: Any = pytest.importorskip("rtde_receive", reason="ur_rtde, of the extra dev, is not installed")
+    rtde_receive: Any = pytest.importorskip(
+        "rtde_receive", reason="ur_rtde, of the extra dev, is not installed"
+    )
     rtde_control: Any = importlib.import_module("rtde_control")
     dashboard_client: Any = importlib.import_module("dashboard_client")
     with emulated("127.0.0.90") as host:
@@ -70,13 +79,16 @@ def test_ur_rtde_reads_moves_and_asks() -> None:
 @pytest.mark.realtime
 def test_ur_s_own_rtde_client_reads_and_writes_registers() -> None:
     rtde: Any = pytest.importorskip(
-        "rtde.rtde", reason="UR's RTDE client is not installed; it is on GitHub only (RTDE_Python_Client_Library)"
+        "rtde.rtde",
+        reason="UR's RTDE client is not installed; it is on GitHub only (RTDE_Python_Client_Library)",
     )
     with emulated("127.0.0.91") as host:
         client = rtde.RTDE(host, 30004)
         client.connect()
         assert client.get_controller_version()[:2] == (5, 23)
-        assert client.send_output_setup(["timestamp", "actual_q", "safety_mode", "robot_mode"], frequency=125)
+        assert client.send_output_setup(
+            ["timestamp", "actual_q", "safety_mode", "robot_mode"], frequency=125
+        )
         inputs = client.send_input_setup(["input_int_register_24", "input_double_register_24"])
         assert inputs
         assert client.send_start()

@@ -16,7 +16,12 @@ def run(text: str, cycles: int) -> list[Any]:
     def sync():  # type: ignore[no-untyped-def]
         yield
 
-    functions = {"tell": told.append, "sync": sync, "run": lambda f: threads.append(f()), "pose": tuple}
+    functions = {
+        "tell": told.append,
+        "sync": sync,
+        "run": lambda f: threads.append(f()),
+        "pose": tuple,
+    }
     _, space = compile_script(text, functions)
     threads.append(space["__main"]())
     for _ in range(cycles):
@@ -26,7 +31,9 @@ def run(text: str, cycles: int) -> list[Any]:
 
 
 def test_a_loop_makes_one_turn_a_cycle() -> None:
-    assert run("def p():\n n = 0\n while n < 5:\n  n = n + 1\n  tell(n)\n  sync()\n end\nend\n", 3) == [1, 2, 3]
+    assert run(
+        "def p():\n n = 0\n while n < 5:\n  n = n + 1\n  tell(n)\n  sync()\n end\nend\n", 3
+    ) == [1, 2, 3]
 
 
 def test_a_function_assigns_a_variable_of_the_program_and_keeps_its_own() -> None:

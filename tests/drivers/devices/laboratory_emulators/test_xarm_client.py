@@ -44,15 +44,27 @@ print("FOUND " + json.dumps(found))
 
 @contextlib.contextmanager
 def emulated(host: str, *options: str) -> Iterator[str]:
-    command = [sys.executable, "-m", "pomona.devices.emulators.command_emulate", "xarm", "--host", host, *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    command = [
+        sys.executable,
+        "-m",
+        "pomona.devices.emulators.command_emulate",
+        "xarm",
+        "--host",
+        host,
+        *options,
+    ]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         try:
             assert process.stdout is not None
             assert process.stderr is not None
             for _ in range(4):
                 if not process.stdout.readline():
                     if "Permission denied" in process.stderr.read():
-                        pytest.skip("this account may not listen at port 502, which the vendor's client needs")
+                        pytest.skip(
+                            "this account may not listen at port 502, which the vendor's client needs"
+                        )
                     pytest.fail("the emulator did not start")
             yield host
         finally:
@@ -61,21 +73,34 @@ def emulated(host: str, *options: str) -> Iterator[str]:
 
 @pytest.mark.realtime
 @pytest.mark.parametrize(
-    ("model", "axes", "report"), [("xarm6", 6, "rich"), ("xarm7", 7, "real"), ("lite6", 6, "normal")]
+    ("model", "axes", "report"),
+    [("xarm6", 6, "rich"), ("xarm7", 7, "real"), ("lite6", 6, "normal")],
 )
 def test_ufactory_s_client_reads_moves_and_streams(model: str, axes: int, report: str) -> None:
     if importlib.util.find_spec("xarm") is None:
         pytest.skip("xarm-python-sdk, of the extra dev, is not installed")
     with emulated("127.0.0.94", "--model", model) as host:
         ran = subprocess.run(
-            [sys.executable, "-c", CLIENT, host, report], capture_output=True, text=True, timeout=60, check=False
+            [sys.executable, "-c", CLIENT, host, report],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
         )
     assert ran.returncode == 0, ran.stderr
     found = json.loads(ran.stdout.split("FOUND ")[1])
-    assert (found["axis"], found["type"], found["version"]) == (axes, {"lite6": 9}.get(model, axes), [2, 5, 0])
+    assert (found["axis"], found["type"], found["version"]) == (
+        axes,
+        {"lite6": 9}.get(model, axes),
+        [2, 5, 0],
+    )
     code, start = found["angles"]
     assert code == 0
-    assert (found["enabled"], found["servo mode"], found["speeds mode"]) == ([0, 0, 0], [0, 0], [0, 0])
+    assert (found["enabled"], found["servo mode"], found["speeds mode"]) == (
+        [0, 0, 0],
+        [0, 0],
+        [0, 0],
+    )
     goal = [q + 0.2 for q in start[:axes]]
     assert found["moved"][0] == 0
     assert found["moved"][1][:axes] == pytest.approx(goal, abs=2e-3)
@@ -84,7 +109,11 @@ def test_ufactory_s_client_reads_moves_and_streams(model: str, axes: int, report
     assert found["states"][0] == 0
     assert found["states"][1][0][:axes] == pytest.approx(reached, abs=2e-3)
     assert found["report"]["angles"][:axes] == pytest.approx(reached, abs=2e-3)
-    assert (found["report"]["state"], found["report"]["mode"], found["report"]["error"]) == (2, 1, 0)
+    assert (found["report"]["state"], found["report"]["mode"], found["report"]["error"]) == (
+        2,
+        1,
+        0,
+    )
     assert found["speeds"] == 0
     assert found["speed after"] < 1e-3
     assert found["stopped"][1] == [0, 4]

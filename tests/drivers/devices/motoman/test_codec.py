@@ -53,7 +53,9 @@ orders: st.SearchStrategy[Order] = st.sampled_from(["<", ">"])
         (MotionReply(0, -1, Control.STOP, 0, 0), 76),
     ],
 )
-def test_every_message_has_the_public_size_and_its_length_excludes_itself(body: codec.Body, size: int) -> None:
+def test_every_message_has_the_public_size_and_its_length_excludes_itself(
+    body: codec.Body, size: int
+) -> None:
     wire = encode(Message(body, Communication.REQUEST), "<")
     assert len(wire) == size
     assert struct.unpack("<iii", wire[:12]) == (size - 4, body.TYPE, 2)
@@ -61,15 +63,26 @@ def test_every_message_has_the_public_size_and_its_length_excludes_itself(body: 
 
 def test_a_point_is_laid_out_as_group_sequence_valid_time_and_three_times_ten_joints() -> None:
     valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
-    wire = encode(Message(TrajectoryPoint(0, 3, valid, 0.5, (1.0, 2.0), (0.25,)), Communication.REQUEST), ">")
+    wire = encode(
+        Message(TrajectoryPoint(0, 3, valid, 0.5, (1.0, 2.0), (0.25,)), Communication.REQUEST), ">"
+    )
     assert struct.unpack(">7i", wire[:28]) == (148, 14, 2, 0, 0, 3, 7)
     values = struct.unpack(">31f", wire[28:])
     assert values == (0.5, 1.0, 2.0, *[0.0] * 8, 0.25, *[0.0] * 19)
 
 
-@given(st.lists(messages, min_size=1, max_size=4), orders, st.lists(st.integers(1, 100), max_size=10))
-def test_messages_are_found_however_the_stream_is_cut(sent: list[Message], order: Order, cuts: list[int]) -> None:
-    stream, decoder, found, at = b"".join(encode(message, order) for message in sent), MessageDecoder(order), [], 0
+@given(
+    st.lists(messages, min_size=1, max_size=4), orders, st.lists(st.integers(1, 100), max_size=10)
+)
+def test_messages_are_found_however_the_stream_is_cut(
+    sent: list[Message], order: Order, cuts: list[int]
+) -> None:
+    stream, decoder, found, at = (
+        b"".join(encode(message, order) for message in sent),
+        MessageDecoder(order),
+        [],
+        0,
+    )
     for size in (*cuts, len(stream)):
         found += decoder.decode(stream[at : at + size])
         at += size
@@ -78,7 +91,9 @@ def test_messages_are_found_however_the_stream_is_cut(sent: list[Message], order
 
 
 @given(st.binary(max_size=40), messages, orders)
-def test_an_intact_message_behind_garbage_is_found(garbage: bytes, sent: Message, order: Order) -> None:
+def test_an_intact_message_behind_garbage_is_found(
+    garbage: bytes, sent: Message, order: Order
+) -> None:
     decoder = MessageDecoder(order)
     found = decoder.decode(garbage + encode(sent, order)) + decoder.flush()
     assert found[-1] == sent
@@ -118,5 +133,7 @@ def test_every_known_subcode_has_words_and_an_unknown_one_its_numbers() -> None:
         (RobotStatus(1, 0, 0, 0, 1, 2, 1), ""),
     ],
 )
-def test_a_status_names_the_reason_that_keeps_the_arm_from_moving(status: RobotStatus, words: str) -> None:
+def test_a_status_names_the_reason_that_keeps_the_arm_from_moving(
+    status: RobotStatus, words: str
+) -> None:
     assert (words in fault(status)) if words else fault(status) == ""

@@ -44,7 +44,10 @@ def test_it_moves_over_tcp_with_the_limits_of_the_description(tmp_path: Path) ->
     start = np.full(7, 0.1)
     controller = MotomanEmulator(FreeJoints(start), np.full(7, 3.0), ">")
     motion_port, state_port = neighbours()
-    ports = [TcpPort(controller.motion, port=motion_port), TcpPort(controller.state, port=state_port, clients=4)]
+    ports = [
+        TcpPort(controller.motion, port=motion_port),
+        TcpPort(controller.state, port=state_port, clients=4),
+    ]
     done = threading.Event()
     server = Server(ports, [controller], time.monotonic)
     thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)
@@ -54,8 +57,13 @@ def test_it_moves_over_tcp_with_the_limits_of_the_description(tmp_path: Path) ->
     assert arm.limits.upper[1] == pytest.approx(np.radians(110.0))
     s = np.linspace(0.0, 1.0, 31)[:, None]
     change = np.full(7, 0.02)
-    q, qd = start + change * (10 * s**3 - 15 * s**4 + 6 * s**5), change * (30 * s**2 - 60 * s**3 + 30 * s**4) / 0.3
-    motion = arm.follow(Trajectory(s[:, 0] * 0.3, q, qd, change * (60 * s - 180 * s**2 + 120 * s**3) / 0.09))
+    q, qd = (
+        start + change * (10 * s**3 - 15 * s**4 + 6 * s**5),
+        change * (30 * s**2 - 60 * s**3 + 30 * s**4) / 0.3,
+    )
+    motion = arm.follow(
+        Trajectory(s[:, 0] * 0.3, q, qd, change * (60 * s - 180 * s**2 + 120 * s**3) / 0.09)
+    )
     end = time.monotonic() + 10.0
     while not motion.settled and time.monotonic() < end:
         SystemClock().advance(0.005)
@@ -68,17 +76,28 @@ def test_it_moves_over_tcp_with_the_limits_of_the_description(tmp_path: Path) ->
 
 def test_the_reaction_is_a_third_of_the_lead_and_a_period_of_points(tmp_path: Path) -> None:
     path = tmp_path / "cell.yaml"
-    path.write_text(f"driver: motoman\naddress: h\ncontroller: fs100\nrobot: {ROBOT}\nlead: 300 ms\n")
+    path.write_text(
+        f"driver: motoman\naddress: h\ncontroller: fs100\nrobot: {ROBOT}\nlead: 300 ms\n"
+    )
     assert read_settings(connect, path).values.limits.reaction == pytest.approx(0.12)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (f"address: '127.0.0.1:9'\ncontroller: fs100\nrobot: {ROBOT}", r"(?s):2:10: .*cannot be reached.*MotoROS"),
+        (
+            f"address: '127.0.0.1:9'\ncontroller: fs100\nrobot: {ROBOT}",
+            r"(?s):2:10: .*cannot be reached.*MotoROS",
+        ),
         (f"address: h\ncontroller: fs1000\nrobot: {ROBOT}", "did you mean 'fs100'"),
-        (f"address: h\ncontroller: fs100\nrobot: {ROBOT}\njoints: S L U R B T E E", "must name each of"),
-        (f"address: h\ncontroller: fs100\nrobot: {ROBOT}\njoints: S L E E R B T", "must name each of S L E U R B T"),
+        (
+            f"address: h\ncontroller: fs100\nrobot: {ROBOT}\njoints: S L U R B T E E",
+            "must name each of",
+        ),
+        (
+            f"address: h\ncontroller: fs100\nrobot: {ROBOT}\njoints: S L E E R B T",
+            "must name each of S L E U R B T",
+        ),
         ("address: h\ncontroller: fs100\nrobot: nothing.xml", "does not exist"),
     ],
 )

@@ -23,7 +23,13 @@ from pomona.executive.cell.owner import Nonsense
 from pomona.executive.clock import ManualClock, SystemClock
 
 DOF = 7
-LIMITS = ArmLimits(-np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 10.0), np.full(DOF, 200.0))
+LIMITS = ArmLimits(
+    -np.full(DOF, 3.0),
+    np.full(DOF, 3.0),
+    np.full(DOF, 3.0),
+    np.full(DOF, 10.0),
+    np.full(DOF, 200.0),
+)
 START = np.array([0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7])
 
 
@@ -90,7 +96,9 @@ class Cell:
 
 def connected(cell: Cell, **options: Any) -> MotomanArm:
     arm = MotomanArm(
-        lambda name: cell.open({"state": cell.controller.state, "motion": cell.controller.motion}[name]),
+        lambda name: cell.open(
+            {"state": cell.controller.state, "motion": cell.controller.motion}[name]
+        ),
         cell.clock,
         Path("robot.xml"),
         LIMITS,
@@ -100,7 +108,9 @@ def connected(cell: Cell, **options: Any) -> MotomanArm:
     return arm
 
 
-def serve(arm: MotomanArm, cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+def serve(
+    arm: MotomanArm, cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False
+) -> None:
     end = cell.clock.now() + seconds
     while cell.clock.now() < end and not until():
         before = cell.clock.now()
@@ -109,7 +119,9 @@ def serve(arm: MotomanArm, cell: Cell, seconds: float, until: Callable[[], bool]
             cell.let_pass(0.001)
 
 
-def swing(start: np.ndarray, change: np.ndarray, duration: float = 1.0, samples: int = 101) -> Trajectory:
+def swing(
+    start: np.ndarray, change: np.ndarray, duration: float = 1.0, samples: int = 101
+) -> Trajectory:
     """A quintic from rest to rest."""
     s = np.linspace(0.0, 1.0, samples)[:, None]
     q = start + change * (10 * s**3 - 15 * s**4 + 6 * s**5)
@@ -139,7 +151,15 @@ def test_a_trajectory_is_followed_to_its_end_without_a_gap(order: str) -> None:
 
 def test_a_status_from_before_the_servos_came_on_is_no_fault() -> None:
     cell = Cell()
-    off = RobotStatus(drives_powered=0, e_stopped=0, error_code=0, in_error=0, in_motion=0, mode=2, motion_possible=0)
+    off = RobotStatus(
+        drives_powered=0,
+        e_stopped=0,
+        error_code=0,
+        in_error=0,
+        in_motion=0,
+        mode=2,
+        motion_possible=0,
+    )
     answer = cell.controller.motion.received
 
     def answered_before_the_status_was_read(peer: Any, chunk: bytes) -> None:
@@ -205,7 +225,9 @@ def test_500_points_are_streamed_without_a_gap() -> None:
 
 
 @pytest.mark.parametrize(("quickness", "queued"), [(0.02, 0.05), (1.0, 0.15)])
-def test_the_queue_of_a_slow_arm_is_a_third_of_that_of_a_quick_one(quickness: float, queued: float) -> None:
+def test_the_queue_of_a_slow_arm_is_a_third_of_that_of_a_quick_one(
+    quickness: float, queued: float
+) -> None:
     cell = Cell()
     arm = connected(cell, lead=0.15)
     motion = arm.follow(swing(START, quickness * CHANGE))
@@ -269,7 +291,9 @@ def test_a_small_distance_at_the_start_is_taken_up_smoothly() -> None:
     serve(arm, cell, 2.0, lambda: motion.settled)
     assert motion.state is MotionState.DONE
     assert cell.joints.measured()[0] == pytest.approx(START + 1.5e-3 + CHANGE, abs=1e-6)
-    assert np.abs(np.diff(np.array(seen), axis=0)).max() < 0.0025  # no jump: 2 rad/s at most, in 1 ms
+    assert (
+        np.abs(np.diff(np.array(seen), axis=0)).max() < 0.0025
+    )  # no jump: 2 rad/s at most, in 1 ms
 
 
 def test_a_trajectory_that_starts_elsewhere_is_refused_and_nothing_is_sent() -> None:
@@ -312,7 +336,9 @@ def test_a_start_that_the_controller_does_not_accept_fails_the_motion_in_words()
         (lambda controller: controller.raise_alarm(4107), "alarm"),
     ],
 )
-def test_a_fault_fails_the_motion_and_stays_latched(happen: Callable[[MotomanEmulator], None], words: str) -> None:
+def test_a_fault_fails_the_motion_and_stays_latched(
+    happen: Callable[[MotomanEmulator], None], words: str
+) -> None:
     cell = Cell()
     arm = connected(cell)
     motion = arm.follow(swing(START, CHANGE))
@@ -359,7 +385,9 @@ def test_acknowledging_while_the_emergency_stop_is_pressed_brings_the_fault_back
         ("hold", True, "hold"),
     ],
 )
-def test_a_controller_that_is_not_ready_is_refused_at_the_connection(flag: str, value: bool, words: str) -> None:
+def test_a_controller_that_is_not_ready_is_refused_at_the_connection(
+    flag: str, value: bool, words: str
+) -> None:
     cell = Cell()
     setattr(cell.controller, flag, value)
     with pytest.raises(DeviceFault, match=words):
@@ -367,7 +395,9 @@ def test_a_controller_that_is_not_ready_is_refused_at_the_connection(flag: str, 
     assert all(connection.closed for connection in cell.opened)
 
 
-def test_a_hold_at_the_pendant_ends_the_motion_and_nothing_moves_before_an_acknowledgement() -> None:
+def test_a_hold_at_the_pendant_ends_the_motion_and_nothing_moves_before_an_acknowledgement() -> (
+    None
+):
     cell = Cell()
     arm = connected(cell)
     motion = arm.follow(swing(START, CHANGE))
@@ -546,11 +576,17 @@ def test_feedback_that_lies_lets_the_arm_brake_on_its_path_within_its_limits(kin
     share = (q - START) / CHANGE
     assert np.abs(share - share[0]).max() < 1e-4
     assert np.all(qd == 0.0)
-    if kind == "nan":  # what is frozen may also be an arm that does not follow, which is stopped at once
-        assert (np.abs(np.diff(np.array(speeds), axis=0)) / 0.001).max() < 2.0 * LIMITS.acceleration[0]
+    if (
+        kind == "nan"
+    ):  # what is frozen may also be an arm that does not follow, which is stopped at once
+        assert (
+            np.abs(np.diff(np.array(speeds), axis=0)) / 0.001
+        ).max() < 2.0 * LIMITS.acceleration[0]
 
 
-def test_an_arm_that_still_lies_cannot_be_acknowledged_and_one_that_lied_moves_only_after_that() -> None:
+def test_an_arm_that_still_lies_cannot_be_acknowledged_and_one_that_lied_moves_only_after_that() -> (
+    None
+):
     cell = Cell()
     arm = connected(cell)
     cell.controller.inject_fault("wild")
@@ -585,7 +621,11 @@ def test_many_threads_at_once_never_touch_the_wire_and_never_break_the_driver() 
     cell = Cell()
     cell.clock = SystemClock()  # type: ignore[assignment]
     cell.let_pass = lambda seconds, until=lambda: False: cell.controller.advance(cell.clock.now())  # type: ignore[method-assign]
-    arm = connected(cell, silence=5.0, supervision=Supervision(status=2.0, stall=5.0, margin=30.0, following_error=0.5))
+    arm = connected(
+        cell,
+        silence=5.0,
+        supervision=Supervision(status=2.0, stall=5.0, margin=30.0, following_error=0.5),
+    )
     touched: set[str] = set()
     received = cell.controller.motion.received
 
@@ -604,7 +644,9 @@ def test_many_threads_at_once_never_touch_the_wire_and_never_break_the_driver() 
         while cell.clock.now() < end:
             try:
                 if rng.random() < 0.2:
-                    motions.append(arm.follow(swing(arm.state().q, CHANGE * rng.uniform(-0.1, 0.1))))
+                    motions.append(
+                        arm.follow(swing(arm.state().q, CHANGE * rng.uniform(-0.1, 0.1)))
+                    )
                 elif motions and rng.random() < 0.2:
                     motions[-1].stop()
                 elif rng.random() < 0.05:
@@ -632,7 +674,9 @@ def test_many_threads_at_once_never_touch_the_wire_and_never_break_the_driver() 
     assert arm.settled()
     stood = cell.joints.measured()[0]
     cell.clock.advance(0.3)
-    assert np.array_equal(cell.joints.measured()[0], stood)  # latched: nothing that was asked before goes on
+    assert np.array_equal(
+        cell.joints.measured()[0], stood
+    )  # latched: nothing that was asked before goes on
     arm._owner.check()
     arm.close()
 
@@ -648,7 +692,9 @@ def test_a_slower_arm_takes_longer_and_a_change_on_the_way_keeps_the_path_and_th
     serve(arm, cell, 1.0)
     assert 0.3 < motion.progress < 0.6
     arm.go_at(0.1)
-    serve(arm, cell, 8.0, lambda: motion.settled)  # far beyond the time that was planned, and no fault
+    serve(
+        arm, cell, 8.0, lambda: motion.settled
+    )  # far beyond the time that was planned, and no fault
     arm.check()
     assert (motion.state, motion.progress) == (MotionState.DONE, 1.0)
     assert cell.clock.now() > 50.0 + 4.0

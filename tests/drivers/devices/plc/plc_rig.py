@@ -104,7 +104,9 @@ class PlcRig:
 
     def signals(self, unit: int = 1, **places: Any) -> ModbusSignals:
         inputs, outputs = places.get("inputs", INPUTS), places.get("outputs", OUTPUTS)
-        return ModbusSignals(lambda: self.client(unit), self.clock, inputs, outputs, places.get("beats", BEATS))
+        return ModbusSignals(
+            lambda: self.client(unit), self.clock, inputs, outputs, places.get("beats", BEATS)
+        )
 
     def connected(self) -> ModbusSignals:
         signals = self.signals()

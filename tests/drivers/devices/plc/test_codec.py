@@ -26,13 +26,28 @@ from pomona.drivers import Malformed
 def test_the_frames_are_those_of_the_specification() -> None:
     # Modbus application protocol 1.1b3, 6.1, 6.3, 6.11 and 6.12: the examples of the functions 1, 3, 15 and 16
     assert read_request(MemorySpan("coil", 0x13, 0x13)) == bytes.fromhex("01 00 13 00 13")
-    assert read_answer(MemorySpan("coil", 0x13, 0x13), bytes.fromhex("01 03 CD 6B 05"))[:8] == (1, 0, 1, 1, 0, 0, 1, 1)
-    assert read_answer(MemorySpan("holding", 0x6B, 3), bytes.fromhex("03 06 02 2B 00 00 00 64")) == (555, 0, 100)
+    assert read_answer(MemorySpan("coil", 0x13, 0x13), bytes.fromhex("01 03 CD 6B 05"))[:8] == (
+        1,
+        0,
+        1,
+        1,
+        0,
+        0,
+        1,
+        1,
+    )
+    assert read_answer(
+        MemorySpan("holding", 0x6B, 3), bytes.fromhex("03 06 02 2B 00 00 00 64")
+    ) == (555, 0, 100)
     bits = (1, 0, 1, 1, 0, 0, 1, 1, 1, 0)
     assert write_request("coil", 0x13, bits) == bytes.fromhex("0F 00 13 00 0A 02 CD 01")
-    assert write_request("holding", 1, (0x0A, 0x0102)) == bytes.fromhex("10 00 01 00 02 04 00 0A 01 02")
+    assert write_request("holding", 1, (0x0A, 0x0102)) == bytes.fromhex(
+        "10 00 01 00 02 04 00 0A 01 02"
+    )
     written(write_request("holding", 1, (0x0A, 0x0102)), bytes.fromhex("10 00 01 00 02"))
-    assert frame(0x1501, 0xFF, b"\x01\x00\x04\x00\x01") == bytes.fromhex("15 01 00 00 00 06 FF 01 00 04 00 01")
+    assert frame(0x1501, 0xFF, b"\x01\x00\x04\x00\x01") == bytes.fromhex(
+        "15 01 00 00 00 06 FF 01 00 04 00 01"
+    )
 
 
 @given(st.lists(st.integers(0, 1), min_size=1, max_size=2000))
@@ -68,8 +83,15 @@ def test_an_answer_of_another_size_is_refused(answer: bytes, count: int) -> None
             read_answer(MemorySpan("holding", 0, count), answer)
 
 
-@given(st.sampled_from(sorted(NUMBERS)), st.booleans(), st.sampled_from([1.0, 0.1, 0.001]), st.floats(-1e9, 1e9))
-def test_a_number_comes_back_or_does_not_fit(kind: str, low_first: bool, scale: float, number: float) -> None:
+@given(
+    st.sampled_from(sorted(NUMBERS)),
+    st.booleans(),
+    st.sampled_from([1.0, 0.1, 0.001]),
+    st.floats(-1e9, 1e9),
+)
+def test_a_number_comes_back_or_does_not_fit(
+    kind: str, low_first: bool, scale: float, number: float
+) -> None:
     place = SignalPlace("holding", 3, kind, scale, low_first)
     try:
         words = place.encode(number)
@@ -81,12 +103,19 @@ def test_a_number_comes_back_or_does_not_fit(kind: str, low_first: bool, scale: 
     assert math.isclose(place.decode(words), number, abs_tol=error + 1e-9, rel_tol=1e-6)
 
 
-def test_a_number_of_two_registers_has_its_high_word_first_unless_the_cell_file_has_it_otherwise() -> None:
+def test_a_number_of_two_registers_has_its_high_word_first_unless_the_cell_file_has_it_otherwise() -> (
+    None
+):
     assert SignalPlace("holding", 0, "uint32").encode(0x00010002) == (1, 2)
     assert SignalPlace("holding", 0, "uint32", low_word_first=True).encode(0x00010002) == (2, 1)
 
 
-@given(st.sets(st.tuples(st.sampled_from(["coil", "discrete", "holding", "input"]), st.integers(0, 40)), min_size=1))
+@given(
+    st.sets(
+        st.tuples(st.sampled_from(["coil", "discrete", "holding", "input"]), st.integers(0, 40)),
+        min_size=1,
+    )
+)
 def test_spans_cover_the_signals_and_nothing_else(places: set[tuple[str, int]]) -> None:
     spans = spans_of(SignalPlace(area, first) for area, first in places)
     covered = [(span.area, span.first + i) for span in spans for i in range(span.count)]

@@ -51,22 +51,38 @@ def refusal(folder: Path, text: str, rig: PlcRig | None = None) -> str:
     [
         ("discrete 1", "discrete 65536", ":5:15: .*an address from 0 to 65535"),
         ("discrete 1", "relay 1", r":5:15: .*an area \(coil, discrete, holding, input\)"),
-        ("{at: coil 1}", "{at: discrete 1}", r":7:15: .*an area that can be written \(coil, holding\)"),
+        (
+            "{at: coil 1}",
+            "{at: discrete 1}",
+            r":7:15: .*an area that can be written \(coil, holding\)",
+        ),
         ("{at: coil 1}", "{at: coil 0}", ":7:3: .*'ready' and 'heartbeat.output' both take coil 0"),
-        ("{at: coil 1}", "{at: coil 1}\n  busy: {at: coil 1}", "'busy' and 'ready' both take coil 1"),
+        (
+            "{at: coil 1}",
+            "{at: coil 1}\n  busy: {at: coil 1}",
+            "'busy' and 'ready' both take coil 1",
+        ),
         (
             "{at: discrete 1}",
             "{at: discrete 1}\n  stop: {at: discrete 1}",
             ":5:3: .*'stop' and 'start' both take discrete 1",
         ),
-        ("{at: discrete 1}", "{at: input 9}\n  m: {at: input 8, type: float32}", "'m' and 'start' both take input 9"),
+        (
+            "{at: discrete 1}",
+            "{at: input 9}\n  m: {at: input 8, type: float32}",
+            "'m' and 'start' both take input 9",
+        ),
         (
             "{at: discrete 1}",
             "{at: holding 4, type: float32}\n  m: {at: holding 5, type: int32}",
             "both take holding 5",
         ),
         ("{at: discrete 1}", "{at: coil 1}", "'ready' and 'start' both take coil 1"),
-        ("input: discrete 0", "input: coil 0", ":3:12: .*'heartbeat.input' and 'heartbeat.output' both take coil 0"),
+        (
+            "input: discrete 0",
+            "input: coil 0",
+            ":3:12: .*'heartbeat.input' and 'heartbeat.output' both take coil 0",
+        ),
         ("input: discrete 0", "input: coil 1", "'ready' and 'heartbeat.input' both take coil 1"),
         (
             "address: 127.0.0.86",
@@ -88,11 +104,17 @@ def refusal(folder: Path, text: str, rig: PlcRig | None = None) -> str:
         ("address: 127.0.0.86", "address: 127.0.0.86:0", "is not an address"),
         ("discrete 1", "discrete 99999", "an address from 0 to 65535"),
         ("output: coil 0", "output: coil 65536", "an address, 0 to 65535"),
-        ("{at: discrete 1}", "{at: input 65535, type: float32}", "takes two registers, and input 65535 is the last"),
+        (
+            "{at: discrete 1}",
+            "{at: input 65535, type: float32}",
+            "takes two registers, and input 65535 is the last",
+        ),
         ("{at: discrete 1}", "{at: input 1, scale: 0}", "between 1e-06 and"),
     ],
 )
-def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_a_wrong_setting_is_refused_with_its_place(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
     with pytest.raises(CellFileError, match=words):
         settings(tmp_path, USUAL.replace(old, new))
 
@@ -110,11 +132,17 @@ def test_a_wrong_unit_is_one_line_at_the_unit(tmp_path: Path) -> None:
     assert "as this unit" in line
     silent = PlcRig()
     silent.plc.inject_fault("silent")
-    assert "does not answer as unit 7 within 200 ms" in refusal(tmp_path, USUAL + "unit: 7\n", silent)
+    assert "does not answer as unit 7 within 200 ms" in refusal(
+        tmp_path, USUAL + "unit: 7\n", silent
+    )
 
 
-@pytest.mark.parametrize("banner", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"SSH-2.0-OpenSSH_9.2\r\n"])
-def test_another_protocol_at_the_port_is_one_line_with_its_likely_causes(tmp_path: Path, banner: bytes) -> None:
+@pytest.mark.parametrize(
+    "banner", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"SSH-2.0-OpenSSH_9.2\r\n"]
+)
+def test_another_protocol_at_the_port_is_one_line_with_its_likely_causes(
+    tmp_path: Path, banner: bytes
+) -> None:
     rig = PlcRig()
     rig.plc.received = lambda peer, chunk: peer.send(banner)  # type: ignore[method-assign]
     line = refusal(tmp_path, USUAL, rig)
@@ -133,7 +161,9 @@ def test_a_plc_is_reached_by_ipv6(tmp_path: Path) -> None:
     thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)
     thread.start()
     try:
-        said = settings(tmp_path, USUAL.replace("127.0.0.86", f"'{port.address}'") + "silence: 500 ms\n")
+        said = settings(
+            tmp_path, USUAL.replace("127.0.0.86", f"'{port.address}'") + "silence: 500 ms\n"
+        )
         assert said.values.address[0] == "::1"
         signals = leaf.connect(said, ConnectContext(tmp_path / "plc.yaml", SystemClock(), 0))
         assert signals.link() == "ok"
@@ -160,16 +190,22 @@ def test_a_program_that_stands_still_is_one_line_at_the_heartbeat(tmp_path: Path
 
 
 def test_the_names_are_known_before_the_connection(tmp_path: Path) -> None:
-    text = USUAL.replace("start: {at: discrete 1}", "mass: {at: input 10, type: float32, deadline: 1 s}")
+    text = USUAL.replace(
+        "start: {at: discrete 1}", "mass: {at: input 10, type: float32, deadline: 1 s}"
+    )
     said = settings(tmp_path, text).values
     assert list(said.known()) == [SignalNames(("mass",), ("ready",), frozenset({"mass"}))]
     assert said.input_places["mass"].deadline == 1.0
     counted = settings(tmp_path, text.replace("float32", "int16, scale: 0.5")).values
-    assert [names.counts for names in counted.known() if isinstance(names, SignalNames)] == [{"mass": (0.5, 32768.0)}]
+    assert [names.counts for names in counted.known() if isinstance(names, SignalNames)] == [
+        {"mass": (0.5, 32768.0)}
+    ]
     assert said.wires == ("127.0.0.86:502",)
 
 
-def test_the_driver_reads_and_writes_over_a_socket_and_another_process_makes_it_safe(tmp_path: Path) -> None:
+def test_the_driver_reads_and_writes_over_a_socket_and_another_process_makes_it_safe(
+    tmp_path: Path,
+) -> None:
     plc, done = PlcEmulator(), threading.Event()
     port = TcpPort(plc, clients=2)
     server = Server([port], [plc], time.monotonic)
@@ -181,7 +217,9 @@ def test_the_driver_reads_and_writes_over_a_socket_and_another_process_makes_it_
         text = text.replace("discrete 0}", "discrete 0, deadline: 5 s}").replace(
             "discrete 1}", "discrete 1, deadline: 10 s}"
         )
-        signals = leaf.connect(settings(tmp_path, text), ConnectContext(tmp_path / "plc.yaml", clock, 0))
+        signals = leaf.connect(
+            settings(tmp_path, text), ConnectContext(tmp_path / "plc.yaml", clock, 0)
+        )
         signals.check()
         plc.memory["discrete"][1] = 1
         signals.write("ready", True)

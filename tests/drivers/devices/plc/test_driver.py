@@ -122,7 +122,9 @@ def test_a_program_that_stops_is_noticed_by_its_heartbeat_although_modbus_answer
     signals.check()
     rig.plc.inject_fault("stopped")
     rig.serve(signals, 0.7)
-    with pytest.raises(DeviceFault, match=r"its heartbeat stands still for .* ms: its program has stopped"):
+    with pytest.raises(
+        DeviceFault, match=r"its heartbeat stands still for .* ms: its program has stopped"
+    ):
         signals.check()
     assert rig.plc.memory["coil"][1] == 0
     with pytest.raises(DeviceFault, match="still stands still"):
@@ -144,7 +146,9 @@ def test_our_heartbeat_toggles_while_the_run_ticks() -> None:
     assert not rig.plc.alive
 
 
-def test_a_run_that_stands_still_stops_our_heartbeat_and_its_outputs_go_to_their_safe_values() -> None:
+def test_a_run_that_stands_still_stops_our_heartbeat_and_its_outputs_go_to_their_safe_values() -> (
+    None
+):
     rig = PlcRig()
     signals = rig.connected()
     signals.write("ready", True)
@@ -194,7 +198,11 @@ def test_another_process_writes_the_safe_values_with_the_same_requests() -> None
     client = rig.client()
     for area, first, values in signals.safe_writes:
         client.write(area, first, values)
-    assert (rig.plc.memory["coil"][1], rig.plc.memory["coil"][2], rig.plc.memory["holding"][5]) == (0, 0, 7)
+    assert (rig.plc.memory["coil"][1], rig.plc.memory["coil"][2], rig.plc.memory["holding"][5]) == (
+        0,
+        0,
+        7,
+    )
 
 
 @pytest.mark.parametrize(("value", "words"), [(2.0, "no value of a switch"), (True, "")])
@@ -216,7 +224,9 @@ def test_a_signal_out_of_the_plcs_range_is_named_before_anything_is_written() ->
     rig = PlcRig()
     signals = rig.signals(inputs={"start": SignalPlace("discrete", 900)})
     rig.plc.memory["coil"][1] = 1
-    with pytest.raises(UnfitSignal, match=r"'start' \(discrete 900\) cannot be read: .*no such address") as raised:
+    with pytest.raises(
+        UnfitSignal, match=r"'start' \(discrete 900\) cannot be read: .*no such address"
+    ) as raised:
         signals.connect()
     assert raised.value.key == "inputs"
     assert rig.plc.memory["coil"][1] == 1
@@ -224,7 +234,9 @@ def test_a_signal_out_of_the_plcs_range_is_named_before_anything_is_written() ->
 
 def test_a_register_that_a_field_bus_owns_is_named() -> None:
     rig = PlcRig(owned=[("holding", 5)])
-    with pytest.raises(UnfitSignal, match=r"'count' \(holding 5\) cannot be written: .*does a field bus") as raised:
+    with pytest.raises(
+        UnfitSignal, match=r"'count' \(holding 5\) cannot be written: .*does a field bus"
+    ) as raised:
         rig.signals().connect()
     assert raised.value.key == "outputs"
 
@@ -232,7 +244,9 @@ def test_a_register_that_a_field_bus_owns_is_named() -> None:
 def test_a_register_that_drops_what_is_written_is_named() -> None:
     rig = PlcRig(owned=[("holding", 5)])
     rig.plc.inject_fault("overwriting")
-    with pytest.raises(UnfitSignal, match=r"'count' .*does not keep the value 7: .*field bus writes there"):
+    with pytest.raises(
+        UnfitSignal, match=r"'count' .*does not keep the value 7: .*field bus writes there"
+    ):
         rig.signals().connect()
 
 
@@ -246,7 +260,9 @@ def test_a_register_that_the_plcs_program_overwrites_is_named() -> None:
 def test_a_heartbeat_that_stands_still_is_refused_before_the_run() -> None:
     rig = PlcRig()
     rig.plc.inject_fault("stopped")
-    with pytest.raises(DeviceFault, match=r"its heartbeat \(discrete 0\) stands still: start its program"):
+    with pytest.raises(
+        DeviceFault, match=r"its heartbeat \(discrete 0\) stands still: start its program"
+    ):
         rig.signals().connect()
 
 
@@ -274,7 +290,9 @@ def test_an_answer_to_an_earlier_request_is_dropped() -> None:
         client.read(MemorySpan("coil", 0, 1))
     rig.plc.clear_fault()
     rig.plc.memory["coil"][3] = 1
-    rig.wires[-1].arrived += bytes.fromhex("00 01 00 00 00 04 01 01 01 00")  # the late answer to the first
+    rig.wires[-1].arrived += bytes.fromhex(
+        "00 01 00 00 00 04 01 01 01 00"
+    )  # the late answer to the first
     assert client.read(MemorySpan("coil", 3, 1)) == (1,)
 
 

@@ -40,7 +40,9 @@ def signals(tmp_path: Path, clock: ManualClock) -> simulated.SimSignals:
     return plc(tmp_path, clock)
 
 
-def test_an_input_follows_an_output_with_a_delay(signals: simulated.SimSignals, clock: ManualClock) -> None:
+def test_an_input_follows_an_output_with_a_delay(
+    signals: simulated.SimSignals, clock: ManualClock
+) -> None:
     clock.advance(1.0)
     assert signals.read("start").value is False
     signals.write("ready", True)
@@ -53,7 +55,9 @@ def test_an_input_follows_an_output_with_a_delay(signals: simulated.SimSignals, 
     assert signals.read("start").value is False
 
 
-def test_an_input_counts_the_rises_of_an_output(signals: simulated.SimSignals, clock: ManualClock) -> None:
+def test_an_input_counts_the_rises_of_an_output(
+    signals: simulated.SimSignals, clock: ManualClock
+) -> None:
     for full in (False, True, True):
         clock.advance(0.1)
         signals.write("done", True)
@@ -65,8 +69,14 @@ def test_an_input_counts_the_rises_of_an_output(signals: simulated.SimSignals, c
     assert signals.read("full").value is False
 
 
-def test_an_input_is_on_during_a_time_and_others_stay(signals: simulated.SimSignals, clock: ManualClock) -> None:
-    assert (signals.read("fault").value, signals.read("off").value, signals.read("mass").value) == (False, False, 2.5)
+def test_an_input_is_on_during_a_time_and_others_stay(
+    signals: simulated.SimSignals, clock: ManualClock
+) -> None:
+    assert (signals.read("fault").value, signals.read("off").value, signals.read("mass").value) == (
+        False,
+        False,
+        2.5,
+    )
     clock.advance(3.5)
     assert signals.read("fault").value is True
     clock.advance(1.0)
@@ -92,7 +102,9 @@ def test_a_program_that_stops_makes_values_unknown_and_then_the_device_faulty(
     assert signals.read("start").value is False
 
 
-def test_a_safe_stop_switches_the_outputs_off_until_it_is_acknowledged(signals: simulated.SimSignals) -> None:
+def test_a_safe_stop_switches_the_outputs_off_until_it_is_acknowledged(
+    signals: simulated.SimSignals,
+) -> None:
     signals.write("ready", True)
     signals.safe_stop("the operator")
     assert signals.read("ready").value is False
@@ -116,6 +128,8 @@ def test_a_safe_stop_switches_the_outputs_off_until_it_is_acknowledged(signals: 
         ("3 s..4 s", "4 s..3 s", ":6:19: .*smaller end first"),
     ],
 )
-def test_wrong_rules_are_refused(tmp_path: Path, clock: ManualClock, old: str, new: str, words: str) -> None:
+def test_wrong_rules_are_refused(
+    tmp_path: Path, clock: ManualClock, old: str, new: str, words: str
+) -> None:
     with pytest.raises(CellFileError, match=f"(?s){words}"):
         plc(tmp_path, clock, RULES.replace(old, new))

@@ -17,8 +17,21 @@ INTRINSICS = Intrinsics(600.0, 600.0, 3.5, 2.5, 8, 6)
 
 class ScriptedSource:
     def __init__(self, clock: ManualClock) -> None:
-        self.clock, self.silent, self.gone, self.opened, self.closed, self.number = clock, False, False, 0, 0, 0
-        self.on_host_clock, self.late, self.stays, self.frozen, self.same_depth = False, 0.0, False, False, False
+        self.clock, self.silent, self.gone, self.opened, self.closed, self.number = (
+            clock,
+            False,
+            False,
+            0,
+            0,
+            0,
+        )
+        self.on_host_clock, self.late, self.stays, self.frozen, self.same_depth = (
+            False,
+            0.0,
+            False,
+            False,
+            False,
+        )
 
     def open(self) -> "ScriptedSource":
         self.opened += 1
@@ -100,7 +113,9 @@ def test_a_silent_camera_is_lost_and_opened_again_but_stays_latched(
     camera.check()
 
 
-def test_an_unplugged_camera_is_looked_for_again_and_again(camera: StreamingCamera, source: ScriptedSource) -> None:
+def test_an_unplugged_camera_is_looked_for_again_and_again(
+    camera: StreamingCamera, source: ScriptedSource
+) -> None:
     source.gone = True
     end = source.clock.now() + 5.0 * RECONNECT
     while source.clock.now() < end:
@@ -112,7 +127,9 @@ def test_an_unplugged_camera_is_looked_for_again_and_again(camera: StreamingCame
 def test_a_camera_without_images_is_refused_at_the_connection(source: ScriptedSource) -> None:
     source.silent = True
     with pytest.raises(DeviceLost, match="no image within 1 s"):
-        StreamingCamera(source.open, CameraMount(None, np.eye(4)), source.clock, silence=9.0).connect(1.0)
+        StreamingCamera(
+            source.open, CameraMount(None, np.eye(4)), source.clock, silence=9.0
+        ).connect(1.0)
     assert source.closed == 1
 
 
@@ -123,8 +140,14 @@ def test_a_camera_without_images_is_refused_at_the_connection(source: ScriptedSo
         (lambda source: setattr(source, "late", 30.0), "delivers frames that are 30 s old"),
         (lambda source: setattr(source, "late", -10.0), "stamps its frames 9.97 s in the future"),
         (lambda source: setattr(source, "stays", True), "repeats its frame 11"),
-        (lambda source: setattr(source, "frozen", True), "shows the same picture for 0.53 s, to the last bit"),
-        (lambda source: setattr(source, "same_depth", True), "shows the same depth image for 0.53 s, to the last bit"),
+        (
+            lambda source: setattr(source, "frozen", True),
+            "shows the same picture for 0.53 s, to the last bit",
+        ),
+        (
+            lambda source: setattr(source, "same_depth", True),
+            "shows the same depth image for 0.53 s, to the last bit",
+        ),
     ],
 )
 def test_frames_that_are_not_current_are_reported_within_a_second_and_never_shown(
@@ -150,7 +173,9 @@ def test_frames_that_are_not_current_are_reported_within_a_second_and_never_show
         words = "stamps its frames 10 s in the future"
     assert caught.value.message == words
     shown = camera.latest()
-    assert shown is last or ((source.frozen or source.same_depth) and shown is not None and shown.stamp < began + 0.1)
+    assert shown is last or (
+        (source.frozen or source.same_depth) and shown is not None and shown.stamp < began + 0.1
+    )
     assert source.closed == 1  # opened again, and still latched
     source.late, source.stays, source.frozen, source.same_depth = 0.0, False, False, False
     while source.opened < 2:
@@ -165,7 +190,9 @@ def test_frames_that_are_not_current_are_reported_within_a_second_and_never_show
     assert 0.0 <= source.clock.now() - newest.stamp < 0.05
 
 
-def test_a_single_late_frame_is_left_out_without_a_fault(camera: StreamingCamera, source: ScriptedSource) -> None:
+def test_a_single_late_frame_is_left_out_without_a_fault(
+    camera: StreamingCamera, source: ScriptedSource
+) -> None:
     for late in (0.0, 2.0, 0.0, 0.0, 5.0, 0.0):
         source.late = late
         camera.step()
@@ -175,7 +202,9 @@ def test_a_single_late_frame_is_left_out_without_a_fault(camera: StreamingCamera
     camera.check()
 
 
-def test_the_age_of_a_frame_shows_in_its_stamp(camera: StreamingCamera, source: ScriptedSource) -> None:
+def test_the_age_of_a_frame_shows_in_its_stamp(
+    camera: StreamingCamera, source: ScriptedSource
+) -> None:
     source.late = 0.2
     for _ in range(10):  # the first of these seem to be older than what was seen already
         camera.step()

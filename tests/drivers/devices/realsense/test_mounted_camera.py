@@ -38,7 +38,19 @@ def test_a_rigid_pose_is_read(tmp_path: Path) -> None:
         changed(3, 0, 0.1),
         changed(0, 0, float("nan")),
     ],
-    ids=["empty", "no pose", "deep", "words", "3 x 3", "NaN", "infinite", "millimetres", "mirror", "scale", "no turn"],
+    ids=[
+        "empty",
+        "no pose",
+        "deep",
+        "words",
+        "3 x 3",
+        "NaN",
+        "infinite",
+        "millimetres",
+        "mirror",
+        "scale",
+        "no turn",
+    ],
 )
 def test_a_file_that_holds_no_pose_is_refused_in_words(text: str, tmp_path: Path) -> None:
     path = tmp_path / "hand_eye.json"

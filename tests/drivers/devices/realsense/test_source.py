@@ -23,7 +23,14 @@ class SoftwareCamera:
         self.rs = rs
         self.device = rs.software_device()
         inner = rs.intrinsics()
-        inner.width, inner.height, inner.fx, inner.fy, inner.ppx, inner.ppy = WIDTH, HEIGHT, 60.0, 61.0, 31.5, 23.5
+        inner.width, inner.height, inner.fx, inner.fy, inner.ppx, inner.ppy = (
+            WIDTH,
+            HEIGHT,
+            60.0,
+            61.0,
+            31.5,
+            23.5,
+        )
         inner.model, inner.coeffs = rs.distortion.none, [0.0] * 5
         self.sensors, self.profiles = [], []
         for uid, (stream, form, bytes_) in enumerate(
@@ -55,9 +62,16 @@ class SoftwareCamera:
             (self.sensors[1], self.profiles[1], colour, 3),
         ):
             frame = rs.software_video_frame()
-            frame.pixels, frame.stride, frame.bpp = np.ascontiguousarray(image), WIDTH * bytes_, bytes_
+            frame.pixels, frame.stride, frame.bpp = (
+                np.ascontiguousarray(image),
+                WIDTH * bytes_,
+                bytes_,
+            )
             frame.timestamp, frame.frame_number = 1000.0 * self.number / 30.0, self.number
-            frame.domain, frame.profile = rs.timestamp_domain.hardware_clock, profile.as_video_stream_profile()
+            frame.domain, frame.profile = (
+                rs.timestamp_domain.hardware_clock,
+                profile.as_video_stream_profile(),
+            )
             if bytes_ == 2:
                 frame.depth_units = UNIT
             sensor.on_video_frame(frame)

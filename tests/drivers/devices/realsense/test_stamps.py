@@ -10,7 +10,11 @@ from pomona.devices.realsense.stamps import LATENCY, STARTING, Stamps
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.clock import ManualClock
 
-IMAGES = np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32), Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2)
+IMAGES = (
+    np.zeros((2, 2, 3), np.uint8),
+    np.ones((2, 2), np.float32),
+    Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2),
+)
 
 
 def pair(taken: float | None, on_host_clock: bool = False) -> Pair:
@@ -33,7 +37,9 @@ def test_a_counter_that_drifts_is_followed_for_hours() -> None:
     stamps = Stamps(clock)
     for _ in range(20_000):
         clock.advance(0.5)
-        exposed = clock.now() - LATENCY - rng.exponential(0.005)  # the transport adds to the latency
+        exposed = (
+            clock.now() - LATENCY - rng.exponential(0.005)
+        )  # the transport adds to the latency
         stamp = stamps.stamp(pair(7.0 + drift * exposed))
         assert stamp == pytest.approx(exposed, abs=0.05) or clock.now() < 60.0
         assert stamp <= clock.now()
@@ -46,7 +52,9 @@ def test_frames_that_begin_to_come_late_are_as_old_as_they_are() -> None:
         clock.advance(0.1)
         stamps.stamp(pair(clock.now() - late))
     clock.advance(0.1)
-    assert stamps.stamp(pair(clock.now() - 30.0)) == pytest.approx(clock.now() - LATENCY - 30.0, abs=1e-3)
+    assert stamps.stamp(pair(clock.now() - 30.0)) == pytest.approx(
+        clock.now() - LATENCY - 30.0, abs=1e-3
+    )
 
 
 def test_a_counter_that_jumps_ahead_is_not_followed_until_the_camera_is_opened_anew() -> None:

@@ -47,7 +47,12 @@ def test_calls_of_many_threads_break_nothing_and_frames_come_afterwards() -> Non
     camera.start()
     wrong = hammer(
         {
-            "look": lambda rng: (camera.latest(), camera.link(), camera.last_seen(), camera.settled()),
+            "look": lambda rng: (
+                camera.latest(),
+                camera.link(),
+                camera.last_seen(),
+                camera.settled(),
+            ),
             "check": lambda rng: camera.check(),
             "safe stop": lambda rng: camera.safe_stop("stress"),
             "acknowledge": lambda rng: camera.acknowledge(),

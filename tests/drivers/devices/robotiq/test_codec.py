@@ -12,7 +12,9 @@ BYTE = st.integers(0, 255)
 
 
 def test_the_check_sum_is_modbus_own() -> None:
-    assert crc(bytes.fromhex("09 03 07 D0 00 01")) == bytes.fromhex("85 CF")  # instruction manual, read of one register
+    assert crc(bytes.fromhex("09 03 07 D0 00 01")) == bytes.fromhex(
+        "85 CF"
+    )  # instruction manual, read of one register
 
 
 def test_a_command_is_written_and_the_status_read_in_one_frame() -> None:

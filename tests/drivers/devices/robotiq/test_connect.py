@@ -39,14 +39,20 @@ def served(gripper: RobotiqEmulator, port: Any) -> Iterator[str]:
 def open_gripper(folder: Path, text: str, cleared: bool = False) -> RobotiqGripper:
     path = folder / "cell.yaml"
     path.write_text(f"driver: robotiq\n{text}\n")
-    return connect.connect(read_settings(connect, path), ConnectContext(path, SystemClock(), 0, cleared=cleared))
+    return connect.connect(
+        read_settings(connect, path), ConnectContext(path, SystemClock(), 0, cleared=cleared)
+    )
 
 
 @pytest.mark.realtime
 @pytest.mark.parametrize("way", ["port", "urcap"])
 def test_it_moves_over_its_wire_and_is_stopped_from_outside(tmp_path: Path, way: str) -> None:
     gripper = RobotiqEmulator(FreeGripper(time.monotonic, 0.068))
-    port = PtyPort(gripper.rtu, tmp_path / "gripper") if way == "port" else TcpPort(gripper.urcap, clients=2)
+    port = (
+        PtyPort(gripper.rtu, tmp_path / "gripper")
+        if way == "port"
+        else TcpPort(gripper.urcap, clients=2)
+    )
     with served(gripper, port) as address:
         hand = open_gripper(tmp_path, f"model: hand-e\n{way}: '{address}'\nsilence: 2 s")
         move = hand.move(0.030, 0.05)
@@ -91,7 +97,10 @@ def test_a_gripper_at_another_modbus_address_is_served_and_stopped_there(tmp_pat
         ("model: hand-e\nport: /dev/x\nunit: 0", r":4:7: .*between 1 and 247"),
         ("model: hand-e\nport: /dev/x\nunit: 248", r":4:7: .*between 1 and 247"),
         ("model: hand-e\nport: /dev/x\nunit: 9.5", "whole number"),
-        ("model: hand-e\nurcap: 127.0.0.86\nunit: 12", r"(?s):4:7: .*no Modbus address.*remove 'unit'"),
+        (
+            "model: hand-e\nurcap: 127.0.0.86\nunit: 12",
+            r"(?s):4:7: .*no Modbus address.*remove 'unit'",
+        ),
         ("model: hand-e\nurcap: '127.0.0.86:'", "is not an address"),
         ("model: hand-f\nport: /dev/x", "did you mean 'hand-e'"),
         ("model: hand-e", "either 'port' or 'urcap'"),
@@ -108,5 +117,9 @@ def test_the_limits_are_known_before_the_connection() -> None:
     said = RobotiqFile(model="2f-85", port="/dev/x", finger_offset=0.01)
     (limits,) = said.known()
     assert isinstance(limits, GripperLimits)
-    assert (limits.width_max, limits.force_min, limits.force_max) == (pytest.approx(0.095), 20.0, 20.0)
+    assert (limits.width_max, limits.force_min, limits.force_max) == (
+        pytest.approx(0.095),
+        20.0,
+        20.0,
+    )
     assert limits.step == pytest.approx(0.085 / 227)

@@ -12,7 +12,14 @@ from pomona.devices.laboratory_emulators.robotiq import RobotiqEmulator
 from pomona.devices.robotiq.driver import RECONNECT, RobotiqGripper
 from pomona.devices.robotiq.options import MODELS, RobotiqFile
 from pomona.devices.robotiq.session import RtuSession, UrcapSession
-from pomona.drivers import DeviceFault, DeviceLost, GripperLimits, GripperState, MotionRefused, MotionState
+from pomona.drivers import (
+    DeviceFault,
+    DeviceLost,
+    GripperLimits,
+    GripperState,
+    MotionRefused,
+    MotionState,
+)
 from pomona.executive import ManualClock
 from tests.drivers.devices.motoman.test_driver import Connection
 
@@ -41,7 +48,9 @@ class Fingers:
 
     def advance(self, now: float) -> None:
         """Move until now."""
-        self.width = min(max(self.width + self.speed * (now - self._then), 0.0), self.limits.width_max)
+        self.width = min(
+            max(self.width + self.speed * (now - self._then), 0.0), self.limits.width_max
+        )
         self._then = now
 
 
@@ -75,7 +84,9 @@ def built(cell: Cell, way: str = "rtu", **options: Any) -> RobotiqGripper:
     session = RtuSession if way == "rtu" else UrcapSession
     silence = 0.06 if way == "rtu" else 0.3
     said = RobotiqFile(**{"model": "hand-e", "silence": silence, **options})
-    return RobotiqGripper(lambda: session(cell.open(getattr(cell.gripper, way)), cell.clock), cell.clock, said)
+    return RobotiqGripper(
+        lambda: session(cell.open(getattr(cell.gripper, way)), cell.clock), cell.clock, said
+    )
 
 
 def connected(cell: Cell, way: str = "rtu", **options: Any) -> RobotiqGripper:
@@ -84,7 +95,9 @@ def connected(cell: Cell, way: str = "rtu", **options: Any) -> RobotiqGripper:
     return gripper
 
 
-def serve(gripper: RobotiqGripper, cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+def serve(
+    gripper: RobotiqGripper, cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False
+) -> None:
     end = cell.clock.now() + seconds
     while cell.clock.now() < end and not until():
         before = cell.clock.now()
@@ -137,7 +150,9 @@ def test_a_gripper_that_another_program_moves_is_refused(way: str) -> None:
     cell = Cell()
     cell.gripper.write(0, bytes([9, 0, 0, 230, 255, 0]))  # one command, on the way
     cell.let_pass(0.02)
-    with pytest.raises(DeviceFault, match="moves without a command of this run: another program moves it"):
+    with pytest.raises(
+        DeviceFault, match="moves without a command of this run: another program moves it"
+    ):
         connected(cell, way)
     assert cell.gripper.written == bytes([9, 0, 0, 230, 255, 0])
 
@@ -197,7 +212,9 @@ def test_fingers_that_meet_a_fruit_press_with_the_least_force_and_hold() -> None
 
 
 @pytest.mark.parametrize(("stiffness", "goal"), [(3000.0, 2.0), (3000.0, 4.0), (1500.0, 2.0)])
-def test_streamed_speeds_hold_a_force_far_below_the_least_one(stiffness: float, goal: float) -> None:
+def test_streamed_speeds_hold_a_force_far_below_the_least_one(
+    stiffness: float, goal: float
+) -> None:
     cell = Cell()
     gripper = connected(cell)
     cell.fingers.fruit, cell.fingers.stiffness = 0.030, stiffness
@@ -210,7 +227,9 @@ def test_streamed_speeds_hold_a_force_far_below_the_least_one(stiffness: float, 
     step = 0.5 * gripper.limits.step * stiffness  # of the force
     assert cell.fingers.force == pytest.approx(goal, abs=1.5 * step)
     assert peak < goal + 4.0 * step
-    assert gripper.state().motor_force is None  # fingers that hold below their limit report no force
+    assert (
+        gripper.state().motor_force is None
+    )  # fingers that hold below their limit report no force
     gripper.check()
 
 
@@ -223,7 +242,9 @@ def test_a_streamed_speed_is_followed(speed: float) -> None:
         gripper.set_speed(-speed)
         serve(gripper, cell, 0.01)
     streamed = 0.01 * count * speed
-    assert start - cell.fingers.width == pytest.approx(streamed, abs=2.0 * gripper.limits.step + 0.05 * speed)
+    assert start - cell.fingers.width == pytest.approx(
+        streamed, abs=2.0 * gripper.limits.step + 0.05 * speed
+    )
     gripper.check()
 
 
@@ -252,7 +273,8 @@ def test_a_process_that_ends_in_a_stream_leaves_the_fingers_within_three_steps()
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
-    ("fault", "told"), [("silent", "does not answer for"), ("hot", "too hot"), ("inactive", "not activated")]
+    ("fault", "told"),
+    [("silent", "does not answer for"), ("hot", "too hot"), ("inactive", "not activated")],
 )
 def test_a_fault_is_latched_and_nothing_resumes(fault: str, told: str, way: str) -> None:
     cell = Cell()

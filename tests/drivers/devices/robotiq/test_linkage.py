@@ -16,7 +16,9 @@ models, shares = st.sampled_from(sorted(LINKAGES)), st.floats(0.0, 1.0)
 
 
 @given(models, shares, shares)
-def test_a_fingertip_stays_on_its_circle_and_goes_forward_as_it_closes(model: str, one: float, other: float) -> None:
+def test_a_fingertip_stays_on_its_circle_and_goes_forward_as_it_closes(
+    model: str, one: float, other: float
+) -> None:
     linkage = LINKAGES[model]
     centre = -linkage.width_max / 2.0 + linkage.crank * np.cos(linkage.open_angle)
     at = []
@@ -35,7 +37,9 @@ def test_the_axis_is_the_direction_in_which_the_fingertip_moves(model: str, shar
     linkage, step = LINKAGES[model], 1e-6
     width = share * linkage.width_max
     across, along = linkage.slide_axis(width)
-    slope = (linkage.forward(width + step) - linkage.forward(width - step)) / step  # a finger moves half of the width
+    slope = (
+        linkage.forward(width + step) - linkage.forward(width - step)
+    ) / step  # a finger moves half of the width
     assert along / across == pytest.approx(slope, abs=1e-5)
     assert np.hypot(across, along) == pytest.approx(1.0)
 
@@ -46,7 +50,10 @@ def test_the_pads_of_the_described_2f_85_go_on_its_circle() -> None:
     for side, across in (("left", 1.0), ("right", -1.0)):
         finger, curve = (model.joint(f"{name}_{side}") for name in ("finger", "curve"))
         for q in np.linspace(*finger.range, 20):
-            data.qpos[finger.qposadr], data.qpos[curve.qposadr] = q, np.polyval(model.eq(curve.name).data[4::-1], q)
+            data.qpos[finger.qposadr], data.qpos[curve.qposadr] = (
+                q,
+                np.polyval(model.eq(curve.name).data[4::-1], q),
+            )
             mujoco.mj_kinematics(model, data)
             T = data.body("tool0")
             _, y, z = T.xmat.reshape(3, 3).T @ (data.site(f"pad_{side}").xpos - T.xpos)

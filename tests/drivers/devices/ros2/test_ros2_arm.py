@@ -32,7 +32,9 @@ from pomona.tools.ros2.types import coder
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ("shoulder", "elbow", "wrist")
-LIMITS = ArmLimits(-np.full(3, 3.0), np.full(3, 3.0), np.full(3, 2.0), np.full(3, 10.0), np.full(3, 200.0))
+LIMITS = ArmLimits(
+    -np.full(3, 3.0), np.full(3, 3.0), np.full(3, 2.0), np.full(3, 10.0), np.full(3, 200.0)
+)
 START, CHANGE = np.array([0.1, -0.2, 0.3]), np.array([0.5, -0.4, 0.3])
 ORDER = ("wrist", "gripper", "shoulder", "elbow")
 WALL = 1.7e9
@@ -63,11 +65,15 @@ class Controller:
 
     def publish(self, topic: str, kind: str, coded: Any, _stamp: int) -> None:
         assert (topic, kind) == ("/joint_trajectory_controller/joint_trajectory", TRAJECTORY)
-        message = STORE.deserialize_cdr(bytes(coded), kind)  # another reader than the one that wrote it
+        message = STORE.deserialize_cdr(
+            bytes(coded), kind
+        )  # another reader than the one that wrote it
         self.said.append(message)
         stamp = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
         begin = stamp or self.wall
-        t = begin + np.array([p.time_from_start.sec + p.time_from_start.nanosec / 1e9 for p in message.points])
+        t = begin + np.array(
+            [p.time_from_start.sec + p.time_from_start.nanosec / 1e9 for p in message.points]
+        )
         if list(message.joint_names) != ["shoulder", "elbow", "wrist"]:
             self.refused.append("other joints")
         elif t[-1] < self.wall:
@@ -77,7 +83,10 @@ class Controller:
         elif np.abs(message.points[-1].velocities).max() > np.finfo(np.float32).eps:
             self.refused.append("does not end at rest")
         elif not self.deaf:
-            q, qd = np.array([p.positions for p in message.points]), np.array([p.velocities for p in message.points])
+            q, qd = (
+                np.array([p.positions for p in message.points]),
+                np.array([p.velocities for p in message.points]),
+            )
             if t[0] > self.wall:  # from where it is
                 t, q, qd = np.append(self.wall, t), np.vstack([self.q, q]), np.vstack([self.qd, qd])
             self._plan = t, q, qd
@@ -175,7 +184,9 @@ def swing(start: np.ndarray, change: np.ndarray, duration: float = 1.0) -> Traje
     return Trajectory(s[:, 0] * duration, q, qd, qdd)
 
 
-def test_a_trajectory_is_followed_to_its_end_and_every_message_is_one_that_a_controller_takes(setting: Setting) -> None:
+def test_a_trajectory_is_followed_to_its_end_and_every_message_is_one_that_a_controller_takes(
+    setting: Setting,
+) -> None:
     assert isinstance(setting.arm, Arm)
     assert setting.arm.state().q == pytest.approx(START)  # the topic's order is another
     motion = setting.arm.follow(swing(START, CHANGE))
@@ -186,7 +197,9 @@ def test_a_trajectory_is_followed_to_its_end_and_every_message_is_one_that_a_con
     assert (motion.state, motion.progress) == (MotionState.DONE, 1.0)
     assert setting.controller.q == pytest.approx(START + CHANGE, abs=1e-6)
     assert setting.controller.refused == []
-    assert setting.controller.hardest < 1.1 * np.abs(swing(START, CHANGE).qdd).max()  # replaced without a jolt
+    assert (
+        setting.controller.hardest < 1.1 * np.abs(swing(START, CHANGE).qdd).max()
+    )  # replaced without a jolt
     assert len(setting.controller.said) < 60  # about every 30 ms
     setting.arm.check()
 
@@ -199,7 +212,9 @@ def test_a_start_that_is_a_little_beside_the_arm_is_taken_up_smoothly(setting: S
     assert setting.controller.hardest < 1.2 * np.abs(swing(START, CHANGE).qdd).max()
 
 
-def test_a_motion_that_has_not_begun_yet_is_not_over(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_motion_that_has_not_begun_yet_is_not_over(
+    setting: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
     left: list[Callable[[], None]] = []
     monkeypatch.setattr(setting.arm._owner, "post", left.append)
     motion = setting.arm.follow(swing(START, CHANGE))
@@ -238,7 +253,9 @@ def test_paused_it_rests_and_goes_on_to_the_end(setting: Setting) -> None:
     assert setting.controller.refused == []
 
 
-def test_an_arm_that_hears_nothing_more_comes_to_rest_on_its_path_by_itself(setting: Setting) -> None:
+def test_an_arm_that_hears_nothing_more_comes_to_rest_on_its_path_by_itself(
+    setting: Setting,
+) -> None:
     setting.moving()
     for _ in range(300):  # the process that moved it is gone
         setting.controller.advance(STEP)
@@ -266,8 +283,16 @@ def test_a_motion_stalled_longer_than_the_lead_does_not_go_on(setting: Setting) 
     [
         (lambda c: setattr(c, "silent", True), DeviceLost, "no joints on /joint_states for 1"),
         (lambda c: setattr(c, "says", lambda q: q * np.nan), DeviceLost, "not finite numbers"),
-        (lambda c: setattr(c, "says", lambda q: q + np.array([0.6, 0.0, 0.0])), DeviceLost, "joint 1 jumped by 34"),
-        (lambda c: setattr(c, "says", lambda q: q * 0.0 + 9.0), DeviceLost, "far outside its range"),
+        (
+            lambda c: setattr(c, "says", lambda q: q + np.array([0.6, 0.0, 0.0])),
+            DeviceLost,
+            "joint 1 jumped by 34",
+        ),
+        (
+            lambda c: setattr(c, "says", lambda q: q * 0.0 + 9.0),
+            DeviceLost,
+            "far outside its range",
+        ),
         (lambda c: setattr(c, "late", 5.0), DeviceLost, "the newest message was taken 5 s ago"),
         (lambda c: setattr(c, "late", -5.0), DeviceLost, "the newest message is of the future"),
         (
@@ -275,8 +300,16 @@ def test_a_motion_stalled_longer_than_the_lead_does_not_go_on(setting: Setting) 
             DeviceLost,
             "the newest message is no sensor_msgs",
         ),
-        (lambda c: setattr(c, "state", lambda s=c.state: s(("wrist", "elbow"))), DeviceLost, "has no joint shoulder"),
-        (lambda c: setattr(c, "says", lambda _q, q=c.q.copy(): q), DeviceLost, "has not changed for"),
+        (
+            lambda c: setattr(c, "state", lambda s=c.state: s(("wrist", "elbow"))),
+            DeviceLost,
+            "has no joint shoulder",
+        ),
+        (
+            lambda c: setattr(c, "says", lambda _q, q=c.q.copy(): q),
+            DeviceLost,
+            "has not changed for",
+        ),
     ],
     ids=["silence", "nan", "jump", "wild", "old", "future", "nonsense", "joints missing", "frozen"],
 )
@@ -295,7 +328,9 @@ def test_joints_that_cannot_be_true_brake_the_arm_on_its_path_and_stay_latched(
         setting.arm.follow(swing(setting.controller.q, CHANGE))
 
 
-def test_after_a_loss_it_goes_on_only_when_somebody_acknowledges_and_starts_anew(setting: Setting) -> None:
+def test_after_a_loss_it_goes_on_only_when_somebody_acknowledges_and_starts_anew(
+    setting: Setting,
+) -> None:
     motion = setting.moving()
     setting.controller.silent = True
     setting.serve(1.5, lambda: motion.settled)
@@ -318,7 +353,9 @@ def test_after_a_loss_it_goes_on_only_when_somebody_acknowledges_and_starts_anew
 
 
 @pytest.mark.parametrize("how", ["stuck", "deaf"])
-def test_an_arm_that_does_not_follow_is_a_fault_and_its_set_points_brake_at_once(setting: Setting, how: str) -> None:
+def test_an_arm_that_does_not_follow_is_a_fault_and_its_set_points_brake_at_once(
+    setting: Setting, how: str
+) -> None:
     if how == "stuck":
         motion = setting.moving()
         setting.controller.stuck = True
@@ -334,7 +371,9 @@ def test_an_arm_that_does_not_follow_is_a_fault_and_its_set_points_brake_at_once
     assert (last.header.stamp.sec, last.header.stamp.nanosec) == (0, 0)
 
 
-def test_an_ended_motion_is_not_played_again_when_the_clock_of_both_steps_back(setting: Setting) -> None:
+def test_an_ended_motion_is_not_played_again_when_the_clock_of_both_steps_back(
+    setting: Setting,
+) -> None:
     motion = setting.arm.follow(swing(START, CHANGE))
     setting.serve(2.0, lambda: motion.settled)
     rested = np.array(setting.controller.q)
@@ -346,7 +385,9 @@ def test_an_ended_motion_is_not_played_again_when_the_clock_of_both_steps_back(s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.5, -0.5, 60.0, -60.0])
-def test_a_step_of_the_controller_s_clock_ends_at_rest_on_the_path(setting: Setting, seconds: float) -> None:
+def test_a_step_of_the_controller_s_clock_ends_at_rest_on_the_path(
+    setting: Setting, seconds: float
+) -> None:
     motion = setting.moving()
     setting.controller.clock_step = seconds
     setting.serve(2.0, lambda: motion.settled)
@@ -381,9 +422,12 @@ def test_a_stop_that_comes_late_is_no_jolt(setting: Setting) -> None:
 
 
 @pytest.mark.parametrize(
-    "velocities", [lambda _: [], lambda rates: [np.nan] * len(rates), lambda rates: [np.nan, *rates[1:]]]
+    "velocities",
+    [lambda _: [], lambda rates: [np.nan] * len(rates), lambda rates: [np.nan, *rates[1:]]],
 )
-def test_velocities_may_be_missing_or_nan(setting: Setting, velocities: Callable[[list[float]], list[float]]) -> None:
+def test_velocities_may_be_missing_or_nan(
+    setting: Setting, velocities: Callable[[list[float]], list[float]]
+) -> None:
     whole = setting.controller.state
     setting.controller.state = lambda: whole(velocities=velocities)
     motion = setting.moving()
@@ -403,7 +447,9 @@ def test_a_flood_costs_no_memory_and_the_newest_counts(setting: Setting) -> None
     setting.arm.check()
 
 
-def test_a_message_of_a_megabyte_is_not_read_and_the_arm_is_lost_when_nothing_else_comes(setting: Setting) -> None:
+def test_a_message_of_a_megabyte_is_not_read_and_the_arm_is_lost_when_nothing_else_comes(
+    setting: Setting,
+) -> None:
     setting.controller.silent = True
     for _ in range(40):
         setting.controller.take(bytes(LARGEST + 1))
@@ -489,7 +535,9 @@ def test_a_cell_of_ros2_moves_over_the_wire(tmp_path: Path) -> None:
     at: dict[str, float] = dict.fromkeys((*"sleurbt", "finger"), 0.0) | {"finger": 0.03}
     plan: list[Any] = []
     node.subscribe("/joint_trajectory_controller/joint_trajectory", TRAJECTORY, plan.append)
-    node.subscribe("/gripper_controller/commands", COMMAND, lambda raw: at.update(finger=position_of(raw)))
+    node.subscribe(
+        "/gripper_controller/commands", COMMAND, lambda raw: at.update(finger=position_of(raw))
+    )
     over = threading.Event()
 
     def control() -> None:
@@ -497,12 +545,22 @@ def test_a_cell_of_ros2_moves_over_the_wire(tmp_path: Path) -> None:
             if plan:
                 message = STORE.deserialize_cdr(plan[-1], TRAJECTORY)
                 begin = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
-                t = [begin + p.time_from_start.sec + p.time_from_start.nanosec / 1e9 for p in message.points]
+                t = [
+                    begin + p.time_from_start.sec + p.time_from_start.nanosec / 1e9
+                    for p in message.points
+                ]
                 q = np.array([p.positions for p in message.points]).T
-                at.update({name: float(np.interp(time.time(), t, of)) for name, of in zip("sleurbt", q, strict=True)})
+                at.update(
+                    {
+                        name: float(np.interp(time.time(), t, of))
+                        for name, of in zip("sleurbt", q, strict=True)
+                    }
+                )
             head = {"stamp": stamped(time.time())}
             fields = {"header": head, "name": list(at), "position": list(at.values())}
-            node.publish("/joint_states", JOINT_STATE, coder(JOINT_STATE).coded(fields), time.time_ns())
+            node.publish(
+                "/joint_states", JOINT_STATE, coder(JOINT_STATE).coded(fields), time.time_ns()
+            )
 
     thread = threading.Thread(target=control)
     thread.start()

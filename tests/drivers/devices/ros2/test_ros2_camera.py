@@ -63,19 +63,28 @@ def messages(t: float, red: int = 200, metres: float = 0.5) -> dict[str, bytes]:
     depth[16, 16] += 1e-5 * red  # noise: no sensor repeats its depth exactly
     roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     k = np.array([60.0, 0, 20, 0, 61, 15, 0, 0, 1])
-    info = types[INFO](head, H, W, "plumb_bob", np.zeros(5), k, np.eye(3).reshape(-1), np.zeros(12), 0, 0, roi)
+    info = types[INFO](
+        head, H, W, "plumb_bob", np.zeros(5), k, np.eye(3).reshape(-1), np.zeros(12), 0, 0, roi
+    )
     found = {
         "/info": (INFO, info),
         "/colour": (IMAGE, types[IMAGE](head, H, W, "rgb8", 0, 3 * W, colour.reshape(-1))),
-        "/depth": (IMAGE, types[IMAGE](head, H, W, "32FC1", 0, 4 * W, depth.reshape(-1).view(np.uint8))),
+        "/depth": (
+            IMAGE,
+            types[IMAGE](head, H, W, "32FC1", 0, 4 * W, depth.reshape(-1).view(np.uint8)),
+        ),
     }
-    return {topic: bytes(STORE.serialize_cdr(message, kind)) for topic, (kind, message) in found.items()}
+    return {
+        topic: bytes(STORE.serialize_cdr(message, kind)) for topic, (kind, message) in found.items()
+    }
 
 
 class Setting:
     def __init__(self) -> None:
         self.clock, self.wire = ManualClock(100.0), Wire()
-        self.camera = StreamingCamera(self._source, CameraMount(None, np.eye(4)), self.clock, silence=0.5)
+        self.camera = StreamingCamera(
+            self._source, CameraMount(None, np.eye(4)), self.clock, silence=0.5
+        )
         self.camera._stamps._host_time = lambda: 1e9 + self.clock.now()
         self.camera._open()
         self.publish()
@@ -134,7 +143,9 @@ def test_a_camera_that_goes_is_lost_and_stays_latched_when_it_comes_back(setting
     with pytest.raises(DeviceLost, match="no image for 0"):
         setting.camera.check()
     assert setting.wire.closed
-    setting.go_on(1.5, lambda k: setting.publish(red=k) if setting.camera._source is not None else None)
+    setting.go_on(
+        1.5, lambda k: setting.publish(red=k) if setting.camera._source is not None else None
+    )
     with pytest.raises(DeviceLost):
         setting.camera.check()
 
@@ -143,10 +154,19 @@ def test_a_camera_that_goes_is_lost_and_stays_latched_when_it_comes_back(setting
     ("publish", "error"),
     [
         (lambda s, _k: s.publish(), DeviceFault),  # the same picture again and again
-        (lambda s, k: s.wire.publish(1e9 + s.clock.now() - 5.0, red=k), DeviceFault),  # five seconds old
-        (lambda s, k: s.wire.publish(1e9 + s.clock.now() + 5.0, red=k), DeviceFault),  # of the future
+        (
+            lambda s, k: s.wire.publish(1e9 + s.clock.now() - 5.0, red=k),
+            DeviceFault,
+        ),  # five seconds old
+        (
+            lambda s, k: s.wire.publish(1e9 + s.clock.now() + 5.0, red=k),
+            DeviceFault,
+        ),  # of the future
         (lambda s, k: s.publish(red=k, colour=b"\0\1\0\0nonsense"), DeviceFault),
-        (lambda s, k: s.publish(red=k, depth=messages(1e9 + s.clock.now())["/colour"]), DeviceFault),
+        (
+            lambda s, k: s.publish(red=k, depth=messages(1e9 + s.clock.now())["/colour"]),
+            DeviceFault,
+        ),
         (lambda s, k: s.publish(red=k, info=b""), DeviceFault),
     ],
     ids=["frozen", "old", "early", "nonsense", "colour as depth", "empty"],

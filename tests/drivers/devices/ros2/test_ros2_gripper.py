@@ -67,7 +67,9 @@ class Fingers:
             self.q = max(self.q, (self.fruit - 0.002) / 2.0)
         if not self.silent:
             types, said = STORE.types, self.says(self.q)
-            stamp = types["builtin_interfaces/msg/Time"](int(self.wall), round(self.wall % 1.0 * 1e9) % 10**9)
+            stamp = types["builtin_interfaces/msg/Time"](
+                int(self.wall), round(self.wall % 1.0 * 1e9) % 10**9
+            )
             rates = np.array([self.rate((self.q - before) / seconds)])
             head = types["std_msgs/msg/Header"](stamp, "")
             message = types[JOINT_STATE](head, ["finger"], np.array([said]), rates, np.zeros(0))
@@ -87,7 +89,10 @@ class Setting:
         self.serve(0.5)
 
     def serve(
-        self, seconds: float, until: Callable[[], bool] = lambda: False, each: Callable[[], None] = lambda: None
+        self,
+        seconds: float,
+        until: Callable[[], bool] = lambda: False,
+        each: Callable[[], None] = lambda: None,
     ) -> None:
         end = self.clock.now() + seconds
         while self.clock.now() < end and not until():
@@ -116,7 +121,9 @@ def test_a_move_goes_to_its_width_at_its_speed(setting: Setting, width: float) -
     motion = setting.gripper.move(width, 0.05)
     setting.serve(0.2)
     assert 0.0 < motion.progress < 1.0
-    assert abs(setting.gripper.state().speed) == pytest.approx(0.05, rel=0.25)  # its set-points come every 10 ms
+    assert abs(setting.gripper.state().speed) == pytest.approx(
+        0.05, rel=0.25
+    )  # its set-points come every 10 ms
     setting.serve(3.0, lambda: motion.settled)
     assert motion.state is MotionState.DONE
     assert setting.fingers.width == pytest.approx(width, abs=1e-3)
@@ -124,13 +131,17 @@ def test_a_move_goes_to_its_width_at_its_speed(setting: Setting, width: float) -
     setting.gripper.check()
 
 
-def test_fingers_that_meet_something_end_the_move_and_press_no_more_than_they_may(setting: Setting) -> None:
+def test_fingers_that_meet_something_end_the_move_and_press_no_more_than_they_may(
+    setting: Setting,
+) -> None:
     setting.fingers.fruit = 0.045
     motion = setting.gripper.move(0.012, 0.05)
     setting.serve(3.0, lambda: motion.settled)
     assert motion.state is MotionState.FAILED
     assert "blocked at 45.0 mm" in motion.problem
-    assert 0.045 - (0.002 + 2.0 * setting.fingers.set_point) == pytest.approx(0.01, abs=1e-6)  # `ahead`
+    assert 0.045 - (0.002 + 2.0 * setting.fingers.set_point) == pytest.approx(
+        0.01, abs=1e-6
+    )  # `ahead`
     setting.gripper.check()  # which is no fault of the gripper
 
 
@@ -147,7 +158,9 @@ def test_a_velocity_that_is_nan_is_computed_from_widths(setting: Setting) -> Non
 
 def test_a_streamed_speed_moves_and_ends_when_it_is_not_renewed(setting: Setting) -> None:
     setting.serve(0.3, each=lambda: setting.gripper.set_speed(-0.04))
-    assert setting.gripper.state().speed == pytest.approx(-0.04, rel=0.25)  # its set-points come every 10 ms
+    assert setting.gripper.state().speed == pytest.approx(
+        -0.04, rel=0.25
+    )  # its set-points come every 10 ms
     setting.serve(0.4)
     assert abs(setting.gripper.state().speed) < 1e-3
     assert setting.fingers.width == pytest.approx(0.062 - 0.04 * (0.3 + 0.1), abs=2e-3)
@@ -178,7 +191,9 @@ def test_a_clock_that_steps_back_neither_reverses_the_fingers_nor_keeps_their_sp
     setting.serve(8.0)
     since = [position for _, position in setting.fingers.said[said:]]
     assert max([commanded, *since]) <= commanded + 1e-6
-    assert min([commanded, *since]) >= commanded - 0.5 * 0.04 * (0.1 + 0.03)  # the joint moves one finger
+    assert min([commanded, *since]) >= commanded - 0.5 * 0.04 * (
+        0.1 + 0.03
+    )  # the joint moves one finger
 
 
 def test_a_safe_stop_keeps_the_grip_and_lets_nothing_open(setting: Setting) -> None:
@@ -216,7 +231,11 @@ def test_paused_it_rests_and_goes_on(setting: Setting) -> None:
     ("wrong", "error", "words"),
     [
         (lambda f: setattr(f, "silent", True), DeviceLost, "no joints on /joint_states"),
-        (lambda f: setattr(f, "says", lambda _q: float("nan")), DeviceFault, "reports a width of nan mm"),
+        (
+            lambda f: setattr(f, "says", lambda _q: float("nan")),
+            DeviceFault,
+            "reports a width of nan mm",
+        ),
         (lambda f: setattr(f, "says", lambda _q: 0.2), DeviceFault, "outside its stroke"),
         (lambda f: setattr(f, "stuck", True), DeviceFault, "has not ended its move"),
     ],
@@ -266,13 +285,18 @@ def test_after_a_loss_nothing_moves_until_somebody_acknowledges(setting: Setting
 
 def test_fingers_that_move_without_a_command_are_a_fault(setting: Setting) -> None:
     fingers = setting.fingers
-    setting.serve(0.5, each=lambda: setattr(fingers, "set_point", fingers.set_point - 1e-4))  # somebody else does
+    setting.serve(
+        0.5, each=lambda: setattr(fingers, "set_point", fingers.set_point - 1e-4)
+    )  # somebody else does
     with pytest.raises(DeviceFault, match="closes without a command"):
         setting.gripper.check()
 
 
 def test_forbidden_actions_are_refused(setting: Setting) -> None:
-    for width, speed, words in ((0.2, 0.05, "lies outside 10.0 … 80.0 mm"), (0.05, 0.5, "lies outside 0 … 0.1 m/s")):
+    for width, speed, words in (
+        (0.2, 0.05, "lies outside 10.0 … 80.0 mm"),
+        (0.05, 0.5, "lies outside 0 … 0.1 m/s"),
+    ):
         with pytest.raises(MotionRefused, match=words):
             setting.gripper.move(width, speed)
     assert setting.fingers.said == []

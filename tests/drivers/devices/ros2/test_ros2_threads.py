@@ -100,8 +100,17 @@ def test_calls_of_many_threads_break_nothing_and_the_arm_moves_afterwards() -> N
     wire = LiveController()
     # A loaded machine may hold threads up for long; silence and lag are not what this is about.
     slow = Supervision(lag=1.0, following_error=0.5, margin=30.0, stall=5.0)
-    options = Ros2ArmOptions(("shoulder", "elbow", "wrist"), lead=0.5, silence=PATIENCE, supervision=slow)
-    arm = Ros2Arm(wire, SystemClock(), Path("none.xml"), LIMITS, options, host_time=lambda: WALL + wire.clock.now())
+    options = Ros2ArmOptions(
+        ("shoulder", "elbow", "wrist"), lead=0.5, silence=PATIENCE, supervision=slow
+    )
+    arm = Ros2Arm(
+        wire,
+        SystemClock(),
+        Path("none.xml"),
+        LIMITS,
+        options,
+        host_time=lambda: WALL + wire.clock.now(),
+    )
     with going_on(wire):
         arm.connect()
         arm.start()
@@ -139,7 +148,10 @@ def test_calls_of_many_threads_break_nothing_and_the_arm_moves_afterwards() -> N
 
 def test_calls_of_many_threads_break_nothing_and_the_fingers_move_afterwards() -> None:
     wire = LiveFingers()
-    limits, options = GripperLimits(0.01, 0.08, 0.1, 20.0), Ros2GripperOptions("finger", 2.0, 0.002, silence=PATIENCE)
+    limits, options = (
+        GripperLimits(0.01, 0.08, 0.1, 20.0),
+        Ros2GripperOptions("finger", 2.0, 0.002, silence=PATIENCE),
+    )
     gripper = Ros2Gripper(wire, SystemClock(), limits, options, host_time=lambda: wire.wall)
     with going_on(wire):
         gripper.connect()
@@ -149,7 +161,12 @@ def test_calls_of_many_threads_break_nothing_and_the_fingers_move_afterwards() -
                 "move": lambda rng: gripper.move(rng.uniform(0.02, 0.07), 0.1),
                 "move and stop": lambda rng: gripper.move(rng.uniform(0.02, 0.07), 0.1).stop(),
                 "speed": lambda rng: gripper.set_speed(rng.uniform(-0.05, 0.05)),
-                "look": lambda rng: (gripper.state(), gripper.link(), gripper.last_seen(), gripper.settled()),
+                "look": lambda rng: (
+                    gripper.state(),
+                    gripper.link(),
+                    gripper.last_seen(),
+                    gripper.settled(),
+                ),
                 "check": lambda rng: gripper.check(),
                 "pause": lambda rng: gripper.pause(),
                 "resume": lambda rng: gripper.resume(),
@@ -159,7 +176,10 @@ def test_calls_of_many_threads_break_nothing_and_the_fingers_move_afterwards() -
             rounds=40,
         )
         assert wrong == []
-        assert ends_well(lambda: gripper.move(0.04 if gripper.state().width > 0.05 else 0.06, 0.1), gripper.acknowledge)
+        assert ends_well(
+            lambda: gripper.move(0.04 if gripper.state().width > 0.05 else 0.06, 0.1),
+            gripper.acknowledge,
+        )
         gripper.close()
     assert len(wire.used_by) == 1
     assert threading.get_ident() not in wire.used_by

@@ -19,7 +19,10 @@ def small_network() -> FingerCalibration:
         components=np.ones((1, 25)),
         in_low=np.array([-2.5]),
         in_high=np.array([2.5]),
-        layers=((np.array([[2.0]]), np.array([0.5])), (np.arange(1.0, 7.0)[:, None] / 10.0, np.zeros(6))),
+        layers=(
+            (np.array([[2.0]]), np.array([0.5])),
+            (np.arange(1.0, 7.0)[:, None] / 10.0, np.zeros(6)),
+        ),
         out_low=np.full(6, -10.0),
         out_high=np.full(6, 10.0),
         error_n=0.05,
@@ -49,7 +52,12 @@ def test_a_calibration_survives_its_file(tmp_path: Path) -> None:
         (lambda content: content.update(format="other"), "no calibration of a finger"),
         (lambda content: content.pop("mean"), "mean"),
         (lambda content: content.update(mean=[1.0]), "does not fit together"),
-        (lambda content: content.update(out_low=[0.0], out_high=[1.0], layers=content["layers"][:1]), "a wrench has 6"),
+        (
+            lambda content: content.update(
+                out_low=[0.0], out_high=[1.0], layers=content["layers"][:1]
+            ),
+            "a wrench has 6",
+        ),
         (lambda content: content.update(in_low=[float("nan")]), "not finite"),
     ],
 )
@@ -73,7 +81,9 @@ def recording(count: int = 1500) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_fit_finds_the_wrench_behind_the_voltages_and_reports_its_error() -> None:
     volts, wrenches = recording()
-    calibration, report = fit_calibration(volts, wrenches, "left", components=20, hidden=(12,), epochs=10)
+    calibration, report = fit_calibration(
+        volts, wrenches, "left", components=20, hidden=(12,), epochs=10
+    )
     force_error = np.abs(calibration.wrench(volts) - wrenches)[:, :3]
     assert np.sqrt((force_error**2).mean()) < 0.35  # of ± 7 N
     assert report.samples == 1500
@@ -109,15 +119,25 @@ def test_unusable_recordings_are_refused_in_words(tmp_path: Path) -> None:
 
 def test_forces_that_the_voltages_do_not_explain_are_refused() -> None:
     rng = np.random.default_rng(0)
-    with pytest.raises(UnusableRecording, match=r"explain 0% of the variance of f_[xyz], 50% are needed"):
-        fit_calibration(rng.normal(size=(600, 25)), rng.normal(size=(600, 6)), "left", hidden=(4,), epochs=2)
+    with pytest.raises(
+        UnusableRecording, match=r"explain 0% of the variance of f_[xyz], 50% are needed"
+    ):
+        fit_calibration(
+            rng.normal(size=(600, 25)), rng.normal(size=(600, 6)), "left", hidden=(4,), epochs=2
+        )
 
 
 @pytest.mark.parametrize("name", ["r.npz", "r.csv"])
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", bytes(range(256)), None], ids=lambda c: str(c)[:8])
-def test_recordings_that_are_none_are_refused_in_words(name: str, content: bytes | None, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "content", [b"", b"PK\x03\x04 cut off", bytes(range(256)), None], ids=lambda c: str(c)[:8]
+)
+def test_recordings_that_are_none_are_refused_in_words(
+    name: str, content: bytes | None, tmp_path: Path
+) -> None:
     with (tmp_path / name).open("wb") as stream:
-        stream.truncate(2 << 30) if content is None else stream.write(content)  # sparse: it takes no room
+        stream.truncate(2 << 30) if content is None else stream.write(
+            content
+        )  # sparse: it takes no room
     with pytest.raises(UnusableRecording, match=name):
         read_recording(tmp_path / name)
 
@@ -130,8 +150,12 @@ def test_a_recording_with_numbers_that_are_not_finite_is_refused(tmp_path: Path)
         read_recording(tmp_path / "r.npz")
 
 
-@pytest.mark.parametrize("content", [b"", b"[" * 100_000, bytes(range(256)), b"[]", None], ids=lambda c: str(c)[:8])
-def test_calibrations_that_are_none_are_refused_in_words(content: bytes | None, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "content", [b"", b"[" * 100_000, bytes(range(256)), b"[]", None], ids=lambda c: str(c)[:8]
+)
+def test_calibrations_that_are_none_are_refused_in_words(
+    content: bytes | None, tmp_path: Path
+) -> None:
     with (tmp_path / "finger.json").open("wb") as stream:
         stream.truncate(2 << 30) if content is None else stream.write(content)
     with pytest.raises(UnusableCalibration, match=r"finger\.json"):

@@ -8,7 +8,9 @@ from pomona.drivers.services import ConnectContext
 from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
 
-CALIBRATION = Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated_fingers" / "left.json"
+CALIBRATION = (
+    Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated_fingers" / "left.json"
+)
 RIGHT = f"right: {{port: p, calibration: {CALIBRATION.with_name('right.json')}}}"
 
 
@@ -20,7 +22,9 @@ def refuse(folder: Path, text: str) -> CellFileError:
     return caught.value
 
 
-def test_a_missing_port_is_refused_with_its_place_and_the_ports_that_are_there(tmp_path: Path) -> None:
+def test_a_missing_port_is_refused_with_its_place_and_the_ports_that_are_there(
+    tmp_path: Path,
+) -> None:
     finger = f"{{port: /dev/nothing, calibration: {CALIBRATION}}}"
     error = refuse(tmp_path, f"left: {finger}\n{RIGHT}")
     assert (error.line, error.column) == (2, 7)
@@ -33,7 +37,9 @@ def test_two_fingers_at_one_port_are_refused(tmp_path: Path) -> None:
     assert "both fingers are at p: each has a port of its own" in error.message
 
 
-def test_a_missing_or_wrong_calibration_is_refused_with_the_command_that_makes_one(tmp_path: Path) -> None:
+def test_a_missing_or_wrong_calibration_is_refused_with_the_command_that_makes_one(
+    tmp_path: Path,
+) -> None:
     missing = refuse(tmp_path, "left: {port: p, calibration: none.json}\n" + RIGHT)
     assert "does not exist" in missing.message
     assert "pomona calibrate fingers" in str(missing)
@@ -43,9 +49,13 @@ def test_a_missing_or_wrong_calibration_is_refused_with_the_command_that_makes_o
     assert "pomona calibrate fingers" in error.hint
 
 
-def test_exchanged_calibrations_are_refused_by_the_names_they_were_made_with(tmp_path: Path) -> None:
+def test_exchanged_calibrations_are_refused_by_the_names_they_were_made_with(
+    tmp_path: Path,
+) -> None:
     other = CALIBRATION.with_name("right.json")
-    error = refuse(tmp_path, f"left: {{port: p, calibration: {other}}}\n{RIGHT.replace('port: p', 'port: q')}")
+    error = refuse(
+        tmp_path, f"left: {{port: p, calibration: {other}}}\n{RIGHT.replace('port: p', 'port: q')}"
+    )
     assert (error.line, error.column) == (2, 7)
     assert "right.json was made for the finger 'emulated right'" in error.message
     assert "exchanged" in error.hint

@@ -87,15 +87,26 @@ class Rig:
         self.fingers = self.make()
         self.samples: list[WrenchSample] = []
 
-    def make(self, gripper: Gripper | None = None, memory: HandMemory | None = None) -> SunTouchFingers:
+    def make(
+        self, gripper: Gripper | None = None, memory: HandMemory | None = None
+    ) -> SunTouchFingers:
         """The driver of the next process, on the same fingers."""
-        calibrations = CALIBRATION, replace(CALIBRATION, finger="other", error_n=0.1, mean=np.full(25, 1e-6))
+        calibrations = (
+            CALIBRATION,
+            replace(CALIBRATION, finger="other", error_n=0.1, mean=np.full(25, 1e-6)),
+        )
         left, right = (
             Finger(line.open, calibration, self.clock)
             for line, calibration in zip((self.left, self.right), calibrations, strict=True)
         )
         return SunTouchFingers(
-            left, right, self.clock, on_lost=self.stop, belief=self.belief, gripper=gripper, memory=memory
+            left,
+            right,
+            self.clock,
+            on_lost=self.stop,
+            belief=self.belief,
+            gripper=gripper,
+            memory=memory,
         )
 
     def stop(self) -> None:
@@ -265,7 +276,10 @@ def terminals() -> Iterator[tuple[str, str]]:
 @pytest.mark.realtime
 def test_it_streams_over_real_pseudo_terminals(terminals: tuple[str, str]) -> None:
     clock = SystemClock()
-    left, right = (Finger(lambda port=port: SerialLink(port, 1_000_000), CALIBRATION, clock) for port in terminals)
+    left, right = (
+        Finger(lambda port=port: SerialLink(port, 1_000_000), CALIBRATION, clock)
+        for port in terminals
+    )
     fingers = SunTouchFingers(left, right, clock, rate=100.0)  # slow: other tests share the machine
     fingers.connect()
     enough, samples = threading.Event(), []
@@ -301,7 +315,10 @@ def told(rig: Rig, limit: float = 0.05) -> str:
 def test_a_finger_whose_every_sample_is_a_spike_is_a_fault_within_50_ms(rig: Rig) -> None:
     rig.run(0.1)
     rig.left.device.restless = 0.2
-    assert told(rig) == "the left finger reports only spikes: a taxel jumps by more than 0.05 V each time"
+    assert (
+        told(rig)
+        == "the left finger reports only spikes: a taxel jumps by more than 0.05 V each time"
+    )
 
 
 def test_a_stuck_finger_is_a_fault_within_50_ms(rig: Rig) -> None:
@@ -320,13 +337,17 @@ def test_a_finger_at_zero_volt_is_a_fault_within_50_ms_and_gives_no_force(rig: R
 @pytest.mark.parametrize("value", [np.nan, 1e30])
 def test_a_calibration_that_gives_no_force_is_a_fault_at_once(rig: Rig, value: float) -> None:
     rig.run(0.1)
-    rig.fingers.fingers[1].calibration = replace(CALIBRATION, out_low=np.full(6, value), out_high=np.full(6, value))
+    rig.fingers.fingers[1].calibration = replace(
+        CALIBRATION, out_low=np.full(6, value), out_high=np.full(6, value)
+    )
     assert told(rig, 0.005).startswith(
         f"the right finger reports {'nan instead of a force' if np.isnan(value) else '1e+30 N'}"
     )
 
 
-def test_a_fault_of_the_fingers_is_over_when_they_can_be_believed_and_somebody_acknowledges(rig: Rig) -> None:
+def test_a_fault_of_the_fingers_is_over_when_they_can_be_believed_and_somebody_acknowledges(
+    rig: Rig,
+) -> None:
     rig.left.device.stuck = True
     rig.run(0.1)
     with pytest.raises(DeviceFault, match="still: the left finger"):
@@ -371,7 +392,9 @@ class Hand:
 
 
 @pytest.mark.parametrize("force", [1.4, 5.0, 9.0])
-def test_a_fruit_that_is_held_while_the_fingers_connect_is_felt_and_not_tared_away(force: float) -> None:
+def test_a_fruit_that_is_held_while_the_fingers_connect_is_felt_and_not_tared_away(
+    force: float,
+) -> None:
     hand = Hand(0.103)
     hand.connect()
     hand.memory.keep_hand("something is between the fingers", 0.073)
@@ -391,7 +414,9 @@ def test_fingers_that_moved_since_they_were_last_known_are_not_tared() -> None:
     assert pressing(hand.connect()) > 0.5
 
 
-def test_fingers_that_press_by_the_last_bias_are_not_tared_although_the_record_calls_them_empty() -> None:
+def test_fingers_that_press_by_the_last_bias_are_not_tared_although_the_record_calls_them_empty() -> (
+    None
+):
     hand = Hand(0.103)
     hand.connect()
     hand.memory.keep_hand("", 0.073)
@@ -401,7 +426,9 @@ def test_fingers_that_press_by_the_last_bias_are_not_tared_although_the_record_c
 
 
 @pytest.mark.parametrize("width", [0.035, 0.103])
-def test_fingers_at_an_end_of_their_travel_are_tared_and_so_are_those_known_to_be_empty(width: float) -> None:
+def test_fingers_at_an_end_of_their_travel_are_tared_and_so_are_those_known_to_be_empty(
+    width: float,
+) -> None:
     hand = Hand(width)
     hand.press(0.3)  # a sensor that has drifted
     assert pressing(hand.connect()) == pytest.approx(0.0, abs=0.05)
@@ -409,7 +436,9 @@ def test_fingers_at_an_end_of_their_travel_are_tared_and_so_are_those_known_to_b
     hand.gripper.width = 0.08
     hand.press(0.4)
     assert pressing(hand.connect()) == pytest.approx(0.0, abs=0.05)
-    assert hand.memory.record == HandRecord("", 0.08, hand.memory.record.bias if hand.memory.record else {})
+    assert hand.memory.record == HandRecord(
+        "", 0.08, hand.memory.record.bias if hand.memory.record else {}
+    )
 
 
 @pytest.mark.parametrize("record", [None, HandRecord("", 0.09), HandRecord("something", 0.073)])
@@ -433,7 +462,9 @@ def test_a_last_bias_that_does_not_fit_the_fingers_any_more_is_used_for_nothing(
     for line in (hand.rig.left, hand.rig.right):
         line.device.pad.rest = line.device.pad.rest + 1.0  # another skin: 25 V more in sum
     hand.rig.belief = Belief(strongest=5.0)
-    with pytest.raises(NoBias, match="each finger presses with inf N or more, measured from the last bias"):
+    with pytest.raises(
+        NoBias, match="each finger presses with inf N or more, measured from the last bias"
+    ):
         hand.connect()
     hand.gripper.width = 0.103
     assert pressing(hand.connect()) == pytest.approx(0.0, abs=0.05)
@@ -453,5 +484,7 @@ def test_a_bias_asked_for_while_something_may_be_held_is_refused(rig: Rig) -> No
 def test_a_finger_that_is_dead_while_it_connects_is_a_fault_and_no_endless_wait() -> None:
     rig = Rig()
     rig.left.device.dead = True
-    with pytest.raises(DeviceFault, match="the left finger has every taxel at the end of its range"):
+    with pytest.raises(
+        DeviceFault, match="the left finger has every taxel at the end of its range"
+    ):
         rig.fingers.connect()

@@ -57,7 +57,9 @@ class FingersMachine(RuleBasedStateMachine):
             old = line.device.stuck and now - self.stuck_since < 0.05  # not known yet to be stuck
             restless = line.device.restless and now - self.changed_at < 0.05
             if not old and not restless:
-                assert abs(wrench[2] - self.truth(line)) < NEAR, "what was delivered is not what the pad feels"
+                assert abs(wrench[2] - self.truth(line)) < NEAR, (
+                    "what was delivered is not what the pad feels"
+                )
 
     def serve(self, seconds: float) -> None:
         fingers, end = self.rig.fingers, self.rig.clock.now() + seconds
@@ -67,7 +69,9 @@ class FingersMachine(RuleBasedStateMachine):
             if self.rig.clock.now() == before:
                 self.rig.clock.advance(0.001)
             wrong = fingers.link() != "ok"
-            assert wrong or not self.wrong, "what was wrong is forgotten, and nobody has acknowledged it"
+            assert wrong or not self.wrong, (
+                "what was wrong is forgotten, and nobody has acknowledged it"
+            )
             self.wrong = wrong
         if self.broken_since is not None and self.rig.clock.now() - self.broken_since > TOLD:
             assert self.wrong, "a fault lasts, and nobody is told"
@@ -76,7 +80,11 @@ class FingersMachine(RuleBasedStateMachine):
     def pass_time(self, seconds: float) -> None:
         self.serve(seconds)
 
-    @rule(side=st.sampled_from([0, 1]), force=st.sampled_from([0.0, -1.0, -6.0]), shear=st.sampled_from([0.0, 2.0]))
+    @rule(
+        side=st.sampled_from([0, 1]),
+        force=st.sampled_from([0.0, -1.0, -6.0]),
+        shear=st.sampled_from([0.0, 2.0]),
+    )
     def press(self, side: int, force: float, shear: float) -> None:
         self.lines[side].wrench = np.array([shear, 0.0, force, 0.0, 0.0, 0.0])
         self.serve(0.02)

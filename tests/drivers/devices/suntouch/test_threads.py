@@ -57,7 +57,9 @@ def test_calls_of_many_threads_break_nothing_and_the_fingers_stream_afterwards()
     lines = LiveLine(0), LiveLine(1)
     clock = SystemClock()
     # A loaded machine may hold threads up for long; silence is not what this is about.
-    fingers = SunTouchFingers(*(Finger(line.open, CALIBRATION, clock) for line in lines), clock, silence=PATIENCE)
+    fingers = SunTouchFingers(
+        *(Finger(line.open, CALIBRATION, clock) for line in lines), clock, silence=PATIENCE
+    )
     fingers.connect()
     for line in lines:
         line.used_by.clear()
@@ -71,7 +73,12 @@ def test_calls_of_many_threads_break_nothing_and_the_fingers_stream_afterwards()
         {
             "bias": lambda rng: fingers.bias(),
             "come and go": come_and_go,
-            "look": lambda rng: (fingers.latest(), fingers.link(), fingers.biased, fingers.settled()),
+            "look": lambda rng: (
+                fingers.latest(),
+                fingers.link(),
+                fingers.biased,
+                fingers.settled(),
+            ),
             "check": lambda rng: fingers.check(),
             "safe stop": lambda rng: fingers.safe_stop("stress"),
             "acknowledge": lambda rng: fingers.acknowledge(),

@@ -42,9 +42,15 @@ def test_any_bytes_are_messages_or_malformed(chunk: bytes) -> None:
     st.lists(st.floats(allow_nan=False), min_size=6, max_size=6),
 )
 def test_a_package_has_its_fields_again(number: float, whole: int, six: list[float]) -> None:
-    recipe = RtdeRecipe(("speed_scaling", "robot_mode", "actual_q"), ("DOUBLE", "INT32", "VECTOR6D"))
+    recipe = RtdeRecipe(
+        ("speed_scaling", "robot_mode", "actual_q"), ("DOUBLE", "INT32", "VECTOR6D")
+    )
     body = recipe.pack(1, [number, whole, *six])
-    assert recipe.unpack(body) == {"speed_scaling": (number,), "robot_mode": (whole,), "actual_q": tuple(six)}
+    assert recipe.unpack(body) == {
+        "speed_scaling": (number,),
+        "robot_mode": (whole,),
+        "actual_q": tuple(six),
+    }
 
 
 def test_a_package_of_another_length_is_malformed() -> None:

@@ -58,7 +58,8 @@ def test_it_moves_over_tcp_and_is_stopped_from_outside(tmp_path: Path) -> None:
     controller = UrEmulator(FreeJoints(START), np.full(6, 3.14))
     with served(controller):
         arm = open_arm(
-            tmp_path, f"address: {HOST}\nmodel: ur5e\nrobot: {ROBOT}\nsilence: 900 ms\nlead: 500 ms\nrate: 250 Hz"
+            tmp_path,
+            f"address: {HOST}\nmodel: ur5e\nrobot: {ROBOT}\nsilence: 900 ms\nlead: 500 ms\nrate: 250 Hz",
         )
         change = np.full(6, 0.05)
         motion = arm.follow(swing(arm.state().q, change, duration=0.5))
@@ -81,15 +82,36 @@ def test_it_moves_over_tcp_and_is_stopped_from_outside(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (f"address: 127.0.0.88\nmodel: ur5e\nrobot: {ROBOT}", r"(?s):2:10: .*cannot be reached.*30004, 30002, 29999"),
-        (f"address: h:99\nmodel: ur5e\nrobot: {ROBOT}", r":2:10: .*'h:99' is not a host: .*ports are fixed"),
+        (
+            f"address: 127.0.0.88\nmodel: ur5e\nrobot: {ROBOT}",
+            r"(?s):2:10: .*cannot be reached.*30004, 30002, 29999",
+        ),
+        (
+            f"address: h:99\nmodel: ur5e\nrobot: {ROBOT}",
+            r":2:10: .*'h:99' is not a host: .*ports are fixed",
+        ),
         (f"address: h\nmodel: ur6e\nrobot: {ROBOT}", "did you mean 'ur"),
-        (f"address: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 10 ms\nlead: 400 ms", "keeps 30 points"),
+        (
+            f"address: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 10 ms\nlead: 400 ms",
+            "keeps 30 points",
+        ),
         ("address: h\nmodel: ur5e\nrobot: nothing.xml", "does not exist"),
-        (f"address: h\nmodel: ur5e\nrobot: {ROBOT.with_name('sia5f_wsg32.xml')}", "needs 6 positive numbers"),
-        (f"address: h\nmodel: ur10e\nrobot: {ROBOT}", r":4:8: .*no description of a ur10e: .*as in a ur5e, not 0, 613"),
-        (f"address: h\nmodel: ur16e\nrobot: {ROBOT}", r":4:8: .*; give that of a ur16e, or 'model: ur5e'"),
-        (f"address: h\nmodel: ur5e\nrobot: {ROBOT.with_name('xarm6_hand_e.xml')}", "0, 289, 78, 0, 76 mm apart, not 0"),
+        (
+            f"address: h\nmodel: ur5e\nrobot: {ROBOT.with_name('sia5f_wsg32.xml')}",
+            "needs 6 positive numbers",
+        ),
+        (
+            f"address: h\nmodel: ur10e\nrobot: {ROBOT}",
+            r":4:8: .*no description of a ur10e: .*as in a ur5e, not 0, 613",
+        ),
+        (
+            f"address: h\nmodel: ur16e\nrobot: {ROBOT}",
+            r":4:8: .*; give that of a ur16e, or 'model: ur5e'",
+        ),
+        (
+            f"address: h\nmodel: ur5e\nrobot: {ROBOT.with_name('xarm6_hand_e.xml')}",
+            "0, 289, 78, 0, 76 mm apart, not 0",
+        ),
         (f"address: '[::1]'\nmodel: ur5e\nrobot: {ROBOT}", r":2:10: .*is not a host"),
     ],
 )
@@ -107,5 +129,9 @@ def test_another_robot_is_refused_at_the_setting_of_its_model(tmp_path: Path) ->
 
 def test_the_limits_tell_how_late_a_stop_begins(tmp_path: Path) -> None:
     path = tmp_path / "cell.yaml"
-    path.write_text(f"driver: universal-robots\naddress: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 40 ms\n")
-    assert read_settings(connect, path).values.limits.reaction == pytest.approx(0.02 + 0.04 + UrArm.lag)
+    path.write_text(
+        f"driver: universal-robots\naddress: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 40 ms\n"
+    )
+    assert read_settings(connect, path).values.limits.reaction == pytest.approx(
+        0.02 + 0.04 + UrArm.lag
+    )

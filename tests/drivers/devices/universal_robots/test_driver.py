@@ -16,13 +16,27 @@ from pomona.devices.universal_robots.dashboard import WrongArmError
 from pomona.devices.universal_robots.driver import UrArm
 from pomona.devices.universal_robots.options import UrFile
 from pomona.devices.universal_robots.rtde import RegisterTakenError
-from pomona.drivers import ArmLimits, DeviceError, DeviceFault, DeviceLost, Motion, MotionRefused, MotionState
+from pomona.drivers import (
+    ArmLimits,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    Motion,
+    MotionRefused,
+    MotionState,
+)
 from pomona.drivers.path_arm import RECONNECT
 from pomona.executive import ManualClock
 from tests.drivers.devices.motoman.test_driver import Connection, swing
 
 DOF = 6
-LIMITS = ArmLimits(-np.full(DOF, 6.0), np.full(DOF, 6.0), np.full(DOF, 3.14), np.full(DOF, 10.0), np.full(DOF, 200.0))
+LIMITS = ArmLimits(
+    -np.full(DOF, 6.0),
+    np.full(DOF, 6.0),
+    np.full(DOF, 3.14),
+    np.full(DOF, 10.0),
+    np.full(DOF, 200.0),
+)
 START = np.array([0.1, -1.5, 1.4, -1.3, -1.5, 0.7])
 CHANGE = np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6])
 
@@ -63,7 +77,9 @@ def connected(cell: Cell, **options: Any) -> UrArm:
     return arm
 
 
-def serve(arm: UrArm, cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+def serve(
+    arm: UrArm, cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False
+) -> None:
     end = cell.clock.now() + seconds
     while cell.clock.now() < end and not until():
         before = cell.clock.now()
@@ -157,7 +173,12 @@ def stopped_after(
     motion = arm.follow(swing(START, CHANGE))
     serve(arm, cell, seconds)
     way = [cell.joints.measured()[0]]
-    drive, rtde, free, sent = cell.joints.drive, cell.opened[0], cell.clock.now() + late, list[bytes]()
+    drive, rtde, free, sent = (
+        cell.joints.drive,
+        cell.opened[0],
+        cell.clock.now() + late,
+        list[bytes](),
+    )
     send, advance = rtde.send, cell.controller.advance
 
     def deliver(now: float) -> None:
@@ -303,9 +324,15 @@ def test_another_program_on_the_controller_is_noticed() -> None:
 
 @pytest.mark.parametrize(
     ("fault", "told"),
-    [("reduced", "reduced mode"), ("slider", "slider at 50 %"), ("freedrive", "release the freedrive button")],
+    [
+        ("reduced", "reduced mode"),
+        ("slider", "slider at 50 %"),
+        ("freedrive", "release the freedrive button"),
+    ],
 )
-def test_a_state_in_which_the_arm_would_not_follow_brakes_it_on_its_path(fault: str, told: str) -> None:
+def test_a_state_in_which_the_arm_would_not_follow_brakes_it_on_its_path(
+    fault: str, told: str
+) -> None:
     cell = Cell()
     arm = connected(cell)
     motion = moving(cell, arm)
@@ -423,7 +450,9 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
     assert cell.controller.program is None
     assert np.abs(cell.joints.measured()[1]).max() < 1e-4
     again = arm_of(cell)
-    with pytest.raises(RegisterTakenError, match=r"input_int_register_24 \(IN_USE\) and 16 more: another run"):
+    with pytest.raises(
+        RegisterTakenError, match=r"input_int_register_24 \(IN_USE\) and 16 more: another run"
+    ):
         again.connect()
     cell.controller.rtde.disconnected(cell.opened[0].peer)
     again.connect()
@@ -507,7 +536,9 @@ def test_a_program_that_runs_already_is_left_alone() -> None:
     assert cell.controller.program == "picker"
 
 
-@pytest.mark.parametrize("fault", ["protective", "e_stop", "safeguard", "reduced", "slider", "freedrive"])
+@pytest.mark.parametrize(
+    "fault", ["protective", "e_stop", "safeguard", "reduced", "slider", "freedrive"]
+)
 def test_an_arm_in_a_stop_or_another_mode_is_refused_and_not_unlocked(fault: str) -> None:
     cell = Cell()
     cell.controller.inject_fault(fault)

@@ -16,7 +16,10 @@ from tests.drivers.devices.motoman.test_driver import swing
 from tests.drivers.devices.universal_robots.test_connect import ROBOT, open_arm
 
 HOST = os.environ.get("POMONA_URSIM", "")
-pytestmark = [pytest.mark.long, pytest.mark.skipif(not HOST, reason="POMONA_URSIM has no address of a URSim")]
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not HOST, reason="POMONA_URSIM has no address of a URSim"),
+]
 CHANGE = np.array([0.3, -0.2, 0.2, 0.1, -0.1, 0.3])
 
 
@@ -26,8 +29,12 @@ def wait(motion: Motion, seconds: float) -> None:
         SystemClock().advance(0.005)
 
 
-def test_a_path_is_followed_stopped_and_begun_anew_and_the_script_is_ended_from_outside(tmp_path: Path) -> None:
-    arm = open_arm(tmp_path, f"address: {HOST}\nmodel: ur5e\nrobot: {ROBOT}\nsilence: 200 ms\nlead: 300 ms")
+def test_a_path_is_followed_stopped_and_begun_anew_and_the_script_is_ended_from_outside(
+    tmp_path: Path,
+) -> None:
+    arm = open_arm(
+        tmp_path, f"address: {HOST}\nmodel: ur5e\nrobot: {ROBOT}\nsilence: 200 ms\nlead: 300 ms"
+    )
     try:
         start = arm.state().q
         there = arm.follow(swing(start, CHANGE))

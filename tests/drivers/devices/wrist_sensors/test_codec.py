@@ -7,7 +7,9 @@ from hypothesis import given, strategies as st
 
 from pomona.devices.wrist_sensors.codec import SCALE, frame, start_stream, take_frames
 
-WRENCHES = st.lists(st.integers(-32768, 32767), min_size=6, max_size=6).map(lambda counts: SCALE * np.array(counts))
+WRENCHES = st.lists(st.integers(-32768, 32767), min_size=6, max_size=6).map(
+    lambda counts: SCALE * np.array(counts)
+)
 
 
 def test_the_request_is_that_of_the_manual() -> None:

@@ -84,9 +84,15 @@ def test_it_streams_the_wrench_on_the_flange(cell: Cell) -> None:
     sensor.subscribe(samples.append)
     serve(sensor, cell, 0.5)
     assert 45 <= len(samples) <= 70
-    assert all(sample.wrenches.shape == (1, 6) and sample.saturated == (False, False) for sample in samples)
-    np.testing.assert_allclose(np.mean([sample.wrenches[0] for sample in samples], axis=0), PULL, atol=0.03)
-    assert [b.sequence - a.sequence for a, b in itertools.pairwise(samples)] == [1] * (len(samples) - 1)
+    assert all(
+        sample.wrenches.shape == (1, 6) and sample.saturated == (False, False) for sample in samples
+    )
+    np.testing.assert_allclose(
+        np.mean([sample.wrenches[0] for sample in samples], axis=0), PULL, atol=0.03
+    )
+    assert [b.sequence - a.sequence for a, b in itertools.pairwise(samples)] == [1] * (
+        len(samples) - 1
+    )
     sensor.check()
     assert sensor.link() == "ok"
 
@@ -96,7 +102,9 @@ def test_a_force_at_the_end_of_the_range_is_marked(cell: Cell) -> None:
     assert connected(cell).latest().saturated == (True, True)
 
 
-def test_a_silent_sensor_is_lost_within_its_time_and_stays_so_until_it_is_acknowledged(cell: Cell) -> None:
+def test_a_silent_sensor_is_lost_within_its_time_and_stays_so_until_it_is_acknowledged(
+    cell: Cell,
+) -> None:
     sensor = connected(cell)
     cell.device.inject_fault("silent")
     serve(sensor, cell, 0.115)
@@ -158,19 +166,31 @@ def test_nothing_at_the_address_is_a_reason(cell: Cell) -> None:
 def test_forces_of_a_universal_robots_arm_are_turned_into_the_tool() -> None:
     cell = Cell("ur")
     cell.device.tcp_pose = [0.3, 0.2, 0.1, np.pi, 0.0, 0.0]
-    np.testing.assert_allclose(connected(cell).latest().wrenches[0], PULL * [1, -1, -1, 1, -1, -1], atol=0.06)
+    np.testing.assert_allclose(
+        connected(cell).latest().wrenches[0], PULL * [1, -1, -1, 1, -1, -1], atol=0.06
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("robotiq-ft300", "port: /dev/none\nmass: 1.2 kg", r"(?s):2:7: .*cannot be reached.*Modbus address 9"),
+        (
+            "robotiq-ft300",
+            "port: /dev/none\nmass: 1.2 kg",
+            r"(?s):2:7: .*cannot be reached.*Modbus address 9",
+        ),
         ("robotiq-ft300", "port: /dev/none", "mass"),
-        ("universal-robots-force", "address: 127.0.0.88\nmass: 1.2 kg", r"(?s):2:10: .*cannot be reached.*30004"),
+        (
+            "universal-robots-force",
+            "address: 127.0.0.88\nmass: 1.2 kg",
+            r"(?s):2:10: .*cannot be reached.*30004",
+        ),
         ("universal-robots-force", "address: h\nmass: 1.2 N", "mass"),
     ],
 )
-def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, name: str, text: str, words: str) -> None:
+def test_a_wrong_setting_is_refused_with_its_place(
+    tmp_path: Path, name: str, text: str, words: str
+) -> None:
     path = tmp_path / "cell.yaml"
     path.write_text(f"driver: {name}\n{text}\n")
     connect = connect_ft300 if name == "robotiq-ft300" else connect_ur_force

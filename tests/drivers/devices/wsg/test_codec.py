@@ -35,7 +35,10 @@ from pomona.executive.cell.owner import Malformed
         (Plain(Command.STOP), "aa aa aa 22 00 00 0e 76"),
         (Plain(Command.ACKNOWLEDGE), "aa aa aa 24 03 00 61 63 6b dc b9"),
         (Move(0.030, 0.050), "aa aa aa 21 09 00 02 00 00 f0 41 00 00 48 42 5b 99"),
-        (Script(Command.SCRIPT_SPEED, 0.0, -0.005), "aa aa aa b2 09 00 00 00 00 00 00 00 00 a0 c0 78 d7"),
+        (
+            Script(Command.SCRIPT_SPEED, 0.0, -0.005),
+            "aa aa aa b2 09 00 00 00 00 00 00 00 00 a0 c0 78 d7",
+        ),
     ],
 )
 def test_requests_are_the_bytes_of_the_public_check_frames(request_: Request, wire: str) -> None:
@@ -53,22 +56,42 @@ requests = st.one_of(
     st.builds(
         Plain,
         st.sampled_from(
-            [Command.STOP, Command.FAST_STOP, Command.ACKNOWLEDGE, Command.TARE, Command.INFO, Command.LIMITS]
+            [
+                Command.STOP,
+                Command.FAST_STOP,
+                Command.ACKNOWLEDGE,
+                Command.TARE,
+                Command.INFO,
+                Command.LIMITS,
+            ]
         ),
     ),
     st.builds(Loop, st.binary(max_size=40)),
     st.builds(Homing, st.integers(0, 2)),
     st.builds(Move, numbers, numbers, st.booleans(), st.booleans()),
     st.builds(GraspCommand, numbers, numbers, st.sampled_from([Command.GRASP, Command.RELEASE])),
-    st.builds(SetValue, st.sampled_from([Command.SET_ACCELERATION, Command.SET_FORCE_LIMIT]), numbers),
+    st.builds(
+        SetValue, st.sampled_from([Command.SET_ACCELERATION, Command.SET_FORCE_LIMIT]), numbers
+    ),
     st.builds(SetSoftLimits, numbers, numbers),
-    st.builds(Observe, st.sampled_from([Command.SYSTEM_STATE, Command.WIDTH]), st.booleans(), st.just(0.02)),
-    st.builds(Script, st.sampled_from([Command.SCRIPT_READ, Command.SCRIPT_SPEED]), numbers, numbers),
+    st.builds(
+        Observe,
+        st.sampled_from([Command.SYSTEM_STATE, Command.WIDTH]),
+        st.booleans(),
+        st.just(0.02),
+    ),
+    st.builds(
+        Script, st.sampled_from([Command.SCRIPT_READ, Command.SCRIPT_SPEED]), numbers, numbers
+    ),
 )
 
 
 def close(a: object, b: object) -> bool:
-    return a == b or (isinstance(a, float) and isinstance(b, float) and math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9))
+    return a == b or (
+        isinstance(a, float)
+        and isinstance(b, float)
+        and math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9)
+    )
 
 
 @given(requests)
@@ -99,7 +122,10 @@ def test_a_reply_survives_the_wire(reply: Reply) -> None:
     assert back.values == pytest.approx(reply.values)
 
 
-@given(st.lists(requests, min_size=1, max_size=5), st.lists(st.integers(1, 20), min_size=1, max_size=20))
+@given(
+    st.lists(requests, min_size=1, max_size=5),
+    st.lists(st.integers(1, 20), min_size=1, max_size=20),
+)
 def test_frames_are_found_however_the_stream_is_cut(sent: list[Request], cuts: list[int]) -> None:
     stream, decoder, frames, at = b"".join(map(encode, sent)), FrameDecoder(), [], 0
     for size in (*cuts, len(stream)):
@@ -110,7 +136,9 @@ def test_frames_are_found_however_the_stream_is_cut(sent: list[Request], cuts: l
 
 
 @given(st.binary(max_size=60), requests, requests)
-def test_intact_frames_behind_garbage_are_found(garbage: bytes, first: Request, second: Request) -> None:
+def test_intact_frames_behind_garbage_are_found(
+    garbage: bytes, first: Request, second: Request
+) -> None:
     decoder = FrameDecoder()
     frames = decoder.decode(garbage + encode(first) + encode(second)) + decoder.flush()
     assert [encode_frame(frame) for frame in frames[-2:]] == [encode(first), encode(second)]
@@ -122,7 +150,9 @@ def test_a_damaged_length_does_not_swallow_the_frames_behind_it() -> None:
     decoder = FrameDecoder()
     frames = decoder.decode(bytes(damaged) + encode(Homing(1)))
     assert frames == []  # it may still be a long frame …
-    assert [frame.command for frame in decoder.flush()] == [Command.HOMING]  # … but the line fell silent
+    assert [frame.command for frame in decoder.flush()] == [
+        Command.HOMING
+    ]  # … but the line fell silent
     assert decoder.discarded == len(damaged)
 
 

@@ -97,11 +97,17 @@ def serve(gripper: WsgGripper, wire: Wire, seconds: float, renew: float | None =
 
 
 def test_the_handshake_sets_and_reads_back_the_options(wire: Wire) -> None:
-    gripper = connected(wire, acceleration=1.5, force_limit=20.0, soft_limits=(0.040, 0.100), speed_max=0.2)
+    gripper = connected(
+        wire, acceleration=1.5, force_limit=20.0, soft_limits=(0.040, 0.100), speed_max=0.2
+    )
     assert gripper.identity is not None
     assert (gripper.identity.acceleration, gripper.identity.force_limit) == (1.5, 20.0)
     assert gripper.identity.firmware == 0x2710
-    assert (gripper.limits.width_min, gripper.limits.width_max, gripper.limits.speed_max) == (0.040, 0.100, 0.2)
+    assert (gripper.limits.width_min, gripper.limits.width_max, gripper.limits.speed_max) == (
+        0.040,
+        0.100,
+        0.2,
+    )
     assert gripper.link() == "ok"
     assert gripper.state().width == pytest.approx(0.065)
 
@@ -145,11 +151,17 @@ def test_a_blocked_move_fails_with_its_place(wire: Wire) -> None:
     motion = gripper.move(0.040, 0.1)
     serve(gripper, wire, 0.3)
     assert motion.state is MotionState.FAILED
-    assert motion.problem in {f"the fingers are blocked at {width}.0 mm" for width in (55, 56)}  # one update old
+    assert motion.problem in {
+        f"the fingers are blocked at {width}.0 mm" for width in (55, 56)
+    }  # one update old
 
 
-@pytest.mark.parametrize(("width", "speed"), [(0.02, 0.1), (0.2, 0.1), (0.05, 0.0), (0.05, 0.5), (float("nan"), 0.1)])
-def test_a_move_outside_the_limits_is_refused_and_nothing_is_sent(wire: Wire, width: float, speed: float) -> None:
+@pytest.mark.parametrize(
+    ("width", "speed"), [(0.02, 0.1), (0.2, 0.1), (0.05, 0.0), (0.05, 0.5), (float("nan"), 0.1)]
+)
+def test_a_move_outside_the_limits_is_refused_and_nothing_is_sent(
+    wire: Wire, width: float, speed: float
+) -> None:
     gripper = connected(wire)
     before = len(wire.sent)
     with pytest.raises(MotionRefused, match="lies outside"):
@@ -243,7 +255,9 @@ def test_a_gripper_without_a_reference_moves_at_the_connection_only_when_an_oper
     wire.device.referenced = False
     monkeypatch.setattr(WsgGripper, "start", lambda _gripper: None)
     (tmp_path / "gripper.yaml").write_text("driver: wsg\ntcp: gripper\nhome: true\n")
-    context = ConnectContext(tmp_path, wire.clock, 0, wires={"gripper:1000": wire.open}, cleared=cleared)
+    context = ConnectContext(
+        tmp_path, wire.clock, 0, wires={"gripper:1000": wire.open}, cleared=cleared
+    )
     before = wire.fingers.state().width
     gripper = connect(read_settings(connect, tmp_path / "gripper.yaml"), context)
     assert isinstance(gripper, WsgGripper)
@@ -251,7 +265,9 @@ def test_a_gripper_without_a_reference_moves_at_the_connection_only_when_an_oper
     assert gripper.state().referenced is cleared
     assert (wire.fingers.state().width != before) is cleared
     if not cleared:
-        with pytest.raises(MotionRefused, match="check that it holds nothing, then start with --cleared"):
+        with pytest.raises(
+            MotionRefused, match="check that it holds nothing, then start with --cleared"
+        ):
             gripper.move(0.05, 0.1)
 
 
@@ -378,7 +394,9 @@ def test_closing_sends_bye_so_that_the_gripper_makes_no_fast_stop(wire: Wire) ->
 # ------------------------------------------------------------------------------------------------- when it goes wrong
 
 
-def serve_until(gripper: WsgGripper, wire: Wire, done: Callable[[], bool], limit: float = 5.0) -> float:
+def serve_until(
+    gripper: WsgGripper, wire: Wire, done: Callable[[], bool], limit: float = 5.0
+) -> float:
     """Seconds until it is so."""
     began = wire.clock.now()
     while not done():
@@ -400,7 +418,9 @@ FAULT_BITS = (
 
 @pytest.mark.parametrize("bit", FAULT_BITS)
 @pytest.mark.parametrize("moving", ["by a move", "by a stream", "not at all"])
-def test_a_safe_stop_stops_a_gripper_that_reports_a_fault(wire: Wire, bit: SystemState, moving: str) -> None:
+def test_a_safe_stop_stops_a_gripper_that_reports_a_fault(
+    wire: Wire, bit: SystemState, moving: str
+) -> None:
     gripper = connected(wire)
     if moving == "by a move":
         gripper.move(0.100, 0.05)
@@ -441,14 +461,18 @@ def test_fingers_that_move_are_never_called_settled(wire: Wire, speed: float) ->
         serve(gripper, wire, 0.005)
 
 
-def test_fingers_that_move_without_a_command_are_reported_within_100_ms_and_stopped(wire: Wire) -> None:
+def test_fingers_that_move_without_a_command_are_reported_within_100_ms_and_stopped(
+    wire: Wire,
+) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.5)
     wire.device.runaway = 0.05
     assert serve_until(gripper, wire, lambda: gripper.link() != "ok") <= 0.1
     with pytest.raises(DeviceFault, match=r"opens without a command: 65\.\d → 68\.\d mm"):
         gripper.check()
-    serve_until(gripper, wire, lambda: wire.device.runaway == 0.0, 0.3)  # no stop helped: a fast stop did
+    serve_until(
+        gripper, wire, lambda: wire.device.runaway == 0.0, 0.3
+    )  # no stop helped: a fast stop did
     assert isinstance(gripper._problem, StopFailed)
     serve_until(gripper, wire, gripper.settled, 0.3)
 
@@ -515,7 +539,9 @@ def test_a_move_that_never_ends_is_reported_at_its_deadline(wire: Wire) -> None:
     took = serve_until(gripper, wire, lambda: motion.ended)
     assert 0.15 < took < 0.8
     assert motion.state is MotionState.FAILED
-    with pytest.raises(DeviceFault, match=r"has not ended its move to 75\.0 mm within the expected time"):
+    with pytest.raises(
+        DeviceFault, match=r"has not ended its move to 75\.0 mm within the expected time"
+    ):
         gripper.check()
 
 
@@ -554,7 +580,9 @@ def test_an_update_that_ceases_to_come_is_reported(wire: Wire, command: Command)
         gripper.check()
 
 
-@pytest.mark.parametrize(("width", "words"), [(0.2, "outside its stroke"), (-0.1, "outside its stroke")])
+@pytest.mark.parametrize(
+    ("width", "words"), [(0.2, "outside its stroke"), (-0.1, "outside its stroke")]
+)
 def test_an_impossible_width_is_reported(wire: Wire, width: float, words: str) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.1)

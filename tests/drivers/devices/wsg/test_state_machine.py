@@ -57,7 +57,9 @@ class GripperMachine(RuleBasedStateMachine):
             if self.clock.now() == before:
                 self.clock.advance(0.001)
             if self.wire.device._peer is None or self.wire.device.silent or self.wire.cut:
-                self.wire.device.advance(self.clock.now())  # it lives on without anybody who listens
+                self.wire.device.advance(
+                    self.clock.now()
+                )  # it lives on without anybody who listens
                 self.wire_since = self.clock.now()
             self.look()
 
@@ -163,7 +165,10 @@ class GripperMachine(RuleBasedStateMachine):
             self.acknowledge()
             self.serve(0.1)
 
-    @rule(width=st.sampled_from([0.036, 0.102]), by=st.sampled_from(("safe stop", "pause", "stream", *FAULTS)))
+    @rule(
+        width=st.sampled_from([0.036, 0.102]),
+        by=st.sampled_from(("safe stop", "pause", "stream", *FAULTS)),
+    )
     def interrupt_a_move(self, width: float, by: str) -> None:
         """Interrupt a move in progress, the most important case."""
         self.mend(acknowledge=True)

@@ -73,7 +73,12 @@ def test_calls_of_many_threads_break_nothing_and_the_gripper_works_afterwards() 
             "resume": lambda rng: gripper.resume(),
             "safe stop": lambda rng: gripper.safe_stop("stress"),
             "acknowledge": lambda rng: gripper.acknowledge(),
-            "look": lambda rng: (gripper.state(), gripper.settled(), gripper.link(), gripper.check()),
+            "look": lambda rng: (
+                gripper.state(),
+                gripper.settled(),
+                gripper.link(),
+                gripper.check(),
+            ),
             "tare": lambda rng: gripper.tare(),
         }
     )

@@ -40,7 +40,9 @@ def tcp() -> Iterator[str]:
 @pytest.fixture
 def bus() -> Iterator[str]:
     device = WsgEmulator(FreeGripper(time.monotonic))
-    yield from serving(CanPort(device, can.Bus("wsg-test", interface="virtual"), reply_id=7), device)
+    yield from serving(
+        CanPort(device, can.Bus("wsg-test", interface="virtual"), reply_id=7), device
+    )
 
 
 def open_gripper(folder: Path, text: str) -> WsgGripper:
@@ -64,8 +66,12 @@ def test_it_moves_over_tcp(tmp_path: Path, tcp: str) -> None:
 
 
 @pytest.mark.realtime
-def test_it_moves_over_a_can_bus_with_the_reply_id_of_the_cell_file(tmp_path: Path, bus: str) -> None:
-    assert moves(open_gripper(tmp_path, "can: {interface: virtual, channel: wsg-test, reply_id: 7}"))
+def test_it_moves_over_a_can_bus_with_the_reply_id_of_the_cell_file(
+    tmp_path: Path, bus: str
+) -> None:
+    assert moves(
+        open_gripper(tmp_path, "can: {interface: virtual, channel: wsg-test, reply_id: 7}")
+    )
 
 
 def test_the_wrong_reply_id_is_a_gripper_that_does_not_answer(tmp_path: Path, bus: str) -> None:

@@ -22,7 +22,13 @@ from pomona.devices.xarm.codec import (
 from pomona.drivers import Malformed
 
 ANSWERS = st.lists(
-    st.builds(XArmAnswer, st.integers(0, 0xFFFF), st.integers(0, 255), st.integers(0, 255), st.binary(max_size=300)),
+    st.builds(
+        XArmAnswer,
+        st.integers(0, 0xFFFF),
+        st.integers(0, 255),
+        st.integers(0, 255),
+        st.binary(max_size=300),
+    ),
     max_size=6,
 )
 
@@ -33,7 +39,9 @@ def written(answer: XArmAnswer) -> bytes:
 
 
 @given(ANSWERS, st.lists(st.integers(1, 50), min_size=1, max_size=20))
-def test_answers_come_whole_however_the_wire_cuts_them(answers: list[XArmAnswer], cuts: list[int]) -> None:
+def test_answers_come_whole_however_the_wire_cuts_them(
+    answers: list[XArmAnswer], cuts: list[int]
+) -> None:
     stream = b"".join(map(written, answers))
     buffer, found, at, turn = bytearray(), [], 0, 0
     while at < len(stream):

@@ -31,7 +31,10 @@ START = np.array([0.1, -0.6, -0.7, 0.3, 1.2, 0.7])
 def served(controller: XArmEmulator, host: str = HOST) -> Iterator[None]:
     """The controller at its own ports, on real time."""
     try:
-        ports = [TcpPort(getattr(controller, name), host, port, clients=4) for name, port in EMULATED.items()]
+        ports = [
+            TcpPort(getattr(controller, name), host, port, clients=4)
+            for name, port in EMULATED.items()
+        ]
     except PermissionError:
         pytest.skip("this account may not listen at port 502")
     done = threading.Event()
@@ -76,14 +79,29 @@ def test_it_moves_over_tcp_and_is_stopped_from_outside(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (f"address: 127.0.0.96\nmodel: xarm6\nrobot: {ROBOT}", r"(?s):2:10: .*cannot be reached.*502, 30003"),
+        (
+            f"address: 127.0.0.96\nmodel: xarm6\nrobot: {ROBOT}",
+            r"(?s):2:10: .*cannot be reached.*502, 30003",
+        ),
         (f"address: h\nmodel: xarm8\nrobot: {ROBOT}", "did you mean 'xarm"),
         ("address: h\nmodel: xarm6\nrobot: nothing.xml", "does not exist"),
-        (f"address: h\nmodel: xarm6\nrobot: {ROBOT.with_name('sia5f_wsg32.xml')}", "needs 6 positive numbers"),
+        (
+            f"address: h\nmodel: xarm6\nrobot: {ROBOT.with_name('sia5f_wsg32.xml')}",
+            "needs 6 positive numbers",
+        ),
         (f"address: h\nmodel: xarm7\nrobot: {ROBOT}", "joints"),
-        (f"address: h\nmodel: lite6\nrobot: {ROBOT}", r"(?s):4:8: .*no description of a lite6: .*'model: xarm6'"),
-        (f"address: h\nmodel: '850'\nrobot: {ROBOT.with_name('ur5e_hand_e.xml')}", "no description of a 850"),
-        (f"address: h\nmodel: xarm6\nrobot: {ROBOT.with_name('ur5e_hand_e.xml')}", "0, 425, 392, 0, 0 mm apart, not 0"),
+        (
+            f"address: h\nmodel: lite6\nrobot: {ROBOT}",
+            r"(?s):4:8: .*no description of a lite6: .*'model: xarm6'",
+        ),
+        (
+            f"address: h\nmodel: '850'\nrobot: {ROBOT.with_name('ur5e_hand_e.xml')}",
+            "no description of a 850",
+        ),
+        (
+            f"address: h\nmodel: xarm6\nrobot: {ROBOT.with_name('ur5e_hand_e.xml')}",
+            "0, 425, 392, 0, 0 mm apart, not 0",
+        ),
     ],
 )
 def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, text: str, words: str) -> None:

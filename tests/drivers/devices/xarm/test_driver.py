@@ -15,7 +15,15 @@ from pomona.devices.laboratory_emulators.xarm import XArmEmulator
 from pomona.devices.xarm.codec import Register, encode
 from pomona.devices.xarm.driver import WrongModelError, XArm
 from pomona.devices.xarm.options import XArmFile
-from pomona.drivers import ArmLimits, DeviceError, DeviceFault, DeviceLost, Motion, MotionRefused, MotionState
+from pomona.drivers import (
+    ArmLimits,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    Motion,
+    MotionRefused,
+    MotionState,
+)
 from pomona.drivers.path_arm import RECONNECT
 from pomona.executive import ManualClock
 from tests.drivers.devices.motoman.test_driver import Connection, swing
@@ -206,7 +214,9 @@ def test_joints_that_another_client_moves_are_stopped() -> None:
     assert cell.controller.state == 4
     assert cell.clock.now() - began <= 0.030
     serve(arm, cell, 0.5)
-    assert 1e-3 < np.abs(cell.joints.measured()[0] - q).max() < 0.015  # of the 0.1 rad that the other one wanted
+    assert (
+        1e-3 < np.abs(cell.joints.measured()[0] - q).max() < 0.015
+    )  # of the 0.1 rad that the other one wanted
     assert cell.speed() < 1e-4
 
 
@@ -221,7 +231,9 @@ def test_an_arm_that_comes_to_rest_after_a_motion_is_moved_by_no_other(length: f
         arm.check()
 
 
-@pytest.mark.parametrize("fault", ["collision", "e_stop", "motor", "stopped", "paused", "replaced", "silent", "killed"])
+@pytest.mark.parametrize(
+    "fault", ["collision", "e_stop", "motor", "stopped", "paused", "replaced", "silent", "killed"]
+)
 def test_after_a_fault_nothing_moves_before_a_new_motion(fault: str) -> None:
     cell = Cell()
     arm = connected(cell)
@@ -287,7 +299,9 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
     moving(cell, arm)
     cell.let_pass(0.2)
     assert cell.speed() < 1e-4
-    with pytest.raises(DeviceFault, match=r"holds it in servo mode.*stop the arm in UFACTORY Studio"):
+    with pytest.raises(
+        DeviceFault, match=r"holds it in servo mode.*stop the arm in UFACTORY Studio"
+    ):
         arm_of(cell).connect()
     cell.controller.set_state(4)  # by its supervisor process, or in UFACTORY Studio
     again = connected(cell)
@@ -340,7 +354,9 @@ def refusal(cell: Cell, **options: Any) -> str:
     return text
 
 
-@pytest.mark.parametrize(("axes", "kind", "named"), [(7, 7, "xarm7"), (6, 9, "lite6"), (6, 12, "850"), (5, 5, "xarm5")])
+@pytest.mark.parametrize(
+    ("axes", "kind", "named"), [(7, 7, "xarm7"), (6, 9, "lite6"), (6, 12, "850"), (5, 5, "xarm5")]
+)
 def test_another_model_at_the_address_is_refused(axes: int, kind: int, named: str) -> None:
     cell = Cell()
     cell.controller.axes, cell.controller.kind = axes, kind

@@ -24,7 +24,10 @@ def test_a_calibration_of_its_own_is_right(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (OWN.replace("fx: 615", "fx: 6"), ":1:5: error[value]: fx: it is 6 px in an image of 640 px: is it in mm?"),
+        (
+            OWN.replace("fx: 615", "fx: 6"),
+            ":1:5: error[value]: fx: it is 6 px in an image of 640 px: is it in mm?",
+        ),
         (json.dumps({"T_mount_camera": [[1.0]]}), "error[value]: 'T_mount_camera' in "),
         (
             "cam0:\n  rostopic: /a\n",

@@ -38,7 +38,12 @@ BALLS: dict[str, Place] = {
 
 
 def seen(
-    places: dict[str, Place], offset: float, scale: float, growth: float, wide: float = 0.0, seed: int = 0
+    places: dict[str, Place],
+    offset: float,
+    scale: float,
+    growth: float,
+    wide: float = 0.0,
+    seed: int = 0,
 ) -> tuple[list[Ball], NDArray[np.float32]]:
     """Balls with boxes `wide` pixels too wide, and their depth by a sensor with these errors; nothing behind them."""
     rng = np.random.default_rng(seed)
@@ -52,7 +57,14 @@ def seen(
         rows, columns = np.nonzero(hit)
         # Where a box of real size ends between two pixels: half of one on either side.
         size = np.array([np.ptp(columns) + 1.0, np.ptp(rows) + 1.0])
-        balls.append(Ball("f", name, (columns.min() - wide / 2, rows.min() - wide / 2, *(size + wide)), diameter))
+        balls.append(
+            Ball(
+                "f",
+                name,
+                (columns.min() - wide / 2, rows.min() - wide / 2, *(size + wide)),
+                diameter,
+            )
+        )
     noisy = offset + (1.0 + scale) * depth + growth * depth**2 * rng.normal(size=depth.shape)
     return balls, np.where(depth > 0.0, noisy, 0.0).astype(np.float32)
 
@@ -74,7 +86,9 @@ def test_bias_and_noise_are_found_within_their_stated_errors(offset: float, scal
     # The outlines of these balls leave offset and scale open against each other; what counts is the depth corrected.
     for place in BALLS.values():
         true = place[3]
-        left = found.model.corrected(np.array([offset + (1.0 + scale) * true], np.float32))[0] - true
+        left = (
+            found.model.corrected(np.array([offset + (1.0 + scale) * true], np.float32))[0] - true
+        )
         assert abs(left) < 0.35 * abs(offset + scale * true)
         assert abs(left) < 2.0 * found.model.of_the_whole(true) * true
     assert found.model.growth == pytest.approx(1e-3, rel=0.3)
@@ -106,7 +120,9 @@ def test_insufficient_depth_is_refused() -> None:
 
 def test_balls_that_contradict_each_other_are_refused() -> None:
     balls, depth = seen(BALLS, 0.0, 0.0, 1e-3)
-    wrong = [Ball(b.frame, b.name, b.box, b.diameter * (1.08 if b.name in "ac" else 0.93)) for b in balls]
+    wrong = [
+        Ball(b.frame, b.name, b.box, b.diameter * (1.08 if b.name in "ac" else 0.93)) for b in balls
+    ]
     with pytest.raises(UnusableDepth, match=r"contradict|was known before"):
         calibrate_balls(wrong, {"f": depth}, CAMERA, "d4xx")
 
@@ -123,7 +139,9 @@ def test_a_wall_gives_the_noise_at_any_slant_and_an_uneven_one_is_refused() -> N
         calibrate_wall([rough.astype(np.float32)], "azure_kinect")
     with pytest.raises(UnusableDepth, match="wholly measured"):
         calibrate_wall([np.zeros_like(wall, dtype=np.float32)], "azure_kinect")
-    with pytest.raises(UnusableDepth, match="has no noise"):  # no depth model without noise can be read
+    with pytest.raises(
+        UnusableDepth, match="has no noise"
+    ):  # no depth model without noise can be read
         calibrate_wall([np.full_like(wall, 1.5, dtype=np.float32)], "azure_kinect")
 
 
@@ -133,7 +151,9 @@ def walls(*parts: tuple[int, float, float]) -> NDArray[np.float32]:
     for right, near, slant in parts:
         depth[:, left:right] = 1.0 / (near + slant * RAYS[:, left:right, 0])
         left = right
-    return (depth + 7e-4 * depth**2 * np.random.default_rng(3).normal(size=depth.shape)).astype(np.float32)
+    return (depth + 7e-4 * depth**2 * np.random.default_rng(3).normal(size=depth.shape)).astype(
+        np.float32
+    )
 
 
 @pytest.mark.parametrize(
@@ -141,7 +161,9 @@ def walls(*parts: tuple[int, float, float]) -> NDArray[np.float32]:
     [
         pytest.param(walls((300, 0.8, 0.3), (640, 0.8, -0.9)), id="a corner"),
         pytest.param(walls((400, 1.2, 0.1), (640, 0.4, 0.0)), id="a small board"),
-        pytest.param(walls(*((80 * k, 0.5 + 0.1 * (3 * k % 8), 0.0) for k in range(1, 9))), id="boxes"),
+        pytest.param(
+            walls(*((80 * k, 0.5 + 0.1 * (3 * k % 8), 0.0) for k in range(1, 9))), id="boxes"
+        ),
     ],
 )
 def test_a_view_that_is_not_one_wall_gives_no_noise(view: NDArray[np.float32]) -> None:
@@ -211,7 +233,9 @@ def test_a_table_that_cannot_be_used_is_refused_with_its_line_and_leaves_no_file
     assert not out.exists()
 
 
-def test_frames_without_labels_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_frames_without_labels_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(str(folder), "--out", str(folder / "m.yaml")) == 2
     assert "--balls TABLE or --wall" in capsys.readouterr().err
     (folder / "intrinsics.yaml").unlink()
@@ -219,7 +243,9 @@ def test_frames_without_labels_are_refused(folder: Path, capsys: pytest.CaptureF
     assert "intrinsics" in capsys.readouterr().err
 
 
-def test_a_depth_model_that_is_there_is_not_written_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_depth_model_that_is_there_is_not_written_over(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = folder / "depth_model.yaml"
     out.write_text("mine")
     assert run(str(folder), "--balls", str(folder / "balls.csv"), "--out", str(out)) == 2

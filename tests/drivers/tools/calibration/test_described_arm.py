@@ -30,7 +30,9 @@ def apart(one: Sequence[float], other: Sequence[float]) -> float:
         ("xarm6_hand_e.xml", XARMS, "xarm6"),
     ],
 )
-def test_a_shipped_description_is_that_of_its_model_alone(name: str, lengths: dict, model: str) -> None:
+def test_a_shipped_description_is_that_of_its_model_alone(
+    name: str, lengths: dict, model: str
+) -> None:
     assert list(other_model(ROBOTS / name, lengths, model)) == []
     others = [other for other, of in lengths.items() if apart(of, lengths[model]) > OFF]
     assert others
@@ -60,7 +62,9 @@ def arm_of(folder: Path, dh: list[tuple[float, float, float]], rng: np.random.Ge
         places.append(T)
         theta = rng.uniform(-np.pi, np.pi)
         c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
-        T = T @ np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
+        T = T @ np.array(
+            [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
+        )
     bodies, before = "", np.eye(4)
     for i, place in enumerate(places):
         along = np.eye(4)
@@ -80,14 +84,28 @@ def arm_of(folder: Path, dh: list[tuple[float, float, float]], rng: np.random.Ge
 @pytest.mark.parametrize("seed", range(5))
 def test_neither_frames_nor_posture_change_the_distances(tmp_path: Path, seed: int) -> None:
     right = np.pi / 2.0
-    links = [(0, right, 0.1807), (-0.6127, 0, 0), (-0.57155, 0, 0.17415), (0, right, 0.11985), (0, -right, 0.11655)]
+    links = [
+        (0, right, 0.1807),
+        (-0.6127, 0, 0),
+        (-0.57155, 0, 0.17415),
+        (0, right, 0.11985),
+        (0, -right, 0.11655),
+    ]
     path = arm_of(tmp_path, [*links, (0, 0, 0)], np.random.default_rng(seed))
     assert axis_distances(path, 6) == pytest.approx(LENGTHS["ur10e"], abs=1e-6)
 
 
 @pytest.mark.parametrize(("longer", "found"), [(0.005, []), (0.015, [True]), (0.03, [False])])
-def test_a_calibrated_arm_passes_a_doubtful_one_is_a_warning(tmp_path: Path, longer: float, found: list[bool]) -> None:
+def test_a_calibrated_arm_passes_a_doubtful_one_is_a_warning(
+    tmp_path: Path, longer: float, found: list[bool]
+) -> None:
     right = np.pi / 2.0
-    links = [(0, right, 0.16), (-0.425 - longer, 0.001, 0), (-0.3922, -0.001, 0.13), (0, right, 0.1), (0, -right, 0.1)]
+    links = [
+        (0, right, 0.16),
+        (-0.425 - longer, 0.001, 0),
+        (-0.3922, -0.001, 0.13),
+        (0, right, 0.1),
+        (0, -right, 0.1),
+    ]
     path = arm_of(tmp_path, [*links, (0, 0, 0)], np.random.default_rng(1))
     assert [problem.warning for problem in other_model(path, LENGTHS, "ur5e")] == found

@@ -25,10 +25,15 @@ def cell_with(folder: Path, hand: str, pads: bool) -> Path:
         shutil.copy(file, folder)
     body = folder / "hand_e_body.xml"
     if not pads:
-        body.write_text(body.read_text("utf-8").replace('site name="pad_', 'site name="tip_'), "utf-8")
+        body.write_text(
+            body.read_text("utf-8").replace('site name="pad_', 'site name="tip_'), "utf-8"
+        )
     path = folder / "cell.yaml"
     arm = f"driver: universal-robots\n    address: 127.0.0.1\n    model: ur5e\n    robot: {folder / 'ur5e_hand_e.xml'}"
-    path.write_text(f"name: bench\nkind: real\ndevices:\n  arm:\n    {arm}\n  gripper:\n    {HANDS[hand]}\n", "utf-8")
+    path.write_text(
+        f"name: bench\nkind: real\ndevices:\n  arm:\n    {arm}\n  gripper:\n    {HANDS[hand]}\n",
+        "utf-8",
+    )
     return path
 
 
@@ -48,11 +53,15 @@ def test_a_description_without_pads_is_a_finding_of_the_check(tmp_path: Path, ha
     assert "ur5e_hand_e.xml has no two sites 'pad_…'" in found.message
     assert "pad_left" in found.hint
     doubts = [check for check in examine(path) if check.name == "cell file" and not check.ok]
-    assert [found.message in doubt.found and doubt.advice == found.hint for doubt in doubts] == [True]
+    assert [found.message in doubt.found and doubt.advice == found.hint for doubt in doubts] == [
+        True
+    ]
 
 
 @pytest.mark.parametrize("hand", HANDS)
 def test_pads_of_this_hand_are_compared_instead(tmp_path: Path, hand: str) -> None:
     findings = Findings()
     judge_cell_file(cell_with(tmp_path, hand, pads=True), findings)
-    assert [found.severity for found in findings.sorted()] == ([] if hand == "robotiq" else ["error"])
+    assert [found.severity for found in findings.sorted()] == (
+        [] if hand == "robotiq" else ["error"]
+    )

@@ -77,7 +77,9 @@ def test_a_doubtful_value_of_the_cell_file_is_reported_with_its_place(tmp_path: 
         "  gripper: {driver: robotiq, model: hand-e, port: /dev/nothing}\n"
     )
     doubts = [check for check in examine(path) if check.name == "cell file" and not check.ok]
-    assert [":5:" in doubt.found and "53 mm apart, and here 0 mm" in doubt.found for doubt in doubts] == [True]
+    assert [
+        ":5:" in doubt.found and "53 mm apart, and here 0 mm" in doubt.found for doubt in doubts
+    ] == [True]
     assert "both must agree" in doubts[0].advice
 
 
@@ -102,7 +104,9 @@ def test_the_command_prints_a_line_for_each_check_and_a_sum(
 ) -> None:
     parser = argparse.ArgumentParser()
     add(parser.add_subparsers())
-    options = parser.parse_args(["doctor", "--cell", str(frames_cell), "--record", str(frames_cell.parent)])
+    options = parser.parse_args(
+        ["doctor", "--cell", str(frames_cell), "--record", str(frames_cell.parent)]
+    )
     assert options.main(options) == 1
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("✓ numpy") for line in lines)
@@ -118,7 +122,9 @@ def test_lines_are_printed_as_they_come(frames_cell: Path, monkeypatch: pytest.M
         return load_cell(*words, **more)
 
     first = ReportLine("first", True, "")
-    monkeypatch.setattr("pomona.tools.calibration.command_doctor.examine_machine", lambda _records: iter([first]))
+    monkeypatch.setattr(
+        "pomona.tools.calibration.command_doctor.examine_machine", lambda _records: iter([first])
+    )
     monkeypatch.setattr("builtins.print", lambda *words, **_: printed.append(str(words[0])))
     monkeypatch.setattr("pomona.tools.calibration.doctor.load_cell", connect)
     parser = argparse.ArgumentParser()
@@ -135,7 +141,9 @@ class Tips(Device):
 
     def __init__(self, force: float) -> None:
         super().__init__("load")
-        self.sample = WrenchSample(0.0, 1, np.array([[0.0, 0.0, -force, 0.0, 0.0, 0.0]]), (False, False))
+        self.sample = WrenchSample(
+            0.0, 1, np.array([[0.0, 0.0, -force, 0.0, 0.0, 0.0]]), (False, False)
+        )
 
     def latest(self) -> WrenchSample:
         return self.sample
@@ -154,7 +162,12 @@ class Wrist(Tips):
 @pytest.mark.parametrize(
     ("sensor", "line", "fine", "words"),
     [
-        (Wrist(9.8), "load force", True, "9.8 N along an axis at rest; it carries 1 kg, and 0.5 N count"),
+        (
+            Wrist(9.8),
+            "load force",
+            True,
+            "9.8 N along an axis at rest; it carries 1 kg, and 0.5 N count",
+        ),
         (Wrist(60.0), "load force", False, "60.0 N along an axis"),
         (Tips(0.1), "load bias", True, "0.10 N without contact"),
         (Tips(3.0), "load bias", False, "3.00 N without contact"),

@@ -28,7 +28,9 @@ def pose(turn: tuple[float, float, float], place: tuple[float, float, float]) ->
 
 
 T_TOOL0_CAMERA = pose((0.02, -0.03, 1.55), (-0.078, 0.004, 0.030))
-T_BASE_BOARD = pose((3.1, 0.02, 0.4), (-0.05, -0.35, -0.12))  # its z points into the table, as OpenCV has it
+T_BASE_BOARD = pose(
+    (3.1, 0.02, 0.4), (-0.05, -0.35, -0.12)
+)  # its z points into the table, as OpenCV has it
 
 
 def looks(count: int = 12, seed: int = 0, turn: float = 0.35) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +100,9 @@ def twice_the_square(flanges: np.ndarray, boards: np.ndarray) -> tuple[np.ndarra
 def test_looks_that_contradict_each_other_are_refused_with_the_likely_causes(
     spoil: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
 ) -> None:
-    with pytest.raises(UnusableLooks, match=r"contradict each other\. Check that poses\.json") as caught:
+    with pytest.raises(
+        UnusableLooks, match=r"contradict each other\. Check that poses\.json"
+    ) as caught:
         calibrate_hand_eye(*spoil(*looks()))
     assert "worst: " in str(caught.value)
 
@@ -112,8 +116,16 @@ def draw(T_camera_board: np.ndarray) -> np.ndarray:
         for c in range(columns):
             if (r + c) % 2 == 0:
                 flat[(r + 1) * square : (r + 2) * square, (c + 1) * square : (c + 2) * square] = 0
-    scale = BOARD.square / square  # inner corner (0, 0) is the board's origin: two squares from the picture's edge
-    plane = np.array([[scale, 0.0, (0.5 - 2 * square) * scale], [0.0, scale, (0.5 - 2 * square) * scale], [0, 0, 1.0]])
+    scale = (
+        BOARD.square / square
+    )  # inner corner (0, 0) is the board's origin: two squares from the picture's edge
+    plane = np.array(
+        [
+            [scale, 0.0, (0.5 - 2 * square) * scale],
+            [0.0, scale, (0.5 - 2 * square) * scale],
+            [0, 0, 1.0],
+        ]
+    )
     H = INTRINSICS.K @ T_camera_board[:3, [0, 1, 3]] @ plane
     grey = cv2.warpPerspective(flat, H, (640, 480), flags=cv2.INTER_AREA, borderValue=200)
     return np.repeat(grey[..., None], 3, axis=2)
@@ -132,14 +144,19 @@ def test_a_folder_of_looks_is_calibrated_and_its_file_holds_the_pose(tmp_path: P
     flanges, boards = looks(8)
     for i, T in enumerate(boards):
         cv2.imwrite(str(tmp_path / f"look_{i}.png"), draw(T))
-    (tmp_path / "poses.json").write_text(json.dumps({f"look_{i}": T.tolist() for i, T in enumerate(flanges)}))
+    (tmp_path / "poses.json").write_text(
+        json.dumps({f"look_{i}": T.tolist() for i, T in enumerate(flanges)})
+    )
     (tmp_path / "intrinsics.yaml").write_text(
         "{fx: 600 px, fy: 602 px, cx: 319 px, cy: 241 px, width: 640, height: 480}"
     )
     result = calibrate_folder(tmp_path, BOARD)
     assert np.linalg.norm(result.T_tool0_camera[:3, 3] - T_TOOL0_CAMERA[:3, 3]) < 4e-3
     result.save(tmp_path / "hand_eye.json")
-    assert json.loads((tmp_path / "hand_eye.json").read_text())["T_mount_camera"] == result.T_tool0_camera.tolist()
+    assert (
+        json.loads((tmp_path / "hand_eye.json").read_text())["T_mount_camera"]
+        == result.T_tool0_camera.tolist()
+    )
     (tmp_path / "look_3.png").unlink()
     with pytest.raises(UnusableLooks, match="turned by 180°"):
         calibrate_folder(tmp_path, Chessboard(7, 5, 0.03))
@@ -149,5 +166,7 @@ def test_a_folder_of_looks_is_calibrated_and_its_file_holds_the_pose(tmp_path: P
     with pytest.raises(UnusableLooks, match=r"look_3\.png: cannot be read as a picture"):
         calibrate_folder(tmp_path, BOARD)
     cv2.imwrite(str(tmp_path / "look_3.png"), cv2.resize(draw(boards[3]), (320, 240)))
-    with pytest.raises(UnusableLooks, match=r"look_3\.png: is 320 x 240 pixels, the intrinsics are for 640 x 480"):
+    with pytest.raises(
+        UnusableLooks, match=r"look_3\.png: is 320 x 240 pixels, the intrinsics are for 640 x 480"
+    ):
         calibrate_folder(tmp_path, BOARD)

@@ -45,12 +45,16 @@ def test_every_package_that_is_declared_is_looked_for(monkeypatch: pytest.Monkey
     assert found["zstandard"].ok
 
 
-def test_a_library_of_the_system_that_a_package_lacks_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_of_the_system_that_a_package_lacks_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def refuse(name: str, **_environment: str) -> object:
         raise OSError(f"lib{name}.so.1: cannot open shared object file")
 
     monkeypatch.setattr("pomona.tools.calibration.machine.import_under", refuse)
-    monkeypatch.setattr(machine, "requires", lambda _: ["onnxruntime>=1.20", "pyrender==0.1.45", "numpy>=2.0"])
+    monkeypatch.setattr(
+        machine, "requires", lambda _: ["onnxruntime>=1.20", "pyrender==0.1.45", "numpy>=2.0"]
+    )
     found = lines()
     assert "libonnxruntime.so.1" in found["onnxruntime"].found
     assert "a library of the system" in found["onnxruntime"].advice
@@ -58,7 +62,9 @@ def test_a_library_of_the_system_that_a_package_lacks_is_said(monkeypatch: pytes
     assert found["numpy"].ok
 
 
-def test_a_package_that_lacks_another_one_is_sent_to_pip_and_not_to_apt(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_package_that_lacks_another_one_is_sent_to_pip_and_not_to_apt(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def refuse(name: str, **_environment: str) -> object:
         raise ModuleNotFoundError("No module named 'trimesh.base'", name="trimesh.base")
 
@@ -66,7 +72,9 @@ def test_a_package_that_lacks_another_one_is_sent_to_pip_and_not_to_apt(monkeypa
     assert lines()["pyrender"].advice.endswith("pip install trimesh")
 
 
-def test_graphics_that_draw_nothing_are_reported_with_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_graphics_that_draw_nothing_are_reported_with_the_package_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def refuse(*_: object) -> object:
         raise DeviceFault("camera", "no EGL display")
 
@@ -77,14 +85,18 @@ def test_graphics_that_draw_nothing_are_reported_with_the_package_to_install(mon
     assert "apt install libegl1" in str(found)
 
 
-def test_a_machine_without_a_browser_is_reported_and_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_machine_without_a_browser_is_reported_and_no_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("pomona.tools.calibration.machine.shutil.which", lambda _name: None)
     found = lines()["browser for tests"]
     assert found.ok
     assert "apt install chromium" in found.found
 
 
-def test_a_read_only_folder_and_a_full_one_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_read_only_folder_and_a_full_one_are_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     full = tmp_path / "runs"
     monkeypatch.setattr(machine, "ROOM", 1e30)
     assert not lines(full)["folder of records"].ok
@@ -99,7 +111,9 @@ def test_a_read_only_folder_and_a_full_one_are_reported(tmp_path: Path, monkeypa
     assert "--record DIR" in found.advice
 
 
-def test_it_lists_installed_extras_and_the_commands_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_lists_installed_extras_and_the_commands_for_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def version(package: str) -> str:
         if package == "eclipse-zenoh":
             raise machine.PackageNotFoundError(package)
@@ -110,12 +124,16 @@ def test_it_lists_installed_extras_and_the_commands_for_the_others(monkeypatch: 
     assert all(line.ok for line in found.values())
     assert found["extra ros2"].found == f"not installed; {install_extra('ros2')}"
     assert found["extra foxglove"].found == "foxglove-sdk 1.2"
-    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text("utf-8"))["project"]
+    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text("utf-8"))[
+        "project"
+    ]
     assert set(machine.EXTRAS) == set(project["optional-dependencies"]) - {"dev"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("module", "words"), [("numpy", ("run", "pick_apple")), ("yaml", ("check", "pick_apple"))])
+@pytest.mark.parametrize(
+    ("module", "words"), [("numpy", ("run", "pick_apple")), ("yaml", ("check", "pick_apple"))]
+)
 def test_without_a_base_package_the_doctor_runs_and_the_other_commands_name_it(
     module: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
@@ -123,7 +141,12 @@ def test_without_a_base_package_the_doctor_runs_and_the_other_commands_name_it(
         script = f"import sys; sys.modules['{module}'] = None\n"
         script += f"from pomona.executive.cli import main; sys.exit(main({words!r}))"
         return subprocess.run(
-            [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+            [sys.executable, "-c", script],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
         )
 
     done = typed("doctor")

@@ -10,4 +10,12 @@ from pomona.tools.mock.fixtures import (
     mock_gripper,
 )
 
-__all__ = ["mock_arm", "mock_camera", "mock_cell", "mock_clock", "mock_devices", "mock_fingers", "mock_gripper"]
+__all__ = [
+    "mock_arm",
+    "mock_camera",
+    "mock_cell",
+    "mock_clock",
+    "mock_devices",
+    "mock_fingers",
+    "mock_gripper",
+]

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from pomona.drivers.errors import DeviceLost, MotionRefused
-from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, Intrinsics, MotionState, Trajectory
+from pomona.drivers.interfaces import (
+    Arm,
+    Camera,
+    ForceSensor,
+    Frame,
+    Gripper,
+    Intrinsics,
+    MotionState,
+    Trajectory,
+)
 from pomona.tools.mock import MockArm, MockCamera, MockClock, MockGripper, spring_fruit
 
 

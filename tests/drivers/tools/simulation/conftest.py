@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from pomona.drivers.interfaces import Arm, ArmLimits, ForceSensor, Gripper, Motion, Trajectory, WrenchSample
+from pomona.drivers.interfaces import (
+    Arm,
+    ArmLimits,
+    ForceSensor,
+    Gripper,
+    Motion,
+    Trajectory,
+    WrenchSample,
+)
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.values.arrays import Float64
@@ -39,7 +47,10 @@ def rest_to_rest(waypoints: Float64, limits: ArmLimits, share: float = 0.6) -> T
         w = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         wd = 30.0 * x**2 * (1.0 - x) ** 2 / duration
         wdd = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
-        lookup = [np.column_stack([np.interp(w, fine, a[:, j]) for j in range(a.shape[1])]) for a in (first, second)]
+        lookup = [
+            np.column_stack([np.interp(w, fine, a[:, j]) for j in range(a.shape[1])])
+            for a in (first, second)
+        ]
         qd = lookup[0] * wd[:, None]
         qdd = lookup[1] * wd[:, None] ** 2 + lookup[0] * wdd[:, None]
         qddd = np.diff(qdd, axis=0) / (x[1] * duration)
@@ -68,7 +79,9 @@ def solve_ik(model: Any, q: Float64, T_base_tcp: Float64) -> Float64:
         mujoco.mj_comPos(model, state)
         rotation = state.site_xmat[site].reshape(3, 3)
         twist = T_base_tcp[:3, :3] @ rotation.T
-        axis = 0.5 * np.array([twist[2, 1] - twist[1, 2], twist[0, 2] - twist[2, 0], twist[1, 0] - twist[0, 1]])
+        axis = 0.5 * np.array(
+            [twist[2, 1] - twist[1, 2], twist[0, 2] - twist[2, 0], twist[1, 0] - twist[0, 1]]
+        )
         error = np.concatenate([T_base_tcp[:3, 3] - state.site_xpos[site], axis])
         if np.abs(error).max() < 1e-6 and np.trace(twist) > 2.9:
             return q
@@ -123,7 +136,9 @@ class Probe:
     def go_down_to(self, position: Float64) -> Motion:
         """Above a position, then down to it with the tool pointing down; the motion down is returned running."""
         above, line, _ = _reachable_grasp(self, np.asarray(position), 0.05)
-        self.run(self.arm.follow(rest_to_rest(np.array([self.set_point(), above]), self.arm.limits)))
+        self.run(
+            self.arm.follow(rest_to_rest(np.array([self.set_point(), above]), self.arm.limits))
+        )
         return self.arm.follow(rest_to_rest(line, self.arm.limits))
 
     def set_point(self) -> Float64:
@@ -181,7 +196,9 @@ def pick(probe: Probe, height: float = 0.12, force: float | None = None) -> None
     probe.wait(lambda: probe.cell.clock.now() >= end)
 
 
-def _reachable_grasp(probe: Probe, centre: Float64, height: float) -> tuple[Float64, Float64, Float64]:
+def _reachable_grasp(
+    probe: Probe, centre: Float64, height: float
+) -> tuple[Float64, Float64, Float64]:
     """Joints above the fruit, and waypoints down to it and up again."""
     for azimuth in np.linspace(0.0, np.pi, 8, endpoint=False):
         grasp = tool_down(centre, azimuth)

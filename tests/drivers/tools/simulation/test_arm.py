@@ -80,7 +80,10 @@ def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_ca
     cell, arm, plan_rest_to_rest, stiffness
 ):
     world = cell.devices["world"]
-    joint, dof = world.model.jnt_qposadr[world.arm_joints][0], world.model.jnt_dofadr[world.arm_joints][0]
+    joint, dof = (
+        world.model.jnt_qposadr[world.arm_joints][0],
+        world.model.jnt_dofadr[world.arm_joints][0],
+    )
     path = plan_rest_to_rest([HERE, THERE], arm.limits, share=0.06)
     way = np.sign(path.q[-1, 0] - path.q[0, 0])
     wall, pressed = path.q[len(path.q) // 2, 0], []
@@ -100,7 +103,9 @@ def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_ca
     assert max(pressed) > 60.0
     assert pressed[-1] < 0.5 * max(pressed)
     set_point = world.state.ctrl[world.arm_actuators]
-    assert np.abs(arm.state().q - set_point).max() < 0.75 * START_TOLERANCE, "the next motion may be refused"
+    assert np.abs(arm.state().q - set_point).max() < 0.75 * START_TOLERANCE, (
+        "the next motion may be refused"
+    )
     again = arm.follow(plan_rest_to_rest([arm.state().q, HERE], arm.limits, share=0.3))
     run_out(cell, again)
     assert again.state is MotionState.DONE
@@ -200,7 +205,9 @@ def test_a_second_trajectory_is_refused_while_the_first_runs(cell, arm, plan_res
 
 
 def spoil(path, **changes):
-    return Trajectory(**{name: changes.get(name, getattr(path, name)) for name in ("t", "q", "qd", "qdd")})
+    return Trajectory(
+        **{name: changes.get(name, getattr(path, name)) for name in ("t", "q", "qd", "qdd")}
+    )
 
 
 @pytest.mark.parametrize(
@@ -284,7 +291,9 @@ def test_an_arm_that_lies_or_does_not_go_on_is_noticed_and_comes_to_rest(
     assert again.state is MotionState.DONE
 
 
-def test_slowed_down_on_the_way_it_keeps_the_path_and_the_limits_and_arrives(cell, arm, plan_rest_to_rest):
+def test_slowed_down_on_the_way_it_keeps_the_path_and_the_limits_and_arrives(
+    cell, arm, plan_rest_to_rest
+):
     path = plan_rest_to_rest([HERE, THERE], arm.limits, share=1.0)
     motion = arm.follow(path)
     advance(cell, 0.35)

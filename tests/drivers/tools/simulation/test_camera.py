@@ -16,7 +16,9 @@ STEREO = Stereo(focal=610.6, baseline=0.05, disparity_noise=0.08, nearest=0.18)
 def test_a_ball_appears_where_the_pinhole_puts_it():
     mujoco = load_mujoco()
     centres = [(-0.1, -0.08, 0.6), (0.12, 0.05, 0.6), (0.0, 0.0, 0.5), (0.1, -0.1, 0.7)]
-    balls = "".join(f'<geom type="sphere" size="0.008" pos="{x} {-y} {-z}"/>' for x, y, z in centres)
+    balls = "".join(
+        f'<geom type="sphere" size="0.008" pos="{x} {-y} {-z}"/>' for x, y, z in centres
+    )
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><visual><quality offsamples="0"/></visual><worldbody><camera name="camera" resolution="640 480" '
         f'sensorsize="0.00384 0.00288" focalpixel="500 500"/>{balls}</worldbody></mujoco>'
@@ -55,7 +57,9 @@ def test_depth_lies_on_the_table_for_the_camera_pose_of_the_frame(open_cell):
     assert np.abs(T_base_tool @ frame.T_mount_camera - T_base_camera).max() < 1e-9
     rows, columns = np.nonzero(frame.depth[400:, 500:] > 0.0)
     z = frame.depth[400:, 500:][rows, columns]
-    rays = np.column_stack([(columns + 500 - 317.7) / 610.6, (rows + 400 - 238.1) / 610.6, np.ones(len(z))])
+    rays = np.column_stack(
+        [(columns + 500 - 317.7) / 610.6, (rows + 400 - 238.1) / 610.6, np.ones(len(z))]
+    )
     points = (rays * z[:, None]) @ T_base_camera[:3, :3].T + T_base_camera[:3, 3]
     assert np.median(points[:, 2]) == pytest.approx(-0.12, abs=3e-4)
     assert np.std(points[:, 2]) < 2e-3
@@ -72,7 +76,9 @@ def test_depth_noise_is_that_of_a_stereo_camera():
         seen = measured > 0.0
         assert seen.mean() > 0.99
         error = measured[seen] - z
-        expected = np.hypot(z**2 * 0.08 / (610.6 * 0.05), 1e-3 / np.sqrt(12.0))  # and steps of a millimetre
+        expected = np.hypot(
+            z**2 * 0.08 / (610.6 * 0.05), 1e-3 / np.sqrt(12.0)
+        )  # and steps of a millimetre
         assert error.std() == pytest.approx(expected, rel=0.1)
         assert abs(error.mean()) < 2e-4
         rows = (measured - z) * seen
@@ -90,8 +96,12 @@ def test_depth_has_shadows_and_holes_where_a_stereo_camera_has_them():
     edge = measured[59:61, 110:190]
     assert (edge == 0.0).mean() > 0.5
     assert (measured[80:120, 120:180] > 0.0).mean() > 0.95
-    assert np.all(measure_depth(np.full((20, 20), 0.1, np.float32), STEREO, np.random.default_rng(1)) == 0.0)
-    assert np.all(measure_depth(np.zeros((20, 20), np.float32), STEREO, np.random.default_rng(1)) == 0.0)
+    assert np.all(
+        measure_depth(np.full((20, 20), 0.1, np.float32), STEREO, np.random.default_rng(1)) == 0.0
+    )
+    assert np.all(
+        measure_depth(np.zeros((20, 20), np.float32), STEREO, np.random.default_rng(1)) == 0.0
+    )
 
 
 def test_one_frame_a_period_and_none_newer_than_now(open_cell):
@@ -157,7 +167,8 @@ def test_images_of_different_sizes_are_a_fault_that_names_both(open_cell, kind):
     camera.inject_fault(kind)
     for look in (camera.latest, camera.latest_depth):
         with pytest.raises(
-            DeviceFault, match=r"camera: its images are not of one size: colour \d+ x \d+ px, intrinsics"
+            DeviceFault,
+            match=r"camera: its images are not of one size: colour \d+ x \d+ px, intrinsics",
         ):
             look()
     camera.clear_fault()
@@ -165,7 +176,9 @@ def test_images_of_different_sizes_are_a_fault_that_names_both(open_cell, kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["moved_x", "turned_y_back", "focal_long", "depth_short", "depth_mirrored"])
+@pytest.mark.parametrize(
+    "kind", ["moved_x", "turned_y_back", "focal_long", "depth_short", "depth_mirrored"]
+)
 def test_a_wrong_calibration_changes_the_metadata_of_a_frame_and_not_its_colour(open_cell, kind):
     camera = open_cell(seed=3).device(Camera)
     sound = camera.latest()
@@ -177,7 +190,9 @@ def test_a_wrong_calibration_changes_the_metadata_of_a_frame_and_not_its_colour(
     assert np.isclose(np.linalg.norm(moved[:3, 3]), 0.015 if kind == "moved_x" else 0.0)
     turned = np.arccos(np.clip((np.trace(moved[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))
     assert np.isclose(np.degrees(turned), 3.0 if kind == "turned_y_back" else 0.0, atol=1e-6)
-    assert np.isclose(wrong.intrinsics.fx / sound.intrinsics.fx, 1.05 if kind == "focal_long" else 1.0)
+    assert np.isclose(
+        wrong.intrinsics.fx / sound.intrinsics.fx, 1.05 if kind == "focal_long" else 1.0
+    )
     assert np.array_equal(wrong.depth, sound.depth) == (not kind.startswith("depth"))
 
 
@@ -204,7 +219,9 @@ def test_every_observe_pose_sees_all_places_whole(open_cell, pose):
     mujoco.mj_forward(cell.devices["world"].model, state)
     site = state.site("camera")
     R, p = site.xmat.reshape(3, 3), site.xpos
-    corners = np.array([[x, y, z] for x in (-0.047, 0.047) for y in (-0.047, 0.047) for z in (-0.12, -0.035)])
+    corners = np.array(
+        [[x, y, z] for x in (-0.047, 0.047) for y in (-0.047, 0.047) for z in (-0.12, -0.035)]
+    )
     for place in ((-0.12, -0.35), (0.08, -0.34), (-0.03, -0.52), (0.15, -0.48), (-0.20, -0.48)):
         seen = (corners + np.array([*place, 0.0]) - p) @ R
         u = D435I.fx * seen[:, 0] / seen[:, 2] + D435I.cx
@@ -215,7 +232,11 @@ def test_every_observe_pose_sees_all_places_whole(open_cell, pose):
         assert v.max() < 450
     depth = cell.device(Camera).latest().depth
     assert depth[depth > 0.0].min() > 0.4
-    assert not [c for c in state.contact if {c.geom1, c.geom2} & set(robot_geoms(cell.devices["world"].model))]
+    assert not [
+        c
+        for c in state.contact
+        if {c.geom1, c.geom2} & set(robot_geoms(cell.devices["world"].model))
+    ]
 
 
 def robot_geoms(model):

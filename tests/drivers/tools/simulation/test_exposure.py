@@ -15,7 +15,13 @@ def exposed(clock: ManualClock) -> Frame:
     """The frame of this moment of a camera with 30 frames a second."""
     colour = np.zeros((2, 2, 3), np.uint8)
     return Frame(
-        clock.now(), int(clock.now() * 30 + 1e-6), colour, None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), None, np.eye(4)
+        clock.now(),
+        int(clock.now() * 30 + 1e-6),
+        colour,
+        None,
+        Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2),
+        None,
+        np.eye(4),
     )
 
 
@@ -122,5 +128,7 @@ def test_an_exposure_blurs_what_moves_and_nothing_else(take) -> None:
     far = ~near
     assert np.mean(np.abs(blurred.colour[far].astype(float) - sharp.colour[far]) > 2.0) < 0.02
     np.testing.assert_array_equal(blurred.depth, sharp.depth)
-    at_once, slowly = (take(timing, speed=0.0).colour for timing in (Timing(), Timing(exposure=0.016)))
+    at_once, slowly = (
+        take(timing, speed=0.0).colour for timing in (Timing(), Timing(exposure=0.016))
+    )
     assert np.mean(at_once != slowly) < 1e-4  # the rest of the world still settles

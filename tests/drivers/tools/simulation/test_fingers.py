@@ -163,7 +163,9 @@ CANNOT_BE = {
 
 @pytest.mark.parametrize("listening", [True, False])
 @pytest.mark.parametrize("kind", CANNOT_BE)
-def test_an_impossible_value_is_a_fault_within_50_ms_with_or_without_readers(open_cell, kind, listening):
+def test_an_impossible_value_is_a_fault_within_50_ms_with_or_without_readers(
+    open_cell, kind, listening
+):
     cell = open_cell()
     fingers = cell.device(ForceSensor)
     received = []
@@ -196,14 +198,22 @@ SLOW = ("drifts_along", "drifts_pressing")
 
 def test_slow_lies_grow_from_when_they_begin():
     before = WrenchSample(3.0, 1, np.ones((2, 6)), (False, False))
-    said = {kind: [LIES[kind](replace(before, stamp=t), before).wrenches for t in (3.0, 5.0)] for kind in SLOW}
+    said = {
+        kind: [LIES[kind](replace(before, stamp=t), before).wrenches for t in (3.0, 5.0)]
+        for kind in SLOW
+    }
     assert all((first == 1.0).all() for first, _ in said.values())
     later = {kind: last for kind, (_, last) in said.items()}
     assert later["drifts_along"][:, 0] == pytest.approx([2.0, 2.0])
     assert later["drifts_pressing"][:, 2] == pytest.approx([0.0, 1.0])
 
 
-SCALES = {"halved": (0.5, 0.5), "doubled": (2.0, 2.0), "halved_left": (0.5, 1.0), "doubled_left": (2.0, 1.0)}
+SCALES = {
+    "halved": (0.5, 0.5),
+    "doubled": (2.0, 2.0),
+    "halved_left": (0.5, 1.0),
+    "doubled_left": (2.0, 1.0),
+}
 
 
 @pytest.mark.parametrize("kind", SCALES)
@@ -212,7 +222,9 @@ def test_a_wrong_gain_scales_the_wrench_of_its_fingers(kind):
     assert (LIES[kind](sample, sample).wrenches == np.array(SCALES[kind])[:, None]).all()
 
 
-@pytest.mark.parametrize("kind", [kind for kind in LIES if kind not in (*NEVER_ARRIVE, *SLOW, *SCALES)])
+@pytest.mark.parametrize(
+    "kind", [kind for kind in LIES if kind not in (*NEVER_ARRIVE, *SLOW, *SCALES)]
+)
 def test_every_plausible_sensor_fault_changes_the_samples_until_it_is_cleared(open_cell, kind):
     cell = open_cell()
     fingers = cell.device(ForceSensor)
@@ -224,7 +236,9 @@ def test_every_plausible_sensor_fault_changes_the_samples_until_it_is_cleared(op
     fingers.clear_fault()
     cell.clock.advance(0.02)
     honest, lying = samples[:10], samples[10:20]
-    assert all(sample.stamp == pytest.approx(0.002 * (n + 1)) for n, sample in enumerate(samples[20:], 20))
+    assert all(
+        sample.stamp == pytest.approx(0.002 * (n + 1)) for n, sample in enumerate(samples[20:], 20)
+    )
     if kind == "swapped":
         left, right = (np.mean([s.wrenches[i, :3] for s in honest], axis=0) for i in range(2))
         assert np.mean([s.wrenches[0, :3] for s in lying], axis=0) == pytest.approx(right, abs=0.1)
@@ -248,9 +262,13 @@ def test_a_delay_line_delivers_old_samples_in_order_once(kind):
     came = [(sample, late) for sample in sent if (late := delay.pass_on(line, sample)) is not None]
     values = [int(late.wrenches[0, 0]) for _, late in came]
     assert values == list(range(len(values)))
-    assert max(b.sequence - a.sequence for (a, _), (b, _) in pairwise(came)) == 2  # it fills without a gap
+    assert (
+        max(b.sequence - a.sequence for (a, _), (b, _) in pairwise(came)) == 2
+    )  # it fills without a gap
     ages = [sample.stamp - late.stamp for sample, late in came]
-    true_ages = [0.002 * (sample.sequence - value) for (sample, _), value in zip(came, values, strict=True)]
+    true_ages = [
+        0.002 * (sample.sequence - value) for (sample, _), value in zip(came, values, strict=True)
+    ]
     assert true_ages[-1] == pytest.approx(delay.duration)
     assert max(np.diff(true_ages)) < 0.0021
     assert ages == pytest.approx([0.0] * len(ages) if delay.hidden else true_ages)

@@ -54,11 +54,20 @@ print("both work")
     ids=["mujoco first", "pyrender first", "mujoco imported for physics before"],
 )
 def test_both_renderers_work_in_one_process(order, backend):
-    environment = {name: value for name, value in os.environ.items() if name not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")
+    }
     if backend:
         environment["MUJOCO_GL"] = backend
     done = subprocess.run(
-        [sys.executable, "-c", order + USE], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", order + USE],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     assert "both work" in done.stdout
@@ -73,7 +82,12 @@ def test_skills_and_robot_files_are_read_whatever_backend_the_environment_asks_f
     )
     environment = {**os.environ, "MUJOCO_GL": backend}
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", script],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["(7,)", backend]
@@ -83,7 +97,12 @@ def test_without_a_driver_of_egl_one_line_names_the_packages():
     script = MUJOCO + "try:\n    look()\nexcept Exception as error:\n    print(error)\n"
     environment = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": "/nowhere"}
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", script],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     (line,) = done.stdout.splitlines()
     assert line.startswith("camera: the simulated camera cannot render (")

@@ -79,7 +79,9 @@ def test_a_speed_that_is_no_number_stands_still(cell, gripper, speed):
     assert gripper.state().width == pytest.approx(before, abs=1e-4)
 
 
-@pytest.mark.parametrize(("width", "speed"), [(0.02, 0.1), (0.2, 0.1), (0.05, 0.0), (0.05, 9.0), (float("nan"), 0.1)])
+@pytest.mark.parametrize(
+    ("width", "speed"), [(0.02, 0.1), (0.2, 0.1), (0.05, 0.0), (0.05, 9.0), (float("nan"), 0.1)]
+)
 def test_a_move_outside_the_limits_is_refused(gripper, width, speed):
     with pytest.raises(MotionRefused):
         gripper.move(width, speed)
@@ -200,7 +202,9 @@ def test_moves_streams_and_pauses_are_never_taken_for_faults(cell, gripper):
 def test_a_move_that_never_ends_is_reported(cell, gripper):
     gripper.inject_fault("busy")
     motion = gripper.move(0.05, 0.1)
-    with pytest.raises(DeviceFault, match=r"has not ended its move to 50\.0 mm within the expected time"):
+    with pytest.raises(
+        DeviceFault, match=r"has not ended its move to 50\.0 mm within the expected time"
+    ):
         look_after(cell, 2.0)
     assert motion.state is MotionState.RUNNING
     cell.safe_stop("test")
@@ -225,7 +229,10 @@ def test_fingers_that_run_away_are_reported_and_are_not_settled_before_they_rest
 
 @pytest.mark.parametrize(
     ("kind", "error", "words"),
-    [("frozen", DeviceLost, "has not sent its width for 60 ms"), ("not_a_number", DeviceFault, "a width of nan mm")],
+    [
+        ("frozen", DeviceLost, "has not sent its width for 60 ms"),
+        ("not_a_number", DeviceFault, "a width of nan mm"),
+    ],
 )
 def test_an_impossible_state_is_reported_within_100_ms(cell, gripper, kind, error, words):
     look_after(cell, 0.5)
@@ -266,7 +273,12 @@ def test_the_spindle_holds_a_push_that_is_stronger_than_the_motor(cell, gripper,
     push(cell, 0.0)
     cell.clock.advance(0.5)
     assert gripper.state().width == pytest.approx(0.07, abs=2e-4)
-    assert cell.devices["world"].model.jnt_range[cell.devices["world"].model.joint("finger_left").id][0] > 0.0
+    assert (
+        cell.devices["world"].model.jnt_range[cell.devices["world"].model.joint("finger_left").id][
+            0
+        ]
+        > 0.0
+    )
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -283,4 +295,6 @@ def test_blocked_fingers_do_not_snap_when_they_come_free(cell, gripper, side):
         cell.clock.advance(0.002)
         fastest = max(fastest, abs(gripper.state().speed))
     assert fastest < 0.8  # a report of five times 0.2 m/s counts as impossible
-    assert abs(gripper.state().width - 0.07) < 8e-3  # the commands of that second are not made up for
+    assert (
+        abs(gripper.state().width - 0.07) < 8e-3
+    )  # the commands of that second are not made up for

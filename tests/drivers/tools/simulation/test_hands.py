@@ -10,7 +10,9 @@ from pomona.executive.files import find_cell
 
 
 def test_hands_hold_a_fruit_that_the_fingers_feel_and_pull_it_until_it_slides() -> None:
-    cell = load_cell(find_cell("sim"), overrides={"friction": "0.8", "force_noise": "0 N", "shape_noise": "0"})
+    cell = load_cell(
+        find_cell("sim"), overrides={"friction": "0.8", "force_noise": "0 N", "shape_noise": "0"}
+    )
     gripper, sensor, hands = cell.device(Gripper), cell.device(ForceSensor), cell.device(Hands)
     before = sensor.latest()
     assert before is not None

@@ -65,7 +65,9 @@ def test_a_look_at_depth_alone_shows_the_same_and_is_no_look_that_is_scored(cell
     assert middle[0] == pytest.approx(middle[1], abs=2e-3)
 
 
-def test_the_hand_comes_when_its_switch_is_turned_goes_back_and_reports_its_least_distance(cell: Cell) -> None:
+def test_the_hand_comes_when_its_switch_is_turned_goes_back_and_reports_its_least_distance(
+    cell: Cell,
+) -> None:
     world = cell.devices["world"]
     above = cell.device(Cameras).all[2]
     start = world.state.body(BODY).xpos.copy()
@@ -103,7 +105,9 @@ def test_a_hand_that_goes_through_the_arm_touches_it_and_moves_nothing(cell: Cel
         ("goal: 0.10 -0.40 0.12 m", "goal: 0.75 -0.75 0.35 m", "where the hand starts"),
     ],
 )
-def test_a_hand_without_a_way_and_a_camera_without_a_direction_are_refused(line: str, changed: str, words: str) -> None:
+def test_a_hand_without_a_way_and_a_camera_without_a_direction_are_refused(
+    line: str, changed: str, words: str
+) -> None:
     path = find_cell("sim_watched")
     text = path.read_text("utf-8")
     assert line in text

@@ -28,17 +28,23 @@ def test_the_inside_of_a_crate_is_its_size_less_the_walls():
     found = crate_of((Box("pedestal", np.eye(4), (0.1, 0.1, 0.1)), *crate()))
     assert found is not None
     np.testing.assert_allclose(found.inside, [0.192, 0.142])
-    np.testing.assert_allclose(found.T_base_floor, transform(rot_z(0.4), [0.1, -0.4, -0.052]), atol=1e-12)
+    np.testing.assert_allclose(
+        found.T_base_floor, transform(rot_z(0.4), [0.1, -0.4, -0.052]), atol=1e-12
+    )
 
 
 def test_a_solid_box_is_no_crate():
     assert crate_of((Box("source", np.eye(4), (0.1, 0.1, 0.1)),)) is None
 
 
-def positions(kind: str, number: int, seed: int, layers: int = 1) -> tuple[np.ndarray, np.ndarray, dict]:
+def positions(
+    kind: str, number: int, seed: int, layers: int = 1
+) -> tuple[np.ndarray, np.ndarray, dict]:
     """Place and width of each fruit at the start [m], and the world's score."""
     cell = load_cell(
-        CELLS / f"sim_{kind}.yaml", seed=seed, overrides={"others": str(number - 1), "layers": str(layers)}
+        CELLS / f"sim_{kind}.yaml",
+        seed=seed,
+        overrides={"others": str(number - 1), "layers": str(layers)},
     )
     try:
         cell.clock.advance(0.02)
@@ -76,7 +82,9 @@ def test_of_two_layers_some_fruit_lies_on_others():
 @pytest.mark.slow
 def test_in_a_crate_half_of_the_fruit_is_at_the_walls_and_none_counts_as_put_away():
     places, widths, truth = positions("crate", 8, 3)
-    to_wall = np.array([0.192, 0.142]) - np.abs(places[:, :2] - [-0.02, -0.37]) - widths[:, None] / 2.0
+    to_wall = (
+        np.array([0.192, 0.142]) - np.abs(places[:, :2] - [-0.02, -0.37]) - widths[:, None] / 2.0
+    )
     assert to_wall.min() > -4e-3
     assert (to_wall.min(axis=1) < 4e-3).sum() >= 3
     assert [fruit["inside"] for fruit in truth["fruits"]] == ["source"] * 8
@@ -93,5 +101,7 @@ def test_without_a_crate_in_the_workspace_no_fruit_can_be_in_it():
 @pytest.mark.parametrize(("layers", "holds"), [("1", 12), ("2", 18)])
 def test_more_fruit_than_the_crate_holds_is_refused(layers: str, holds: int):
     read_cell_file(CELLS / "sim_crate.yaml", {"others": str(holds - 1), "layers": layers})
-    with pytest.raises(CellFileError, match=f"the crate holds {holds} fruit in all, not {holds + 1}"):
+    with pytest.raises(
+        CellFileError, match=f"the crate holds {holds} fruit in all, not {holds + 1}"
+    ):
         read_cell_file(CELLS / "sim_crate.yaml", {"others": str(holds), "layers": layers})

@@ -58,7 +58,9 @@ def test_touching_the_table_is_counted_as_a_collision(open_cell, probe_of):
     assert truth["collided_with"] == ["table"]
 
 
-def test_a_fruit_that_stands_in_the_crate_is_put_away_and_not_dropped(open_cell, probe_of, pick_with):
+def test_a_fruit_that_stands_in_the_crate_is_put_away_and_not_dropped(
+    open_cell, probe_of, pick_with
+):
     cell = open_cell(seed=4, fruit="apple_4")
     world = probe_of(cell).world
     before = world.truth()
@@ -68,10 +70,14 @@ def test_a_fruit_that_stands_in_the_crate_is_put_away_and_not_dropped(open_cell,
     world.looked()
     truth = world.truth()
     assert truth["put_away"] == 1
-    assert truth["T_base_fruit_at_look"] == before["T_base_fruit_at_look"], "a fruit in the crate is not measured"
+    assert truth["T_base_fruit_at_look"] == before["T_base_fruit_at_look"], (
+        "a fruit in the crate is not measured"
+    )
     assert truth["fruits"][0]["inside"] == "crate"
     assert truth["drops"] == 0
-    assert abs(truth["fruits"][0]["T_base_fruit"][2][3] - (-0.112 + 0.032)) < 0.004  # on the floor, 8 mm thick
+    assert (
+        abs(truth["fruits"][0]["T_base_fruit"][2][3] - (-0.112 + 0.032)) < 0.004
+    )  # on the floor, 8 mm thick
 
 
 def test_touching_a_fixed_object_is_counted_as_a_collision(open_cell, probe_of, plan_rest_to_rest):
@@ -81,7 +87,9 @@ def test_touching_a_fixed_object_is_counted_as_a_collision(open_cell, probe_of, 
     onto_the_wall = [-0.466, 0.681, 0.319, -0.472, 0.44, -0.483, -0.18]
     way = np.array([probe.set_point(), above, onto_the_wall])
     probe.arm.follow(plan_rest_to_rest(way, probe.arm.limits))
-    with pytest.raises(DeviceFault, match="gripper: closes without a command"):  # the wall pushes a finger
+    with pytest.raises(
+        DeviceFault, match="gripper: closes without a command"
+    ):  # the wall pushes a finger
         probe.wait(lambda: False, 6.0)
     cell.clock.advance(2.0)
     assert cell.truth()["collided_with"] == ["crate"]

@@ -35,7 +35,9 @@ def test_a_frame_has_the_fields_and_shapes_that_are_listed(open_cell: Callable[.
 def test_every_file_and_class_that_is_named_exists() -> None:
     files = set(re.findall(r"(?<![\w`.])((?:\w+/)?\w+\.py)", PAGE))
     assert len(files) > 15
-    assert [name for name in sorted(files) if not any((place / name).is_file() for place in PLACES)] == []
+    assert [
+        name for name in sorted(files) if not any((place / name).is_file() for place in PLACES)
+    ] == []
     for found in (RobotServices, SimCamera.latest, Delivery, FrameGuard.judge, WrenchStream):
         assert f"`{found.__qualname__}`" in PAGE
 

@@ -60,7 +60,9 @@ def urdf_chain(q):
         T = T @ step(origin, axis, angle)
     quarter = -np.pi / 2
     rpy = (
-        step((0, 0, 0), (0, 0, 1), quarter) @ step((0, 0, 0), (0, 1, 0), quarter) @ step((0, 0, 0), (1, 0, 0), quarter)
+        step((0, 0, 0), (0, 0, 1), quarter)
+        @ step((0, 0, 0), (0, 1, 0), quarter)
+        @ step((0, 0, 0), (1, 0, 0), quarter)
     )
     return T @ step((0.011, 0, 0)) @ rpy
 
@@ -69,7 +71,9 @@ def test_the_flange_is_where_the_manufacturers_chain_puts_it(robot):
     _, pose = robot
     rng = np.random.default_rng(0)
     assert pose(np.zeros(7)).site("tool0").xpos == pytest.approx([0.5, 0.0, 0.64])
-    assert pose(np.arange(1, 8) / 10).site("tool0").xpos == pytest.approx([0.446461, 0.199077, 0.770157], abs=1e-6)
+    assert pose(np.arange(1, 8) / 10).site("tool0").xpos == pytest.approx(
+        [0.446461, 0.199077, 0.770157], abs=1e-6
+    )
     for q in rng.uniform(-1.5, 1.5, (50, 7)):
         site = pose(q).site("tool0")
         expected = urdf_chain(q)
@@ -82,8 +86,12 @@ def test_limits_are_the_manufacturers(robot):
     degrees = np.degrees(model.jnt_range[:7])
     assert degrees[:, 1] == pytest.approx([180, 110, 170, 115, 180, 110, 180], abs=1e-4)
     assert degrees[:, 0] == pytest.approx([-180, -110, -170, -90, -180, -110, -180], abs=1e-4)
-    assert np.degrees(model.numeric("arm_velocity").data) == pytest.approx([200] * 5 + [230, 350], abs=1e-4)
-    assert model.numeric("arm_acceleration").data.shape == model.numeric("arm_jerk").data.shape == (7,)
+    assert np.degrees(model.numeric("arm_velocity").data) == pytest.approx(
+        [200] * 5 + [230, 350], abs=1e-4
+    )
+    assert (
+        model.numeric("arm_acceleration").data.shape == model.numeric("arm_jerk").data.shape == (7,)
+    )
 
 
 def test_frames_of_pads_tcp_and_camera_are_as_the_interfaces_say(robot):
@@ -121,13 +129,19 @@ DAMAGE = {
     "a camera": ('<site name="camera"', '<site name="eye"', "has no site named 'camera'"),
     "the middle of the fingers": ('<site name="tcp"', '<site name="middle"', "needs tcp, camera"),
     "what is broken off": ("</mujoco>", "", "XML"),
-    "a limit of speed": ('name="arm_velocity"', 'name="speeds"', "has no numeric named 'arm_velocity'"),
+    "a limit of speed": (
+        'name="arm_velocity"',
+        'name="speeds"',
+        "has no numeric named 'arm_velocity'",
+    ),
 }
 
 
 @pytest.mark.parametrize("what", DAMAGE)
 def test_a_robot_file_that_lacks_something_is_refused_at_the_cell_files_line(tmp_path, what):
-    shutil.copytree(ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__")
+    )
     sound, damaged, words = DAMAGE[what]
     files = [tmp_path / "trees" / "robots" / name for name in (ROBOT.name, "wsg32_body.xml")]
     robot = next(file for file in files if sound in file.read_text())
@@ -138,10 +152,14 @@ def test_a_robot_file_that_lacks_something_is_refused_at_the_cell_files_line(tmp
 
 
 def test_a_pose_with_too_few_joints_is_refused_before_the_world_is_made(tmp_path):
-    shutil.copytree(ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__")
+    )
     cell = tmp_path / "trees" / "cells" / "sim.yaml"
     workspace = cell.parent / "shared" / "workspace.yaml"
-    workspace.write_text(workspace.read_text().replace("observe: -1.36 -0.316 ", "observe: -0.316 "))
+    workspace.write_text(
+        workspace.read_text().replace("observe: -1.36 -0.316 ", "observe: -0.316 ")
+    )
     with pytest.raises(CellFileError, match="the pose 'observe' has 6 joints, the arm has 7"):
         load_cell(cell, seed=0)
 
@@ -166,7 +184,9 @@ def test_a_changed_hand_is_read_anew(tmp_path):
     shutil.copytree(ROBOT.parent, tmp_path / "robots")
     robot, hand = tmp_path / "robots" / ROBOT.name, tmp_path / "robots" / "wsg32_body.xml"
     before = RobotModel.load(robot).frame("tcp")
-    hand.write_text(hand.read_text().replace('name="tcp" pos="0 0 0.168"', 'name="tcp" pos="0 0 0.200"'))
+    hand.write_text(
+        hand.read_text().replace('name="tcp" pos="0 0 0.168"', 'name="tcp" pos="0 0 0.200"')
+    )
     os.utime(hand, ns=(hand.stat().st_atime_ns, hand.stat().st_mtime_ns + 1))
     assert RobotModel.load(robot).frame("tcp")[2, 3] - before[2, 3] == pytest.approx(0.032)
 
@@ -197,10 +217,14 @@ def test_both_arms_hold_the_hand_over_the_same_places():
     ],
 )
 @pytest.mark.slow
-def test_a_robot_that_exhausts_time_or_memory_ends_in_its_trial(tmp_path: Path, body: str, words: str) -> None:
+def test_a_robot_that_exhausts_time_or_memory_ends_in_its_trial(
+    tmp_path: Path, body: str, words: str
+) -> None:
     path = tmp_path / "robot.xml"
     field = '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>'
-    path.write_text(f"<mujoco>{field if 'hfield' in body else ''}<worldbody>{body}</worldbody></mujoco>")
+    path.write_text(
+        f"<mujoco>{field if 'hfield' in body else ''}<worldbody>{body}</worldbody></mujoco>"
+    )
     with pytest.raises(UnusableRobotFile, match=rf"robot\.xml: {words}"):
         read_limits(path)
 
@@ -218,7 +242,9 @@ def test_a_shipped_robot_is_read_without_a_trial_and_another_with_one(
     assert tried == [str(tmp_path / ROBOT.name)]
 
 
-def test_limits_are_those_of_the_joints_from_base_to_tool_in_any_order_of_the_actuators(tmp_path: Path) -> None:
+def test_limits_are_those_of_the_joints_from_base_to_tool_in_any_order_of_the_actuators(
+    tmp_path: Path,
+) -> None:
     for file in ROBOT.parent.glob("*.xml"):
         shutil.copy(file, tmp_path)
     lines = ROBOT.read_text("utf-8").split("\n")
@@ -234,10 +260,14 @@ def test_limits_are_those_of_the_joints_from_base_to_tool_in_any_order_of_the_ac
 
 def test_an_arm_whose_weight_nothing_compensates_is_refused_with_the_remedy(tmp_path: Path) -> None:
     for file in ROBOT.parent.glob("*.xml"):
-        (tmp_path / file.name).write_text(file.read_text("utf-8").replace(' gravcomp="1"', ""), "utf-8")
+        (tmp_path / file.name).write_text(
+            file.read_text("utf-8").replace(' gravcomp="1"', ""), "utf-8"
+        )
     world = f"world: {{include: 'sim.yaml#world', robot: {tmp_path / ROBOT.name}}}\n"
     cell = tmp_path / "cell.yaml"
     cell.write_text("include: sim.yaml\noptions: {include: 'sim.yaml#options'}\n" + world)
-    with pytest.raises(CellFileError, match=r"drives give way by 0\.00\d+ rad to the .*gravcomp=\"1\"") as caught:
+    with pytest.raises(
+        CellFileError, match=r"drives give way by 0\.00\d+ rad to the .*gravcomp=\"1\""
+    ) as caught:
         load_cell(cell, seed=1).close()
     assert caught.value.line == 3

@@ -18,9 +18,13 @@ def test_slip_begins_at_the_least_force(open_cell, probe_of, pick_with, friction
     assert cell.truth()["lifted"] is True
     exact = SimFingers(probe.world, noise=0.0, bias=0.0, force_range=100.0)
     least = probe.world.score._least_force()
-    assert least >= 0.99 * 0.2 * 9.81 / float(friction)  # a twist of the fruit only adds to its weight
+    assert least >= 0.99 * 0.2 * 9.81 / float(
+        friction
+    )  # a twist of the fruit only adds to its weight
     slips, pressed, loads = [cell.truth()["slip_mm"]], [0.0], [least]
-    while len(slips) < 3 or slips[-1] < slips[-2] + 0.02:  # ease the grip until it slips by 1 mm/s, slowly at the end
+    while (
+        len(slips) < 3 or slips[-1] < slips[-2] + 0.02
+    ):  # ease the grip until it slips by 1 mm/s, slowly at the end
         probe.force_wanted -= 0.02 if len(slips) < 3 or pressed[-1] > 1.15 * loads[-1] else 0.001
         cell.clock.advance(0.02)
         slips.append(cell.truth()["slip_mm"])

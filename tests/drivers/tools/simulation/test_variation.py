@@ -47,7 +47,9 @@ def test_friction_and_noise_are_set_from_outside(open_cell):
 def test_a_fruit_without_lumps_is_the_models_form(open_cell):
     fruit = target(open_cell)
     first, second = (
-        make_fruit(fruit.model, fruit.dimensions, "red", np.random.default_rng(seed), shape_noise=0.0).vertices
+        make_fruit(
+            fruit.model, fruit.dimensions, "red", np.random.default_rng(seed), shape_noise=0.0
+        ).vertices
         for seed in (1, 2)
     )
     assert np.array_equal(first, second)

@@ -43,13 +43,21 @@ class TakeTurnsType(Composite):
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         outcomes = at.children()
-        return Outcome(codes_of(outcomes), any(end.succeeds for end in outcomes), any(end.skips for end in outcomes))
+        return Outcome(
+            codes_of(outcomes),
+            any(end.succeeds for end in outcomes),
+            any(end.skips for end in outcomes),
+        )
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
         success = failure = skipped = ALL
         for index in range(len(at.node.children)):
             ends = at.child(index, before)
-            success, failure, skipped = success & ends.success, failure & ends.failure, skipped & ends.skipped
+            success, failure, skipped = (
+                success & ends.success,
+                failure & ends.failure,
+                skipped & ends.skipped,
+            )
         return Ends(success, failure, skipped)
 
     def build(self, at: BuildContext) -> Behaviour:
@@ -59,7 +67,9 @@ class TakeTurnsType(Composite):
 class Paced(Wrapper):
     """Limits the ticks of its child per second; in between the status stays."""
 
-    def __init__(self, name: str, child: Behaviour, rate: Callable[[], float], now: Callable[[], float]) -> None:
+    def __init__(
+        self, name: str, child: Behaviour, rate: Callable[[], float], now: Callable[[], float]
+    ) -> None:
         super().__init__(name, child)
         self.rate, self.now, self.due = rate, now, 0.0
 

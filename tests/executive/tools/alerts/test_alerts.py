@@ -78,7 +78,23 @@ def ended(good: bool) -> RunEnded:
 
 def started(run: str) -> RunStarted:
     return RunStarted(
-        0.0, 0, run, "tree", "t.yaml", "", "", "fake", "mock", "c.yaml", "", 0, {}, (), {}, 1.0 + len(run), 0.02
+        0.0,
+        0,
+        run,
+        "tree",
+        "t.yaml",
+        "",
+        "",
+        "fake",
+        "mock",
+        "c.yaml",
+        "",
+        0,
+        {},
+        (),
+        {},
+        1.0 + len(run),
+        0.02,
     )
 
 
@@ -100,7 +116,10 @@ def test_a_falling_rate_is_reported_once_until_it_has_risen_again(hook: Hook) ->
     first, second = hook.posted
     assert first["success_rate"] == 0.25
     assert first["failures"] == {"SLIPPED": 3}
-    assert first["text"] == "Pomona: 25% of the last 4 runs succeeded, less than 75%; failures: SLIPPED 3×"
+    assert (
+        first["text"]
+        == "Pomona: 25% of the last 4 runs succeeded, less than 75%; failures: SLIPPED 3×"
+    )
     assert second["success_rate"] == 0.5
 
 
@@ -144,7 +163,9 @@ def test_an_alert_follows_no_redirect(
     assert "302" in caplog.text
 
 
-@pytest.mark.parametrize("said", ["HTTP/1.1 500 no\r\ncontent-length: 0\r\n\r\n", "hello?\r\n\r\n", ""])
+@pytest.mark.parametrize(
+    "said", ["HTTP/1.1 500 no\r\ncontent-length: 0\r\n\r\n", "hello?\r\n\r\n", ""]
+)
 def test_any_answer_of_a_webhook_is_reported_and_nothing_else_happens(
     said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -158,13 +179,17 @@ def test_any_answer_of_a_webhook_is_reported_and_nothing_else_happens(
                         asked.sendall(said.encode())
 
         threading.Thread(target=answer, daemon=True).start()
-        teller = Alerts(AlertRule(f"http://127.0.0.1:{server.getsockname()[1]}", 1.0, 1)).take(ended(False))
+        teller = Alerts(AlertRule(f"http://127.0.0.1:{server.getsockname()[1]}", 1.0, 1)).take(
+            ended(False)
+        )
         assert teller is not None
         teller.join(LONG)
     assert "the alert was not taken by http://127.0.0.1" in caplog.text
 
 
-def test_an_unreachable_webhook_is_reported_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_unreachable_webhook_is_reported_without_a_traceback(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     teller = Alerts(AlertRule(f"http://127.0.0.1:{port}", 1.0, 1)).take(ended(False))
@@ -177,16 +202,24 @@ def test_a_run_that_ends_otherwise_than_it_seemed_counts_once(hook: Hook) -> Non
     alerts = Alerts(AlertRule(hook.address, below=0.5, over=2), before=[(True, "")])
     alerts.take(started("one"))
     assert alerts.take(ended(True)) is None
-    assert alerts.take(ended(False)) is None  # its record was lost: an error after all; one of two is not yet too few
+    assert (
+        alerts.take(ended(False)) is None
+    )  # its record was lost: an error after all; one of two is not yet too few
     alerts.take(started("two"))
     teller = alerts.take(ended(False))
     assert teller is not None
     alerts.wait()
     (told,) = hook.posted
-    assert (told["success_rate"], told["failures"], told["last_run"]) == (0.0, {"SLIPPED": 2}, "two")
+    assert (told["success_rate"], told["failures"], told["last_run"]) == (
+        0.0,
+        {"SLIPPED": 2},
+        "two",
+    )
 
 
-def test_runs_of_other_processes_count_and_known_ones_are_not_reported_again(tmp_path: Path, hook: Hook) -> None:
+def test_runs_of_other_processes_count_and_known_ones_are_not_reported_again(
+    tmp_path: Path, hook: Hook
+) -> None:
     for n, good in enumerate((True, False, False)):
         folder = tmp_path / f"2026-11-2{n}"
         folder.mkdir()
@@ -196,13 +229,20 @@ def test_runs_of_other_processes_count_and_known_ones_are_not_reported_again(tmp
         recorder.close()
     before = outcomes_in(tmp_path, 3)
     assert before == [(True, ""), (False, "GAVE_UP"), (False, "GAVE_UP")]
-    assert Alerts(AlertRule(hook.address, below=0.5, over=3), before).count(False, "X", "run") is None
-    assert Alerts(AlertRule(hook.address, below=0.5, over=4), before).count(False, "X", "run") is not None
+    assert (
+        Alerts(AlertRule(hook.address, below=0.5, over=3), before).count(False, "X", "run") is None
+    )
+    assert (
+        Alerts(AlertRule(hook.address, below=0.5, over=4), before).count(False, "X", "run")
+        is not None
+    )
 
 
 def test_a_run_from_the_command_line_sends_alerts_too(tmp_path: Path, hook: Hook) -> None:
     tree = tmp_path / "bad.yaml"
-    tree.write_text("pomona: 1\ntree: bad\nroot:\n  fail: {code: BLOCKED, message: x}\n", encoding="utf-8")
+    tree.write_text(
+        "pomona: 1\ntree: bad\nroot:\n  fail: {code: BLOCKED, message: x}\n", encoding="utf-8"
+    )
     alert = ["--alert-to", hook.address, "--alert-over", "2"]
     order = ["run", str(tree), "--dry", "--quiet", "--record", str(tmp_path / "runs"), *alert]
     assert [main(order), len(hook.posted)] == [1, 0]

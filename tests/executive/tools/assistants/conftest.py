@@ -76,9 +76,17 @@ class HereCommands:
         self.given.append(list(words))
         words = list(words)
         if words[0] == "run" and "--simulated" in words:
-            words = ["--dry" if word == "--simulated" else word for word in words if not word.startswith("--cell=")]
+            words = [
+                "--dry" if word == "--simulated" else word
+                for word in words
+                if not word.startswith("--cell=")
+            ]
         out, err = io.StringIO(), io.StringIO()
-        with contextlib.chdir(self.folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with (
+            contextlib.chdir(self.folder),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
             try:
                 status = main(words)
             except SystemExit as ended:
@@ -120,7 +128,9 @@ class Assistant:
 
         async def ask(client: Client) -> tuple[list[str], list[str]]:
             tools, resources = await client.list_tools(), await client.list_resources()
-            return [tool.name for tool in tools.tools], [str(resource.uri) for resource in resources.resources]
+            return [tool.name for tool in tools.tools], [
+                str(resource.uri) for resource in resources.resources
+            ]
 
         return self._ask(ask)
 

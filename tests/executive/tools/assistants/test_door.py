@@ -39,7 +39,10 @@ class TestRecords:
             "seed": 4,
             "settings": {},
         }
-        logged = [json.loads(line) for line in (assistant.folder / "runs/assistants.jsonl").read_text().splitlines()]
+        logged = [
+            json.loads(line)
+            for line in (assistant.folder / "runs/assistants.jsonl").read_text().splitlines()
+        ]
         assert [(line["call"], line["asked"]["name"], line["refused"]) for line in logged] == [
             (1, "list_files", None),
             (2, "run", None),
@@ -52,7 +55,10 @@ class TestRecords:
     def test_records_are_listed_as_resources(self, assistant: Assistant) -> None:
         assert assistant.listed()[1] == []
         run = json.loads(assistant.call("run", tree="look.yaml"))["run"]
-        assert assistant.listed()[1] == [f"pomona://runs/{run}/summary", f"pomona://runs/{run}/explanation"]
+        assert assistant.listed()[1] == [
+            f"pomona://runs/{run}/summary",
+            f"pomona://runs/{run}/explanation",
+        ]
 
 
 class TestApprovals:
@@ -60,7 +66,13 @@ class TestApprovals:
         assistant.call("run", tree="look.yaml")
         text = LOOK.replace("pose: observe", "pose: home")
         assistant.call("write_file", path="look.yaml", text=text, version=version_of(LOOK))
-        assistant.call("approve", tree="look.yaml", cell="bench.yaml", reason="home first", settings={"tries": "3"})
+        assistant.call(
+            "approve",
+            tree="look.yaml",
+            cell="bench.yaml",
+            reason="home first",
+            settings={"tries": "3"},
+        )
         return assistant.folder / "runs" / "approvals" / "0001_look"
 
     def test_a_request_shows_the_operator_reason_difference_and_command(
@@ -74,7 +86,9 @@ class TestApprovals:
         command = f"pomona run {request}/tree/look.yaml --cell={assistant.folder}/bench.yaml --seed=0 --set=tries=3"
         assert command in shown
 
-    def test_a_request_starts_nothing_and_its_tree_does_not_change_with_the_file(self, assistant: Assistant) -> None:
+    def test_a_request_starts_nothing_and_its_tree_does_not_change_with_the_file(
+        self, assistant: Assistant
+    ) -> None:
         request = self.ask(assistant)
         assert [words[0] for words in assistant.commands.given] == ["run", "check"]
         (assistant.folder / "look.yaml").write_text("pomona: 1\n")
@@ -91,7 +105,9 @@ class TestApprovals:
         with pytest.raises(Refused, match="1 errors on this cell"):
             assistant.call("approve", tree="look.yaml", cell="bench.yaml", reason="x")
 
-    def test_the_operator_removes_a_request(self, assistant: Assistant, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_the_operator_removes_a_request(
+        self, assistant: Assistant, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         request = self.ask(assistant)
         assert main(["mcp", str(assistant.folder), "--dismiss", "0001_look"]) == 0
         assert not request.exists()
@@ -116,14 +132,18 @@ class TestFiles:
         assert (folder / "new.yaml").read_text() == "theirs"
         assert sorted(path.name for path in folder.glob(".*")) == []
 
-    def test_a_text_is_written_byte_for_byte_and_nothing_is_left_beside_it(self, folder: Path) -> None:
+    def test_a_text_is_written_byte_for_byte_and_nothing_is_left_beside_it(
+        self, folder: Path
+    ) -> None:
         text = "pomona: 1\ntree: t  # größe\r\nroot:\n  wait: 1 s\n"
         WorkFolder(folder, Path("runs")).write("deep/er/t.yaml", text, "", replace=False)
         assert (folder / "deep/er/t.yaml").read_bytes() == text.encode()
         assert [path.name for path in (folder / "deep/er").iterdir()] == ["t.yaml"]
 
     def test_a_file_that_is_no_yaml_yet_may_be_saved(self, folder: Path) -> None:
-        WorkFolder(folder, Path("runs")).write("t.yaml", "pomona: 1\ntree: t\nroot: [\n", "", replace=False)
+        WorkFolder(folder, Path("runs")).write(
+            "t.yaml", "pomona: 1\ntree: t\nroot: [\n", "", replace=False
+        )
         assert (folder / "t.yaml").exists()
 
     def test_a_folder_that_does_not_exist_is_refused(self, tmp_path: Path) -> None:
@@ -131,7 +151,9 @@ class TestFiles:
 
 
 class TestCommands:
-    def test_commands_run_one_at_a_time(self, assistant: Assistant, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_commands_run_one_at_a_time(
+        self, assistant: Assistant, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         inside, most = [0], [0]
         proceed = threading.Event()
         one = assistant.commands
@@ -148,20 +170,26 @@ class TestCommands:
 
         async def both() -> None:
             async with Client(assistant.server) as client:
-                await asyncio.gather(*(client.call_tool("show", {"tree": "look.yaml"}) for _ in range(4)))
+                await asyncio.gather(
+                    *(client.call_tool("show", {"tree": "look.yaml"}) for _ in range(4))
+                )
 
         in_loop(both())
         assert most == [1]
 
     def test_a_command_that_takes_too_long_is_stopped_with_its_children(self, folder: Path) -> None:
-        (folder / "forever.yaml").write_text("pomona: 1\ntree: t\nroot:\n  repeat: forever\n  wait: 1 s\n")
+        (folder / "forever.yaml").write_text(
+            "pomona: 1\ntree: t\nroot:\n  repeat: forever\n  wait: 1 s\n"
+        )
         commands = BoundedCommands(folder, folder / "runs")
         answer = commands(["run", "./forever.yaml", "--dry", "--no-record"], 0.2)
         assert answer.status == STOPPED
         assert answer.problem == "stopped after its limit of 0.2 s"
 
     @pytest.mark.skipif(not confined.version(), reason="this system has no Landlock")
-    def test_a_command_writes_and_reads_nothing_outside_its_folders_and_has_no_network(self, folder: Path) -> None:
+    def test_a_command_writes_and_reads_nothing_outside_its_folders_and_has_no_network(
+        self, folder: Path
+    ) -> None:
         script = """
 import socket, sys
 from pathlib import Path
@@ -189,7 +217,9 @@ print(
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.stdout.split() == ["True"] * 5, done.stderr
 
-    def test_without_this_restriction_no_run_begins(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def test_without_this_restriction_no_run_begins(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
         script = f"""
 import sys
 from pomona.tools.assistants import confined
@@ -198,7 +228,11 @@ sys.exit(confined.main([{str(tmp_path)!r}, {str(tmp_path)!r}, "run", "pick_apple
 """
         environment = {**os.environ, "TMPDIR": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
         done = subprocess.run(
-            [sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=False
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=False,
         )
         assert done.returncode == 2
         assert "cannot keep a run inside a folder" in done.stderr
@@ -206,13 +240,19 @@ sys.exit(confined.main([{str(tmp_path)!r}, {str(tmp_path)!r}, "run", "pick_apple
 
 @pytest.mark.slow
 @pytest.mark.skipif(not confined.version(), reason="this system has no Landlock")
-def test_an_assistant_writes_runs_and_explains_a_tree_over_standard_input_and_output(folder: Path) -> None:
+def test_an_assistant_writes_runs_and_explains_a_tree_over_standard_input_and_output(
+    folder: Path,
+) -> None:
     async def session() -> tuple[str, str, str]:
-        server = StdioServerParameters(command=sys.executable, args=["-m", "pomona.executive.cli", "mcp", str(folder)])
+        server = StdioServerParameters(
+            command=sys.executable, args=["-m", "pomona.executive.cli", "mcp", str(folder)]
+        )
         async with Client(stdio_client(server)) as client:
 
             async def call(tool: str, **arguments: object) -> str:
-                return "".join(part.text for part in (await client.call_tool(tool, arguments)).content)
+                return "".join(
+                    part.text for part in (await client.call_tool(tool, arguments)).content
+                )
 
             text = "pomona: 1\ntree: observe\nroot:\n  MoveTo: {pose: observe}\n"
             await call("write_file", path="observe.yaml", text=text)

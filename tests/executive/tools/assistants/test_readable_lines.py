@@ -17,8 +17,16 @@ GOOD = '{"jsonrpc": "2.0", "id": 1, "method": "tools/list"}\n'
 CALL = '{"jsonrpc": "2.0", "id": %s, "method": "tools/call", "params": %s}'
 
 BAD: dict[str, tuple[str, int | str | None, str]] = {
-    "a request nested 400 levels": (CALL % (2, '{"a": ' + "[" * 400 + "]" * 400 + "}"), 2, "recursion limit"),
-    "a request nested 100 000 levels": (CALL % (2, '{"a": ' + "[" * 100_000 + "]" * 100_000 + "}"), None, "recursion"),
+    "a request nested 400 levels": (
+        CALL % (2, '{"a": ' + "[" * 400 + "]" * 400 + "}"),
+        2,
+        "recursion limit",
+    ),
+    "a request nested 100 000 levels": (
+        CALL % (2, '{"a": ' + "[" * 100_000 + "]" * 100_000 + "}"),
+        None,
+        "recursion",
+    ),
     "a line that is too long": ("[" * (3 * MOST_LINE), None, "characters at most"),
     "words": ("list the tools", None, "Invalid JSON"),
     "half a request": (CALL[:40], None, "Invalid JSON"),

@@ -60,12 +60,16 @@ MALICIOUS: dict[str, tuple[str, dict[str, Any], str]] = {
 
 
 def content(folder: Path) -> dict[str, str]:
-    files = (path for path in folder.parent.rglob("*") if path.is_file() and "runs" not in path.parts)
+    files = (
+        path for path in folder.parent.rglob("*") if path.is_file() and "runs" not in path.parts
+    )
     return {str(path): path.read_text() for path in files}
 
 
 @pytest.mark.parametrize("name", MALICIOUS)
-def test_a_malicious_request_is_refused_with_one_line_and_logged(assistant: Assistant, name: str) -> None:
+def test_a_malicious_request_is_refused_with_one_line_and_logged(
+    assistant: Assistant, name: str
+) -> None:
     tool, arguments, why = MALICIOUS[name]
     before = content(assistant.folder)
     with pytest.raises(Refused) as refused:
@@ -75,7 +79,9 @@ def test_a_malicious_request_is_refused_with_one_line_and_logged(assistant: Assi
     assert len(str(refused.value)) < 1100
     assert content(assistant.folder) == before
     assert assistant.door.runs_started == 0
-    logged = json.loads((assistant.folder / "runs" / "assistants.jsonl").read_text().splitlines()[-1])
+    logged = json.loads(
+        (assistant.folder / "runs" / "assistants.jsonl").read_text().splitlines()[-1]
+    )
     assert logged["asked"]["name"] == tool
     assert logged["refused"] == str(refused.value)
     assert len(json.dumps(logged)) < 10_000
@@ -106,7 +112,9 @@ def refused_by(call: Callable[[], str]) -> str:
 def test_the_number_of_runs_is_limited(assistant: Assistant) -> None:
     for seed in range(3):
         assistant.call("run", tree="look.yaml", seed=seed)
-    assert "the limit of 3 runs is reached" in refused_by(lambda: assistant.call("run", tree="look.yaml"))
+    assert "the limit of 3 runs is reached" in refused_by(
+        lambda: assistant.call("run", tree="look.yaml")
+    )
     assert len(list((assistant.folder / "runs").glob("*/run.mcap"))) == 3
 
 
@@ -122,22 +130,34 @@ def test_the_number_of_open_requests_is_limited(assistant: Assistant) -> None:
 def test_the_number_of_files_is_limited(assistant: Assistant) -> None:
     for number in range(500):
         (assistant.folder / f"{number}.yaml").touch()
-    assert "500 files already" in refused_by(lambda: assistant.call("write_file", path="new.yaml", text=TREE))
+    assert "500 files already" in refused_by(
+        lambda: assistant.call("write_file", path="new.yaml", text=TREE)
+    )
 
 
-def test_a_cell_file_whose_kind_stands_elsewhere_gives_none_of_its_words_away(assistant: Assistant) -> None:
+def test_a_cell_file_whose_kind_stands_elsewhere_gives_none_of_its_words_away(
+    assistant: Assistant,
+) -> None:
     (assistant.folder.parent / "secret.yaml").write_text("kind: the password\n")
     assistant.call("write_file", path="t.yaml", text=f"{TREE}include: ../secret.yaml\n")
-    assert "password" not in refused_by(lambda: assistant.call("run", tree="look.yaml", cell="t.yaml"))
+    assert "password" not in refused_by(
+        lambda: assistant.call("run", tree="look.yaml", cell="t.yaml")
+    )
 
 
 def test_many_findings_and_long_drawings_are_cut(assistant: Assistant) -> None:
     nodes = "".join(f"    - Nothing{number}: {{}}\n" for number in range(150))
-    assistant.call("write_file", path="t.yaml", text=f"pomona: 1\ntree: t\nroot:\n  sequence:\n{nodes}")
+    assistant.call(
+        "write_file", path="t.yaml", text=f"pomona: 1\ntree: t\nroot:\n  sequence:\n{nodes}"
+    )
     found = json.loads(assistant.call("check", path="t.yaml"))
     assert (found["errors"], len(found["findings"]), found["left out"]) == (150, 100, 50)
-    nodes = "".join(f"    - MoveTo: {{pose: home}}\n      description: {'long ' * 40}\n" for _ in range(900))
-    assistant.call("write_file", path="long.yaml", text=f"pomona: 1\ntree: t\nroot:\n  sequence:\n{nodes}")
+    nodes = "".join(
+        f"    - MoveTo: {{pose: home}}\n      description: {'long ' * 40}\n" for _ in range(900)
+    )
+    assistant.call(
+        "write_file", path="long.yaml", text=f"pomona: 1\ntree: t\nroot:\n  sequence:\n{nodes}"
+    )
     assert assistant.call("show", tree="long.yaml").endswith("\n… cut after 60000 characters")
 
 
@@ -148,7 +168,9 @@ def test_a_scenario_whose_tree_is_outside_is_refused(assistant: Assistant) -> No
         assert "outside the folder" in refused_by(lambda: assistant.call("test", scenario="s.yaml"))
 
 
-def test_a_tree_that_calls_a_file_outside_is_refused_without_its_content(assistant: Assistant) -> None:
+def test_a_tree_that_calls_a_file_outside_is_refused_without_its_content(
+    assistant: Assistant,
+) -> None:
     text = "pomona: 1\ntree: t\nroot:\n  other: {}\nsubtrees:\n  other: {file: ../secret.yaml}\n"
     assistant.call("write_file", path="t.yaml", text=text)
     answer = assistant.call("check", path="t.yaml")

@@ -20,7 +20,11 @@ def filled(value: Any, taken: dict[str, str]) -> Any:
         return {filled(key, taken): filled(each, taken) for key, each in value.items()}
     if isinstance(value, list):
         return [filled(each, taken) for each in value]
-    return re.sub(r"<(\w+)>", lambda found: taken[found[1]], value) if isinstance(value, str) else value
+    return (
+        re.sub(r"<(\w+)>", lambda found: taken[found[1]], value)
+        if isinstance(value, str)
+        else value
+    )
 
 
 def answered(assistant: Assistant, call: dict[str, Any], taken: dict[str, str]) -> str:
@@ -34,7 +38,9 @@ def answered(assistant: Assistant, call: dict[str, Any], taken: dict[str, str]) 
 
 
 @pytest.mark.parametrize("task", TASKS, ids=[task["task"][:50] for task in TASKS])
-def test_a_task_is_carried_out_with_the_answers_of_its_own_calls(assistant: Assistant, task: dict[str, Any]) -> None:
+def test_a_task_is_carried_out_with_the_answers_of_its_own_calls(
+    assistant: Assistant, task: dict[str, Any]
+) -> None:
     taken: dict[str, str] = {}
     for call in task["calls"]:
         text = answered(assistant, call, taken)
@@ -49,7 +55,9 @@ def test_a_task_is_carried_out_with_the_answers_of_its_own_calls(assistant: Assi
 def test_at_least_twenty_tasks_use_every_tool(assistant: Assistant) -> None:
     tools, _ = assistant.listed()
     assert len(TASKS) >= 20
-    assert {call["tool"] for task in TASKS for call in task["calls"] if "tool" in call} == set(tools)
+    assert {call["tool"] for task in TASKS for call in task["calls"] if "tool" in call} == set(
+        tools
+    )
 
 
 def test_after_its_first_call_a_task_needs_only_names_that_an_earlier_answer_or_its_help_has_given(

@@ -81,10 +81,16 @@ def test_every_combination_is_planned_once_with_its_settings(tmp_path: Path) -> 
     assert by_name["paper/fruit=apple_2/place=3/seed=7"].tree.stem == "pick_apple_paper"
 
 
-def test_all_arms_meet_the_same_seeds_and_every_combination_has_seeds_of_its_own(tmp_path: Path) -> None:
+def test_all_arms_meet_the_same_seeds_and_every_combination_has_seeds_of_its_own(
+    tmp_path: Path,
+) -> None:
     planned = campaign(tmp_path, FILE.replace(", seeds: 1, only: {place: [2]}", ""))
     seeds = {
-        arm: {(run.number, *run.varied.values()): run.order.seed for run in planned.runs if run.arm == arm}
+        arm: {
+            (run.number, *run.varied.values()): run.order.seed
+            for run in planned.runs
+            if run.arm == arm
+        }
         for arm in planned.arms
     }
     assert seeds["refined"] == seeds["unrefined"]
@@ -92,7 +98,9 @@ def test_all_arms_meet_the_same_seeds_and_every_combination_has_seeds_of_its_own
     assert set(seeds["paper"].values()) == {7}
 
 
-def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(tmp_path: Path) -> None:
+def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
+    tmp_path: Path,
+) -> None:
     numbers = [run.number for run in campaign(tmp_path).runs]
     assert numbers == sorted(numbers)
 
@@ -108,13 +116,25 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
         (FILE.replace("[1, 2, 3]", "[1, 1]"), "7:46", "given twice"),
         (FILE.replace("seeds: 2", "seeds: 0"), "6:8", "a count from 1"),
         (FILE.replace("seeds: 2", "seeds: [1, -4]"), "6:12", "a whole number of at least 0"),
-        (FILE.replace("tree: pick_apple\n", "tree: pick_aple\n"), "4:7", "no tree file 'pick_aple'"),
+        (
+            FILE.replace("tree: pick_apple\n", "tree: pick_aple\n"),
+            "4:7",
+            "no tree file 'pick_aple'",
+        ),
         (FILE.replace("{others: 0}", "{other: 0}"), "12:7", "did you mean 'others'"),
         (FILE.replace("refine: none", "refined: none"), "10:21", "did you mean 'refine'"),
         (FILE.replace("only: {place", "onyl: {place"), "10:46", "no setting 'onyl'"),
-        (FILE.replace("{place: [2]}", "{place: [4]}"), "10:61", "'vary' gives 'place' no value '4'"),
+        (
+            FILE.replace("{place: [2]}", "{place: [4]}"),
+            "10:61",
+            "'vary' gives 'place' no value '4'",
+        ),
         (FILE + "score: {sucess: [lifted]}\n", "13:9", "did you mean 'success'"),
-        (FILE.replace("[1, 2, 3]", "[77]").replace(", only: {place: [2]}", ""), "7:43", "it cannot be '77'"),
+        (
+            FILE.replace("[1, 2, 3]", "[77]").replace(", only: {place: [2]}", ""),
+            "7:43",
+            "it cannot be '77'",
+        ),
         (FILE.replace("{others: 0}", "{friction: -1}"), "12:17", "must be between"),
         (FILE.replace("{others: 0}", "{radius: 12}"), "12:15", "lacks a unit"),
         (
@@ -125,17 +145,25 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
         (FILE.replace("seeds: 2", "seeds: " + "[" * 90 + "]" * 90), r"6:\d+", "levels deep"),
     ],
 )
-def test_a_wrong_file_is_refused_with_line_and_column(tmp_path: Path, text: str, place: str, expected: str) -> None:
+def test_a_wrong_file_is_refused_with_line_and_column(
+    tmp_path: Path, text: str, place: str, expected: str
+) -> None:
     with pytest.raises(UsageError, match=f"demo.yaml:{place}: error.*(?s:.*){re.escape(expected)}"):
         campaign(tmp_path, text)
 
 
 def test_a_key_that_varies_must_be_known(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"demo.yaml:7:8: error\[unknown-setting\].*neither the tree"):
-        campaign(tmp_path, FILE.replace("{fruit:", "{friut:").replace("tree: pick_apple_paper, ", ""))
+    with pytest.raises(
+        UsageError, match=r"demo.yaml:7:8: error\[unknown-setting\].*neither the tree"
+    ):
+        campaign(
+            tmp_path, FILE.replace("{fruit:", "{friut:").replace("tree: pick_apple_paper, ", "")
+        )
 
 
-def test_a_real_cell_has_no_campaign_since_no_operator_acknowledges_between_its_runs(tmp_path: Path) -> None:
+def test_a_real_cell_has_no_campaign_since_no_operator_acknowledges_between_its_runs(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "bench.yaml").write_text("name: bench\nkind: real\nclock: manual\ndevices: {}\n")
     (tmp_path / "t.yaml").write_text("pomona: 1\ntree: t\nroot: {wait: 20 ms}\n")
     with pytest.raises(UsageError, match=r"error\[real-cell\].*'bench' is a real cell"):
@@ -155,7 +183,9 @@ def test_one_run_that_goes_wrong_never_stops_the_rest_and_is_not_repeated(tmp_pa
     assert (tmp_path / "out" / RESULTS).read_text().splitlines() == lines
 
 
-def test_a_result_that_was_cut_off_by_a_kill_is_run_again_and_spoils_no_other(tmp_path: Path) -> None:
+def test_a_result_that_was_cut_off_by_a_kill_is_run_again_and_spoils_no_other(
+    tmp_path: Path,
+) -> None:
     planned = campaign(tmp_path)
     engine = Here(lambda index: {"outcome": "success"})
     run_campaign(planned.only(planned.runs[:2]), tmp_path, engine)
@@ -168,14 +198,20 @@ def test_a_result_that_was_cut_off_by_a_kill_is_run_again_and_spoils_no_other(tm
     ]
 
 
-def test_a_changed_byte_and_a_line_of_anything_else_count_for_nothing_and_are_named(tmp_path: Path) -> None:
+def test_a_changed_byte_and_a_line_of_anything_else_count_for_nothing_and_are_named(
+    tmp_path: Path,
+) -> None:
     planned = campaign(tmp_path)
-    run_campaign(planned.only(planned.runs[:3]), tmp_path, Here(lambda index: {"outcome": "success"}))
+    run_campaign(
+        planned.only(planned.runs[:3]), tmp_path, Here(lambda index: {"outcome": "success"})
+    )
     good, path, rng = read_results(tmp_path), tmp_path / RESULTS, random.Random(2)
     content = path.read_bytes()
     for number in range(100):
         at = rng.randrange(len(content) - 1)
-        path.write_bytes(content[:at] + bytes([content[at] ^ rng.randrange(1, 256)]) + content[at + 1 :])
+        path.write_bytes(
+            content[:at] + bytes([content[at] ^ rng.randrange(1, 256)]) + content[at + 1 :]
+        )
         told: list[str] = []
         found = read_results(tmp_path, told.append)
         assert len(told) >= 1, number
@@ -194,13 +230,17 @@ def test_a_changed_byte_and_a_line_of_anything_else_count_for_nothing_and_are_na
 def test_a_full_disk_ends_a_campaign_in_words_and_it_goes_on_where_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python itself leaves half a compiled file on a full disk
+    monkeypatch.setattr(
+        sys, "dont_write_bytecode", True
+    )  # Python itself leaves half a compiled file on a full disk
     planned = campaign(tmp_path)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def answer(index: int) -> Any:
         if index == 2:
-            resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / "out" / RESULTS).stat().st_size + 40, limits[1]))
+            resource.setrlimit(
+                resource.RLIMIT_FSIZE, ((tmp_path / "out" / RESULTS).stat().st_size + 40, limits[1])
+            )
         return {"outcome": "success"}
 
     try:
@@ -239,7 +279,9 @@ def test_two_campaigns_never_write_one_folder(tmp_path: Path) -> None:
         (2, ["arm=measured", "place=a/b"], "report_seeds_2_arm_measured_place_a_b"),
     ],
 )
-def test_the_report_of_a_part_stands_beside_that_of_all(seeds: int | None, only: list[str], name: str) -> None:
+def test_the_report_of_a_part_stands_beside_that_of_all(
+    seeds: int | None, only: list[str], name: str
+) -> None:
     assert report_name(seeds, only) == name
 
 
@@ -301,19 +343,29 @@ def test_the_report_counts_the_truth_and_not_the_trees_result(tmp_path: Path) ->
 
 
 def test_arms_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
-    arms = [{**result("x", "apple_1", "2", False), "arm": "unrefined"}, result("y", "apple_1", "2", True)]
+    arms = [
+        {**result("x", "apple_1", "2", False), "arm": "unrefined"},
+        result("y", "apple_1", "2", True),
+    ]
     text = to_markdown(report(campaign(tmp_path), arms, "pick.yaml"))
-    assert "on the same 1 combinations and seeds: 1 succeeded only with the first, 0 only with the second" in text
+    assert (
+        "on the same 1 combinations and seeds: 1 succeeded only with the first, 0 only with the second"
+        in text
+    )
 
 
 def test_without_a_simulated_world_the_trees_word_counts() -> None:
     assert succeeded({"outcome": "success", "truth": None}, ("lifted",))
-    assert not succeeded({"outcome": "success", "truth": {"lifted": True, "drops": 0}}, ("lifted", "unknown"))
+    assert not succeeded(
+        {"outcome": "success", "truth": {"lifted": True, "drops": 0}}, ("lifted", "unknown")
+    )
     assert succeeded({"outcome": "success", "truth": {"lifted": False}}, ())
 
 
 def test_every_mistake_of_every_arm_is_found_before_the_first_run(tmp_path: Path) -> None:
-    text = FILE.replace("refined: {}", "refined: {set: {friction: -1, attempts: many}}").replace("3]}", "88]}")
+    text = FILE.replace("refined: {}", "refined: {set: {friction: -1, attempts: many}}").replace(
+        "3]}", "88]}"
+    )
     with pytest.raises(UsageError) as error:
         campaign(tmp_path, text)
     places = re.findall(r"demo\.yaml:(\d+:\d+): error", str(error.value))
@@ -322,7 +374,9 @@ def test_every_mistake_of_every_arm_is_found_before_the_first_run(tmp_path: Path
 
 
 def test_an_unknown_setting_hides_no_other_mistake(tmp_path: Path) -> None:
-    text = FILE.replace("{others: 0}", "{others: many, nonsense: 3, jitter: 15}").replace("[2]}", "[9]}")
+    text = FILE.replace("{others: 0}", "{others: many, nonsense: 3, jitter: 15}").replace(
+        "[2]}", "[9]}"
+    )
     findings = Findings()
     path = tmp_path / "demo.yaml"
     path.write_text(text)
@@ -332,18 +386,26 @@ def test_an_unknown_setting_hides_no_other_mistake(tmp_path: Path) -> None:
     assert found == [(10, "unknown-value"), (12, "value"), unknown, unknown, (12, "value")]
 
 
-def test_an_unusable_value_hides_neither_a_wrong_tree_and_cell_nor_a_wrong_setting(tmp_path: Path) -> None:
+def test_an_unusable_value_hides_neither_a_wrong_tree_and_cell_nor_a_wrong_setting(
+    tmp_path: Path,
+) -> None:
     unusable = FILE.replace("seeds: 2", "seeds: -1")
-    files = unusable.replace("tree: pick_apple\n", "tree: pick_aple\n").replace("cell: sim", "cell: simm")
+    files = unusable.replace("tree: pick_apple\n", "tree: pick_aple\n").replace(
+        "cell: sim", "cell: simm"
+    )
     with pytest.raises(UsageError) as error:
         campaign(tmp_path, files)
-    assert all(words in str(error.value) for words in ("'pick_aple'", "'simm'", "'seeds' is a count"))
+    assert all(
+        words in str(error.value) for words in ("'pick_aple'", "'simm'", "'seeds' is a count")
+    )
     with pytest.raises(UsageError, match="'seeds' is a count") as error:
         campaign(tmp_path, unusable.replace("others: 0", "othrs: 0"))
     assert "has a setting 'othrs'" in str(error.value)
 
 
-def test_a_campaign_uses_the_score_of_the_cell_unless_its_file_names_another(tmp_path: Path) -> None:
+def test_a_campaign_uses_the_score_of_the_cell_unless_its_file_names_another(
+    tmp_path: Path,
+) -> None:
     assert campaign(tmp_path).conditions == ("lifted",)
     assert campaign(tmp_path).score.figures[0] == "position_error_mm"
     other = campaign(tmp_path, FILE + "score: {success: [], figures: [bruise_kpa]}\n")
@@ -359,14 +421,22 @@ def test_schema_and_reader_accept_the_same() -> None:
     assert len(shipped) >= 8
     for text in (FILE, *shipped):
         jsonschema.validate(yaml.safe_load(text), schema)
-    for wrong in (FILE.replace("seeds: 2", "seeds: 0"), FILE.replace("[1, 2, 3]", "[]"), FILE + "vari: {}\n"):
+    for wrong in (
+        FILE.replace("seeds: 2", "seeds: 0"),
+        FILE.replace("[1, 2, 3]", "[]"),
+        FILE + "vari: {}\n",
+    ):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(yaml.safe_load(wrong), schema)
 
 
 @pytest.mark.slow
 @settings(max_examples=60)
-@given(st.integers(0, len(FILE) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
+@given(
+    st.integers(0, len(FILE) - 1),
+    st.integers(0, 12),
+    st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4),
+)
 def test_a_damaged_campaign_has_findings_with_places_or_is_a_campaign(
     tmp_path: Path, at: int, length: int, inserted: str
 ) -> None:

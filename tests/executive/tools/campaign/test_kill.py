@@ -57,7 +57,9 @@ def start() -> Iterator[Start]:
 
     def begin(*arguments: object) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "pomona.executive.cli", "campaign", *map(str, arguments)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
         started.append(process)
         return process
 
@@ -88,7 +90,10 @@ def lines(folder: Path) -> list[dict[str, Any]]:
 
 def lasting(folder: Path) -> dict[str, dict[str, Any]]:
     results = {line["name"]: line for line in lines(folder)}
-    return {name: {k: v for k, v in results[name].items() if k not in PASSING} for name in sorted(results)}
+    return {
+        name: {k: v for k, v in results[name].items() if k not in PASSING}
+        for name in sorted(results)
+    }
 
 
 @pytest.mark.long
@@ -110,7 +115,9 @@ def test_of_two_campaigns_on_one_folder_one_runs_and_the_other_is_refused(
 
 
 @pytest.mark.long
-def test_a_killed_campaign_goes_on_without_repeating_or_losing_a_run(looks: Path, tmp_path: Path, start: Start) -> None:
+def test_a_killed_campaign_goes_on_without_repeating_or_losing_a_run(
+    looks: Path, tmp_path: Path, start: Start
+) -> None:
     first = start(looks, "--out", tmp_path / "out", "--workers", 2)
     read_until(first, "[2/4]")
     os.kill(first.pid, signal.SIGKILL)

@@ -75,7 +75,9 @@ def test_an_order_that_takes_too_long_is_ended() -> None:
 def test_a_worker_computes_with_one_thread_and_this_process_keeps_its_own() -> None:
     before = dict(os.environ)
     with open_engine("local", workers=1) as engine:
-        assert dict(engine.map(environment, [(name,) for name in ONE_THREAD], 60.0)) == dict.fromkeys(range(6), "1")
+        assert dict(
+            engine.map(environment, [(name,) for name in ONE_THREAD], 60.0)
+        ) == dict.fromkeys(range(6), "1")
     assert dict(os.environ) == before
 
 

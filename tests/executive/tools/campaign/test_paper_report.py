@@ -57,7 +57,10 @@ def run(arm: str, lifted: bool, position: tuple[float, float, float]) -> dict[st
 
 @pytest.mark.slow
 def test_a_report_of_the_first_runs_stands_beside_the_paper() -> None:
-    results = [run("refined", True, (-0.03, -0.52, -0.079)), run("unrefined", False, (-0.03, -0.53, -0.12))]
+    results = [
+        run("refined", True, (-0.03, -0.52, -0.079)),
+        run("unrefined", False, (-0.03, -0.53, -0.12)),
+    ]
     document = paper_report(Cells(read_campaign(PAPER), results), Path("benchmarks/paper.yaml"))
     text, page = to_markdown(document), to_html(document)
     assert "2 of 150 runs, made at commit `abc1234`" in text

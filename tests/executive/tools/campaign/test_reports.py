@@ -31,8 +31,18 @@ NODES = (
     {"path": "pick/Look:retry", "parent": "pick", "name": "retry", "type": "retry"},
     {"path": "pick/Look", "parent": "pick/Look:retry", "name": "Look", "type": "sequence"},
     {"path": "pick/Look/Attempt:retry", "parent": "pick/Look", "name": "retry", "type": "retry"},
-    {"path": "pick/Look/Attempt", "parent": "pick/Look/Attempt:retry", "name": "Attempt", "type": "sequence"},
-    {"path": "pick/Look/Attempt/Lift", "parent": "pick/Look/Attempt", "name": "Lift", "type": "Lift"},
+    {
+        "path": "pick/Look/Attempt",
+        "parent": "pick/Look/Attempt:retry",
+        "name": "Attempt",
+        "type": "sequence",
+    },
+    {
+        "path": "pick/Look/Attempt/Lift",
+        "parent": "pick/Look/Attempt",
+        "name": "Lift",
+        "type": "Lift",
+    },
 )
 LOST = Reason("pick/Look/Attempt/Lift", "LOST", "it slipped")
 
@@ -50,7 +60,16 @@ RUN = (
     attempt(3.0, "pick/Look/Attempt:retry", 1, 8),
     attempt(4.0, "pick/Look/Attempt:retry", 2, 8, True),
     attempt(4.0, "pick/Look:retry", 3, 3, True),
-    RunEnded(4.0, 200, "success", None, 200, 4.0, 1.0, {"lifted": True, "drops": 1, "height_gained_m": -7.4e-08}),
+    RunEnded(
+        4.0,
+        200,
+        "success",
+        None,
+        200,
+        4.0,
+        1.0,
+        {"lifted": True, "drops": 1, "height_gained_m": -7.4e-08},
+    ),
 )
 
 
@@ -62,7 +81,9 @@ def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_attempts_with_the_same_number_are_distinguished(capsys: pytest.CaptureFixture[str]) -> None:
+def test_attempts_with_the_same_number_are_distinguished(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     told = [" ".join(line.split()) for line in said(capsys) if line.split()[0] == "attempt"]
     assert told == [
         "attempt ✗ 1 of 8 in look 1, at 1.00 s Lift LOST: it slipped",
@@ -109,8 +130,15 @@ def test_the_worlds_score_is_reported_unchanged(capsys: pytest.CaptureFixture[st
     assert "e-08" not in " ".join(explain(RUN))
 
 
-def test_a_summary_shows_the_first_five_figures_and_the_sheet_of_a_run_all(capsys: pytest.CaptureFixture[str]) -> None:
-    score = {"lifted": True, "drops": 0, "fruit": "apple_1", **{f"part_{n}_mm": float(n) for n in range(1, 9)}}
+def test_a_summary_shows_the_first_five_figures_and_the_sheet_of_a_run_all(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    score = {
+        "lifted": True,
+        "drops": 0,
+        "fruit": "apple_1",
+        **{f"part_{n}_mm": float(n) for n in range(1, 9)},
+    }
     summary = Summary()
     for event in (*RUN[:-1], replace(RUN[-1], truth={**score, "collided_with": []})):
         summary.on_event(event)
@@ -122,14 +150,18 @@ def test_a_summary_shows_the_first_five_figures_and_the_sheet_of_a_run_all(capsy
         assert "collided" not in truth
 
 
-def test_times_are_those_of_the_run_of_its_preparation_and_of_both(capsys: pytest.CaptureFixture[str]) -> None:
+def test_times_are_those_of_the_run_of_its_preparation_and_of_both(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     summary = Summary()
     for event in (replace(RUN[0], preparation=20.0), *RUN[1:]):
         summary.on_event(event)
     summary.print(Screen(width=200), None)
     out = capsys.readouterr().out
     assert "4.0 s simulated; 1.0 s to run, 20.0 s to prepare, 21.0 s in all, seed 3" in out
-    assert not [line for line in out.splitlines() if line.split() == ["time"]], "no node took any time"
+    assert not [line for line in out.splitlines() if line.split() == ["time"]], (
+        "no node took any time"
+    )
 
 
 @pytest.mark.parametrize(
@@ -165,7 +197,9 @@ def test_finger_contact_is_reported_when_a_skill_has_ended_and_not_while_it_grip
         "At 2.3 s finger contact changed: something is between the fingers",
         "At 3.5 s finger contact changed: no contact",
     ]
-    assert "the fingers felt" not in " ".join(explain([*RUN[:4], HandChanged(0.0, 0, ""), *RUN[4:]]))
+    assert "the fingers felt" not in " ".join(
+        explain([*RUN[:4], HandChanged(0.0, 0, ""), *RUN[4:]])
+    )
 
 
 HEAVY = Reason(LIFT, "TOO_HEAVY", "put back", {"limit_n": 14.0, "wanted_n": 20.7})
@@ -212,7 +246,9 @@ def test_of_a_stopped_run_the_moments_are_listed_in_the_order_of_time() -> None:
 
 @pytest.mark.parametrize("cell", ["none", "dry"])
 def test_a_run_without_a_cell_names_none(cell: str) -> None:
-    assert explain([started(cell=cell, cell_kind="mock")])[0].startswith("pick ran without a cell, with seed 3")
+    assert explain([started(cell=cell, cell_kind="mock")])[0].startswith(
+        "pick ran without a cell, with seed 3"
+    )
 
 
 def test_a_skill_that_a_stop_interrupted_has_not_failed() -> None:
@@ -221,10 +257,22 @@ def test_a_skill_that_a_stop_interrupted_has_not_failed() -> None:
             RUN[0],
             NodeChanged(1.0, 50, LIFT, "RUNNING", "", 1),
             SafeStopped(2.1, 105, "the process was terminated"),
-            RunEnded(2.1, 105, "stopped", Reason(LIFT, "SAFE_STOP", "the process was terminated"), 105, 2.1, 1.0, None),
+            RunEnded(
+                2.1,
+                105,
+                "stopped",
+                Reason(LIFT, "SAFE_STOP", "the process was terminated"),
+                105,
+                2.1,
+                1.0,
+                None,
+            ),
         )
     )[1]
-    assert why == "The reason, at 2.1 s, while Lift was running: SAFE_STOP: the process was terminated."
+    assert (
+        why
+        == "The reason, at 2.1 s, while Lift was running: SAFE_STOP: the process was terminated."
+    )
 
 
 def test_every_failure_code_that_can_occur_has_a_meaning_and_a_remedy() -> None:

@@ -12,7 +12,9 @@ from pomona.tools.campaign.statistics import mean, median, paired_p, wilson
 
 
 @given(of=st.integers(1, 5000), data=st.data())
-def test_wilsons_interval_holds_the_rate_and_stays_within_0_and_1(of: int, data: st.DataObject) -> None:
+def test_wilsons_interval_holds_the_rate_and_stays_within_0_and_1(
+    of: int, data: st.DataObject
+) -> None:
     successes = data.draw(st.integers(0, of))
     low, high = wilson(successes, of)
     assert 0.0 <= low <= successes / of + 1e-12

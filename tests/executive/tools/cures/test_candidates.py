@@ -30,7 +30,9 @@ from pomona.tools.cures.trials import OVER_BUDGET, Trial, disagrees
 
 
 def texts(*about: Any, **more: Any) -> list[str]:
-    return [other.text for other in sorted(other_values(*about, **more), key=lambda other: -other.share)]
+    return [
+        other.text for other in sorted(other_values(*about, **more), key=lambda other: -other.share)
+    ]
 
 
 def test_numbers_keep_their_unit_and_their_bounds() -> None:
@@ -92,7 +94,9 @@ def test_an_order_moves_whole_nodes_with_their_modifiers() -> None:
     assert (change.line, change.before, change.after) == (6, "One, Two, Three", "Three, One, Two")
 
 
-@pytest.mark.parametrize("path", sorted(installed_trees().glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted(installed_trees().glob("*.yaml")), ids=lambda path: path.stem
+)
 def test_every_order_of_a_shipped_tree_is_a_file_with_the_same_nodes(path: Path) -> None:
     text = path.read_text("utf-8")
     document = read(text, path, tree_folders=[installed_trees()])
@@ -112,7 +116,9 @@ def test_every_order_of_a_shipped_tree_is_a_file_with_the_same_nodes(path: Path)
 
 
 def _labels(document: Any) -> list[str]:
-    return sorted(node.label for one in document.definitions() if one.root for node in one.root.walk())
+    return sorted(
+        node.label for one in document.definitions() if one.root for node in one.root.walk()
+    )
 
 
 # ------------------------------------------------------------------------------------------------ candidates
@@ -136,7 +142,9 @@ constants: {pause: 20 ms}
 """
 
 
-def found(tree: str, code: str, path: str, *more: Any, settings: dict[str, str] | None = None) -> list[CureCandidate]:
+def found(
+    tree: str, code: str, path: str, *more: Any, settings: dict[str, str] | None = None
+) -> list[CureCandidate]:
     from recorded_events import started
 
     document = read(tree, "t.yaml")
@@ -151,7 +159,9 @@ def found(tree: str, code: str, path: str, *more: Any, settings: dict[str, str] 
         started(nodes=tuple(node.facts() for node in nodes), tree_path="t.yaml", tree_text=tree),
         NodeChanged(0.1, 1, path, "FAILURE", "", 1, reason),
         *more,
-        RunEnded(1.0, 9, "failure", Reason("t", code, "it failed", causes=(reason,)), 9, 1.0, 1.0, None),
+        RunEnded(
+            1.0, 9, "failure", Reason("t", code, "it failed", causes=(reason,)), 9, 1.0, 1.0, None
+        ),
     ]
     return candidates(Knobs(analysis, settings or {}), gather(events))
 
@@ -164,7 +174,9 @@ def test_what_a_failed_condition_reads_comes_before_unrelated_parameters() -> No
 
 
 def test_a_value_with_which_the_run_was_started_comes_first() -> None:
-    first = found(TREE, "CONDITION_FALSE", "t/Enough", settings={"least": "50", "other": "9"})[0].change
+    first = found(TREE, "CONDITION_FALSE", "t/Enough", settings={"least": "50", "other": "9"})[
+        0
+    ].change
     assert (first.name, first.after, first.line) == ("least", "5", 4)
 
 
@@ -175,8 +187,12 @@ def test_tries_that_were_used_up_are_a_candidate_and_others_are_not() -> None:
 
 
 def test_the_order_around_the_failed_node_is_a_candidate() -> None:
-    orders = [c.change for c in found(TREE, "CONDITION_FALSE", "t/Enough") if c.change.kind == "order"]
-    assert {(change.before, change.after) for change in orders} >= {("Enough, After", "After, Enough")}
+    orders = [
+        c.change for c in found(TREE, "CONDITION_FALSE", "t/Enough") if c.change.kind == "order"
+    ]
+    assert {(change.before, change.after) for change in orders} >= {
+        ("Enough, After", "After, Enough")
+    }
 
 
 def test_each_candidate_is_one_change_and_the_list_is_sorted() -> None:
@@ -218,10 +234,20 @@ class Scripted:
 def search(result: Any, count: int = 4, **more: Any) -> tuple[Any, Scripted]:
     order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
     every = [
-        CureCandidate(SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), 1.0, {"n": str(n)}), 1.0 / n, "")
+        CureCandidate(
+            SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), 1.0, {"n": str(n)}),
+            1.0 / n,
+            "",
+        )
         for n in range(1, count + 1)
     ]
-    about = {"usable": lambda _order: True, "seeds": 2, "most": 1, "budget": 60.0, "clock": lambda: 0.0} | more
+    about = {
+        "usable": lambda _order: True,
+        "seeds": 2,
+        "most": 1,
+        "budget": 60.0,
+        "clock": lambda: 0.0,
+    } | more
     trials = Scripted(result)
     return CureSearch(order, every, **about).run(trials), trials
 
@@ -243,11 +269,16 @@ def test_a_change_that_fails_with_another_seed_is_no_cure() -> None:
 
 def test_no_larger_change_of_a_place_is_tried_while_a_smaller_one_succeeds() -> None:
     order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
-    steps = [SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), float(n), {"n": str(n)}) for n in (2, 4, 8)]
+    steps = [
+        SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), float(n), {"n": str(n)})
+        for n in (2, 4, 8)
+    ]
     other = SingleChange("parameter", "m", "t.yaml", 5, "0", "1", 1.0, {"n": "m"})
     every = [CureCandidate(change, 1.0, "") for change in (*steps, other)]
     trials = Scripted(lambda n, seed: n == "2")
-    answer = CureSearch(order, every, lambda _order: True, 1, 1, 60.0, clock=lambda: 0.0).run(trials)
+    answer = CureSearch(order, every, lambda _order: True, 1, 1, 60.0, clock=lambda: 0.0).run(
+        trials
+    )
     assert {n for n, _ in trials.started} <= {"", "2", "4", "m"}  # the 4 was started beside the 2
     assert len(answer.cures()) == 1
 
@@ -260,7 +291,11 @@ def test_the_original_is_repeated_with_the_seeds_of_the_cure() -> None:
 def test_the_original_is_not_repeated_after_a_failure_with_another_seed() -> None:
     answer, trials = search(lambda n, seed: n == "1", seeds=5)
     assert answer.cures()[0].successes() == 6
-    assert [seed for n, seed in trials.started if n == ""] == [7, 8, 9]  # two were running when the first one failed
+    assert [seed for n, seed in trials.started if n == ""] == [
+        7,
+        8,
+        9,
+    ]  # two were running when the first one failed
 
 
 def test_a_failure_that_does_not_repeat_ends_the_search() -> None:
@@ -315,16 +350,25 @@ def test_the_original_is_repeated_once_with_each_seed_though_another_change_ends
 
 def test_of_two_changes_of_a_place_that_cure_the_smaller_one_is_the_answer() -> None:
     order = RunOrder(Path("t.yaml"), Path("c.yaml"), seed=7)
-    steps = [SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), float(n), {"n": str(n)}) for n in (8, 4)]
+    steps = [
+        SingleChange("parameter", "n", "t.yaml", 4, "0", str(n), float(n), {"n": str(n)})
+        for n in (8, 4)
+    ]
     every = [CureCandidate(change, 1.0, "") for change in steps]
     trials = Scripted(lambda n, seed: n != "")
-    answer = CureSearch(order, every, lambda _order: True, 2, 1, 60.0, clock=lambda: 0.0).run(trials)
+    answer = CureSearch(order, every, lambda _order: True, 2, 1, 60.0, clock=lambda: 0.0).run(
+        trials
+    )
     assert answer.cures()[0].candidate.change.after == "4"
 
 
-def test_an_option_with_which_the_run_was_started_comes_before_the_ports_of_the_failed_node() -> None:
+def test_an_option_with_which_the_run_was_started_comes_before_the_ports_of_the_failed_node() -> (
+    None
+):
     analysis = analyse(read(TREE, "t.yaml"), Registry({}))
     options = (Option("mass", "auto", ""), Option("tilt", "6 deg", ""))
-    knobs = Knobs(analysis, {"mass": "1.2 kg"}, options, "c.yaml", "options:\n  mass: auto\n  tilt: 6 deg\n")
+    knobs = Knobs(
+        analysis, {"mass": "1.2 kg"}, options, "c.yaml", "options:\n  mass: auto\n  tilt: 6 deg\n"
+    )
     first = candidates(knobs, RunEvidence())[0].change
     assert (first.kind, first.name, first.line, first.after) == ("option", "mass", 2, "auto")

@@ -34,13 +34,17 @@ def failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def rerun(capsys: pytest.CaptureFixture[str], *settings: str, status: int) -> str:
     capsys.readouterr()
-    assert main(["rerun", "last", *(word for text in settings for word in ("--set", text))]) == status
+    assert (
+        main(["rerun", "last", *(word for text in settings for word in ("--set", text))]) == status
+    )
     captured = capsys.readouterr()
     assert "Traceback" not in captured.out + captured.err
     return " ".join((captured.out + captured.err).split())
 
 
-def test_a_word_of_a_node_is_changed_and_the_run_succeeds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_word_of_a_node_is_changed_and_the_run_succeeds(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     said = rerun(capsys, "Work.timeout=5 s", status=0)
     assert "tree.yaml:9 Work.timeout: 1 s -> 5 s" in said
     assert "✓ slow" in said

@@ -44,7 +44,9 @@ def test_a_run_is_repeated_in_another_process() -> None:
 @pytest.mark.slow
 def test_a_process_that_dies_or_hangs_ends_its_repetition_alone() -> None:
     assert [(trial.outcome, trial.code) for trial in ends(die)] == [("lost", "WORKER_DIED")]
-    assert [(trial.outcome, trial.code) for trial in ends(hang, limit=0.01)] == [("lost", "OVER_BUDGET")]
+    assert [(trial.outcome, trial.code) for trial in ends(hang, limit=0.01)] == [
+        ("lost", "OVER_BUDGET")
+    ]
 
 
 @pytest.mark.slow
@@ -68,7 +70,17 @@ def test_a_pick_with_the_wrong_fruit_is_cured_on_the_simulated_cell(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     settings = ("kind=lemon", "distractors=0", "looks=1")
-    assert main(["run", "pick_apple", "--quiet", *(word for text in settings for word in ("--set", text))]) == 1
+    assert (
+        main(
+            [
+                "run",
+                "pick_apple",
+                "--quiet",
+                *(word for text in settings for word in ("--set", text)),
+            ]
+        )
+        == 1
+    )
     capsys.readouterr()
     assert main(["why", "last", "--budget", "10 min", "--seeds", "1", "--jobs", "2", "--json"]) == 0
     (cure,) = json.loads(capsys.readouterr().out.splitlines()[-1])["cures"]

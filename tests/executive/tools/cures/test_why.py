@@ -112,13 +112,17 @@ def test_a_timeout_that_is_too_short_is_the_first_cause(capsys: pytest.CaptureFi
     assert Path("tree.yaml").read_text() == LIMIT
 
 
-def test_more_tries_cure_a_step_that_succeeds_at_the_fourth(capsys: pytest.CaptureFixture[str]) -> None:
+def test_more_tries_cure_a_step_that_succeeds_at_the_fourth(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     fail(TRIES, mocks="mocks:\n  MoveTo: [NO_PATH, NO_PATH, NO_PATH, success]\n")
     said = why(capsys, "last", "--seeds", "1")
     assert "the cure: tree.yaml:7 Attempt.retry: 2 -> 4" in said
 
 
-def test_a_value_with_which_the_run_was_started_is_tried_first(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_value_with_which_the_run_was_started_is_tried_first(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     fail(CHECKED, "--set", "count=1")
     said = why(capsys, "last")
     assert "1. tree.yaml:4 count: 1 -> 3" in said
@@ -136,7 +140,12 @@ def test_json_holds_the_change_and_its_cost(capsys: pytest.CaptureFixture[str]) 
     assert main(["why", "last", "--seeds", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out.splitlines()[-1])
     (cure,) = found["cures"]
-    assert (cure["line"], cure["name"], cure["before"], cure["after"]) == (10, "Work.timeout", "1 s", "5 s")
+    assert (cure["line"], cure["name"], cure["before"], cure["after"]) == (
+        10,
+        "Work.timeout",
+        "1 s",
+        "5 s",
+    )
     assert (cure["successes"], cure["seeds"]) == (2, 2)
     assert found["original"]["repeats"] is True
     assert found["original"]["other_seeds"] == 1
@@ -167,7 +176,9 @@ def test_a_record_without_an_end_is_refused(capsys: pytest.CaptureFixture[str]) 
     assert "the run has no end" in why(capsys, "cut", status=2)
 
 
-def test_a_record_whose_tree_cannot_be_rebuilt_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_record_whose_tree_cannot_be_rebuilt_is_refused_in_one_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     tree = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - NoSuchSkill: {}\n    - NorThis: {}\n"
     about = {"cell": "dry", "cell_kind": "mock", "cell_path": "", "cell_text": "", "settings": {}}
     write(Path("runs/old"), (started(**about, tree_text=tree), *FAILED[1:]))
@@ -191,12 +202,21 @@ def test_a_run_of_a_real_cell_is_simulated_and_never_connected(
             for key, order in self._waiting:
                 self._waiting = []
                 good = "5 s" in order.texts["tree.yaml"]
-                yield key, Trial("success" if good else "failure", "" if good else "TIMEOUT", time=1.0)
+                yield (
+                    key,
+                    Trial("success" if good else "failure", "" if good else "TIMEOUT", time=1.0),
+                )
 
     monkeypatch.setattr(command_why, "TrialPool", Watched)
     fail(LIMIT)
     (path,) = (one for one in Path("runs").iterdir() if one.is_dir())
-    _relabel(path, cell="lab", cell_kind="real", cell_path="/nowhere/lab.yaml", cell_text="name: lab\nkind: real\n")
+    _relabel(
+        path,
+        cell="lab",
+        cell_kind="real",
+        cell_path="/nowhere/lab.yaml",
+        cell_text="name: lab\nkind: real\n",
+    )
     said = why(capsys, "lab", "--seeds", "1")
     assert "This is a simulation of a run on a real cell" in said
     assert "the cure: tree.yaml:10 Work.timeout: 1 s -> 5 s" in said
@@ -214,15 +234,26 @@ def _relabel(record: Path, **about: Any) -> None:
     write(Path("runs/lab"), (replace(first, **about), *rest))
 
 
-def test_a_cell_is_no_choice_for_a_run_that_is_repeated_on_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cell_is_no_choice_for_a_run_that_is_repeated_on_its_own(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     fail(LIMIT)
     assert "--cell is for runs on a real cell" in why(capsys, "last", "--cell", "sim", status=2)
 
 
 @pytest.mark.parametrize(
-    "wrong", [("--budget", "0 s"), ("--budget", "soon"), ("--jobs", "0"), ("--seeds", "-1"), ("--cures", "many")]
+    "wrong",
+    [
+        ("--budget", "0 s"),
+        ("--budget", "soon"),
+        ("--jobs", "0"),
+        ("--seeds", "-1"),
+        ("--cures", "many"),
+    ],
 )
-def test_a_wrong_option_is_refused(wrong: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_option_is_refused(
+    wrong: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["why", "last", *wrong])
     assert ended.value.code == 2
@@ -234,7 +265,9 @@ def test_a_wrong_option_is_refused(wrong: tuple[str, str], capsys: pytest.Captur
 ODD = (None, "x", -1, 2**70, float("nan"), [], {}, ["a"], {"path": 3}, True)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(data=st.data())
 def test_a_forged_record_gives_a_case_or_one_error(data: st.DataObject) -> None:
     """Any value of a whole record may be replaced by another one: nothing but a `UsageError` is raised."""
@@ -257,7 +290,13 @@ def _failed_messages() -> list[Any]:
 
 def _places(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     yield at
-    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    inner = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for key, item in inner:
         yield from _places(item, (*at, key))
 

@@ -109,7 +109,10 @@ def test_control_stop_and_refusals_reach_the_run_and_come_back(page: PageProcess
     cell, events = FakeCell(), EventStream()
     events.subscribe(page.on_event)
     runner = Runner(
-        lambda context, board: build(document, REGISTRY, context=context, board=board), cell, events, real_time=True
+        lambda context, board: build(document, REGISTRY, context=context, board=board),
+        cell,
+        events,
+        real_time=True,
     )
     page.control.serve(runner)
     thread = threading.Thread(target=runner.run)
@@ -121,17 +124,24 @@ def test_control_stop_and_refusals_reach_the_run_and_come_back(page: PageProcess
     stopped = post(page, "api/act", action="safe_stop", viewer="me", who="ada")
     assert stopped["confirmed"] == "safe state: safe stop by ada"
     assert cell.latched == "safe stop by ada"
-    assert post(page, "api/start", viewer="me")["error"] == "this dashboard belongs to one run and starts no other"
+    assert (
+        post(page, "api/start", viewer="me")["error"]
+        == "this dashboard belongs to one run and starts no other"
+    )
     thread.join(10.0)
     post(page, "api/act", action="acknowledge", viewer="me")
     runner.leave()
 
 
 @pytest.mark.slow
-def test_a_stop_during_a_preparation_is_confirmed_while_the_run_s_process_lets_no_thread_run(page: PageProcess) -> None:
+def test_a_stop_during_a_preparation_is_confirmed_while_the_run_s_process_lets_no_thread_run(
+    page: PageProcess,
+) -> None:
     starting = page.control.prepare("pick")
     command = [sys.executable, "-c", STOPPER, f"{page.access.address}api/act", page.access.token]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as operator:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as operator:
         assert operator.stdin is not None
         assert operator.stdout is not None
         assert operator.stdout.readline() == "ready\n"
@@ -145,7 +155,9 @@ def test_a_stop_during_a_preparation_is_confirmed_while_the_run_s_process_lets_n
     assert starting.cancelled.startswith("safe stop")
 
 
-def test_an_action_that_starts_motion_is_refused_when_the_run_s_process_was_too_busy(page: PageProcess) -> None:
+def test_an_action_that_starts_motion_is_refused_when_the_run_s_process_was_too_busy(
+    page: PageProcess,
+) -> None:
     refusals: list[dict[str, Any]] = []
     asking = threading.Thread(
         target=lambda: refusals.append(post(page, "api/act", action="take", viewer="me", who="ada"))
@@ -177,8 +189,12 @@ def test_a_run_is_started_from_the_page(tmp_path: Path) -> None:
         assert "holds control" in post(page, "api/start", tree="pick", viewer="me")["error"]
         post(page, "api/act", action="take", viewer="me", who="ada")
         for _ in range(2):  # a press that the browser sends again
-            assert post(page, "api/start", tree="pick", viewer="me", press="1") == {"tree": "pick begins"}
-        late = post(page, "api/start", tree="place", viewer="me", press="2", pressed=time.monotonic() - 5.0)
+            assert post(page, "api/start", tree="pick", viewer="me", press="1") == {
+                "tree": "pick begins"
+            }
+        late = post(
+            page, "api/start", tree="place", viewer="me", press="2", pressed=time.monotonic() - 5.0
+        )
         assert "too old" in late["error"]
         assert begun == ["pick"]
     finally:
@@ -191,7 +207,10 @@ def test_a_run_whose_page_is_gone_ends_in_the_safe_state(page: PageProcess) -> N
     cell, events = FakeCell(), EventStream()
     events.subscribe(page.on_event)
     runner = Runner(
-        lambda context, board: build(document, REGISTRY, context=context, board=board), cell, events, real_time=True
+        lambda context, board: build(document, REGISTRY, context=context, board=board),
+        cell,
+        events,
+        real_time=True,
     )
     results: list[Any] = []
     thread = threading.Thread(target=lambda: results.append(runner.run()))

@@ -45,11 +45,16 @@ def failed(tree: Path, tmp_path: Path) -> str:
     return next(path.parent.name for path in tmp_path.glob(f"*/{EVENTS_FILE}"))
 
 
-def ask(show: Show, path: str, body: dict[str, Any] | None = None, token: str | None = None) -> tuple[int, Any]:
+def ask(
+    show: Show, path: str, body: dict[str, Any] | None = None, token: str | None = None
+) -> tuple[int, Any]:
     """Post a body, or read without one; return status and answer."""
     access = show.dashboard.access
     line = http.client.HTTPConnection("127.0.0.1", access.port, timeout=60.0)
-    headers = {"content-type": "application/json", "x-pomona-token": access.token if token is None else token}
+    headers = {
+        "content-type": "application/json",
+        "x-pomona-token": access.token if token is None else token,
+    }
     line.request("GET" if body is None else "POST", path, body and json.dumps(body), headers)
     answer = line.getresponse()
     found = answer.status, json.loads(answer.read())
@@ -58,7 +63,9 @@ def ask(show: Show, path: str, body: dict[str, Any] | None = None, token: str | 
 
 
 @pytest.mark.slow
-def test_the_editor_of_an_offered_tree_is_served_and_ends_with_the_page(show: Show, tree: Path) -> None:
+def test_the_editor_of_an_offered_tree_is_served_and_ends_with_the_page(
+    show: Show, tree: Path
+) -> None:
     status, answer = ask(show, "/api/edit", {"tree": "slow"})
     assert status == 200, answer
     assert ask(show, "/api/edit", {"tree": "slow", "path": str(tree)}) == (200, answer)
@@ -74,7 +81,10 @@ def test_no_other_file_is_edited_and_none_without_the_token(show: Show, tree: Pa
     assert ask(show, "/api/edit", {"tree": "slow"}, token="")[0] == 403
     for body in ({"tree": "../slow"}, {"tree": str(tree)}, {"tree": 3}, {}):
         status, answer = ask(show, "/api/edit", body or {"x": 1})
-        assert (status, answer["error"]) == (409, "this dashboard offers no such tree; it offers slow")
+        assert (status, answer["error"]) == (
+            409,
+            "this dashboard offers no such tree; it offers slow",
+        )
     status, answer = ask(show, "/api/edit", {"tree": "slow", "path": "/elsewhere/slow.yaml"})
     assert (status, answer["error"]) == (
         409,
@@ -92,11 +102,16 @@ def test_no_cure_is_searched_without_token_record_or_rest(show: Show, failed: st
     assert ask(show, "/api/why") == (200, {})
 
 
-def test_the_cure_of_a_real_run_is_a_command_to_type(show: Show, failed: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cure_of_a_real_run_is_a_command_to_type(
+    show: Show, failed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (found,) = show.dashboard._index.read()
     monkeypatch.setattr(show.dashboard._index, "read", lambda: [replace(found, cell_kind="real")])
     status, answer = ask(show, "/api/why", {"run": failed})
-    assert (status, answer["error"]) == (409, f"the run was on a cell that is real: type pomona why {failed}")
+    assert (status, answer["error"]) == (
+        409,
+        f"the run was on a cell that is real: type pomona why {failed}",
+    )
 
 
 def test_a_search_is_stopped_and_ends_with_the_page(show: Show, failed: str) -> None:
@@ -109,7 +124,9 @@ def test_a_search_is_stopped_and_ends_with_the_page(show: Show, failed: str) -> 
 
 @pytest.mark.slow
 @pytest.mark.browser
-def test_a_failed_simulated_run_is_cured_from_the_page(show: Show, open_page: Any, failed: str) -> None:
+def test_a_failed_simulated_run_is_cured_from_the_page(
+    show: Show, open_page: Any, failed: str
+) -> None:
     from playwright.sync_api import expect
 
     page = open_page(f"run={failed}")

@@ -152,7 +152,9 @@ def test_a_safe_stop_by_keys_stays_until_it_is_reset_and_the_skill_stands_interr
     for seen in (page, other):
         expect(row(seen, "Hold").locator(".icon")).to_have_attribute("aria-label", "interrupted")
         expect(row(seen, "Hold")).to_have_class(re.compile(r"\bcut\b"))
-    expect(row(page, "Look").locator(".icon")).to_have_attribute("aria-label", "idle, last result success")
+    expect(row(page, "Look").locator(".icon")).to_have_attribute(
+        "aria-label", "idle, last result success"
+    )
     reset = page.get_by_role("button", name="Acknowledge and reset")
     expect(reset).to_be_disabled()
     take_control(page, "ada")
@@ -161,7 +163,11 @@ def test_a_safe_stop_by_keys_stays_until_it_is_reset_and_the_skill_stands_interr
     expect(other.locator("#latched")).to_be_hidden()
     assert show.cell.latched is None
     show.close()
-    acts = [(e.who, e.action) for e in read_events(show.records / "demo_1") if isinstance(e, OperatorActed)]
+    acts = [
+        (e.who, e.action)
+        for e in read_events(show.records / "demo_1")
+        if isinstance(e, OperatorActed)
+    ]
     assert acts == [("operator", "safe_stop"), ("ada", "take"), ("ada", "acknowledge")]
 
 
@@ -175,7 +181,9 @@ def test_a_replay_of_a_stopped_run_shows_the_skill_interrupted(show: Show, open_
     replay = open_page("run=demo_1")
     expect(replay.locator("#connection")).to_have_text("recorded run")
     expect(row(replay, "Hold").locator(".icon")).to_have_attribute("aria-label", "interrupted")
-    expect(row(replay, "Hold once more").locator(".icon")).to_have_attribute("aria-label", "idle, last result success")
+    expect(row(replay, "Hold once more").locator(".icon")).to_have_attribute(
+        "aria-label", "idle, last result success"
+    )
 
 
 def test_a_skill_that_the_stop_refuses_stays_red(show: Show, open_page: Open) -> None:
@@ -184,13 +192,17 @@ def test_a_skill_that_the_stop_refuses_stays_red(show: Show, open_page: Open) ->
     page.evaluate(Path(__file__).with_name("refused_by_the_stop.js").read_text(encoding="utf-8"))
     expect(row(page, "Lift")).to_have_class(re.compile(r"\bbad\b"))
     expect(row(page, "Feel")).to_have_class(re.compile(r"\bpast\b"))
-    expect(page.locator("#why")).to_have_text(re.compile(r"^■ Stopped: SAFE_STOP safe stop by ada\.$"))
+    expect(page.locator("#why")).to_have_text(
+        re.compile(r"^■ Stopped: SAFE_STOP safe stop by ada\.$")
+    )
 
 
 def test_a_failed_run_shows_the_remedy_of_its_code(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run("pomona: 1\ntree: late\nroot:\n  fail: {code: TIMEOUT, message: too slow}\n")
-    expect(page.locator("#why .remedy")).to_have_text(re.compile(f"^Remedy: {failure_codes()['TIMEOUT'].remedy[:12]}"))
+    expect(page.locator("#why .remedy")).to_have_text(
+        re.compile(f"^Remedy: {failure_codes()['TIMEOUT'].remedy[:12]}")
+    )
     expect(page.locator("#why")).not_to_contain_text("`")
 
 
@@ -231,7 +243,9 @@ def test_records_without_an_end_or_damaged_are_called_so(show: Show, open_page: 
     page = open_page("run=no_end&t=NaN")
     expect(page.locator("#state")).to_have_text("■ no end")
     expect(page.locator("#why")).to_contain_text("The run was cut off, or still goes on.")
-    expect(page.locator("#clock")).to_have_text(re.compile(r"^0\.\d s$"))  # a moment that is no number is left out
+    expect(page.locator("#clock")).to_have_text(
+        re.compile(r"^0\.\d s$")
+    )  # a moment that is no number is left out
     page.evaluate("location.hash = 'run=damaged'")
     expect(page.locator("#why")).to_contain_text("✗ This record cannot be shown: ")
     expect(page.locator("#why")).to_contain_text("`pomona runs repair` saves the undamaged parts")
@@ -276,7 +290,9 @@ def test_figures_have_their_units(show: Show, open_page: Open) -> None:
     assert shown == ["width 79.7 mm", "wanted force 20.7 N", "angle 28.6°", "ratio 0.25"]
 
 
-def test_the_drawing_after_a_reload_is_that_of_the_changed_tree(show: Show, open_page: Open) -> None:
+def test_the_drawing_after_a_reload_is_that_of_the_changed_tree(
+    show: Show, open_page: Open
+) -> None:
     before = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Rest: {}\n    - Rest: {}\n"
     after = before + "    - Murmur: {}\n"
     show.record(before, "before")
@@ -288,7 +304,12 @@ def test_the_drawing_after_a_reload_is_that_of_the_changed_tree(show: Show, open
     (show.records / "reloaded").mkdir()
     recorder = Recorder(show.records / "reloaded")
     begun = replace(first[0], run="reloaded")
-    for event in (begun, *first[1:-1], TreeChanged(first[-1].t, 9, later[0].nodes, difference), first[-1]):
+    for event in (
+        begun,
+        *first[1:-1],
+        TreeChanged(first[-1].t, 9, later[0].nodes, difference),
+        first[-1],
+    ):
         recorder.on_event(event)
     recorder.close()
     page = open_page("run=reloaded")
@@ -301,7 +322,9 @@ def test_the_drawing_after_a_reload_is_that_of_the_changed_tree(show: Show, open
     expect(boxes).to_have_count(3)
 
 
-def test_lines_that_a_skill_logs_stand_at_its_node_and_among_the_events(show: Show, open_page: Open) -> None:
+def test_lines_that_a_skill_logs_stand_at_its_node_and_among_the_events(
+    show: Show, open_page: Open
+) -> None:
     show.record("pomona: 1\ntree: t\nroot: {sequence: [{Rest: {}}, {Murmur: {}}]}\n", "logged")
     page = open_page("run=logged")
     row(page, "Murmur").click()
@@ -335,7 +358,9 @@ def test_the_result_stands_before_the_failures_on_the_way(show: Show, open_page:
         page.live.whole.failures.push(page.live.whole.failures[0]);
         page.dirty = true;
     }""")
-    expect(page.locator("#why .verdict")).to_have_text(re.compile("^✓ Succeeded: 5 of 5 fruit put away after "))
+    expect(page.locator("#why .verdict")).to_have_text(
+        re.compile("^✓ Succeeded: 5 of 5 fruit put away after ")
+    )
     expect(page.locator("#why")).to_contain_text("2 failures on the way")
 
 
@@ -350,7 +375,9 @@ root:
 """
 
 
-def test_a_condition_that_does_not_hold_is_no_failure_on_the_way(show: Show, open_page: Open) -> None:
+def test_a_condition_that_does_not_hold_is_no_failure_on_the_way(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     show.run(DECIDED)
     expect(page.locator("#why .verdict")).to_contain_text("nothing failed on the way")
@@ -363,10 +390,14 @@ def test_a_condition_that_does_not_hold_is_no_failure_on_the_way(show: Show, ope
     expect(page.locator("#why")).to_contain_text("CONDITION_FALSE")
 
 
-def test_a_panel_is_one_module_in_the_list_with_its_own_markup_and_style(show: Show, open_page: Open) -> None:
+def test_a_panel_is_one_module_in_the_list_with_its_own_markup_and_style(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     style = "#counter { color: rgb(1, 2, 3); }"
-    page.route("**/panels/counter.css", lambda route: route.fulfill(content_type="text/css", body=style))
+    page.route(
+        "**/panels/counter.css", lambda route: route.fulfill(content_type="text/css", body=style)
+    )
     show.run(JAM)
     page.evaluate("""async () => {
         const { PANELS } = await import("/static/panels/index.js");
@@ -382,7 +413,9 @@ def test_a_panel_is_one_module_in_the_list_with_its_own_markup_and_style(show: S
     expect(page.locator("#nothing-panel")).to_be_hidden()
 
 
-def test_outlines_of_an_earlier_picture_are_not_drawn_into_a_newer_one(show: Show, open_page: Open) -> None:
+def test_outlines_of_an_earlier_picture_are_not_drawn_into_a_newer_one(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     drawn = page.evaluate("""async () => {
         const { CameraView } = await import("/static/pictures.js");
@@ -407,7 +440,9 @@ def test_a_replay_is_scrubbed_played_and_shared(show: Show, open_page: Open) -> 
     expect(row(page, "The way out").locator(".icon")).not_to_have_attribute("aria-label", "success")
     expect(page.locator("#clock")).to_have_text(re.compile(r"^0\.0 s of 0\.\d s$"))
     timeline.press("ArrowRight")
-    expect(row(page, "The jam").locator(".icon")).to_have_attribute("aria-label", re.compile("failure"))
+    expect(row(page, "The jam").locator(".icon")).to_have_attribute(
+        "aria-label", re.compile("failure")
+    )
     page.get_by_label("speed", exact=True).select_option("8")
     page.get_by_role("button", name="play", exact=True).click()
     expect(row(page, "The way out").locator(".icon")).to_have_attribute("aria-label", "success")
@@ -477,7 +512,9 @@ def test_the_next_run_has_the_breakpoints_of_the_last_one(show: Show, open_page:
     expect(page.locator("#state")).to_have_text("✓ success")
 
 
-def test_escape_closes_a_comparison_and_the_list_before_it_arms_a_stop(show: Show, open_page: Open) -> None:
+def test_escape_closes_a_comparison_and_the_list_before_it_arms_a_stop(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     runner = show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
@@ -495,7 +532,9 @@ def test_escape_closes_a_comparison_and_the_list_before_it_arms_a_stop(show: Sho
     GATE.set()
 
 
-def test_a_question_of_the_tree_is_answered_by_the_operator_in_control(show: Show, open_page: Open) -> None:
+def test_a_question_of_the_tree_is_answered_by_the_operator_in_control(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     show.run("pomona: 1\ntree: demo\nroot:\n  ask: Is it ripe?\n  choices: [ripe, not yet]\n")
     question = page.locator("#questions")
@@ -508,22 +547,34 @@ def test_a_question_of_the_tree_is_answered_by_the_operator_in_control(show: Sho
     expect(page.locator("#ack")).to_contain_text("last: answer by ada")
 
 
-def test_a_double_click_answers_one_question(show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_double_click_answers_one_question(
+    show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
     page = open_page()
     told, on_event = [], show.dashboard.hub.on_event
-    monkeypatch.setattr(show.dashboard.hub, "on_event", lambda event: (told.append(event), on_event(event))[1])
+    monkeypatch.setattr(
+        show.dashboard.hub, "on_event", lambda event: (told.append(event), on_event(event))[1]
+    )
     runner = show.run("pomona: 1\ntree: demo\nroot:\n  ask: Is it ripe?\n  repeat: 2\n")
     take_control(page, "ada")
     question = page.locator("#questions")
     question.get_by_role("button", name="yes").click()
-    page.wait_for_function("() => document.getElementById('questions').dataset.key.includes('\"demo\",2,')")
+    page.wait_for_function(
+        "() => document.getElementById('questions').dataset.key.includes('\"demo\",2,')"
+    )
     box = question.get_by_role("button", name="yes").bounding_box()
     page.mouse.move(box["x"] + 5, box["y"] + 5)
-    page.mouse.down(click_count=2)  # the second click of a double click, on the button of the next question
+    page.mouse.down(
+        click_count=2
+    )  # the second click of a double click, on the button of the next question
     page.mouse.up(click_count=2)
     question.get_by_role("button", name="no").click()
     expect(page.locator("#state")).to_have_text("✓ success")
-    answers = [event.detail for event in told if isinstance(event, OperatorActed) and event.action == "answer"]
+    answers = [
+        event.detail
+        for event in told
+        if isinstance(event, OperatorActed) and event.action == "answer"
+    ]
     assert answers == ["yes ← demo", "no ← demo"]
     assert runner.tree.questions["demo"].starts == 2
 
@@ -549,7 +600,9 @@ def test_a_breakpoint_after_a_node_holds_when_it_has_ended(show: Show, open_page
 def test_a_device_that_falls_silent_is_seen_in_the_banner(
     show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FakeCell, "last_seen", lambda _cell: {"wheel": 0.0})  # since the run began, nothing
+    monkeypatch.setattr(
+        FakeCell, "last_seen", lambda _cell: {"wheel": 0.0}
+    )  # since the run began, nothing
     page = open_page()
     show.run(HOLD)
     expect(page.locator("#links .link.old")).to_have_text(re.compile(r"wheel ([2-9]|\d\d)\.\d s"))
@@ -582,7 +635,9 @@ def test_a_link_to_a_moment_leads_there_and_carries_no_token(show: Show, open_pa
     other = open_page("")
     other.goto(link)
     expect(other.locator("#shown")).to_contain_text("0.1 s of")
-    expect(row(other, "The jam").locator(".icon")).to_have_attribute("aria-label", re.compile("failure"))
+    expect(row(other, "The jam").locator(".icon")).to_have_attribute(
+        "aria-label", re.compile("failure")
+    )
 
 
 def test_everything_is_reached_by_keys(show: Show, open_page: Open) -> None:
@@ -621,7 +676,9 @@ def test_hostile_words_of_a_run_stay_words(show: Show, open_page: Open) -> None:
     )  # fmt: skip
     reason = Reason("a", hostile, hostile, {hostile: hostile})
     outline = np.zeros((3, 2))
-    view = ImageView(np.zeros((8, 8, 3), np.uint8), (Line2(outline, hostile, hostile),), caption=hostile)
+    view = ImageView(
+        np.zeros((8, 8, 3), np.uint8), (Line2(outline, hostile, hostile),), caption=hostile
+    )
     scene = SceneView(points=(Points3(np.zeros((1, 3)), hostile, hostile),), caption=hostile)
     series = SeriesView(np.zeros(2), {hostile: np.zeros(2)}, {hostile: 1.0})
     table = TableView((hostile,), ((hostile,),), hostile)
@@ -655,7 +712,25 @@ def test_a_long_record_gives_its_details_where_one_looks(
     recorder = Recorder(show.records / "long_1")
     node = {"path": "a", "parent": None, "kind": "skill", "type": "Rest", "name": "Walk", "line": 1}
     recorder.on_event(
-        RunStarted(0.0, 0, "long", "long", "", "", "", "fake", "mock", "", "", 0, {}, (node,), {}, 0.0, 0.02)
+        RunStarted(
+            0.0,
+            0,
+            "long",
+            "long",
+            "",
+            "",
+            "",
+            "fake",
+            "mock",
+            "",
+            "",
+            0,
+            {},
+            (node,),
+            {},
+            0.0,
+            0.02,
+        )
     )
     for tick in range(500):
         recorder.on_event(NodeChanged(tick * 0.2, tick, "a", "RUNNING", f"step {tick}", 1))
@@ -682,7 +757,9 @@ def test_runs_are_filtered_and_two_are_compared(show: Show, open_page: Open) -> 
     page.get_by_label("compare old_2").check()
     page.get_by_role("button", name="Compare two").click()
     expect(page.locator("#comparison")).to_contain_text("JAMMED the wheel is stuck")
-    expect(page.locator("#comparison tr.differs", has_text="outcome")).to_contain_text("successfailure")
+    expect(page.locator("#comparison tr.differs", has_text="outcome")).to_contain_text(
+        "successfailure"
+    )
     page.get_by_label("filter runs").fill("failure seed 2")
     expect(page.locator("#runs tbody tr")).to_have_count(1)
     page.get_by_role("button", name="old_2").click()
@@ -770,14 +847,20 @@ def test_nothing_can_be_started_before_the_page_has_its_lists(show: Show, open_p
     expect(page.locator("#start-tree")).to_have_value("pick_apple")
 
 
-def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, open_page: Open) -> None:
+def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(
+    show: Show, open_page: Open
+) -> None:
     forms: list[Any] = []
 
     def judge(form: dict[str, Any]) -> dict[str, str]:
         forms.append(form)
-        return {"kind": "there is no fruit 'stone'"} if form["settings"].get("kind") == "stone" else {}
+        return (
+            {"kind": "there is no fruit 'stone'"} if form["settings"].get("kind") == "stone" else {}
+        )
 
-    show.dashboard.allow_starts(lambda *_: pytest.fail("nothing was started"), Choices.installed(), judge)
+    show.dashboard.allow_starts(
+        lambda *_: pytest.fail("nothing was started"), Choices.installed(), judge
+    )
     page = open_page()
     take_control(page, "ada")
     page.get_by_role("button", name="Runs").click()
@@ -804,7 +887,9 @@ def test_a_setting_that_cannot_be_used_is_marked_while_it_is_typed(show: Show, o
     assert (forms[-1]["tree"], forms[-1]["cell"]) == ("pick_apple", "sim")
     expect(page.locator("#by-hand-about")).to_contain_text("A simulated cell begins anew")
     page.locator("#start-cell").select_option("emulated")
-    expect(page.locator("#by-hand-motions button")).to_have_text(["Put down the held fruit", "Home, slowly"])
+    expect(page.locator("#by-hand-motions button")).to_have_text(
+        ["Put down the held fruit", "Home, slowly"]
+    )
     expect(page.locator("#by-hand-motions button").first).to_be_enabled()
 
 
@@ -843,7 +928,9 @@ root:
 
 
 @pytest.mark.slow
-def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: Show, open_page: Open) -> None:
+def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(
+    show: Show, open_page: Open
+) -> None:
     choices = Choices.installed()
     launcher = Launcher(show.dashboard, show.records, choices)
     show.dashboard.allow_starts(launcher.start, choices)
@@ -864,7 +951,9 @@ def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: 
     launcher.close()
 
 
-def test_the_arm_is_slowed_down_with_the_keyboard_and_every_page_shows_it(show: Show, open_page: Open) -> None:
+def test_the_arm_is_slowed_down_with_the_keyboard_and_every_page_shows_it(
+    show: Show, open_page: Open
+) -> None:
     page, other = open_page(), open_page()
     show.run(HOLD)
     speed = page.locator("#arm-speed")

@@ -20,7 +20,9 @@ from pomona.tools.dashboard.cloud import cloud_of
 from pomona.tools.dashboard.messages import encode
 from pomona.tools.dashboard.record_messages import cloud, overview
 
-T = np.array([[1.0, 0.0, 0.0, 0.1], [0.0, -1.0, 0.0, 0.2], [0.0, 0.0, -1.0, 0.9], [0.0, 0.0, 0.0, 1.0]])
+T = np.array(
+    [[1.0, 0.0, 0.0, 0.1], [0.0, -1.0, 0.0, 0.2], [0.0, 0.0, -1.0, 0.9], [0.0, 0.0, 0.0, 1.0]]
+)
 LENS = Pinhole(40.0, 40.0, 15.5, 11.5, T)
 
 
@@ -42,8 +44,12 @@ def test_depth_becomes_points_where_the_camera_saw_them() -> None:
     assert packed is not None
     p_base = points(packed)
     assert len(p_base) == 19 * 32
-    assert p_base[:, 2] == pytest.approx(0.4)  # half a metre below a camera at 0.9 m that looks down
-    assert p_base[0] == pytest.approx([0.1 - 15.5 * 0.5 / 40.0, 0.2 + 6.5 * 0.5 / 40.0, 0.4], abs=1e-3)
+    assert p_base[:, 2] == pytest.approx(
+        0.4
+    )  # half a metre below a camera at 0.9 m that looks down
+    assert p_base[0] == pytest.approx(
+        [0.1 - 15.5 * 0.5 / 40.0, 0.2 + 6.5 * 0.5 / 40.0, 0.4], abs=1e-3
+    )
     assert len(base64.b64decode(packed["rgb"])) == p_base.size
 
 
@@ -71,7 +77,9 @@ def test_a_record_gives_the_points_that_were_shown_live(tmp_path: Path) -> None:
     assert cloud(tmp_path, f"{10**30}-0") == {}
 
 
-def test_a_picture_that_claims_to_be_huge_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_that_claims_to_be_huge_is_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     recorder = Recorder(tmp_path)
     recorder.on_event(Published(0.0, 0, "n", "camera", look()))
     recorder.close()
@@ -83,7 +91,9 @@ def test_a_picture_that_claims_to_be_huge_is_not_unpacked(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize("kind", ["ImageView", "SceneView"])
-def test_a_record_names_no_address_that_a_page_opens_with_its_token(tmp_path: Path, kind: str) -> None:
+def test_a_record_names_no_address_that_a_page_opens_with_its_token(
+    tmp_path: Path, kind: str
+) -> None:
     value = {
         "type": kind,
         "cloud": "https://evil.example/",
@@ -91,8 +101,17 @@ def test_a_record_names_no_address_that_a_page_opens_with_its_token(tmp_path: Pa
         "size": 7,
         "caption": "x",
     }
-    event = {"event": "Published", "t": 0.0, "tick": 0, "node": "n", "topic": "camera", "value": value}
+    event = {
+        "event": "Published",
+        "t": 0.0,
+        "tick": 0,
+        "node": "n",
+        "topic": "camera",
+        "value": value,
+    }
     folder = foreign(tmp_path / "r", encoded(event), encoded(event | {"value": {"size": 7}}))
-    view, other = (json.loads(line)["value"] for line in b"".join(overview(folder, "/images/")).splitlines())
+    view, other = (
+        json.loads(line)["value"] for line in b"".join(overview(folder, "/images/")).splitlines()
+    )
     assert view == {"type": kind, "caption": "x"}
     assert other == {"size": 7}  # a value of another kind is shown as it is

@@ -27,13 +27,17 @@ def act(show: Show, action: str) -> int:
     """The status of an answer."""
     line = http.client.HTTPConnection("127.0.0.1", show.dashboard.access.port, timeout=LONG)
     headers = {"content-type": "application/json", "x-pomona-token": show.dashboard.access.token}
-    line.request("POST", "/api/act", json.dumps({"action": action, "who": "ada", "viewer": "v"}), headers)
+    line.request(
+        "POST", "/api/act", json.dumps({"action": action, "who": "ada", "viewer": "v"}), headers
+    )
     status = line.getresponse().status
     line.close()
     return status
 
 
-def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(
+    show: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(connections, "REQUEST_DEADLINE", 100.0 * LONG)  # none goes by itself
     port = show.dashboard.access.port
     hostile = []
@@ -41,7 +45,8 @@ def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show, m
         hostile.append(socket.create_connection(("127.0.0.1", port), LONG))
         if number % 3:
             hostile[-1].send(
-                b"POST /api/act HTTP/1.1\r\nHost: 127.0.0.1:1\r\n" + b"Content-Length: 9\r\n\r\n" * (number % 2)
+                b"POST /api/act HTTP/1.1\r\nHost: 127.0.0.1:1\r\n"
+                + b"Content-Length: 9\r\n\r\n" * (number % 2)
             )
     assert act(show, "safe_stop") == 200  # how soon is the benchmark's figure
     with connect(f"ws://127.0.0.1:{port}/live") as live:
@@ -68,7 +73,11 @@ def test_strangers_that_fill_the_stream_do_not_keep_an_operator_out(
 ) -> None:
     monkeypatch.setattr(server, "MOST_VIEWERS", 2)
     address = f"ws://127.0.0.1:{show.dashboard.access.port}/live"
-    with connect(address), connect(address), connect(f"{address}?token={show.dashboard.access.reading}") as operator:
+    with (
+        connect(address),
+        connect(address),
+        connect(f"{address}?token={show.dashboard.access.reading}") as operator,
+    ):
         assert '"Hello"' in str(operator.recv(LONG))
 
 
@@ -82,7 +91,9 @@ def test_a_request_that_does_not_come_is_not_waited_for(
     address = ("127.0.0.1", show.dashboard.access.port)
     with socket.create_connection(address, LONG) as slow, contextlib.suppress(ConnectionError):
         slow.send(said.replace(b"Host", token))
-        assert slow.recv(1000) == b""  # closed without an answer; else this waits until the socket's own limit
+        assert (
+            slow.recv(1000) == b""
+        )  # closed without an answer; else this waits until the socket's own limit
 
 
 @pytest.mark.parametrize(
@@ -94,7 +105,9 @@ def test_a_request_that_does_not_come_is_not_waited_for(
         ("no such host", 8420, "cannot listen on no such host:8420"),
     ],
 )
-def test_an_address_that_cannot_be_listened_on_is_refused_with_the_reason(host: str, port: int, words: str) -> None:
+def test_an_address_that_cannot_be_listened_on_is_refused_with_the_reason(
+    host: str, port: int, words: str
+) -> None:
     with pytest.raises(UsageError, match=words):
         serving.listen_on(host, port)
 
@@ -113,7 +126,11 @@ def test_the_server_ends_while_a_peer_closes_its_stream(show: Show) -> None:
     assert server_ is not None
     with connect(f"ws://127.0.0.1:{show.dashboard.access.port}/live") as live:
         live.recv(LONG)
-        (wire,) = [line for line in server_.server_state.connections if isinstance(line, connections.LiveWire)]
+        (wire,) = [
+            line
+            for line in server_.server_state.connections
+            if isinstance(line, connections.LiveWire)
+        ]
         wire.conn.receive_data(Frame(Opcode.CLOSE, (1000).to_bytes(2, "big")).serialize(mask=True))
         show.dashboard.close()  # an error in the server's thread is an error of this test
     assert server_.server_state.connections == set()

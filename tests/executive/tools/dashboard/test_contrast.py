@@ -8,11 +8,19 @@ from pathlib import Path
 import pytest
 
 STYLE = (
-    Path(__file__).resolve().parents[4] / "executive" / "pomona" / "tools" / "dashboard" / "static" / "style.css"
+    Path(__file__).resolve().parents[4]
+    / "executive"
+    / "pomona"
+    / "tools"
+    / "dashboard"
+    / "static"
+    / "style.css"
 ).read_text("utf-8")
 SCHEMES = {
     scheme: dict(re.findall(r"--([\w-]+): (#[0-9a-f]+);", block))
-    for scheme, block in zip(("light", "dark"), re.findall(r":root \{(.*?)\}", STYLE, re.DOTALL), strict=False)
+    for scheme, block in zip(
+        ("light", "dark"), re.findall(r":root \{(.*?)\}", STYLE, re.DOTALL), strict=False
+    )
 }
 WORDS = ("text", "muted", "good", "bad", "busy", "warn", "idle", "accent")
 GROUNDS = ("panel", "bg", "sunk")

@@ -41,7 +41,9 @@ def run(acts: dict[int, Any]) -> tuple[Any, FakeCell, list[Any]]:
     return runner.run(), cell, events
 
 
-def test_a_fault_that_somebody_makes_ends_the_run_as_a_real_one_would_and_stands_in_the_record() -> None:
+def test_a_fault_that_somebody_makes_ends_the_run_as_a_real_one_would_and_stands_in_the_record() -> (
+    None
+):
     result, cell, events = run({5: lambda runner, _cell: runner.fail("wheel", "hot", "ada")})
     assert result.outcome == "error"
     assert result.reason.message == "wheel: the bearing is hot"

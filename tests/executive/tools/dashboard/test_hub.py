@@ -65,7 +65,9 @@ def test_numbers_of_another_process_or_an_earlier_run_mean_nothing(hub: Hub) -> 
         assert [message["event"] for message in waiting(viewer)] == ["RunStarted", "StateChanged"]
 
 
-def test_an_hour_of_messages_stays_small_and_leaves_each_last_word(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_hour_of_messages_stays_small_and_leaves_each_last_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(hub_module, "HISTORY_BYTES", 20_000)
     hub = Hub()
     hub.on_event(started())
@@ -78,7 +80,9 @@ def test_an_hour_of_messages_stays_small_and_leaves_each_last_word(monkeypatch: 
     assert messages[0]["event"] == "RunStarted"
     assert any(message.get("path") == "early" for message in messages)
     assert messages[-1]["feedback"] == "1999"
-    assert waiting(hub.join(5, hub.stream)) == messages  # too far behind for a gapless rest: the whole state
+    assert (
+        waiting(hub.join(5, hub.stream)) == messages
+    )  # too far behind for a gapless rest: the whole state
 
 
 def test_only_the_newest_picture_of_a_topic_is_kept(hub: Hub) -> None:
@@ -184,11 +188,15 @@ def test_an_unencodable_value_is_replaced_by_the_reason_and_ends_nothing(
     other.close()
     told = [message for message in waiting(other.join()) if message["event"] == "ErrorRaised"]
     assert [message["error"] for message in told] == ["UnencodableError"] * len(HOSTILE)
-    assert {(message["node"], message["t"], message["tick"]) for message in told} == {("a/Look", 0.5, 7)}
+    assert {(message["node"], message["t"], message["tick"]) for message in told} == {
+        ("a/Look", 0.5, 7)
+    }
     words = [message["message"] for message in told]
     assert words[3] == "'evil' of a/Look cannot be encoded: SystemExit: evil"
     assert words[4] == "'big' of a/Look cannot be encoded: 2 MB of text; at most 1 MB are shown"
-    assert words[5] == "a published value of a/Look cannot be encoded: its topic is no text but list"
+    assert (
+        words[5] == "a published value of a/Look cannot be encoded: its topic is no text but list"
+    )
 
 
 def test_numbers_that_are_none_reach_no_browser() -> None:
@@ -196,4 +204,7 @@ def test_numbers_that_are_none_reach_no_browser() -> None:
         raise AssertionError(f"{name} is no JSON")
 
     for text in (message("Pong", ping=float("nan")), message("Beat", ages={"arm": float("inf")})):
-        assert None in [*json.loads(text, parse_constant=refuse).values(), *json.loads(text).get("ages", {}).values()]
+        assert None in [
+            *json.loads(text, parse_constant=refuse).values(),
+            *json.loads(text).get("ages", {}).values(),
+        ]

@@ -34,7 +34,9 @@ def wait_for_size(page: Any, selector: str, width: float, height: float) -> None
     )
 
 
-def test_panels_are_resized_with_mouse_and_keys_and_stay_so(show: Show, open_page: Callable[..., Any]) -> None:
+def test_panels_are_resized_with_mouse_and_keys_and_stay_so(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
     page = open_page(viewport={"width": 1440, "height": 900})
     expect(page.locator("#connection")).to_have_text("connected")
     before = box(page, ".tree-panel")["width"]
@@ -53,7 +55,9 @@ def test_panels_are_resized_with_mouse_and_keys_and_stay_so(show: Show, open_pag
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
-def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_page: Callable[..., Any]) -> None:
+def test_the_scene_fills_the_middle_when_it_is_wanted_large(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
     show.record(LOOK, "old_1")
     page = open_page("run=old_1", viewport={"width": 1440, "height": 900})
     expect(page.locator("#connection")).to_have_text("recorded run")
@@ -68,7 +72,9 @@ def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_pag
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("width", "height", "unfolded"), [(1280, 800, False), (1600, 900, True), (390, 844, False)])
+@pytest.mark.parametrize(
+    ("width", "height", "unfolded"), [(1280, 800, False), (1600, 900, True), (390, 844, False)]
+)
 def test_the_legend_of_a_small_scene_is_folded_until_it_is_wanted(
     show: Show, open_page: Callable[..., Any], width: int, height: int, unfolded: bool
 ) -> None:
@@ -106,7 +112,9 @@ def test_on_a_phone_the_camera_or_a_large_scene_stands_above_the_tree(
     assert box(page, "#why")["y"] < seen["y"]
 
 
-def test_the_tree_is_drawn_and_a_box_is_chosen_as_a_row_is(show: Show, open_page: Callable[..., Any]) -> None:
+def test_the_tree_is_drawn_and_a_box_is_chosen_as_a_row_is(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
     show.record(LOOK, "old_1")
     (show.records / "old_1" / "tree.yaml").write_text(LOOK, encoding="utf-8")
     page = open_page("run=old_1", viewport={"width": 1280, "height": 800})
@@ -138,7 +146,9 @@ def test_a_stretch_of_the_curves_is_zoomed_into_and_a_double_click_goes_back(
     page.mouse.down()
     page.mouse.move(there["x"] + there["width"] / 2, there["y"] + 20, steps=4)
     page.mouse.up()
-    page.wait_for_function(f"(place) => {moment} !== place", arg=before)  # the shorter stretch has it elsewhere
+    page.wait_for_function(
+        f"(place) => {moment} !== place", arg=before
+    )  # the shorter stretch has it elsewhere
     plot.dblclick()
     page.wait_for_function(f"(place) => {moment} === place", arg=before)
 
@@ -171,7 +181,9 @@ GRIP = """async () => { // four forces, a speed and a width
 }"""
 
 
-def test_the_header_of_a_tablet_is_one_row_and_answers_are_shown(show: Show, open_page: Callable[..., Any]) -> None:
+def test_the_header_of_a_tablet_is_one_row_and_answers_are_shown(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
     page = open_page(viewport={"width": 1180, "height": 820})
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
@@ -183,7 +195,9 @@ def test_the_header_of_a_tablet_is_one_row_and_answers_are_shown(show: Show, ope
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES.values())
-def test_all_curves_are_in_sight(show: Show, open_page: Callable[..., Any], width: int, height: int) -> None:
+def test_all_curves_are_in_sight(
+    show: Show, open_page: Callable[..., Any], width: int, height: int
+) -> None:
     page = open_page(viewport={"width": width, "height": height})
     expect(page.locator("#connection")).to_have_text("connected")
     page.evaluate(GRIP)
@@ -200,9 +214,13 @@ def test_no_chart_lies_under_another_in_a_window_that_was_made_smaller(
     page.evaluate(GRIP)
     expect(page.locator("#plots .plot")).to_have_count(3)
     page.evaluate(DRAWN)
-    page.evaluate("async () => { (await import('/static/page.js')).page.drawing = true; }")  # busy: it draws later
+    page.evaluate(
+        "async () => { (await import('/static/page.js')).page.drawing = true; }"
+    )  # busy: it draws later
     page.set_viewport_size({"width": width, "height": height})
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.evaluate(
+        "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    )
     over = """(plots) => plots.flatMap((plot) => { const right = plot.getBoundingClientRect().right + 4;
         const parts = [...plot.querySelectorAll(".keys span, canvas")];
         return parts.filter((part) => part.getBoundingClientRect().right > right).map((part) => part.outerHTML); })"""
@@ -245,7 +263,9 @@ def test_at_1280_px_nothing_of_header_lanes_and_speed_is_cut_or_printed_over(
     page = open_page(viewport={"width": 1280, "height": 800})
     expect(page.locator("#connection")).to_have_text("connected")
     page.evaluate(LANES)
-    show.run(f"pomona: 1\ntree: a_rather_long_name_of_a_tree\nroot:\n  sequence:\n{rests}    - Hold: {{}}\n")
+    show.run(
+        f"pomona: 1\ntree: a_rather_long_name_of_a_tree\nroot:\n  sequence:\n{rests}    - Hold: {{}}\n"
+    )
     page.wait_for_function("() => window.names.length > 0")
     page.evaluate(DRAWN)
     tall = page.locator("div.lanes:not(.handle)").evaluate("(lanes) => lanes.clientHeight")
@@ -270,7 +290,9 @@ NAMED = """(length) => { // a run with a name of this length, and the devices of
 }"""
 
 
-@pytest.mark.parametrize(("width", "height"), [(950, 700), (1024, 768), (1200, 800), (1280, 800), (1920, 1080)])
+@pytest.mark.parametrize(
+    ("width", "height"), [(950, 700), (1024, 768), (1200, 800), (1280, 800), (1920, 1080)]
+)
 def test_safe_stop_stands_beside_the_name_of_the_run_however_long_it_is(
     show: Show, open_page: Callable[..., Any], width: int, height: int
 ) -> None:
@@ -304,13 +326,17 @@ def test_an_object_clicked_in_the_scene_is_chosen_in_the_tree_and_back(
     show.record(LOOK, "old_1")
     page = open_page("run=old_1", viewport={"width": 1280, "height": 720})
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
-    wait_for_size(page, "#scene", 400, 180)  # on the smallest desk's screen, with everything else in sight
+    wait_for_size(
+        page, "#scene", 400, 180
+    )  # on the smallest desk's screen, with everything else in sight
     page.wait_for_function(f"() => ({PAINTED})() > 0")
     before = page.evaluate(PAINTED)
     page.evaluate(PICK)
     expect(page.locator(".row.selected .name")).to_have_text("Look")
     expect(page.locator("#node .about")).to_contain_text("Look")
-    page.wait_for_function(f"(before) => ({PAINTED})() !== before", arg=before)  # its things stand out
+    page.wait_for_function(
+        f"(before) => ({PAINTED})() !== before", arg=before
+    )  # its things stand out
 
 
 def test_statistics_of_the_shown_runs_say_rate_force_time_and_why_they_failed(
@@ -325,8 +351,12 @@ def test_statistics_of_the_shown_runs_say_rate_force_time_and_why_they_failed(
     page.get_by_role("button", name="Runs").click()
     page.get_by_role("button", name="Statistics").click()
     expect(page.locator("#statistics .figure").first).to_contain_text("33 %")
-    expect(page.locator("#statistics .figure").first).to_contain_text("1 stopped by an operator not counted")
-    expect(page.locator("#statistics .codes tbody tr")).to_have_text(["JAMMED2 of 32026-11-21_12026-11-20_0"])
+    expect(page.locator("#statistics .figure").first).to_contain_text(
+        "1 stopped by an operator not counted"
+    )
+    expect(page.locator("#statistics .codes tbody tr")).to_have_text(
+        ["JAMMED2 of 32026-11-21_12026-11-20_0"]
+    )
     page.get_by_role("button", name="2026-11-21 · 2").click()
     expect(page.locator("#statistics .figure").first).to_contain_text("1 of 2")
     page.get_by_role("link", name="2026-11-21_1").first.click()
@@ -334,20 +364,30 @@ def test_statistics_of_the_shown_runs_say_rate_force_time_and_why_they_failed(
     expect(page.locator("#why")).to_contain_text("the wheel is stuck")
 
 
-def test_two_runs_are_seen_over_each_other_at_the_same_moment(show: Show, open_page: Callable[..., Any]) -> None:
+def test_two_runs_are_seen_over_each_other_at_the_same_moment(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
     show.record(LOOK, "old_1")
-    show.record(LOOK.replace("- Look: {seen: '{seen}'}", "- Rest: {}\n    - Look: {seen: '{seen}'}"), "old_2", seed=3)
+    show.record(
+        LOOK.replace("- Look: {seen: '{seen}'}", "- Rest: {}\n    - Look: {seen: '{seen}'}"),
+        "old_2",
+        seed=3,
+    )
     page = open_page()
     page.get_by_role("button", name="Runs").click()
     for run in ("old_1", "old_2"):
         page.get_by_label(f"compare {run}").check()
     page.get_by_role("button", name="Compare two").click()
     page.get_by_role("button", name="Over each other").click()
-    expect(page.locator("#connection")).to_have_text("recorded run")  # the second one may come first
+    expect(page.locator("#connection")).to_have_text(
+        "recorded run"
+    )  # the second one may come first
     expect(page.locator("#over-words")).to_have_text("old_2: Rest, 0 ms")
     page.locator("#timeline").press("End")
     expect(page.locator("#over-words")).to_contain_text("old_2: ✓ success after")
-    expect(page.locator("#run")).to_have_text("old · seed 0")  # the first one still is what is looked at
+    expect(page.locator("#run")).to_have_text(
+        "old · seed 0"
+    )  # the first one still is what is looked at
     expect(page.locator("#scene-legend")).to_contain_text("path of the run over it")
     expect(page.locator(".plot .keys").first).to_have_text(re.compile(r"grasp force .* · "))
     page.get_by_role("button", name="Hide it").click()

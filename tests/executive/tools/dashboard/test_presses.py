@@ -43,7 +43,14 @@ class StoppedControlLock(ControlLock):
 
 
 def press(**fields: Any) -> dict[str, Any]:
-    return {"press": "p1", "action": "safe_stop", "who": "ada", "viewer": "v", "pressed": now(), **fields}
+    return {
+        "press": "p1",
+        "action": "safe_stop",
+        "who": "ada",
+        "viewer": "v",
+        "pressed": now(),
+        **fields,
+    }
 
 
 def make_runner(cell: FakeCell, events: EventStream) -> Runner:
@@ -68,7 +75,9 @@ def test_a_press_that_comes_again_is_carried_out_once_and_answered_each_time() -
     assert desk.stops == ["ada"]
 
 
-@pytest.mark.parametrize(("action", "patience"), [("safe_stop", SAFE_STOP_PATIENCE), ("resume", PATIENCE)])
+@pytest.mark.parametrize(
+    ("action", "patience"), [("safe_stop", SAFE_STOP_PATIENCE), ("resume", PATIENCE)]
+)
 def test_an_old_press_is_not_carried_out(action: str, patience: float) -> None:
     desk = StoppedControlLock()
     for pressed in (now() - patience - 0.1, float("nan"), float("-inf"), -(10**400)):
@@ -81,7 +90,10 @@ def test_a_stop_is_carried_out_whatever_stands_for_its_time() -> None:
     for odd in (10**400, True, "noon", None, [], now() + 60.0):
         desk = StoppedControlLock()
         desk.go.set()
-        assert in_loop(Presses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"] == "safe state"
+        assert (
+            in_loop(Presses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"]
+            == "safe state"
+        )
 
 
 def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:
@@ -120,7 +132,9 @@ def test_a_stop_while_a_run_is_prepared_keeps_it_from_beginning() -> None:
     assert desk.start["cancelled"] == "safe stop by ada"
     with pytest.raises(StartCancelledError, match="safe stop by ada"):
         starting.refuse_cancelled()
-    runner = make_runner(cell, events)  # connecting could not be interrupted: the cell that it gave stops at once
+    runner = make_runner(
+        cell, events
+    )  # connecting could not be interrupted: the cell that it gave stops at once
     starting.attach(runner)
     assert cell.latched == "safe stop by ada"
     told: list[Any] = []
@@ -130,7 +144,9 @@ def test_a_stop_while_a_run_is_prepared_keeps_it_from_beginning() -> None:
     assert any(isinstance(event, SafeStopped) for event in told)
 
 
-def test_a_stop_is_confirmed_only_when_the_cell_has_taken_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_is_confirmed_only_when_the_cell_has_taken_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     desk, cell = ControlLock(), FakeCell()
     assert desk.safe_stop("ada") == "nothing was running"
     desk.serve(make_runner(cell, EventStream()))
@@ -164,7 +180,14 @@ def test_the_live_stream_answers_pings_arms_a_page_and_takes_its_presses(tmp_pat
 
     with client.websocket_connect("/live", headers={"host": HOST}) as socket:
         before = now()
-        for odd in ("[]", "not JSON", '{"ping": {"deep": [1]}}', "[" * 9_000, '{"ping": NaN}', '{"token": "\\ud800"}'):
+        for odd in (
+            "[]",
+            "not JSON",
+            '{"ping": {"deep": [1]}}',
+            "[" * 9_000,
+            '{"ping": NaN}',
+            '{"token": "\\ud800"}',
+        ):
             socket.send_text(odd)
         socket.send_json({"ping": 7})
         pong = answer(socket, "Pong")
@@ -187,7 +210,10 @@ def test_a_double_click_and_a_second_page_answer_one_question_once() -> None:
     desk, cell, events = ControlLock(), FakeCell(), EventStream()
     document = read("pomona: 1\ntree: asked\nroot: {ask: Is it ripe?, repeat: 2}\n", "tree.yaml")
     runner = Runner(
-        lambda context, board: build(document, Registry({}), context=context, board=board), cell, events, attended=True
+        lambda context, board: build(document, Registry({}), context=context, board=board),
+        cell,
+        events,
+        attended=True,
     )
     desk.serve(runner)
     desk.take("v", "ada")
@@ -195,7 +221,9 @@ def test_a_double_click_and_a_second_page_answer_one_question_once() -> None:
 
     async def send(number: int, viewer: str, name: str) -> None:
         try:
-            asked = press(press=name, action="answer", viewer=viewer, detail="yes ← asked", number=number)
+            asked = press(
+                press=name, action="answer", viewer=viewer, detail="yes ← asked", number=number
+            )
             await served.answer(asked)
         except RefusedError as error:
             refused.append(str(error))

@@ -26,7 +26,9 @@ def expect(locator: Any) -> Any:
 class Proxy:
     """Passes requests on without the path they came under, and answers once they are there as a whole."""
 
-    def __init__(self, to: int, below: str = "/", streams: bool = True, own_host: bool = False) -> None:
+    def __init__(
+        self, to: int, below: str = "/", streams: bool = True, own_host: bool = False
+    ) -> None:
         self._to, self._below, self._streams, self._own_host = to, below.encode(), streams, own_host
         self._loop = asyncio.new_event_loop()
         ready = threading.Event()
@@ -67,7 +69,9 @@ class Proxy:
                 head = re.sub(rb"(?i)\r\nhost:[^\r]*", b"\r\nHost: localhost:%d" % self._to, head)
             method, path, rest = head.split(b" ", 2)
             if not path.startswith(self._below) or (upgrade and not self._streams):
-                writer.write(b"HTTP/1.1 502 Bad Gateway\r\ncontent-length: 0\r\nconnection: close\r\n\r\n")
+                writer.write(
+                    b"HTTP/1.1 502 Bad Gateway\r\ncontent-length: 0\r\nconnection: close\r\n\r\n"
+                )
                 return
             if not upgrade:
                 rest = re.sub(rb"(?i)\r\nconnection:[^\r]*", b"", rest).replace(
@@ -134,7 +138,9 @@ def test_a_run_is_watched_stopped_and_looked_at_again_through_a_proxy(
     assert download.value.suggested_filename == "old_1.mcap"
 
 
-def test_a_proxy_that_writes_a_host_of_its_own_gets_the_missing_setting(show: Show, behind: Callable[..., Any]) -> None:
+def test_a_proxy_that_writes_a_host_of_its_own_gets_the_missing_setting(
+    show: Show, behind: Callable[..., Any]
+) -> None:
     page = behind("/orchard/", streams=True, own_host=True)
     expect(page.locator("#safe-stop-words")).to_have_text("no connection: a press is tried")
     press_stop(page)
@@ -147,8 +153,12 @@ def test_where_no_stream_passes_the_page_reports_it_and_a_stop_still_arrives(
 ) -> None:
     page = behind("/", streams=False)
     show.run(HOLD)
-    expect(page.locator("#connection")).to_have_text("no live stream: does a proxy in between pass WebSockets?")
+    expect(page.locator("#connection")).to_have_text(
+        "no live stream: does a proxy in between pass WebSockets?"
+    )
     press_stop(page)
-    expect(page.locator("#press-what")).to_have_text(re.compile(r"✓ SAFE STOP confirmed after \d+ ms"))
+    expect(page.locator("#press-what")).to_have_text(
+        re.compile(r"✓ SAFE STOP confirmed after \d+ ms")
+    )
     assert show.cell.latched == "safe stop by operator"
     GATE.set()

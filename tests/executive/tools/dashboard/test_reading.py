@@ -53,11 +53,18 @@ def answer_of(line: http.client.HTTPConnection) -> Answer:
 def safe_stop(show: Show) -> int:
     line = http.client.HTTPConnection("127.0.0.1", show.dashboard.access.port, timeout=LONG)
     headers = {"content-type": "application/json", "x-pomona-token": show.dashboard.access.token}
-    line.request("POST", "/api/act", json.dumps({"action": "safe_stop", "who": "ada", "viewer": "v"}), headers)
+    line.request(
+        "POST",
+        "/api/act",
+        json.dumps({"action": "safe_stop", "who": "ada", "viewer": "v"}),
+        headers,
+    )
     return answer_of(line).status
 
 
-def test_a_safe_stop_passes_readers_that_hold_every_place(shown: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_safe_stop_passes_readers_that_hold_every_place(
+    shown: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(reading, "MOST_READS", reading.THREADS)
     began, go_on = threading.Semaphore(0), threading.Event()
     names: list[str] = []
@@ -81,7 +88,9 @@ def test_a_safe_stop_passes_readers_that_hold_every_place(shown: Show, monkeypat
     assert answer_of(ask(shown, f"{RECORD}/messages")).status == 200  # the places are free again
 
 
-def test_a_place_is_free_again_after_a_read_that_failed(shown: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_place_is_free_again_after_a_read_that_failed(
+    shown: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(reading, "MOST_READS", 1)
 
     def broken(_folder: Path) -> Any:
@@ -92,7 +101,9 @@ def test_a_place_is_free_again_after_a_read_that_failed(shown: Show, monkeypatch
     assert answer_of(ask(shown, f"{RECORD}/messages")).status == 200
 
 
-def test_a_reader_that_takes_nothing_loses_its_place(shown: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_that_takes_nothing_loses_its_place(
+    shown: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(reading, "MOST_READS", 1)
     monkeypatch.setattr(connections, "TAKING_DEADLINE", 0.1)
     monkeypatch.setattr(server, "record_messages", lambda _folder: itertools.repeat(bytes(1 << 18)))

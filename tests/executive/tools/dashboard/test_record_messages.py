@@ -17,11 +17,25 @@ from pomona.executive.recording import overview as thinning, recorder, scan as s
 from pomona.executive.recording.mcap_file import RawRecord, raw_record_at
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.scan import attachment, require_valid, scan
-from pomona.executive.running.events import Event, NodeChanged, PortWritten, Published, RunEnded, StateChanged
+from pomona.executive.running.events import (
+    Event,
+    NodeChanged,
+    PortWritten,
+    Published,
+    RunEnded,
+    StateChanged,
+)
 from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView
 from pomona.tools.dashboard import record_messages as reading
 from pomona.tools.dashboard.messages import encode
-from pomona.tools.dashboard.record_messages import between, image, moment, overview, record_messages, thumbnail
+from pomona.tools.dashboard.record_messages import (
+    between,
+    image,
+    moment,
+    overview,
+    record_messages,
+    thumbnail,
+)
 
 REASON = Reason("a/b", "JAMMED", 'stuck \u2028 "here"', {"angle": 0.5}, (Reason("c", "X", "y"),))
 EVENTS: tuple[Event, ...] = (
@@ -42,7 +56,9 @@ def write(folder: Path, events: tuple[Event, ...]) -> Path:
 
 
 def test_a_record_gives_the_live_streams_messages(tmp_path: Path) -> None:
-    lines = b"".join(record_messages(write(tmp_path / "r", EVENTS))).decode().rstrip("\n").split("\n")
+    lines = (
+        b"".join(record_messages(write(tmp_path / "r", EVENTS))).decode().rstrip("\n").split("\n")
+    )
     assert [json.loads(line) for line in lines] == [
         json.loads(encode(event, seq)) for seq, event in enumerate(EVENTS, start=1)
     ]
@@ -50,14 +66,18 @@ def test_a_record_gives_the_live_streams_messages(tmp_path: Path) -> None:
 
 def test_an_image_comes_back_with_its_drawings_and_size(tmp_path: Path) -> None:
     view = ImageView(np.zeros((48, 64, 3), np.uint8), (Line2(np.eye(2)),), caption="one")
-    (line,) = b"".join(record_messages(write(tmp_path / "r", (Published(0.0, 1, "n", "camera", view),)))).splitlines()
+    (line,) = b"".join(
+        record_messages(write(tmp_path / "r", (Published(0.0, 1, "n", "camera", view),)))
+    ).splitlines()
     value = json.loads(line)["value"]
     assert value["image"].startswith("data:image/jpeg;base64,")
     assert value["size"] == [64, 48]
     assert len(value["lines"]) == 1
 
 
-def test_a_thumbnail_is_the_newest_image_made_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_thumbnail_is_the_newest_image_made_small(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     looks = [
         Published(t, 1, "n", "camera", ImageView(np.full((480, 640, 3), grey, np.uint8)))
         for t, grey in ((0.0, 10), (0.5, 200))
@@ -93,7 +113,11 @@ def long_run(ticks: int) -> tuple[Event, ...]:
         t = tick * 0.02
         status = "RUNNING" if tick < ticks // 2 else "SUCCESS"
         events.append(NodeChanged(t, tick, "a", status, f"at {tick}", 1))
-        events.append(Published(t, tick, "a", "grip", SeriesView(np.array([t]), {"force [N]": np.array([1.0])})))
+        events.append(
+            Published(
+                t, tick, "a", "grip", SeriesView(np.array([t]), {"force [N]": np.array([1.0])})
+            )
+        )
     return (*events, RunEnded(ticks * 0.02, ticks, "success", None, ticks, ticks * 0.02, 2.0, None))
 
 
@@ -108,16 +132,26 @@ def small(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> st
     return str(request.param)
 
 
-def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(tmp_path: Path, small: str) -> None:
+def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(
+    tmp_path: Path, small: str
+) -> None:
     folder = write(tmp_path / "r", long_run(400))
     made = attachment(folder / "run.mcap", thinning.OVERVIEW, require_valid(folder / "run.mcap"))
     assert (made is not None) == (small == "made when recorded")
-    note, *messages = (json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines())
-    assert note == {"v": 1, "event": "Overview", "interval": pytest.approx(0.8)}  # doubled until all fits
+    note, *messages = (
+        json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines()
+    )
+    assert note == {
+        "v": 1,
+        "event": "Overview",
+        "interval": pytest.approx(0.8),
+    }  # doubled until all fits
     assert [m["seq"] for m in messages] == sorted(m["seq"] for m in messages)
     changes = [m for m in messages if m["event"] == "NodeChanged"]
     assert len(changes) < 14
-    assert next(m["tick"] for m in changes if m["status"] == "SUCCESS") == 200  # where it changed, to the tick
+    assert (
+        next(m["tick"] for m in changes if m["status"] == "SUCCESS") == 200
+    )  # where it changed, to the tick
     assert changes[-1]["feedback"] == "at 399"  # and what was said last
     assert len([m for m in messages if m["event"] == "Published"]) <= 11
     assert messages[-1]["event"] == "RunEnded"
@@ -129,10 +163,16 @@ def test_no_peak_of_a_long_record_is_lost(tmp_path: Path) -> None:
     force[333], force[334], slip[500:503] = 99.0, -7.0, (1.0, 2.0, 0.5)
     events = [
         Published(
-            t, tick, "a", "grip", SeriesView(np.array([t - 0.004, t - 0.002]) + 100.0, {"force [N]": f, "slip [mm]": s})
+            t,
+            tick,
+            "a",
+            "grip",
+            SeriesView(np.array([t - 0.004, t - 0.002]) + 100.0, {"force [N]": f, "slip [mm]": s}),
         )
         for tick in range(500)
-        for t, f, s in [(tick * 0.02, force[2 * tick : 2 * tick + 2], slip[2 * tick : 2 * tick + 2])]
+        for t, f, s in [
+            (tick * 0.02, force[2 * tick : 2 * tick + 2], slip[2 * tick : 2 * tick + 2])
+        ]
     ]
     folder = write(tmp_path / "r", tuple(events))
     lines = b"".join(overview(folder, "/images/")).splitlines()
@@ -141,14 +181,18 @@ def test_no_peak_of_a_long_record_is_lost(tmp_path: Path) -> None:
     assert sum(value["thinned"] for value in thinned if "thinned" in value) >= 996
     peak = next(value for value in thinned if 99.0 in value["values"]["force [N]"])
     assert peak["values"]["force [N]"] == [99.0, -7.0]  # as they came
-    slips = [v["values"]["slip [mm]"] for v in thinned if "thinned" in v and "slip [mm]" in v["values"]]
+    slips = [
+        v["values"]["slip [mm]"] for v in thinned if "thinned" in v and "slip [mm]" in v["values"]
+    ]
     assert slips == [[2.0, 0.5]]
     assert all(value["t"][0] <= value["t"][-1] and value["t"][0] > 99.0 for value in thinned)
 
 
 def test_a_stretch_of_a_record_is_whole(tmp_path: Path) -> None:
     folder = write(tmp_path / "r", long_run(100))
-    messages = [json.loads(line) for line in b"".join(between(folder, "/images/", 0.5, 0.6)).splitlines()]
+    messages = [
+        json.loads(line) for line in b"".join(between(folder, "/images/", 0.5, 0.6)).splitlines()
+    ]
     assert [m["tick"] for m in messages if m["event"] == "NodeChanged"] == [25, 26, 27, 28, 29, 30]
 
 
@@ -181,14 +225,23 @@ def test_how_things_stand_is_read_with_the_moment_and_not_with_the_overview(
             PortWritten(n * 1.0, n, "n/seen", "fruit " * n, "n", ""),
         ]
     folder = write(tmp_path / "r", tuple(events))
-    note, *messages = (json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines())
+    note, *messages = (
+        json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines()
+    )
     assert note["interval"] == pytest.approx(1.6)
     assert {message["event"] for message in messages} == {"NodeChanged"}
     for begin in np.arange(0.0, 29.0, 0.7):
-        found = [json.loads(line) for line in b"".join(moment(folder, "/images/", begin, begin + 2.0)).splitlines()]
+        found = [
+            json.loads(line)
+            for line in b"".join(moment(folder, "/images/", begin, begin + 2.0)).splitlines()
+        ]
         assert [m["seq"] for m in found] == sorted(m["seq"] for m in found)
         for t in (begin, begin + 1.0):
-            look = [m for m in found if m["t"] <= t and m["event"] == "Published" and m["topic"] == "camera"][-1]
+            look = [
+                m
+                for m in found
+                if m["t"] <= t and m["event"] == "Published" and m["topic"] == "camera"
+            ][-1]
             assert look["tick"] == int(t)
             assert look["value"]["size"] == [8 + 8 * int(t), 8]
             assert image(folder, look["value"]["image"].removeprefix("/images/")) is not None
@@ -196,7 +249,9 @@ def test_how_things_stand_is_read_with_the_moment_and_not_with_the_overview(
             assert (port["tick"], port["value"]) == (int(t), "fruit " * int(t))
 
 
-def test_a_part_of_a_record_is_found_without_reading_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_of_a_record_is_found_without_reading_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(recorder, "CHUNK_BYTES", 2_000)
     path = write(tmp_path / "r", long_run(300)) / "run.mcap"
     whole = path.read_bytes()
@@ -214,7 +269,10 @@ def test_a_part_of_a_record_is_found_without_reading_the_rest(tmp_path: Path, mo
         path.write_bytes(whole[:length])
         list(record_messages(path.parent))
         read.clear()
-        found = [json.loads(line) for line in b"".join(between(path.parent, "/images/", 1.0, 1.1)).splitlines()]
+        found = [
+            json.loads(line)
+            for line in b"".join(between(path.parent, "/images/", 1.0, 1.1)).splitlines()
+        ]
         assert found == [message for message in everything if 1.0 <= message["t"] <= 1.1]
         assert len(found) == 12
         if length == len(whole):
@@ -233,8 +291,12 @@ def test_the_index_leads_to_the_same_messages_as_reading_record_by_record(
     assert everything == list(scan(path, replace(verdict, chunks=None, topics={})))
     numbers = [found.sequence for found in everything if found.topic == "/events"]
     assert numbers == list(range(1, 600))
-    some = list(scan(path, verdict, topics="/events".__eq__, begin=1_000_000_000, end=2_000_000_000))
-    assert some == [found for found in everything if found.topic == "/events" and 1e9 <= found.stamp <= 2e9]
+    some = list(
+        scan(path, verdict, topics="/events".__eq__, begin=1_000_000_000, end=2_000_000_000)
+    )
+    assert some == [
+        found for found in everything if found.topic == "/events" and 1e9 <= found.stamp <= 2e9
+    ]
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,9 @@ def records(tmp_path: Path) -> Path:
     (folder / "look.yaml").write_text(TREE)
     (folder / "bench.yaml").write_text(CELL)
     asked = Approvals(WorkFolder(folder, records))
-    assert asked.ask("./look.yaml", "./bench.yaml", 4, {"tries": "3"}, "home first", 7) == "0001_look"
+    assert (
+        asked.ask("./look.yaml", "./bench.yaml", 4, {"tries": "3"}, "home first", 7) == "0001_look"
+    )
     return records
 
 
@@ -39,7 +41,9 @@ def launcher(records: Path) -> Launcher:
     return Launcher(Dashboard(Access("127.0.0.1", 0), records), records, choices)
 
 
-def test_a_request_starts_with_its_own_tree_cell_seed_and_settings_whatever_the_form_has(records: Path) -> None:
+def test_a_request_starts_with_its_own_tree_cell_seed_and_settings_whatever_the_form_has(
+    records: Path,
+) -> None:
     starts = launcher(records)
     (shown,) = request_facts(records)
     form = {
@@ -53,14 +57,21 @@ def test_a_request_starts_with_its_own_tree_cell_seed_and_settings_whatever_the_
     order = starts._order(form)
     assert order.tree == records / "approvals" / "0001_look" / "tree" / "look.yaml"
     assert order.cell == records / "trees" / "bench.yaml"
-    assert (order.seed, order.settings, order.record, order.attended) == (4, {"tries": "3"}, records, True)
+    assert (order.seed, order.settings, order.record, order.attended) == (
+        4,
+        {"tries": "3"},
+        records,
+        True,
+    )
 
 
 def test_a_request_that_is_not_the_one_on_the_page_is_not_started(records: Path) -> None:
     starts = launcher(records)
     (shown,) = request_facts(records)
     form = {"request": "0001_look", "version": shown["version"]}
-    (records / "approvals" / "0001_look" / "tree" / "look.yaml").write_text(TREE.replace("observe", "home"))
+    (records / "approvals" / "0001_look" / "tree" / "look.yaml").write_text(
+        TREE.replace("observe", "home")
+    )
     with pytest.raises(UsageError, match="the request 0001_look has changed: read it again"):
         starts._order(form)
     for name in ("../0001_look", "0002_look", 3, None):
@@ -87,7 +98,9 @@ def test_a_folder_without_records_has_no_requests(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.browser
-def test_the_operator_reads_and_starts_a_request(show: Any, open_page: Callable[..., Any], records: Path) -> None:
+def test_the_operator_reads_and_starts_a_request(
+    show: Any, open_page: Callable[..., Any], records: Path
+) -> None:
     from playwright.sync_api import expect
 
     started: list[dict[str, Any]] = []

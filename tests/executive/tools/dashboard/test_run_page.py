@@ -23,10 +23,26 @@ def test_the_run_begins_when_the_page_is_open(tmp_path: Path) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
-    words = ["run", "brief.yaml", "--dry", "--no-record", "--dashboard", "--wait-for-page", "--port", port]
-    command = [sys.executable, "-u", "-c", "import sys; from pomona.executive.cli import main; sys.exit(main())"]
+    words = [
+        "run",
+        "brief.yaml",
+        "--dry",
+        "--no-record",
+        "--dashboard",
+        "--wait-for-page",
+        "--port",
+        port,
+    ]
+    command = [
+        sys.executable,
+        "-u",
+        "-c",
+        "import sys; from pomona.executive.cli import main; sys.exit(main())",
+    ]
     with (
-        subprocess.Popen([*command, *words], stdout=subprocess.PIPE, text=True, cwd=tmp_path) as run,
+        subprocess.Popen(
+            [*command, *words], stdout=subprocess.PIPE, text=True, cwd=tmp_path
+        ) as run,
         ExitStack() as stack,
     ):
         stack.callback(run.kill)  # or a failure would wait for a run that waits for a page
@@ -44,7 +60,11 @@ def test_the_run_begins_when_the_page_is_open(tmp_path: Path) -> None:
         assert run.wait(30.0) == 0
 
 
-def test_without_a_page_there_is_nothing_to_wait_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_page_there_is_nothing_to_wait_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "brief.yaml").write_text(TREE, encoding="utf-8")
-    assert main(["run", str(tmp_path / "brief.yaml"), "--dry", "--no-record", "--wait-for-page"]) == 2
+    assert (
+        main(["run", str(tmp_path / "brief.yaml"), "--dry", "--no-record", "--wait-for-page"]) == 2
+    )
     assert "--wait-for-page needs --dashboard" in capsys.readouterr().err

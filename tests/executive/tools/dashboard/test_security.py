@@ -40,7 +40,8 @@ def client(dashboard: Dashboard) -> TestClient:
 
 
 @pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:8420", "", ":8420", "127.0.0.1:9x", "127.0.0.1.evil:8420"]
+    "host",
+    ["evil.example", "evil.example:8420", "", ":8420", "127.0.0.1:9x", "127.0.0.1.evil:8420"],
 )
 def test_a_rebound_host_is_refused_on_http(client: TestClient, host: str) -> None:
     assert client.get("/api/runs", headers={"host": host}).status_code == 403
@@ -51,7 +52,9 @@ def test_our_own_names_are_served(client: TestClient, host: str) -> None:
     assert client.get("/api/runs", headers={"host": host}).status_code == 200
 
 
-@pytest.mark.parametrize("path", ["/api/runs", "/api/choices", "/api/remedies", "/api/runs/nothing/messages"])
+@pytest.mark.parametrize(
+    "path", ["/api/runs", "/api/choices", "/api/remedies", "/api/runs/nothing/messages"]
+)
 def test_a_page_of_another_site_cannot_make_a_browser_read(client: TestClient, path: str) -> None:
     for site in ("cross-site", "same-site", "", "x"):
         assert client.get(path, headers={"sec-fetch-site": site}).status_code == 403, site
@@ -64,7 +67,9 @@ def test_a_link_on_another_site_opens_the_page(client: TestClient) -> None:
         assert client.get(path, headers={"sec-fetch-site": "cross-site"}).status_code == 200
 
 
-def test_a_tunnel_or_a_proxy_may_have_another_port_and_no_other_page_may_use_it(tmp_path: Path) -> None:
+def test_a_tunnel_or_a_proxy_may_have_another_port_and_no_other_page_may_use_it(
+    tmp_path: Path,
+) -> None:
     dashboard = Dashboard(Access("127.0.0.1", 8420, names=("orchard.example",)), tmp_path)
     token, take = {"x-pomona-token": dashboard.access.token}, {"action": "take", "viewer": "v"}
     with TestClient(dashboard.app) as client:
@@ -75,7 +80,9 @@ def test_a_tunnel_or_a_proxy_may_have_another_port_and_no_other_page_may_use_it(
             ("localhost:8420", "http://localhost:3000", 403),  # another server on the same machine
             ("127.0.0.1:8420", "http://evil.example", 403),
         ):
-            answer = client.post("/api/act", json=take, headers={"host": host, "origin": origin, **token})
+            answer = client.post(
+                "/api/act", json=take, headers={"host": host, "origin": origin, **token}
+            )
             assert answer.status_code == status, (host, origin)
 
 
@@ -90,10 +97,20 @@ def test_bound_to_all_addresses_the_link_leads_here() -> None:
 
 @pytest.mark.parametrize(
     "headers",
-    [{"host": "evil.example:8420"}, {"origin": "http://evil.example"}, {"origin": "null"}, {"origin": "http://["}],
+    [
+        {"host": "evil.example:8420"},
+        {"origin": "http://evil.example"},
+        {"origin": "null"},
+        {"origin": "http://["},
+    ],
 )
-def test_a_foreign_page_cannot_open_the_live_stream(client: TestClient, headers: dict[str, str]) -> None:
-    with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect("/live", headers=headers):
+def test_a_foreign_page_cannot_open_the_live_stream(
+    client: TestClient, headers: dict[str, str]
+) -> None:
+    with (
+        pytest.raises(WebSocketDisconnect) as refused,
+        client.websocket_connect("/live", headers=headers),
+    ):
         pass
     assert refused.value.code == 4403
 
@@ -111,8 +128,12 @@ def test_acting_needs_our_origin_and_json(client: TestClient, dashboard: Dashboa
     foreign = client.post("/api/act", json={}, headers={**token, "origin": "http://evil.example"})
     assert foreign.status_code == 403
     for origin in ("http://[", "http://[::1", "http://127.0.0.1:8420:8420", "//"):
-        assert client.post("/api/act", json={}, headers={**token, "origin": origin}).status_code == 403
-    form = client.post("/api/act", content="action=take", headers={**token, "content-type": "text/plain"})
+        assert (
+            client.post("/api/act", json={}, headers={**token, "origin": origin}).status_code == 403
+        )
+    form = client.post(
+        "/api/act", content="action=take", headers={**token, "content-type": "text/plain"}
+    )
     assert form.status_code == 415
 
 
@@ -145,10 +166,14 @@ def test_another_address_watches_with_the_token_and_does_not_act(tmp_path: Path)
         pass
     assert refused.value.code == 4403
     reading = dashboard.access.reading
-    with client.websocket_connect(f"/live?token={reading}", headers={"host": "192.0.2.7:8420"}) as socket:
+    with client.websocket_connect(
+        f"/live?token={reading}", headers={"host": "192.0.2.7:8420"}
+    ) as socket:
         assert socket.receive_json()["event"] == "Hello"
     assert client.get(f"/api/runs?token={reading}").status_code == 200
-    assert client.get(f"/api/runs?token={token}").status_code == 403  # what acts is no part of an address
+    assert (
+        client.get(f"/api/runs?token={token}").status_code == 403
+    )  # what acts is no part of an address
     answer = client.post("/api/act", json={"action": "take"}, headers={"x-pomona-token": token})
     assert answer.status_code == 403
 
@@ -162,7 +187,9 @@ def test_another_address_watches_with_the_token_and_does_not_act(tmp_path: Path)
         (["--host", "192.0.2.7", "--tls-cert", "c.pem", "--tls-key", "k.pem"], True),
     ],
 )
-def test_another_address_acts_only_with_tls_or_the_explicit_flag(arguments: list[str], acts: bool) -> None:
+def test_another_address_acts_only_with_tls_or_the_explicit_flag(
+    arguments: list[str], acts: bool
+) -> None:
     parser = argparse.ArgumentParser()
     add_address(parser)
     access = make_access(parser.parse_args(arguments))
@@ -198,7 +225,9 @@ def test_links_among_records_are_not_served(client: TestClient, dashboard: Dashb
     assert client.get("/api/runs/real/record").status_code == 200
 
 
-def test_one_bad_record_does_not_take_the_list_down(client: TestClient, dashboard: Dashboard) -> None:
+def test_one_bad_record_does_not_take_the_list_down(
+    client: TestClient, dashboard: Dashboard
+) -> None:
     write(dashboard.records / "good", FAILED)
     for name, event in HOSTILE.items():
         foreign(dashboard.records / name, event)
@@ -215,7 +244,10 @@ def test_one_bad_record_does_not_take_the_list_down(client: TestClient, dashboar
 
 
 def test_a_token_in_an_address_does_not_act(client: TestClient, dashboard: Dashboard) -> None:
-    assert client.post(f"/api/act?token={dashboard.access.token}", json={"action": "take"}).status_code == 403
+    assert (
+        client.post(f"/api/act?token={dashboard.access.token}", json={"action": "take"}).status_code
+        == 403
+    )
 
 
 def test_viewers_beyond_the_limit_are_turned_away(
@@ -224,17 +256,24 @@ def test_viewers_beyond_the_limit_are_turned_away(
     monkeypatch.setattr(server, "MOST_VIEWERS", 1)
     headers = {"host": HOST}
     with client.websocket_connect("/live", headers=headers):
-        with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect("/live", headers=headers):
+        with (
+            pytest.raises(WebSocketDisconnect) as refused,
+            client.websocket_connect("/live", headers=headers),
+        ):
             pass
         assert refused.value.code == 4429
 
 
-def test_only_offered_files_can_be_started(dashboard: Dashboard, client: TestClient, tmp_path: Path) -> None:
+def test_only_offered_files_can_be_started(
+    dashboard: Dashboard, client: TestClient, tmp_path: Path
+) -> None:
     choices = Choices.installed()
     dashboard.allow_starts(Launcher(dashboard, tmp_path, choices).start, choices)
     headers = {"x-pomona-token": dashboard.access.token}
     form = {"viewer": "v", "who": "ada", "action": "take", "tree": "pick_apple"}
-    assert client.post("/api/start", json=form, headers=headers).status_code == 409  # nobody holds control
+    assert (
+        client.post("/api/start", json=form, headers=headers).status_code == 409
+    )  # nobody holds control
     client.post("/api/act", json=form, headers=headers)
     for change in (
         {"tree": "/etc/passwd"}, {"tree": "../pick_apple"}, {"cell": "/dev/zero"}, {"seed": "1"}, {"settings": [1]},
@@ -251,15 +290,28 @@ def test_only_offered_files_can_be_started(dashboard: Dashboard, client: TestCli
     assert {"name": "place", "default": "3", "help": "where it lies: 1 … 5"} in sim["options"]
 
 
-@pytest.mark.parametrize("name", ["..", "%2e%2e", "..%2f..%2fetc", "%2fetc%2fpasswd", "a%00b", ".", "nothing"])
-def test_no_path_outside_the_records_can_be_read(client: TestClient, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["..", "%2e%2e", "..%2f..%2fetc", "%2fetc%2fpasswd", "a%00b", ".", "nothing"]
+)
+def test_no_path_outside_the_records_can_be_read(
+    client: TestClient, tmp_path: Path, name: str
+) -> None:
     (tmp_path.parent / "run.mcap").write_bytes(b"secret")
-    for what in ("messages", "messages?overview", "messages?begin=0&end=1", "record", "picture", "images/0"):
+    for what in (
+        "messages",
+        "messages?overview",
+        "messages?begin=0&end=1",
+        "record",
+        "picture",
+        "images/0",
+    ):
         assert client.get(f"/api/runs/{name}/{what}").status_code in (404, 405)
     (tmp_path.parent / "run.mcap").unlink()
 
 
-@pytest.mark.parametrize("path", ["/static/../server.py", "/static/%2e%2e/server.py", "/static/..%2fserver.py"])
+@pytest.mark.parametrize(
+    "path", ["/static/../server.py", "/static/%2e%2e/server.py", "/static/..%2fserver.py"]
+)
 def test_static_files_stay_in_their_folder(client: TestClient, path: str) -> None:
     assert client.get(path).status_code == 404
 
@@ -314,7 +366,9 @@ def test_a_viewer_that_sends_too_much_is_cut_off(show: Show) -> None:
 
 
 @pytest.mark.parametrize("at", ["-1", "x", "1.5", "99999999999999999999999999", "8", "0"])
-def test_an_image_is_an_image_of_the_record_or_nothing(client: TestClient, tmp_path: Path, at: str) -> None:
+def test_an_image_is_an_image_of_the_record_or_nothing(
+    client: TestClient, tmp_path: Path, at: str
+) -> None:
     (tmp_path / "run_1").mkdir()
     recorder = Recorder(tmp_path / "run_1")
     recorder.on_event(StateChanged(0.0, 0, "running", "started"))
@@ -334,7 +388,9 @@ def test_an_image_is_an_image_of_the_record_or_nothing(client: TestClient, tmp_p
         "standing&begin=1e308&end=0",
     ],
 )
-def test_odd_questions_about_a_record_do_no_harm(client: TestClient, tmp_path: Path, query: str) -> None:
+def test_odd_questions_about_a_record_do_no_harm(
+    client: TestClient, tmp_path: Path, query: str
+) -> None:
     (tmp_path / "run_1").mkdir()
     recorder = Recorder(tmp_path / "run_1")
     recorder.on_event(StateChanged(0.0, 0, "running", "started"))

@@ -29,7 +29,9 @@ LONG = """async () => {
 }"""
 
 
-def test_half_an_hour_of_samples_keeps_its_peaks_and_marks_thinned_parts(open_page: Callable[..., Any]) -> None:
+def test_half_an_hour_of_samples_keeps_its_peaks_and_marks_thinned_parts(
+    open_page: Callable[..., Any],
+) -> None:
     kept = open_page().evaluate(LONG)
     assert kept["count"] <= 40_000
     assert (kept["least"], kept["greatest"]) == (-5, 99)
@@ -61,7 +63,14 @@ def test_the_name_of_a_limit_is_written_whole(show: Show, open_page: Callable[..
     page.evaluate("""() => { const { fillText } = CanvasRenderingContext2D.prototype; window.written = [];
         CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
           window.written.push([words, this.textAlign]); fillText.call(this, words, x, y); }; }""")
-    show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
+    show.run(
+        "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n"
+    )
     page.wait_for_function("() => window.written.some(([words]) => words === 'limit')")
-    assert page.evaluate("() => window.written.filter(([words, at]) => words === 'limit' && at !== 'left')") == []
+    assert (
+        page.evaluate(
+            "() => window.written.filter(([words, at]) => words === 'limit' && at !== 'left')"
+        )
+        == []
+    )
     GATE.set()

@@ -58,7 +58,9 @@ def test_while_a_run_is_prepared_runs_is_paused_and_is_stopped(show: Show, open_
     starting.reach("preparing SlipAvoidGrasp and everything it needs", 2, 9)
     expect(page.locator("#preparing-words")).to_contain_text("3 of 9")
     problems += in_sight(page, "preparing")
-    show.dashboard.control.clear("the cell's controller at 192.168.255.1 did not answer within 5 s: is it switched on?")
+    show.dashboard.control.clear(
+        "the cell's controller at 192.168.255.1 did not answer within 5 s: is it switched on?"
+    )
     expect(page.locator("#problem")).to_be_visible()
     problems += in_sight(page, "not_begun")
     page.set_viewport_size({"width": 1440, "height": 900})
@@ -78,15 +80,32 @@ def test_while_a_run_is_prepared_runs_is_paused_and_is_stopped(show: Show, open_
     expect(page.locator("#latched")).to_be_visible()
     problems += in_sight(page, "stopped")
     hear = show.dashboard.hub.on_event
-    hear(SafeStopped(0.1, 1, "the arm's controller has not answered for 123 ms, which is longer than 100 ms"))
-    hear(ErrorRaised(0.1, 1, "", "letting go", "PomonaError", "the cell has not come to rest within 10 s", "", ""))
+    hear(
+        SafeStopped(
+            0.1, 1, "the arm's controller has not answered for 123 ms, which is longer than 100 ms"
+        )
+    )
+    hear(
+        ErrorRaised(
+            0.1,
+            1,
+            "",
+            "letting go",
+            "PomonaError",
+            "the cell has not come to rest within 10 s",
+            "",
+            "",
+        )
+    )
     hear(LinkChanged(0.2, 2, "arm", "lost: no answer for 123 ms"))
     expect(page.locator("#latched-rest")).to_contain_text("No feedback from arm")
     problems += in_sight(page, "lost_device")
     assert problems == []
 
 
-def test_before_the_first_run_the_page_states_what_it_shows_and_how_a_run_begins(show: Show, open_page: Open) -> None:
+def test_before_the_first_run_the_page_states_what_it_shows_and_how_a_run_begins(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     expect(page.locator("#why")).to_contain_text("A run is shown here live: its tree, the camera")
     expect(page.locator("#why")).to_contain_text("It appears when the program begins it.")
@@ -168,7 +187,9 @@ def test_when_the_program_was_closed_after_its_run(show: Show, chromium: Any) ->
     assert problems == []
 
 
-def test_what_picks_show_of_the_camera_stands_beside_the_result(show: Show, open_page: Open) -> None:
+def test_what_picks_show_of_the_camera_stands_beside_the_result(
+    show: Show, open_page: Open
+) -> None:
     page = open_page(viewport={"width": 1280, "height": 800})
     show.run(JAMMED)
     expect(page.locator("#state")).to_have_text("✗ failure")

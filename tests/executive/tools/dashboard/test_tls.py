@@ -73,13 +73,20 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
 
 
 def ask(
-    dashboard: Dashboard, path: str, *, token: bool = True, body: Any = None, context: ssl.SSLContext | None = None
+    dashboard: Dashboard,
+    path: str,
+    *,
+    token: bool = True,
+    body: Any = None,
+    context: ssl.SSLContext | None = None,
 ) -> int:
     """The status of an answer."""
     headers = {"x-pomona-token": dashboard.access.token} if token else {}
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(
-        dashboard.access.address.rstrip("/") + path, data, {**headers, "content-type": "application/json"}
+        dashboard.access.address.rstrip("/") + path,
+        data,
+        {**headers, "content-type": "application/json"},
     )
     try:
         with urllib.request.urlopen(request, timeout=60.0, context=context) as answer:
@@ -141,7 +148,10 @@ def test_the_end_waits_for_no_farewell_and_leaves_no_connection_open(
 ) -> None:
     dashboard = serve(*certificate)
     address = (ADDRESS, dashboard.access.port)
-    with socket.create_connection(address, 60.0) as plain, trusting.wrap_socket(plain, server_hostname=ADDRESS) as line:
+    with (
+        socket.create_connection(address, 60.0) as plain,
+        trusting.wrap_socket(plain, server_hostname=ADDRESS) as line,
+    ):
         line.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.2:%d\r\n\r\n" % address[1])
         assert line.recv(12) == b"HTTP/1.1 200"
         assert dashboard._service.server is not None
@@ -155,14 +165,19 @@ def test_the_end_tolerates_a_page_that_is_closing_without_a_close_message(
 ) -> None:
     dashboard = serve(*certificate)
     address = (ADDRESS, dashboard.access.port)
-    with socket.create_connection(address, 60.0) as plain, trusting.wrap_socket(plain, server_hostname=ADDRESS) as line:
+    with (
+        socket.create_connection(address, 60.0) as plain,
+        trusting.wrap_socket(plain, server_hostname=ADDRESS) as line,
+    ):
         line.sendall(
             b"GET /live?token=%s HTTP/1.1\r\nHost: 127.0.0.2:%d\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
             b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
             % (dashboard.access.reading.encode(), address[1])
         )
         assert line.recv(12) == b"HTTP/1.1 101"
-        line.sendall(bytes([0x88, 0x82, 0, 0, 0, 0]) + (1000).to_bytes(2, "big"))  # a close frame, and no TLS farewell
+        line.sendall(
+            bytes([0x88, 0x82, 0, 0, 0, 0]) + (1000).to_bytes(2, "big")
+        )  # a close frame, and no TLS farewell
         assert dashboard._service.server is not None
         open_connections = dashboard._service.server.server_state.connections
         while not all(connection.transport.is_closing() for connection in list(open_connections)):
@@ -186,7 +201,9 @@ def test_a_browser_works_over_tls(serve: Serve, certificate: list[str], chromium
     from playwright.sync_api import expect
 
     dashboard = serve(*certificate)
-    context = chromium.new_context(ignore_https_errors=True)  # nobody has told Chromium of our authority
+    context = chromium.new_context(
+        ignore_https_errors=True
+    )  # nobody has told Chromium of our authority
     page = context.new_page()
     page.goto(dashboard.link)
     expect(page.locator("#connection")).to_have_text("connected")

@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 from shown_runs import APPROVED, GATE, HOLD, Show, Wire, press_stop
 
-from pomona.executive.running.events import Computed, ErrorRaised, LinkChanged, NodeChanged, OperatorActed, SafeStopped
+from pomona.executive.running.events import (
+    Computed,
+    ErrorRaised,
+    LinkChanged,
+    NodeChanged,
+    OperatorActed,
+    SafeStopped,
+)
 
 pytestmark = pytest.mark.browser
 
@@ -32,7 +39,9 @@ def test_a_page_without_messages_reports_it_within_two_seconds_and_a_stop_is_tri
     page.goto(show.dashboard.link)
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
-    page.clock.pause_at(page.evaluate("Date.now() + 100"))  # from here on the page's time is the test's
+    page.clock.pause_at(
+        page.evaluate("Date.now() + 100")
+    )  # from here on the page's time is the test's
     while page.locator("#not-live").is_visible():  # a busy machine was silent for a while itself
         page.clock.run_for(100)
     wire.open = False
@@ -63,8 +72,12 @@ def test_a_program_that_is_closed_after_its_run_raises_no_alarm(show: Show, chro
     show.run("pomona: 1\ntree: demo\nroot:\n  Rest: {}\n")
     expect(page.locator("#state")).to_have_text("✓ success")
     show.close()
-    expect(page.locator("#why")).to_contain_text(re.compile(r"The run has ended\. Its program was closed at [\d:]+"))
-    page.wait_for_function("async () => (await import('/static/link.js')).age() > 2")  # else an alarm may come later
+    expect(page.locator("#why")).to_contain_text(
+        re.compile(r"The run has ended\. Its program was closed at [\d:]+")
+    )
+    page.wait_for_function(
+        "async () => (await import('/static/link.js')).age() > 2"
+    )  # else an alarm may come later
     expect(page.locator("#not-live")).to_be_hidden()
     expect(page.locator("body")).not_to_have_class(re.compile("stale"))
     expect(page.locator("#state")).to_have_text("✓ success")
@@ -98,7 +111,8 @@ def test_a_stop_is_confirmed_at_once_by_the_run(show: Show, open_page: Open) -> 
 
 
 @pytest.mark.parametrize(
-    ("fragment", "words"), [("", "this page only watches"), ("#token=of-yesterday", "this page is of another start")]
+    ("fragment", "words"),
+    [("", "this page only watches"), ("#token=of-yesterday", "this page is of another start")],
 )
 def test_a_page_that_cannot_act_looks_disarmed_and_reports_that_a_stop_was_not_carried_out(
     show: Show, chromium: Any, fragment: str, words: str
@@ -124,7 +138,9 @@ def test_a_page_whose_scripts_do_not_come_looks_disarmed(show: Show, chromium: A
     page.close()
 
 
-def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Show, open_page: Open) -> None:
+def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(
+    show: Show, open_page: Open
+) -> None:
     show.record("pomona: 1\ntree: old\nroot:\n  sequence:\n    - Rest: {}\n", "old_1")
     page = open_page("run=old_1")
     expect(page.locator("#connection")).to_have_text("recorded run")
@@ -136,7 +152,9 @@ def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Sho
     assert "Nothing here moves" not in page.locator("body").inner_text()
     press_stop(page)
     expect(page.locator("#strip-state")).to_have_text("LIVE: ■ safe state, latched")
-    expect(page.locator("#strip-words")).to_have_text("safe stop by operator. Go back to live to reset it.")
+    expect(page.locator("#strip-words")).to_have_text(
+        "safe stop by operator. Go back to live to reset it."
+    )
     assert show.cell.latched == "safe stop by operator"
     page.get_by_role("button", name="Back to live").click()
     expect(page.locator("#latched")).to_be_visible()
@@ -144,7 +162,9 @@ def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Sho
     expect(page.locator("#strip")).to_be_hidden()
 
 
-def test_escape_closes_an_open_picture_and_stops_when_pressed_twice(show: Show, open_page: Open) -> None:
+def test_escape_closes_an_open_picture_and_stops_when_pressed_twice(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
@@ -161,14 +181,18 @@ def test_escape_closes_an_open_picture_and_stops_when_pressed_twice(show: Show, 
     assert show.cell.latched is None
     page.keyboard.press("Escape")
     expect(page.locator("#safe-stop-words")).to_have_text("Esc again stops")
-    expect(page.locator("#safe-stop-words")).to_have_text("not the emergency stop")  # too late for the second
+    expect(page.locator("#safe-stop-words")).to_have_text(
+        "not the emergency stop"
+    )  # too late for the second
     page.keyboard.press("Escape")
     assert show.cell.latched is None
     page.keyboard.press("Escape")
     expect(page.locator("#latched")).to_be_visible()
 
 
-def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(show: Show, open_page: Open) -> None:
+def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     desk = show.dashboard.control
     starting = desk.prepare("pick_apple")
@@ -180,15 +204,21 @@ def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(show: 
     expect(page.locator("#preparing-words")).to_contain_text("preparing Detect, 3 of 9")
     expect(page.locator("#why-bar")).to_be_hidden()  # one banner at a time
     press_stop(page)
-    expect(page.locator("#press-words")).to_have_text("the run that was being prepared does not begin")
+    expect(page.locator("#press-words")).to_have_text(
+        "the run that was being prepared does not begin"
+    )
     expect(page.locator("#preparing-words")).to_contain_text("Cancelled (safe stop by operator)")
     desk.clear("safe stop by operator")
-    expect(page.locator("#problem-words")).to_have_text("pick_apple did not start: safe stop by operator")
+    expect(page.locator("#problem-words")).to_have_text(
+        "pick_apple did not start: safe stop by operator"
+    )
     page.locator("#problem-close").click()
     expect(page.locator("#problem")).to_be_hidden()
 
 
-def test_the_run_before_is_dimmed_while_another_one_is_prepared(show: Show, open_page: Open) -> None:
+def test_the_run_before_is_dimmed_while_another_one_is_prepared(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     show.run("pomona: 1\ntree: demo\nroot:\n  Rest: {}\n")
     expect(page.locator("#state")).to_have_text("✓ success")
@@ -206,16 +236,30 @@ def test_the_banner_claims_no_unreported_rest(show: Show, open_page: Open) -> No
     expect(page.locator("#state")).to_have_text("▶ running")
     hear = show.dashboard.hub.on_event
     hear(SafeStopped(0.1, 1, "arm lost"))
-    expect(page.locator("#latched-rest")).to_have_text("Stop requested; standstill not yet reported.")
-    hear(ErrorRaised(0.1, 1, "", "letting go", "PomonaError", "the cell has not come to rest", "", ""))
-    expect(page.locator("#latched-rest")).to_contain_text("Standstill not confirmed: the cell has not come to rest")
+    expect(page.locator("#latched-rest")).to_have_text(
+        "Stop requested; standstill not yet reported."
+    )
+    hear(
+        ErrorRaised(
+            0.1, 1, "", "letting go", "PomonaError", "the cell has not come to rest", "", ""
+        )
+    )
+    expect(page.locator("#latched-rest")).to_contain_text(
+        "Standstill not confirmed: the cell has not come to rest"
+    )
     hear(LinkChanged(0.2, 2, "arm", "lost"))
-    expect(page.locator("#latched-rest")).to_contain_text("No feedback from arm: its motion is unknown.")
+    expect(page.locator("#latched-rest")).to_contain_text(
+        "No feedback from arm: its motion is unknown."
+    )
 
 
-def test_skills_that_compute_show_their_time_and_old_values_are_not_called_stale(show: Show, open_page: Open) -> None:
+def test_skills_that_compute_show_their_time_and_old_values_are_not_called_stale(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
-    show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
+    show.run(
+        "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n"
+    )
     expect(page.locator("#camera img")).to_be_visible()
     hear = show.dashboard.hub.on_event
     row = page.locator(".row", has=page.get_by_text("Look", exact=True)).first
@@ -232,7 +276,9 @@ def test_a_camera_that_delivers_pictures_is_shown_live_with_the_last_look_in_a_c
     show: Show, open_page: Open
 ) -> None:
     page = open_page()
-    show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
+    show.run(
+        "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n"
+    )
     expect(page.locator("#camera .picture > img")).to_be_visible()
     expect(page.locator("#camera-age")).not_to_contain_text("live")
     picture = np.full((48, 64, 3), 120, np.uint8), 0.0
@@ -245,14 +291,18 @@ def test_a_camera_that_delivers_pictures_is_shown_live_with_the_last_look_in_a_c
     expect(page.locator("#camera .live")).to_have_count(0)
 
 
-def test_a_page_whose_answer_is_lost_still_knows_that_it_holds_control(show: Show, open_page: Open) -> None:
+def test_a_page_whose_answer_is_lost_still_knows_that_it_holds_control(
+    show: Show, open_page: Open
+) -> None:
     page = open_page("")
     dropped: list[str] = []
 
     def drop_answers(socket: Any) -> None:
         server = socket.connect_to_server()
         socket.on_message(server.send)
-        server.on_message(lambda text: dropped.append(text) if '"Pressed"' in text else socket.send(text))
+        server.on_message(
+            lambda text: dropped.append(text) if '"Pressed"' in text else socket.send(text)
+        )
 
     page.route_web_socket("**/live*", drop_answers)
     page.reload()
@@ -274,10 +324,14 @@ def test_a_page_that_holds_control_and_falls_silent_is_reported_to_the_others(
     page.locator("#control [data-action=take]").click()
     expect(other.locator("#holder")).to_have_text("ada holds control.")
     page.close()
-    expect(other.locator("#holder")).to_have_text("ada holds control, but that page is not connected.")
+    expect(other.locator("#holder")).to_have_text(
+        "ada holds control, but that page is not connected."
+    )
 
 
-def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, open_page: Open) -> None:
+def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(
+    show: Show, open_page: Open
+) -> None:
     page = open_page()
     runner = show.run(HOLD)
     page.get_by_label("your name").fill("ada")
@@ -292,14 +346,18 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
     GATE.set()
 
 
-def test_a_plan_is_shown_and_waits_for_an_operator_that_may_change_it_first(show: Show, open_page: Open) -> None:
+def test_a_plan_is_shown_and_waits_for_an_operator_that_may_change_it_first(
+    show: Show, open_page: Open
+) -> None:
     page = open_page(viewport={"width": 1280, "height": 720})
     show.run(APPROVED)
     expect(page.locator("#questions")).to_contain_text("May Rest start? The plan is shown.")
     expect(page.locator("#questions").get_by_role("button", name="Approve")).to_be_disabled()
     expect(page.locator("#camera")).to_be_hidden()
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
-    page.wait_for_function("() => document.getElementById('scene').getBoundingClientRect().height > 250")  # it has room
+    page.wait_for_function(
+        "() => document.getElementById('scene').getBoundingClientRect().height > 250"
+    )  # it has room
     page.get_by_label("your name").fill("ada")
     page.locator("#control [data-action=take]").click()
     page.locator(".row .name", has_text="Rest").last.click()
@@ -310,11 +368,13 @@ def test_a_plan_is_shown_and_waits_for_an_operator_that_may_change_it_first(show
     field.fill("duration=60 ms")
     field.press("Enter")
     page.locator("#tree").focus()
-    expect(page.locator("#node .changed")).to_contain_text("duration = 60 ms from its next start on, by ada")
+    expect(page.locator("#node .changed")).to_contain_text(
+        "duration = 60 ms from its next start on, by ada"
+    )
     page.locator("#questions").get_by_role("button", name="Approve").click()
     expect(page.locator("#questions")).to_be_hidden()
     expect(page.locator("#camera")).to_be_visible()
-    expect(page.locator(".row", has=page.get_by_text("Hold", exact=True)).locator(".icon")).to_have_attribute(
-        "aria-label", "running"
-    )
+    expect(
+        page.locator(".row", has=page.get_by_text("Hold", exact=True)).locator(".icon")
+    ).to_have_attribute("aria-label", "running")
     GATE.set()

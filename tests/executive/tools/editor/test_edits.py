@@ -116,8 +116,13 @@ root:
         ]
 
     def test_a_node_is_wrapped_in_a_condition(self):
-        after = edited(TREE, do="wrap", node="root/1/1", wrap_in="if", value='"{found.score} > 0.5"')
-        assert changed(TREE, after)[1] == '        - if: "{found.score} > 0.5"\n          then:\n            Beep: {}\n'
+        after = edited(
+            TREE, do="wrap", node="root/1/1", wrap_in="if", value='"{found.score} > 0.5"'
+        )
+        assert (
+            changed(TREE, after)[1]
+            == '        - if: "{found.score} > 0.5"\n          then:\n            Beep: {}\n'
+        )
 
     def test_a_wrapper_with_modifiers_is_not_unwrapped(self):
         with pytest.raises(EditError, match="its modifiers would be lost: retry, on_failure"):
@@ -131,7 +136,12 @@ root:
     def test_a_name_that_is_no_path_is_refused_and_an_empty_one_taken_away(self):
         with pytest.raises(EditError, match="not a valid name"):
             edited(TREE, do="rename", node="root", name="a/b")
-        assert edited(edited(TREE, do="rename", node="root", name="A"), do="rename", node="root", name="") == TREE
+        assert (
+            edited(
+                edited(TREE, do="rename", node="root", name="A"), do="rename", node="root", name=""
+            )
+            == TREE
+        )
 
     def test_a_port_is_set_added_and_taken_away_in_its_braces(self):
         after = edited(TREE, do="set_port", node="root/0", port="fruit", value="lemon, ripe")
@@ -152,15 +162,28 @@ root:
 
     def test_a_value_of_several_lines_stands_below_its_word(self):
         text = HEAD + "  Beep: {}\n  description: short\n"
-        after = edited(text, do="set_modifier", node="root", modifier="description", value="|\n  two\n\n   lines")
+        after = edited(
+            text,
+            do="set_modifier",
+            node="root",
+            modifier="description",
+            value="|\n  two\n\n   lines",
+        )
         assert after == HEAD + "  Beep: {}\n  description: |\n    two\n\n     lines\n"
-        assert edited(after, do="set_modifier", node="root", modifier="description", value="short") == text
+        assert (
+            edited(after, do="set_modifier", node="root", modifier="description", value="short")
+            == text
+        )
         text = HEAD + "  Beep: {}\n  retry: 2\n"
-        after = edited(text, do="set_modifier", node="root", modifier="on_failure", value="wait: 1 s\nretry: 2")
+        after = edited(
+            text, do="set_modifier", node="root", modifier="on_failure", value="wait: 1 s\nretry: 2"
+        )
         assert after == text + "  on_failure:\n    wait: 1 s\n    retry: 2\n"
 
     def test_a_first_modifier_leaves_the_dash_and_the_comments_behind_it(self):
-        text = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - retry: 3\n      # loud\n      Beep: {}\n"
+        text = (
+            "pomona: 1\ntree: t\nroot:\n  sequence:\n    - retry: 3\n      # loud\n      Beep: {}\n"
+        )
         after = edited(text, do="set_modifier", node="root/0", modifier="retry", value=None)
         assert after == "pomona: 1\ntree: t\nroot:\n  sequence:\n    # loud\n    - Beep: {}\n"
 
@@ -174,7 +197,9 @@ root:
             '    # look first\n    - Detect: {fruit: apple, detection: "{found}"}   # the nearest\n',
             '    # one\n    # two\n    - Detect: {fruit: apple, detection: "{found}"}\n',
         )
-        assert "#" not in edited(edited(after, do="comment", node="root/0", text=""), do="delete", node="root/1")
+        assert "#" not in edited(
+            edited(after, do="comment", node="root/0", text=""), do="delete", node="root/1"
+        )
 
     def test_a_comment_that_would_be_read_as_that_of_another_node_is_refused(self):
         text = "pomona: 1\ntree: t\nroot: {sequence: [{Beep: {}}]}\n"
@@ -191,7 +216,9 @@ root:
         assert edited(whole, do="set_parameter", name="n", value=None) == second
 
     def test_typed_text_is_replaced_unchecked(self):
-        assert apply("a\u00e9b", edit_of({"do": "replace", "from": 1, "to": 2, "text": "["})) == "a[b"
+        assert (
+            apply("a\u00e9b", edit_of({"do": "replace", "from": 1, "to": 2, "text": "["})) == "a[b"
+        )
         with pytest.raises(EditError, match="no characters 2 to 9"):
             apply("abc", edit_of({"do": "replace", "from": 2, "to": 9, "text": ""}))
 
@@ -204,40 +231,52 @@ class TestLists:
         assert edited(empty, do="insert", into="root", index=0, node="Beep: {}") == text
 
     def test_a_root_is_taken_out_and_put_in_again_before_the_subtrees(self):
-        text = "pomona: 1\ntree: t\nroot:\n  Beep: {}\n\nsubtrees:\n  s:\n    root:\n      Beep: {}\n"
+        text = (
+            "pomona: 1\ntree: t\nroot:\n  Beep: {}\n\nsubtrees:\n  s:\n    root:\n      Beep: {}\n"
+        )
         without = edited(text, do="delete", node="root")
         assert "\nroot:" not in without
         again = edited(without, do="insert", into="", node="Beep: {}")
         assert again.startswith("pomona: 1\ntree: t\n\nroot:\n  Beep: {}\n\nsubtrees:")
-        assert edited(edited(text, do="delete", node="s:root"), do="insert", into="s:", node="wait: 1 s") == (
-            text.replace("      Beep", "      wait").replace("wait: {}", "wait: 1 s")
-        )
+        assert edited(
+            edited(text, do="delete", node="s:root"), do="insert", into="s:", node="wait: 1 s"
+        ) == (text.replace("      Beep", "      wait").replace("wait: {}", "wait: 1 s"))
 
     def test_a_short_node_goes_into_brackets_and_a_long_one_opens_them(self):
         text = "pomona: 1\ntree: t\nroot:\n  sequence: [Beep: {}, {wait: 1 s}]   # all\n"
         short = edited(text, do="insert", into="root", index=1, node="succeed: {}")
-        assert changed(text, short)[1] == "  sequence: [Beep: {}, {succeed: {}}, {wait: 1 s}]   # all\n"
+        assert (
+            changed(text, short)[1]
+            == "  sequence: [Beep: {}, {succeed: {}}, {wait: 1 s}]   # all\n"
+        )
         long = edited(text, do="insert", into="root", index=1, node="# two\nsucceed: {}\nretry: 2")
         assert changed(text, long)[1] == (
             "  sequence:   # all\n    - Beep: {}\n    # two\n    - succeed: {}\n      retry: 2\n    - {wait: 1 s}\n"
         )
 
     def test_a_node_in_braces_is_opened_for_a_long_child(self):
-        text = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - {fallback: [Beep: {}], retry: 2}  # c\n"
+        text = (
+            "pomona: 1\ntree: t\nroot:\n  sequence:\n    - {fallback: [Beep: {}], retry: 2}  # c\n"
+        )
         after = edited(text, do="insert", into="root/0", index=0, node="wait: 1 s   # first")
         assert changed(text, after)[1] == (
             "    - fallback:  # c\n        - wait: 1 s   # first\n        - Beep: {}\n      retry: 2\n"
         )
 
     def test_nodes_are_put_below_words_and_cases(self):
-        text = HEAD + '  sequence:\n    - if: "true"\n      then: {Beep: {}}\n    - Beep: {}\n      retry: 2\n'
+        text = (
+            HEAD
+            + '  sequence:\n    - if: "true"\n      then: {Beep: {}}\n    - Beep: {}\n      retry: 2\n'
+        )
         after = edited(text, do="insert", into="root/0", slot="else", node="fail: {}")
         assert changed(text, after)[1] == "      else:\n        fail: {}\n"
         after = edited(text, do="move", node="root/1", into="root/0", slot="else")
         assert changed(text, after)[1] == "      else:\n        Beep: {}\n        retry: 2\n"
         after = edited(text, do="insert", into="root/1", slot="on_failure", node="wait: 1 s")
         assert changed(text, after)[1] == "      on_failure:\n        wait: 1 s\n"
-        switch = text.replace('if: "true"', 'switch: "{n}"').replace("then: {Beep: {}}", "cases: {low: {Beep: {}}}")
+        switch = text.replace('if: "true"', 'switch: "{n}"').replace(
+            "then: {Beep: {}}", "cases: {low: {Beep: {}}}"
+        )
         after = edited(switch, do="insert", into="root/0", slot="high", node="fail: {}")
         assert changed(switch, after)[1] == "      cases: {low: {Beep: {}}, high: {fail: {}}}\n"
         with pytest.raises(EditError, match="name the case"):
@@ -316,9 +355,7 @@ class TestRefused:
             apply(TREE, edit_of(said))
 
     def test_a_tab_in_a_block_that_moves_is_refused(self):
-        text = (
-            "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Beep: {a: 1,\n\tb: 2}\n    - fallback:\n        - Beep: {}\n"
-        )
+        text = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Beep: {a: 1,\n\tb: 2}\n    - fallback:\n        - Beep: {}\n"
         with pytest.raises(EditError, match="tab"):
             edited(text, do="move", node="root/0", into="root/1", index=0)
 
@@ -332,38 +369,67 @@ class TestExtract:
         return (FOLDER / "trees" / "pick_apple.yaml").read_text("utf-8")
 
     def test_a_subtree_gets_the_names_that_cross_its_border(self):
-        after = apply(self.tree(), edit_of({"do": "extract", "node": "root/1/1", "name": "plan"}), declared_skills())
-        assert '- plan: {candidates: "{candidates}", map: "{map}", grasp: "{grasp}", path: "{path}"}\n' in after
+        after = apply(
+            self.tree(),
+            edit_of({"do": "extract", "node": "root/1/1", "name": "plan"}),
+            declared_skills(),
+        )
+        assert (
+            '- plan: {candidates: "{candidates}", map: "{map}", grasp: "{grasp}", path: "{path}"}\n'
+            in after
+        )
         assert "  plan:\n    in: {candidates: grasp_candidates, map: occupancy_map}\n" in after
         assert "    out: {grasp: grasp, path: trajectory}\n    root:\n      fallback:\n" in after
         assert not check(read(after, "tree.yaml"), declared_skills())
 
     def test_modifiers_stay_at_the_call(self):
         after = apply(
-            self.tree(), edit_of({"do": "extract", "node": "perceive:root/1", "name": "find"}), declared_skills()
+            self.tree(),
+            edit_of({"do": "extract", "node": "perceive:root/1", "name": "find"}),
+            declared_skills(),
         )
         assert '        - find: {detection: "{detection}"}\n          timeout: 5 s\n' in after
 
     def test_a_name_that_comes_in_and_goes_out_is_refused(self):
         with pytest.raises(EditError, match="'grasp' is read before it is written here"):
-            apply(self.tree(), edit_of({"do": "extract", "node": "root/1", "name": "attempt"}), declared_skills())
+            apply(
+                self.tree(),
+                edit_of({"do": "extract", "node": "root/1", "name": "attempt"}),
+                declared_skills(),
+            )
 
     def test_what_only_its_place_knows_is_refused(self):
-        text = HEAD + '  fallback:\n    - wait: 1 s\n      timeout: 1 s\n    - check: "failure.code == TIMEOUT"\n'
+        text = (
+            HEAD
+            + '  fallback:\n    - wait: 1 s\n      timeout: 1 s\n    - check: "failure.code == TIMEOUT"\n'
+        )
         with pytest.raises(EditError, match="would have an error"):
-            apply(text, edit_of({"do": "extract", "node": "root/1", "name": "late"}), declared_skills())
+            apply(
+                text,
+                edit_of({"do": "extract", "node": "root/1", "name": "late"}),
+                declared_skills(),
+            )
 
     @pytest.mark.slow
-    def test_every_node_of_the_shipped_trees_is_extracted_without_an_error_or_refused_with_a_reason(self):
+    def test_every_node_of_the_shipped_trees_is_extracted_without_an_error_or_refused_with_a_reason(
+        self,
+    ):
         made = 0
         for path in sorted((FOLDER / "trees").glob("*.yaml")):
             text = path.read_text("utf-8")
             for node in nodes(text)[::3]:
                 try:
-                    after = apply(text, TreeEdit("extract", node=node["id"], name="apart"), declared_skills(), path)
+                    after = apply(
+                        text,
+                        TreeEdit("extract", node=node["id"], name="apart"),
+                        declared_skills(),
+                        path,
+                    )
                 except EditError:
                     continue
-                errors = [f for f in check(read(after, path), declared_skills()) if f.severity == "error"]
+                errors = [
+                    f for f in check(read(after, path), declared_skills()) if f.severity == "error"
+                ]
                 assert not errors, (path, node["id"], errors)
                 made += 1
         assert made > 30
@@ -373,12 +439,17 @@ class TestWhatIsLeft:
     """Edits that take a part away on which another part depends: the findings report what is left."""
 
     def test_a_modifier_goes_alone_and_the_words_that_depend_on_it_are_found(self):
-        text = HEAD + '  wait: 1 s\n  retry: 3\n  # when to go on\n  retry_if: "failure.code == NO_PATH"\n'
+        text = (
+            HEAD
+            + '  wait: 1 s\n  retry: 3\n  # when to go on\n  retry_if: "failure.code == NO_PATH"\n'
+        )
         message = {"do": "set_modifier", "node": "root", "modifier": "retry", "value": None}
         after = edited(text, **message)
         assert changed(text, after) == ("  retry: 3\n", "")
         assert judge(text, message, after) == ""
-        assert "'retry_if' means nothing without 'retry'" in [found.message for found in read(after, "t.yaml").findings]
+        assert "'retry_if' means nothing without 'retry'" in [
+            found.message for found in read(after, "t.yaml").findings
+        ]
 
     @pytest.mark.parametrize("between", ["", "\n", "      \n", "      # of the sequence\n"])
     def test_a_subtree_whose_only_node_moves_away_loses_the_key_of_that_node(self, between):
@@ -394,7 +465,9 @@ class TestWhatIsLeft:
 
 class TestRandomEdits:
     @pytest.mark.parametrize("seed", range(40))
-    def test_only_touched_lines_differ_no_comment_is_lost_and_the_meaning_is_that_of_the_edit(self, seed):
+    def test_only_touched_lines_differ_no_comment_is_lost_and_the_meaning_is_that_of_the_edit(
+        self, seed
+    ):
         rng = random.Random(seed)
         text = texts()[rng.choice(sorted(texts()))] if seed % 4 else ODD[seed // 4 % len(ODD)]
         text = disturbed(rng, text) if rng.random() < 0.5 else text
@@ -416,10 +489,17 @@ class TestRandomEdits:
         for message in (
             {"do": "move", "node": "root/0", "into": "root/1", "index": 1},
             {"do": "wrap", "node": "root/1", "in": "sequence"},
-            {"do": "insert", "into": "root", "index": 2, "node": "description: |\n  a\n  b\nBeep: {}"},
+            {
+                "do": "insert",
+                "into": "root",
+                "index": 2,
+                "node": "description: |\n  a\n  b\nBeep: {}",
+            },
             {"do": "set_parameter", "name": "n", "value": "3"},
         ):
-            assert apply(windows, edit_of(message)) == "\ufeff" + apply(TREE, edit_of(message)).replace("\n", "\r\n")
+            assert apply(windows, edit_of(message)) == "\ufeff" + apply(
+                TREE, edit_of(message)
+            ).replace("\n", "\r\n")
             assert apply(TREE[:-1], edit_of(message)) == apply(TREE, edit_of(message))[:-1]
 
 
@@ -427,7 +507,12 @@ def test_nodes_are_listed_with_their_places():
     found = {node["id"]: node for node in nodes(ODD[0])}
     assert list(found)[:6] == ["root", "root/0", "root/1", "root/1/0", "root/1/1", "root/1/2"]
     detect = found["root/0"]
-    assert (detect["type"], detect["kind"], detect["line"], detect["end_line"]) == ("Detect", "skill", 8, 11)
+    assert (detect["type"], detect["kind"], detect["line"], detect["end_line"]) == (
+        "Detect",
+        "skill",
+        8,
+        11,
+    )
     assert detect["ports"][1] == {"name": "detection", "text": '"{found}"', "line": 11}
     assert [m["name"] for m in detect["modifiers"]] == ["retry"]
     assert (found["root/1/0"]["type"], found["root/1/0"]["slot"]) == ("check", "if")

@@ -87,7 +87,9 @@ def random_file(rng: random.Random) -> str:
 
     def noise(indent: int) -> None:
         for _ in range(rng.choice((0, 0, 0, 1, 2))):
-            lines.append(rng.choice(("", "   ", " " * indent + "# " + rng.choice(("why", "a: b", "- x")))))
+            lines.append(
+                rng.choice(("", "   ", " " * indent + "# " + rng.choice(("why", "a: b", "- x"))))
+            )
 
     def end() -> str:
         return rng.choice(("", "", " # it", "   # {so}  ", " "))
@@ -98,7 +100,13 @@ def random_file(rng: random.Random) -> str:
         gap, inner = rng.choice(("", " ")), [flow(depth - 1) for _ in range(rng.randrange(1, 3))]
         if rng.random() < 0.5:
             return "[" + gap + rng.choice((",", ", ", " , ")).join(inner) + gap + "]"
-        return "{" + gap + ", ".join(f"k{n}:{' ' * rng.randrange(1, 4)}{v}" for n, v in enumerate(inner)) + gap + "}"
+        return (
+            "{"
+            + gap
+            + ", ".join(f"k{n}:{' ' * rng.randrange(1, 4)}{v}" for n, v in enumerate(inner))
+            + gap
+            + "}"
+        )
 
     def mapping(indent: int, depth: int, first: str) -> None:
         for number in range(rng.randrange(1, 4)):

@@ -78,7 +78,9 @@ class TestCompletion:
     def test_beside_a_node_stand_modifiers_and_its_own_words_only(self, service):
         words = offered(service, "      retry: 3\n", "      retry: 3\n      |\n")
         assert {"timeout", "guard", "name", "retry_if"} <= set(words)
-        assert not {"retry", "MoveTo", "Detect", "sequence", "look", "then", "success_on"} & set(words)
+        assert not {"retry", "MoveTo", "Detect", "sequence", "look", "then", "success_on"} & set(
+            words
+        )
 
     def test_a_node_begins_with_a_type(self, service):
         words = offered(service, "    - check", "    - |\n    - check")
@@ -89,7 +91,9 @@ class TestCompletion:
         words = offered(service, "{pose: home}", "{pose: home, |}")
         assert "variation" in words
         assert not {"pose", "Detect", "retry"} & set(words)
-        assert offered(service, '{kind: "{fruit}", found: "{seen}"}', '{kind: "{fruit}", |}') == ["found"]
+        assert offered(service, '{kind: "{fruit}", found: "{seen}"}', '{kind: "{fruit}", |}') == [
+            "found"
+        ]
 
     def test_names_in_braces_and_the_fields_of_their_types(self, service):
         words = offered(service, '"{m.dimensions[0]} > 3 cm"', '"{|"')
@@ -122,9 +126,13 @@ class TestCompletion:
         assert {"home", "observe"} <= set(offered(found, "{pose: home}", "{pose: |}"))
         assert "apple" in offered(found, 'fruit: "{kind}"', "fruit: |")
         found.update(TREE)
-        assert found.definition_of(6, TREE.split("\n")[6].index("home")).source.path.endswith("shared/workspace.yaml")
+        assert found.definition_of(6, TREE.split("\n")[6].index("home")).source.path.endswith(
+            "shared/workspace.yaml"
+        )
         told = found.update(TREE.replace("pose: home", "pose: hoem"))
-        assert ["the cell 'sim' has no pose 'hoem'" in finding.message for finding in told].count(True) == 1
+        assert ["the cell 'sim' has no pose 'hoem'" in finding.message for finding in told].count(
+            True
+        ) == 1
 
 
 class TestHover:
@@ -144,7 +152,8 @@ class TestNames:
         return row, column
 
     @pytest.mark.parametrize(
-        ("at", "line"), [('detection: "{se|en}"', 9), ('"{fru|it}"', 4), ("lo|ok: {kind", 16), ('"{ki|nd}"', 17)]
+        ("at", "line"),
+        [('detection: "{se|en}"', 9), ('"{fru|it}"', 4), ("lo|ok: {kind", 16), ('"{ki|nd}"', 17)],
     )
     def test_go_to_where_it_is_given(self, service, at, line):
         assert service.definition_of(*self.at(service, at)).line == line
@@ -153,7 +162,11 @@ class TestNames:
         ("at", "new", "changed"),
         [
             ("{se|en}", "sight", TREE.replace("{seen}", "{sight}")),
-            ("{fru|it}", "kinds", TREE.replace("fruit: {type", "kinds: {type").replace('"{fruit}"', '"{kinds}"')),
+            (
+                "{fru|it}",
+                "kinds",
+                TREE.replace("fruit: {type", "kinds: {type").replace('"{fruit}"', '"{kinds}"'),
+            ),
             (
                 "{ki|nd}",
                 "sort",
@@ -168,7 +181,8 @@ class TestNames:
         assert applied(TREE, service.rename(*self.at(service, at), new), new) == changed
 
     @pytest.mark.parametrize(
-        ("at", "new"), [("{se|en}", "m"), ("{se|en}", "Not a name"), ("{se|en}", "failure"), ("Mo|veTo", "x")]
+        ("at", "new"),
+        [("{se|en}", "m"), ("{se|en}", "Not a name"), ("{se|en}", "failure"), ("Mo|veTo", "x")],
     )
     def test_names_that_cannot_be(self, service, at, new):
         with pytest.raises(RenameRefused):
@@ -195,7 +209,11 @@ def test_whatever_is_typed_is_answered(service):
 
 class TestALongFile:
     NODE = '    - Detect: {fruit: apple, detection: "{seen}"}\n      retry: 2\n'
-    TEXT = "pomona: 1\ntree: t\nroot:\n  sequence:\n" + NODE * 299 + '    - check: "{seen.score} > 0.5"\n'
+    TEXT = (
+        "pomona: 1\ntree: t\nroot:\n  sequence:\n"
+        + NODE * 299
+        + '    - check: "{seen.score} > 0.5"\n'
+    )
 
     @pytest.fixture
     def opened(self, skills, tmp_path):
@@ -241,7 +259,9 @@ class Editor(LanguageClient):
         """Type a whole text."""
         whole = lsp.TextDocumentContentChangeWholeDocument(text)
         self.text_document_did_change(
-            lsp.DidChangeTextDocumentParams(lsp.VersionedTextDocumentIdentifier(version, uri), [whole])
+            lsp.DidChangeTextDocumentParams(
+                lsp.VersionedTextDocumentIdentifier(version, uri), [whole]
+            )
         )
 
 
@@ -262,14 +282,22 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
 
     async def session() -> None:
         editor = Editor()
-        await editor.start_io(sys.executable, "-c", "from pomona.executive.cli import main; main(['lsp'])")
-        await editor.initialize_async(lsp.InitializeParams(capabilities=lsp.ClientCapabilities(), process_id=None))
+        await editor.start_io(
+            sys.executable, "-c", "from pomona.executive.cli import main; main(['lsp'])"
+        )
+        await editor.initialize_async(
+            lsp.InitializeParams(capabilities=lsp.ClientCapabilities(), process_id=None)
+        )
         broken = TREE.replace("MoveTo", "MoveTwo")
         editor.text_document_did_open(
             lsp.DidOpenTextDocumentParams(lsp.TextDocumentItem(uri, "pomona", 1, broken)),
         )
         (wrong,) = await editor.findings(uri)
-        assert (wrong.code, wrong.range.start.line, wrong.range.start.character) == ("unknown-skill", 6, 6)
+        assert (wrong.code, wrong.range.start.line, wrong.range.start.character) == (
+            "unknown-skill",
+            6,
+            6,
+        )
         assert "did you mean 'MoveTo'?" in wrong.message
         editor.change(uri, 2, TREE)
         assert list(await editor.findings(uri)) == []
@@ -278,7 +306,9 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
         items = await editor.text_document_completion_async(lsp.CompletionParams(document, at))
         assert {"timeout", "name"} <= {item.label for item in items}
         edit = await editor.text_document_rename_async(
-            lsp.RenameParams(document, lsp.Position(10, TREE.split("\n")[10].index("seen")), "sight")
+            lsp.RenameParams(
+                document, lsp.Position(10, TREE.split("\n")[10].index("seen")), "sight"
+            )
         )
         assert len(edit.changes[uri]) == 2
         called, elsewhere = tmp_path / "look.yaml", (tmp_path / "look.yaml").as_uri()
@@ -301,12 +331,20 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
         assert {"timeout", "name"} <= {item.label for item in items}
         editor.change(elsewhere, 3, CALLED)
         await editor.until(uri)
-        for asked, position in ((uri, lsp.Position(8, line.index("kind"))), (elsewhere, lsp.Position(2, 5))):
+        for asked, position in (
+            (uri, lsp.Position(8, line.index("kind"))),
+            (elsewhere, lsp.Position(2, 5)),
+        ):
             edit = await editor.text_document_rename_async(
                 lsp.RenameParams(lsp.TextDocumentIdentifier(asked), position, "sort")
             )
-            assert {place: len(changes) for place, changes in edit.changes.items()} == {uri: 1, elsewhere: 2}
-        hover = await editor.text_document_hover_async(lsp.HoverParams(document, lsp.Position(6, 8)))
+            assert {place: len(changes) for place, changes in edit.changes.items()} == {
+                uri: 1,
+                elsewhere: 2,
+            }
+        hover = await editor.text_document_hover_async(
+            lsp.HoverParams(document, lsp.Position(6, 8))
+        )
         assert "Move to a named pose" in hover.contents.value
         editor.change(uri, 4, TREE.replace("retry: 3", "retries: 3"))
         await editor.until(uri, "unknown-key")
@@ -315,7 +353,11 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
         )
         assert action.title == "no modifier named 'retries'; did you mean 'retry'?"
         (change,) = action.edit.changes[uri]
-        assert (change.range.start, change.range.end, change.new_text) == (at, lsp.Position(7, 13), "retry")
+        assert (change.range.start, change.range.end, change.new_text) == (
+            at,
+            lsp.Position(7, 13),
+            "retry",
+        )
         editor.change(uri, 5, TREE)
         await editor.until(uri)
         places = await editor.text_document_references_async(
@@ -326,9 +368,16 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
             )
         )
         assert [place.range.start.line for place in places] == [8, 10]
-        outline = await editor.text_document_document_symbol_async(lsp.DocumentSymbolParams(document))
+        outline = await editor.text_document_document_symbol_async(
+            lsp.DocumentSymbolParams(document)
+        )
         assert [tree.name for tree in outline] == ["t", "look"]
-        assert [node.name for node in outline[0].children] == ["MoveTo", "look", "fallback", "check"]
+        assert [node.name for node in outline[0].children] == [
+            "MoveTo",
+            "look",
+            "fallback",
+            "check",
+        ]
         await editor.shutdown_async(None)
         editor.exit(None)
         await editor.stop()
@@ -350,7 +399,12 @@ def test_the_extension_starts_the_language_server():
     told = json.loads((folder / "package.json").read_text())
     source = (folder / told["main"]).read_text()
     assert 'args: ["lsp"]' in source
-    settings = {name.removeprefix("pomona.") for name in told["contributes"]["configuration"]["properties"]}
+    settings = {
+        name.removeprefix("pomona.") for name in told["contributes"]["configuration"]["properties"]
+    }
     assert settings == set(re.findall(r'settings\.get\("(\w+)"', source))
     node = shutil.which("node")
-    assert node is None or subprocess.run([node, "--check", folder / told["main"]], check=False).returncode == 0
+    assert (
+        node is None
+        or subprocess.run([node, "--check", folder / told["main"]], check=False).returncode == 0
+    )

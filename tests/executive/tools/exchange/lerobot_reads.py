@@ -21,7 +21,11 @@ def main(dataset: str, out: str) -> None:
     found: dict[str, Any] = {}
     for key in frames[0]:
         values = [frame[key] for frame in frames]
-        found[key] = np.array(values) if isinstance(values[0], str) else np.stack([value.numpy() for value in values])
+        found[key] = (
+            np.array(values)
+            if isinstance(values[0], str)
+            else np.stack([value.numpy() for value in values])
+        )
     batch = next(iter(DataLoader(read, batch_size=8)))
     found["batched_state"] = batch["observation.state"].numpy()
     found["fps"], found["episodes"] = np.array(read.fps), np.array(read.num_episodes)

@@ -31,10 +31,14 @@ def test_each_value_is_the_newest_that_was_measured(episode: Episode) -> None:
     assert np.allclose(episode.state[:, :JOINTS], joints(newest), atol=2e-6)
     assert np.allclose(episode.state[:, JOINTS], 0.05 + 0.01 * newest, atol=2e-6)
     assert episode.wrench_names == tuple(f"fingers_{part}" for part in PARTS)
-    assert np.allclose(episode.wrench, wrenches(np.floor(episode.times * 500.0 + 1e-6) / 500.0), atol=5e-6)
+    assert np.allclose(
+        episode.wrench, wrenches(np.floor(episode.times * 500.0 + 1e-6) / 500.0), atol=5e-6
+    )
 
 
-def test_the_action_is_the_next_state_and_the_look_is_the_newest_with_depth(episode: Episode) -> None:
+def test_the_action_is_the_next_state_and_the_look_is_the_newest_with_depth(
+    episode: Episode,
+) -> None:
     assert np.array_equal(episode.action[:-1], episode.state[1:])
     assert np.array_equal(episode.action[-1], episode.state[-1])
     at, files = episode.colour
@@ -43,8 +47,12 @@ def test_the_action_is_the_next_state_and_the_look_is_the_newest_with_depth(epis
     assert episode.size == (64, 48)
 
 
-def test_without_looks_there_are_no_images_and_without_joints_nothing_to_learn(tmp_path: Path) -> None:
-    blind = read_episode(record_motion(tmp_path / "blind", looks=(), outcome="failure", end=0.4), 10.0)
+def test_without_looks_there_are_no_images_and_without_joints_nothing_to_learn(
+    tmp_path: Path,
+) -> None:
+    blind = read_episode(
+        record_motion(tmp_path / "blind", looks=(), outcome="failure", end=0.4), 10.0
+    )
     assert (blind.colour, blind.depth, blind.size, blind.succeeded) == (None, None, None, False)
     with pytest.raises(UsageError, match="holds no joints"):
         read_episode(write(tmp_path / "dry", FAILED), 10.0)

@@ -53,7 +53,10 @@ def test_values_come_back_as_the_record_has_them(made: tuple[list[Path], Path]) 
 
 def test_a_look_that_many_steps_share_is_stored_once(made: tuple[list[Path], Path]) -> None:
     rows = parquet.read_metadata(made[1] / "data/chunk-000/file-000.parquet").row_group(0)
-    sizes = {rows.column(k).path_in_schema: rows.column(k).total_uncompressed_size for k in range(rows.num_columns)}
+    sizes = {
+        rows.column(k).path_in_schema: rows.column(k).total_uncompressed_size
+        for k in range(rows.num_columns)
+    }
     _at, files = read_episode(made[0][0], 20).depth
     assert sizes["observation.depth.camera.bytes"] < 1.2 * sum(map(len, files))
 
@@ -63,12 +66,23 @@ def test_the_metadata_of_the_dataset_fit_to_it(made: tuple[list[Path], Path]) ->
     info = json.loads((dataset / "meta/info.json").read_text())
     episodes = table(dataset, "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     tasks = table(dataset, "meta/tasks.parquet").to_pylist()
-    assert (info["codebase_version"], info["fps"], info["total_episodes"], info["total_tasks"]) == ("v3.0", 20, 2, 1)
+    assert (info["codebase_version"], info["fps"], info["total_episodes"], info["total_tasks"]) == (
+        "v3.0",
+        20,
+        2,
+        1,
+    )
     assert tasks == [{"task_index": 0, "task": "reach out"}]
-    assert info["total_frames"] == sum(episode["length"] for episode in episodes) == episodes[-1]["dataset_to_index"]
+    assert (
+        info["total_frames"]
+        == sum(episode["length"] for episode in episodes)
+        == episodes[-1]["dataset_to_index"]
+    )
     index = 0
     for episode in episodes:
-        name = info["data_path"].format(chunk_index=episode["data/chunk_index"], file_index=episode["data/file_index"])
+        name = info["data_path"].format(
+            chunk_index=episode["data/chunk_index"], file_index=episode["data/file_index"]
+        )
         rows = table(dataset, name)
         assert rows.column_names == list(info["features"])
         assert rows["index"].to_pylist() == list(range(index, index + episode["length"]))
@@ -82,8 +96,15 @@ def test_statistics_are_those_of_all_rows(made: tuple[list[Path], Path]) -> None
     _records, dataset = made
     stats = json.loads((dataset / "meta/stats.json").read_text())
     files = sorted(dataset.glob("data/*/*.parquet"))
-    rows = np.concatenate([np.array(parquet.read_table(f)["observation.wrench"].to_pylist()) for f in files])
-    for name, expected in (("min", rows.min(0)), ("max", rows.max(0)), ("mean", rows.mean(0)), ("std", rows.std(0))):
+    rows = np.concatenate(
+        [np.array(parquet.read_table(f)["observation.wrench"].to_pylist()) for f in files]
+    )
+    for name, expected in (
+        ("min", rows.min(0)),
+        ("max", rows.max(0)),
+        ("mean", rows.mean(0)),
+        ("std", rows.std(0)),
+    ):
         assert np.allclose(stats["observation.wrench"][name], expected, atol=1e-9), name
     assert stats["observation.wrench"]["count"] == [len(rows)]
     assert np.shape(stats["observation.images.camera"]["mean"]) == (3, 1, 1)
@@ -101,7 +122,10 @@ def test_an_existing_folder_is_left_alone_and_mismatches_are_named(
     assert (dataset / "meta/info.json").read_bytes() == before
     blind = record_motion(tmp_path / "blind", looks=(), end=0.5)
     assert main([*export, str(tmp_path / "mixed"), "--to", "lerobot", "--with", str(blind)]) == 2
-    assert "blind has other features than the first record: observation.images.camera" in capsys.readouterr().err
+    assert (
+        "blind has other features than the first record: observation.images.camera"
+        in capsys.readouterr().err
+    )
     assert main([*export, str(tmp_path / "x.zip"), "--rate", "20"]) == 2
     capsys.readouterr()
     assert main([*export, str(tmp_path / "often"), "--to", "lerobot", "--rate", "100000000"]) == 2

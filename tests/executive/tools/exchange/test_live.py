@@ -38,7 +38,9 @@ class Shown:
         self.closed = False
 
     def send(self, topic: str, schema: Schema, content: Mapping[str, Any], stamp: int) -> None:
-        self.messages.append((topic, schema.name, json.loads(json.dumps(plain_content(content))), stamp))
+        self.messages.append(
+            (topic, schema.name, json.loads(json.dumps(plain_content(content))), stamp)
+        )
 
     def show(self, topic: str, view: ImageView, stamp: int) -> None:
         self.pictures.append((topic, view, stamp))
@@ -97,7 +99,9 @@ def test_a_viewer_that_hangs_costs_the_tick_nothing_and_its_gap_is_reported(
     assert "live views could not follow" in caplog.text
 
 
-def test_a_view_that_fails_is_left_alone_and_the_others_go_on(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_view_that_fails_is_left_alone_and_the_others_go_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     class Fails(Shown):
         def send(self, *_arguments: Any) -> None:
             raise OSError("the viewer is gone")
@@ -167,12 +171,16 @@ def test_foxglove_gets_schemas_and_messages_and_a_late_client_the_lasting_ones()
         deadline = time.monotonic() + 60.0
         while live._queue and time.monotonic() < deadline:
             time.sleep(0.01)
-        with connect(view.link, subprotocols=["foxglove.sdk.v1"]) as client:  # after everything was said
+        with connect(
+            view.link, subprotocols=["foxglove.sdk.v1"]
+        ) as client:  # after everything was said
             channels: dict[str, Any] = {}
             while "/scene/path" not in channels or "/images/detection" not in channels:
                 message = client.recv(timeout=60.0)
                 if isinstance(message, str) and json.loads(message)["op"] == "advertise":
-                    channels |= {channel["topic"]: channel for channel in json.loads(message)["channels"]}
+                    channels |= {
+                        channel["topic"]: channel for channel in json.loads(message)["channels"]
+                    }
             scene = channels["/scene/path"]
             assert (scene["schemaName"], scene["encoding"]) == ("foxglove.SceneUpdate", "json")
             assert json.loads(scene["schema"])["title"] == "foxglove.SceneUpdate"
@@ -210,7 +218,10 @@ def free_port() -> int:
 
 def test_a_mesh_of_any_size_stays_whole_for_a_viewer_that_takes_lists() -> None:
     corners = np.arange(3 * 2000)
-    assert plain_content({"triangles": [{"indices": corners}]})["triangles"][0]["indices"] == corners.tolist()
+    assert (
+        plain_content({"triangles": [{"indices": corners}]})["triangles"][0]["indices"]
+        == corners.tolist()
+    )
 
 
 def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> None:
@@ -241,7 +252,15 @@ def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> 
 # ------------------------------------------------------------------------------------------------- commands
 
 OPTIONS = ("exchange", "ros2", "run_view")  # modules of packages whose options `pomona run` lists
-EXTRAS = ("rosbags", "zenoh", "foxglove", "rerun", "pyarrow", "pomona.tools.exchange", "pomona.tools.ros2")
+EXTRAS = (
+    "rosbags",
+    "zenoh",
+    "foxglove",
+    "rerun",
+    "pyarrow",
+    "pomona.tools.exchange",
+    "pomona.tools.ros2",
+)
 
 
 @pytest.mark.slow
@@ -253,11 +272,15 @@ def test_a_run_that_does_not_ask_imports_no_more_than_the_options(tmp_path: Path
         f"found = [n for n in sys.modules if n.startswith({EXTRAS!r}) and not n.endswith({OPTIONS!r})];"
         "print(found); sys.exit(status)"
     )
-    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
 
 
-def test_a_run_shows_itself_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_shows_itself_where_it_is_asked_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     shown = Shown()
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
@@ -265,7 +288,9 @@ def test_a_run_shows_itself_where_it_is_asked_to(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(rerun_view, "RerunView", lambda _target: shown)
     assert main(["run", "tree.yaml", "--dry", "--quiet", "--rerun", "x.rrd"]) == 0
-    names = [content["event"] for topic, _schema, content, _stamp in shown.messages if topic == "/events"]
+    names = [
+        content["event"] for topic, _schema, content, _stamp in shown.messages if topic == "/events"
+    ]
     assert (names[0], names[-1], shown.closed) == ("RunStarted", "RunEnded", True)
 
 

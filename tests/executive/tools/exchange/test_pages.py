@@ -33,7 +33,8 @@ def test_a_page_shows_each_failure_with_its_reason_and_its_last_pictures(
     write(runs / "2026-01-02_b", SUCCEEDED)
     reason = type(REASON)("a/Plan", "NO_PATH", EVIL, {})
     write(
-        runs / "2026-01-03_c", (started(run="c", tree=EVIL), RunEnded(1.0, 50, "failure", reason, 50, 1.0, 2.0, None))
+        runs / "2026-01-03_c",
+        (started(run="c", tree=EVIL), RunEnded(1.0, 50, "failure", reason, 50, 1.0, 2.0, None)),
     )
     page = tmp_path / "failures.html"
     assert main(["runs", "failures", str(page), "--record", str(runs)]) == 0
@@ -44,7 +45,9 @@ def test_a_page_shows_each_failure_with_its_reason_and_its_last_pictures(
     assert "there is no path" in text
     (image,) = re.findall(r'src="data:image/jpeg;base64,([^"]+)"', text)
     content = next(
-        content for topic, content, *_ in scan(runs / "2026-01-01_a" / "run.mcap") if topic == "/images/detection"
+        content
+        for topic, content, *_ in scan(runs / "2026-01-01_a" / "run.mcap")
+        if topic == "/images/detection"
     )
     assert unescape(image).encode() in content
     assert "<script" not in text.lower()
@@ -56,10 +59,15 @@ def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runs = tmp_path / "runs"
-    view = next(e.value for e in everything() if isinstance(e, Published) and isinstance(e.value, ImageView))
+    view = next(
+        e.value for e in everything() if isinstance(e, Published) and isinstance(e.value, ImageView)
+    )
     looks = [Published(0.1 * k, k, "a", f"look {k}", view) for k in range(1, 5)]
     end = RunEnded(1.0, 50, "failure", REASON, 50, 1.0, 2.0, {"T_base_fruit": pose(0.9)})
-    write(runs / "one", (started(), *looks, NodeChanged(0.9, 45, "a/Plan", "FAILURE", "no path", 1, REASON), end))
+    write(
+        runs / "one",
+        (started(), *looks, NodeChanged(0.9, 45, "a/Plan", "FAILURE", "no path", 1, REASON), end),
+    )
     page = tmp_path / "failures.html"
     command = ["runs", "failures", str(page), "--record", str(runs)]
     assert main(command) == 0
@@ -72,7 +80,9 @@ def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone
     page.unlink()
     assert main(["runs", "failures", "--record", str(runs)]) == 0  # its name is the default
     assert page.is_file()
-    assert main(["runs", "failures", str(tmp_path / "x.html"), "apple_1", "--record", str(runs)]) == 2
+    assert (
+        main(["runs", "failures", str(tmp_path / "x.html"), "apple_1", "--record", str(runs)]) == 2
+    )
     assert "no run" in capsys.readouterr().err
 
 
@@ -101,9 +111,14 @@ def test_a_run_becomes_a_page_with_its_tables_and_the_drawings_over_each_picture
     image = np.full((40, 60, 3), 90, np.uint8)
     square = np.array([[5.0, 5.0], [25.0, 5.0], [25.0, 25.0]])
     first = ImageView(image, (Line2(square, "1", "refined", closed=True),), caption=EVIL)
-    second = ImageView(None, (*first.lines, Line2(square + 10.0, "2", "muted")), caption="a: 2 found")
+    second = ImageView(
+        None, (*first.lines, Line2(square + 10.0, "2", "muted")), caption="a: 2 found"
+    )
     table = TableView(("fruit", "not measured"), (("1", ""), ("2", EVIL)), "1 of 2 fruit measured")
-    views = (Published(0.1, 1, "a", "overlay", first), Published(0.2, 2, "a", "overlay", replace(second, image=image)))
+    views = (
+        Published(0.1, 1, "a", "overlay", first),
+        Published(0.2, 2, "a", "overlay", replace(second, image=image)),
+    )
     end = RunEnded(1.0, 50, "success", None, 50, 1.0, 2.0, None)
     write(runs / "one", (started(), *views, Published(0.3, 3, "a", "measured", table), end))
     picture = b"\x89PNG of the run"
@@ -126,7 +141,21 @@ def test_a_run_becomes_a_page_with_its_tables_and_the_drawings_over_each_picture
     before = page.read_bytes()
     assert main(["runs", "export", "one", str(page), "--record", str(runs)]) == 2
     assert page.read_bytes() == before
-    assert main(["runs", "export", "one", str(tmp_path / "frames"), "--to", "frames", "--record", str(runs)]) == 0
+    assert (
+        main(
+            [
+                "runs",
+                "export",
+                "one",
+                str(tmp_path / "frames"),
+                "--to",
+                "frames",
+                "--record",
+                str(runs),
+            ]
+        )
+        == 0
+    )
     assert (tmp_path / "frames" / "table_measured.csv").read_text().splitlines() == [
         "fruit,not measured", "1,", f"2,{EVIL}",
     ]  # fmt: skip
@@ -145,7 +174,12 @@ def test_a_page_of_one_run_has_its_tree_and_a_lane_for_each_skill(tmp_path: Path
     write_run(done.record, page)
     text = page.read_text()
     boxes = re.findall(r'<g class="(\w*)"><title>([^<\n]*?)(?: \(|\n|<)', text)
-    assert boxes == [("bad", "sequence"), ("good", "Before &lt;it&gt;"), ("bad", "The gate"), ("idle", "wait")]
+    assert boxes == [
+        ("bad", "sequence"),
+        ("good", "Before &lt;it&gt;"),
+        ("bad", "The gate"),
+        ("idle", "wait"),
+    ]
     lanes = re.findall(r"<title>([^<]* s to [^<]* s)</title></rect>", text)
     assert lanes[0] == "Before &lt;it&gt; success, 0.0 s to 0.1 s"
     assert re.search(r"✗ BLOCKED</text>", text)
@@ -158,11 +192,16 @@ def test_failures_of_one_lane_are_not_written_over_one_another() -> None:
     blocked = Reason(leaf, "NO_CANDIDATE", "none")
     lane: list[Event] = []
     for t in times:
-        lane += [NodeChanged(t, 1, leaf, "RUNNING", "", 1), NodeChanged(t + 0.2, 1, leaf, "FAILURE", "", 1, blocked)]
+        lane += [
+            NodeChanged(t, 1, leaf, "RUNNING", "", 1),
+            NodeChanged(t + 0.2, 1, leaf, "FAILURE", "", 1, blocked),
+        ]
     text = timeline([begun, *lane, NodeChanged(100.0, 1, leaf, "RUNNING", "", 1)])
     labels = re.findall(r'<text x="([\d.]+)" text-anchor="(start|end)"[^>]*>([✗■][^<]*)<', text)
     assert labels[0][2] == "■ interrupted"  # the last one comes first
     assert [words for *_, words in labels].count("✗ NO_CANDIDATE") >= 3
-    begins = [float(x) - (7.0 * len(words) if anchor == "end" else 0.0) for x, anchor, words in labels]
+    begins = [
+        float(x) - (7.0 * len(words) if anchor == "end" else 0.0) for x, anchor, words in labels
+    ]
     spans = sorted((x, x + 7.0 * len(words)) for x, (*_, words) in zip(begins, labels, strict=True))
     assert all(high <= low for (_, high), (low, _) in pairwise(spans))

@@ -50,8 +50,12 @@ def canonical(document: Document) -> object:
         definition.name: (
             {name: declared(port) for name, port in definition.inputs.items()},
             {name: declared(port) for name, port in definition.outputs.items()},
-            {name: declared(port) for name, port in definition.file.parameters.items()} if definition.main else {},
-            {name: declared(port) for name, port in definition.file.constants.items()} if definition.main else {},
+            {name: declared(port) for name, port in definition.file.parameters.items()}
+            if definition.main
+            else {},
+            {name: declared(port) for name, port in definition.file.constants.items()}
+            if definition.main
+            else {},
             definition.description,
             node(definition.root) if definition.root else None,
         )
@@ -125,7 +129,11 @@ def test_every_node_has_a_model_with_every_port_that_is_used(skills, pick_apple)
             for element in tree.iter():
                 name = element.get("ID") if element.tag == "SubTree" else element.tag
                 if name in models and element is not tree:
-                    used = {key for key in element.attrib if key not in ("ID", "name") and not key.startswith("_")}
+                    used = {
+                        key
+                        for key in element.attrib
+                        if key not in ("ID", "name") and not key.startswith("_")
+                    }
                     assert used <= models[name], (name, used)
 
 
@@ -150,9 +158,7 @@ FOREIGN = """<root BTCPP_format="4">
 
 
 def test_an_element_without_counterpart_keeps_its_children_and_is_refused(skills):
-    text = (
-        '<root BTCPP_format="4"><BehaviorTree ID="a"><Mystery level="3"><Beep/><Beep/></Mystery></BehaviorTree></root>'
-    )
+    text = '<root BTCPP_format="4"><BehaviorTree ID="a"><Mystery level="3"><Beep/><Beep/></Mystery></BehaviorTree></root>'
     translated, findings = import_groot(text, "x.xml")
     assert [finding.code for finding in findings] == ["not-translated"]
     document = read(translated, "x.yaml")
@@ -181,27 +187,40 @@ def test_an_element_without_counterpart_keeps_its_children_and_is_refused(skills
         ("<RunOnce><A/></RunOnce>", "{A: {}, run_once: true}"),
         ("<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>", "{A: {}, repeat: forever}"),
         ("<SequenceWithMemory><A/></SequenceWithMemory>", "{sequence_with_memory: [{A: {}}]}"),
-        ("<Script code='x := 3; y = x + 1'/>", "{sequence: [{set: {x: 3}}, {set: {y: '{x} + 1'}}]}"),
+        (
+            "<Script code='x := 3; y = x + 1'/>",
+            "{sequence: [{set: {x: 3}}, {set: {y: '{x} + 1'}}]}",
+        ),
         ("<ScriptCondition code='a &amp;&amp; !(b > 3)'/>", "{check: '{a} and not ({b} > 3)'}"),
         ("<A _skipIf='open == true'/>", "{A: {}, when: 'not ({open} == true)'}"),
         ("<A _while='go'/>", "{reactive_if: '{go}', then: {A: {}}}"),
         ("<A _successIf='done'/>", "{if: '{done}', then: {succeed: {}}, else: {A: {}}}"),
         ("<A _failureIf='bad'/>", "{if: '{bad}', then: {fail: {}}, else: {A: {}}}"),
-        ("<RecoveryNode number_of_retries='6'><A/><B/></RecoveryNode>", "{recovery: [{A: {}}, {B: {}}], attempts: 7}"),
-        ("<PipelineSequence><A/><B/></PipelineSequence>", "{pipeline_sequence: [{A: {}}, {B: {}}]}"),
+        (
+            "<RecoveryNode number_of_retries='6'><A/><B/></RecoveryNode>",
+            "{recovery: [{A: {}}, {B: {}}], attempts: 7}",
+        ),
+        (
+            "<PipelineSequence><A/><B/></PipelineSequence>",
+            "{pipeline_sequence: [{A: {}}, {B: {}}]}",
+        ),
         ("<RoundRobin><A/><B/></RoundRobin>", "{round_robin: [{A: {}}, {B: {}}]}"),
         ("<RateController hz='1.5'><A/></RateController>", "{A: {}, rate: 1.5 Hz}"),
     ],
 )
 def test_words_of_behaviortree_cpp_and_nav2_mean_the_same(xml, expected):
-    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml")
+    text, findings = import_groot(
+        f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml"
+    )
     assert findings == []
     assert yaml.safe_load(text)["root"] == yaml.safe_load(expected)
 
 
 def test_a_parallel_that_succeeds_on_two_goes_there_and_back(skills):
     xml = "<Parallel success_count='2' failure_count='1'><Beep/><Beep/><Beep/></Parallel>"
-    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml")
+    text, findings = import_groot(
+        f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml"
+    )
     assert findings == []
     assert "success_on: 2" in text
     assert check(read(text, "t.yaml"), skills) == []
@@ -225,7 +244,9 @@ def test_a_parallel_that_succeeds_on_two_goes_there_and_back(skills):
     ],
 )
 def test_an_element_without_equivalent_is_a_finding_and_the_check_refuses_it(skills, xml):
-    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml")
+    text, findings = import_groot(
+        f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml"
+    )
     assert [finding.code for finding in findings] == ["not-translated"]
     assert "untranslated" in [finding.code for finding in check(read(text, "t.yaml"), skills)]
 
@@ -261,7 +282,12 @@ class TestForeignFiles:
             (FOREIGN.replace("AlwaysSuccess", "ManualSelector"), "not-translated"),
             (FOREIGN.replace('<SubTree ID="GoHome"', '<SubTree ID="Nowhere"'), "not-translated"),
             (FOREIGN.replace("<AlwaysSuccess/>", '<SubTree ID="GoHome" a="b"/>'), "not-translated"),
-            (FOREIGN.replace('<BehaviorTree ID="M', '<include path="no.xml"/><BehaviorTree ID="M'), "file"),
+            (
+                FOREIGN.replace(
+                    '<BehaviorTree ID="M', '<include path="no.xml"/><BehaviorTree ID="M'
+                ),
+                "file",
+            ),
             ('<root BTCPP_format="4"><BehaviorTree ID="a"/></root>', "xml"),
             ('<?xml version="1.0" encoding="no such"?><tree/>', "xml"),
             ("<a>" * 500 + "</a>" * 500, "too-deep"),
@@ -280,9 +306,18 @@ class TestForeignFiles:
             "<TryCatch><Go/><Grip/><Back/></TryCatch>",
             'else:\n    sequence:\n      - Back: {}\n        force: success\n      - fail: {code: "{failure.code}"',
         ),
-        ('<Precondition if="x < 3 && y > 1" else="SUCCESS"><Go/></Precondition>', 'if: "{x} < 3 and {y} > 1"'),
-        ('<Precondition if="x" else="SKIPPED"><Go/></Precondition>', 'if: "{x}"\n  then:\n    Go: {}\n'),
-        ('<LoopInt queue="1;2;3" value="{N}"><Go n="{N}"/></LoopInt>', "for_each: [1, 2, 3]\n  as: n_2"),
+        (
+            '<Precondition if="x < 3 && y > 1" else="SUCCESS"><Go/></Precondition>',
+            'if: "{x} < 3 and {y} > 1"',
+        ),
+        (
+            '<Precondition if="x" else="SKIPPED"><Go/></Precondition>',
+            'if: "{x}"\n  then:\n    Go: {}\n',
+        ),
+        (
+            '<LoopInt queue="1;2;3" value="{N}"><Go n="{N}"/></LoopInt>',
+            "for_each: [1, 2, 3]\n  as: n_2",
+        ),
         (
             '<KeepRunningUntilFailure><Go _skipIf="x"/></KeepRunningUntilFailure>',
             'when: "not ({x})"\n    - succeed: {}\n  repeat: forever',
@@ -290,15 +325,24 @@ class TestForeignFiles:
         ("<KeepRunningUntilFailure><Go/></KeepRunningUntilFailure>", "Go: {}\n  repeat: forever"),
         ("<SequenceStar><Go/></SequenceStar>", "sequence_with_memory:"),
         ("<Script code=\"A := '1;2'; b := (1 + 0.5)\"/>", '- set: {a: "1;2"}\n    - set: {b: 1.5}'),
-        ("<ScriptCondition code='n += 1; n >= 5'/>", '- set: {n: "{n} + (1)"}\n    - check: "{n} >= 5"'),
+        (
+            "<ScriptCondition code='n += 1; n >= 5'/>",
+            '- set: {n: "{n} + (1)"}\n    - check: "{n} >= 5"',
+        ),
         ("<Go to='{retry}'/>", 'Go: {to: "{retry_2}"}'),
         ("<Go _anything='1'/>", "root:\n  Go: {}\n"),  # BehaviorTree.CPP does not read it either
-        ("<LoopInt queue='' if_empty='SKIPPED' value='{n}'><Go/></LoopInt>", "succeed: {}\n  disabled: true"),
+        (
+            "<LoopInt queue='' if_empty='SKIPPED' value='{n}'><Go/></LoopInt>",
+            "succeed: {}\n  disabled: true",
+        ),
         (
             "<RetryUntilSuccessful num_attempts='-1'><Go/></RetryUntilSuccessful>",
             "- Go: {}\n      invert: true\n      repeat: forever\n  invert: true",
         ),
-        ("<Go _onSuccess='n = 1'/>", "if:\n    Go: {}\n  then: {set: {n: 1}}\n  else:\n    fail: {code:"),
+        (
+            "<Go _onSuccess='n = 1'/>",
+            "if:\n    Go: {}\n  then: {set: {n: 1}}\n  else:\n    fail: {code:",
+        ),
         (
             "<Go _onFailure='n = 1' _post='done = true'/>",
             "then: {set: {done: true}}\n  else:\n    sequence:\n      - set: {n: 1}\n      - set: {done: true}\n",
@@ -307,7 +351,9 @@ class TestForeignFiles:
     ],
 )
 def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
-    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml")
+    text, findings = import_groot(
+        f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml"
+    )
     assert findings == []
     assert words in text
     assert read(text, "t.yaml").findings == []
@@ -329,7 +375,9 @@ def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
     ],
 )
 def test_a_change_of_meaning_is_refused(xml):
-    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml")
+    text, findings = import_groot(
+        f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml"
+    )
     assert [finding.code for finding in findings] == ["not-translated"]
     assert "untranslated" in text
 
@@ -340,7 +388,10 @@ def test_a_change_of_meaning_is_refused(xml):
         ("<Repeat num_cycles='2'><Sequence><SubTree ID='S'/></Sequence></Repeat>", 1),
         ("<Sequence><SubTree ID='S'/></Sequence>", 0),  # asked once only
         ("<Sequence><Repeat num_cycles='2'><Go/></Repeat><SubTree ID='S'/></Sequence>", 0),
-        ("<Fallback><SubTree ID='S'/><ReactiveSequence><SubTree ID='S'/></ReactiveSequence></Fallback>", 1),
+        (
+            "<Fallback><SubTree ID='S'/><ReactiveSequence><SubTree ID='S'/></ReactiveSequence></Fallback>",
+            1,
+        ),
     ],
 )
 def test_an_if_without_an_else_is_refused_where_a_caller_may_start_it_again(xml, refused):
@@ -389,8 +440,14 @@ def test_a_subtree_with_wires_and_texts_is_written_out():
     </root>"""
     text, findings = import_groot(xml, "t.xml")
     assert findings == []
-    assert """Move: {to: "{goal}", own: "{go_x}"}\n          when: "not (2 > 1 and {goal} == 'home')\"""" in text
-    assert """Move: {to: home, own: "{go_x_2}"}\n          when: "not (2 > 1 and 'home' == 'home')\"""" in text
+    assert (
+        """Move: {to: "{goal}", own: "{go_x}"}\n          when: "not (2 > 1 and {goal} == 'home')\""""
+        in text
+    )
+    assert (
+        """Move: {to: home, own: "{go_x_2}"}\n          when: "not (2 > 1 and 'home' == 'home')\""""
+        in text
+    )
 
 
 def test_a_subtree_that_writes_to_a_text_of_its_caller_is_refused():
@@ -405,7 +462,9 @@ def test_a_subtree_that_writes_to_a_text_of_its_caller_is_refused():
 def test_subtrees_that_explode_when_they_are_written_out_are_refused():
     tree = '<BehaviorTree ID="{}"><Sequence><SubTree ID="{}" a="1"/><SubTree ID="{}" a="1"/></Sequence></BehaviorTree>'
     trees = "".join(tree.format(f"T{i}", f"T{i + 1}", f"T{i + 1}") for i in range(15))
-    xml = f'<root main_tree_to_execute="T0">{trees}<BehaviorTree ID="T15"><A/></BehaviorTree></root>'
+    xml = (
+        f'<root main_tree_to_execute="T0">{trees}<BehaviorTree ID="T15"><A/></BehaviorTree></root>'
+    )
     text, findings = import_groot(xml, "t.xml")
     assert {finding.code for finding in findings} == {"not-translated"}
     assert len(text) < 2**24
@@ -418,7 +477,9 @@ class TestSeveralFiles:
 
     def test_included_files_are_read(self, tmp_path):
         (tmp_path / "sub").mkdir()
-        (tmp_path / "sub" / "go.xml").write_text(self.tree("Go", "<Move/>", '<include path="../home.xml"/>'))
+        (tmp_path / "sub" / "go.xml").write_text(
+            self.tree("Go", "<Move/>", '<include path="../home.xml"/>')
+        )
         (tmp_path / "home.xml").write_text(self.tree("Home", "<Stop/>"))
         calls = '<Sequence><SubTree ID="Go"/><SubTree ID="Home"/></Sequence>'
         main = self.tree("Main", calls, '<include path="sub/go.xml"/>')
@@ -437,7 +498,9 @@ class TestSeveralFiles:
 
     def test_files_beside_hold_called_trees(self):
         text, findings = import_groot(
-            self.tree("Main", '<SubTree ID="Go"/>'), "main.xml", beside=[(self.tree("Go", "<Move/>"), "go.xml")]
+            self.tree("Main", '<SubTree ID="Go"/>'),
+            "main.xml",
+            beside=[(self.tree("Go", "<Move/>"), "go.xml")],
         )
         assert findings == []
         assert yaml.safe_load(text)["subtrees"] == {"go": {"root": {"Move": {}}}}
@@ -454,7 +517,8 @@ class TestSeveralFiles:
     def test_names_of_trees_stay_apart(self):
         calls = "".join(f'<SubTree ID="{name}"/>' for name in ("GoHome", "go_home", "sequence"))
         trees = "".join(
-            f'<BehaviorTree ID="{n}"><{n[0].upper()}/></BehaviorTree>' for n in ("GoHome", "go_home", "sequence")
+            f'<BehaviorTree ID="{n}"><{n[0].upper()}/></BehaviorTree>'
+            for n in ("GoHome", "go_home", "sequence")
         )
         xml = f'<root><BehaviorTree ID="Main"><Sequence>{calls}</Sequence></BehaviorTree>{trees}</root>'
         text, findings = import_groot(xml, "t.xml", main="Main")
@@ -496,10 +560,14 @@ class TestModelsOfNodes:
         assert yaml.safe_load(text)["root"]["reactive_if"] == {"Near": {}}
 
     def test_a_file_without_models_is_a_finding(self):
-        assert [f.code for f in import_groot("<root/>", "t.xml", nodes=[("<root/>", "m.xml")])[1]] == ["xml", "xml"]
+        assert [
+            f.code for f in import_groot("<root/>", "t.xml", nodes=[("<root/>", "m.xml")])[1]
+        ] == ["xml", "xml"]
 
 
-@pytest.mark.parametrize("tag", ["PomonaForEach", "PomonaTimeout", "PomonaRepeat", "Inverter", "Timeout"])
+@pytest.mark.parametrize(
+    "tag", ["PomonaForEach", "PomonaTimeout", "PomonaRepeat", "Inverter", "Timeout"]
+)
 @pytest.mark.parametrize("count", [0, 2, 3])
 def test_a_decorator_with_another_number_of_children_is_refused_with_its_place(tag, count):
     element = f'<{tag} items="{{i}}" item="{{o}}" msec="10">{"<Move/>" * count}</{tag}>'

@@ -53,8 +53,12 @@ NEEDS = {
     **{f"Switch{n}": 'variable="{v}" ' + " ".join(f'case_{i}="{i}"' for i in range(1, n + 1)) for n in range(2, 7)},
 }  # fmt: skip
 CHILDREN = {
-    **dict.fromkeys(["Script", "ScriptCondition", "SetBlackboard", "Sleep", "AlwaysSuccess", "AlwaysFailure"], 0),
-    **dict.fromkeys(["LoopInt", "LoopDouble", "LoopBool", "LoopString", "Precondition", "ParallelAll"], 1),
+    **dict.fromkeys(
+        ["Script", "ScriptCondition", "SetBlackboard", "Sleep", "AlwaysSuccess", "AlwaysFailure"], 0
+    ),
+    **dict.fromkeys(
+        ["LoopInt", "LoopDouble", "LoopBool", "LoopString", "Precondition", "ParallelAll"], 1
+    ),
     **{f"Switch{n}": n + 1 for n in range(2, 7)},
 }
 HAVE_NO_COUNTERPART = {
@@ -78,7 +82,9 @@ def elements() -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize(("tag", "needs", "children"), elements())
-def test_each_attribute_of_a_known_element_is_read_or_reported(tag: str, needs: str, children: str) -> None:
+def test_each_attribute_of_a_known_element_is_read_or_reported(
+    tag: str, needs: str, children: str
+) -> None:
     assert imported(f"<{tag} {needs}>{children}</{tag}>")[1] == []
     assert "no port 'zzz'" in refused(f'<{tag} {needs} zzz="1">{children}</{tag}>')
 
@@ -113,7 +119,9 @@ def test_a_misspelt_attribute_is_refused(xml: str) -> None:
         ('<Sequence ID="Grasp"><A/></Sequence>', "'name'"),
     ],
 )
-def test_an_attribute_that_behaviortree_cpp_ignores_by_its_spelling_is_reported(xml: str, hint: str) -> None:
+def test_an_attribute_that_behaviortree_cpp_ignores_by_its_spelling_is_reported(
+    xml: str, hint: str
+) -> None:
     (finding,) = imported(xml)[1]
     assert (finding.severity, finding.line) == ("warning", 3)
     assert hint in (finding.hint or "")
@@ -125,8 +133,14 @@ def test_an_attribute_that_behaviortree_cpp_ignores_by_its_spelling_is_reported(
         ('<Timeout msec="0"><A/></Timeout>', {"A": {}}),  # sets no timer
         ('<Delay delay_msec="0"><A/></Delay>', {"A": {}, "delay": "0 s"}),
         ('<Sleep msec="0"/>', {"wait": "0 s"}),
-        ('<Parallel failure_count="2"><A/><B/></Parallel>', {"parallel": [{"A": {}}, {"B": {}}]}),  # one is too many
-        ("<RateController><A/></RateController>", {"A": {}, "rate": "10.0 Hz"}),  # the default of Nav2's port
+        (
+            '<Parallel failure_count="2"><A/><B/></Parallel>',
+            {"parallel": [{"A": {}}, {"B": {}}]},
+        ),  # one is too many
+        (
+            "<RateController><A/></RateController>",
+            {"A": {}, "rate": "10.0 Hz"},
+        ),  # the default of Nav2's port
         ('<RateController hz="{Rate}"><A/></RateController>', {"A": {}, "rate": "{rate} * 1 Hz"}),
         ('<A x="{=}" y=" {y} " z="{@z}"/>', {"A": {"x": "{x}", "y": "{y}", "z": "{z}"}}),
         ('<Script code="@n := 1"/>', {"set": {"n": 1}}),
@@ -143,12 +157,21 @@ def test_an_attribute_has_the_meaning_of_behaviortree_cpp(xml: str, words: objec
     [
         ('<Repeat num_cycles="0"><A/></Repeat>', "a whole number above 0"),
         ('<Repeat num_cycles="-2"><A/></Repeat>', "a whole number above 0"),
-        ('<RetryUntilSuccessful num_attempts="0"><A/></RetryUntilSuccessful>', "a whole number above 0"),
-        ('<RetryUntilSuccessful num_attempts="three"><A/></RetryUntilSuccessful>', "a whole number above 0"),
+        (
+            '<RetryUntilSuccessful num_attempts="0"><A/></RetryUntilSuccessful>',
+            "a whole number above 0",
+        ),
+        (
+            '<RetryUntilSuccessful num_attempts="three"><A/></RetryUntilSuccessful>',
+            "a whole number above 0",
+        ),
         ('<Timeout msec="-1"><A/></Timeout>', "milliseconds"),
         ('<Timeout msec="1.5"><A/></Timeout>', "milliseconds"),
         ('<Sleep msec="1 s"/>', "milliseconds"),
-        ('<Switch2 variable="{v}" case_1="1" case_2="2"><A/><B/></Switch2>', "2 cases and a default"),
+        (
+            '<Switch2 variable="{v}" case_1="1" case_2="2"><A/><B/></Switch2>',
+            "2 cases and a default",
+        ),
         ('<ParallelAll max_failures="0"><A/></ParallelAll>', "lets all"),
         ('<A text="a {b} c"/>', "braces"),
         ("<A text='json:{\"x\": 1}'/>", "braces"),
@@ -203,12 +226,17 @@ class TestNamesOfSkills:
         text, findings = import_groot(xml, "t.xml", skills={"Follow": Follow}, stubs=True)
         assert [(f.code, f.severity, f.line) for f in findings] == [("renamed", "warning", 3)]
         assert yaml.safe_load(text)["skills"].keys() == {"ForeignFollow", "Z"}
-        assert yaml.safe_load(text)["root"]["sequence"] == [{"ForeignFollow": {}}, {"ForeignFollow": {"speed": 2}}]
+        assert yaml.safe_load(text)["root"]["sequence"] == [
+            {"ForeignFollow": {}},
+            {"ForeignFollow": {"speed": 2}},
+        ]
 
     def test_a_model_with_the_same_ports_makes_it_that_skill(self) -> None:
         model = '<root><TreeNodesModel><Action ID="Follow"><input_port name="path"/></Action></TreeNodesModel></root>'
         xml = tree('<Follow path="{p}"/>')
-        text, findings = import_groot(xml, "t.xml", nodes=[(model, "m.xml")], skills={"Follow": Follow})
+        text, findings = import_groot(
+            xml, "t.xml", nodes=[(model, "m.xml")], skills={"Follow": Follow}
+        )
         assert findings == []
         assert yaml.safe_load(text)["root"] == {"Follow": {"path": "{p}"}}
 
@@ -219,7 +247,9 @@ class TestNamesOfSkills:
         assert import_groot(tree("<OpenDoor/>"), "t.xml", skills={"OpenDoor": OpenDoor})[1] == []
 
     def test_an_attribute_that_the_files_own_model_lacks_is_reported(self) -> None:
-        more = '<TreeNodesModel><Action ID="Drive"><input_port name="to"/></Action></TreeNodesModel>'
+        more = (
+            '<TreeNodesModel><Action ID="Drive"><input_port name="to"/></Action></TreeNodesModel>'
+        )
         (finding,) = imported('<Drive too="{x}"/>', more)[1]
         assert (finding.code, finding.severity, finding.line) == ("unknown-port", "warning", 3)
 
@@ -257,7 +287,9 @@ class TestNamesOfTrees:
     ],
 )
 @pytest.mark.parametrize("how", ["", 'x="{x}"', '_autoremap="1"', '__shared_blackboard="true"'])
-def test_trees_that_call_each_other_in_a_circle_are_refused(calls: dict[str, str], how: str) -> None:
+def test_trees_that_call_each_other_in_a_circle_are_refused(
+    calls: dict[str, str], how: str
+) -> None:
     trees = "".join(
         f'<BehaviorTree ID="{tree_id}"><Sequence><A x="{{x}}"/><SubTree ID="{called}" {how}/></Sequence></BehaviorTree>'
         for tree_id, called in calls.items()

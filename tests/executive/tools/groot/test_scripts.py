@@ -41,7 +41,11 @@ def evaluate(tokens: list[str]) -> float:
             sign = tokens.pop(0)
             right = expression(_BINDS[sign] + 1)
             if sign in ("&&", "||"):
-                left = float(bool(left) and bool(right)) if sign == "&&" else float(bool(left) or bool(right))
+                left = (
+                    float(bool(left) and bool(right))
+                    if sign == "&&"
+                    else float(bool(left) or bool(right))
+                )
             else:
                 left = float(_COMPUTE[sign](left, right))
         return left
@@ -57,11 +61,17 @@ def _grown(inner: st.SearchStrategy[list[str]]) -> st.SearchStrategy[list[str]]:
     )
 
 
-@given(st.recursive(st.sampled_from([*VALUES, "0", "1", "2"]).map(lambda name: [name]), _grown, max_leaves=6))
+@given(
+    st.recursive(
+        st.sampled_from([*VALUES, "0", "1", "2"]).map(lambda name: [name]), _grown, max_leaves=6
+    )
+)
 def test_a_translated_script_has_the_value_of_behaviortree_cpp(tokens: list[str]) -> None:
     try:
         translated = condition_of(" ".join(tokens), KeyNames(set()))
-        found = compile_expression(parse_expression(translated), lambda name: lambda: VALUES[name])()
+        found = compile_expression(
+            parse_expression(translated), lambda name: lambda: VALUES[name]
+        )()
     except (ScriptError, NoValue):
         return  # refused by the import, or by the run
     comparisons = sum(token in ("==", "!=", "<", ">") for token in tokens)

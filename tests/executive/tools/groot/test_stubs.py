@@ -33,7 +33,9 @@ def test_ports_have_the_directions_of_the_models(beside: bool) -> None:
     assert declared["Drive"] == {"in": ["to", "now"]}
     document = read(text, "t.yaml")
     found = check(document, Registry({}).declaring(document.main.declared_skills))
-    assert ["'colour'" in finding.message or "{colour}" in finding.message for finding in found] == [True]
+    assert [
+        "'colour'" in finding.message or "{colour}" in finding.message for finding in found
+    ] == [True]
 
 
 def test_without_models_a_port_that_nothing_has_written_is_an_output() -> None:

@@ -10,7 +10,9 @@ from pomona.tools.groot.import_xml import import_groot
 
 
 def imported(inside: str, called: str = '<A x="{x}"/>') -> tuple[object, list[str]]:
-    trees = f'<BehaviorTree ID="T">{inside}</BehaviorTree><BehaviorTree ID="S">{called}</BehaviorTree>'
+    trees = (
+        f'<BehaviorTree ID="T">{inside}</BehaviorTree><BehaviorTree ID="S">{called}</BehaviorTree>'
+    )
     text, findings = import_groot(f'<root main_tree_to_execute="T">{trees}</root>', "t.xml")
     assert read(text, "t.yaml").findings == []
     return yaml.safe_load(text)["root"], [finding.message for finding in findings]
@@ -19,19 +21,31 @@ def imported(inside: str, called: str = '<A x="{x}"/>') -> tuple[object, list[st
 @pytest.mark.parametrize(
     ("xml", "words"),
     [
-        ('<Parallel success_threshold="1"><A/><B/></Parallel>', "{parallel: [{A: {}}, {B: {}}], success_on: one}"),
+        (
+            '<Parallel success_threshold="1"><A/><B/></Parallel>',
+            "{parallel: [{A: {}}, {B: {}}], success_on: one}",
+        ),
         (
             '<Parallel success_threshold="2" failure_threshold="1"><A/><B/><C/></Parallel>',
             "{parallel: [{A: {}}, {B: {}}, {C: {}}], success_on: 2}",
         ),
-        ('<Parallel threshold="2"><A/><B/></Parallel>', "{parallel: [{A: {}}, {B: {}}]}"),  # one failure is too many
+        (
+            '<Parallel threshold="2"><A/><B/></Parallel>',
+            "{parallel: [{A: {}}, {B: {}}]}",
+        ),  # one failure is too many
         ('<Parallel threshold="-1"><A/><B/></Parallel>', "{parallel: [{A: {}}, {B: {}}]}"),
-        ('<Control ID="Parallel" threshold="2"><A/><B/></Control>', "{parallel: [{A: {}}, {B: {}}]}"),
+        (
+            '<Control ID="Parallel" threshold="2"><A/><B/></Control>',
+            "{parallel: [{A: {}}, {B: {}}]}",
+        ),
         ('<SubTreePlus ID="S" x="{place}"/>', "{sequence: [{A: {x: '{place}'}}], name: S}"),
         ('<SubTreePlus ID="S" x="home"/>', "{sequence: [{A: {x: home}}], name: S}"),
         ('<SubTreePlus ID="S" __autoremap="1"/>', "{sequence: [{A: {x: '{x}'}}], name: S}"),
         ('<SubTree ID="S" __shared_blackboard="true"/>', "{sequence: [{A: {x: '{x}'}}], name: S}"),
-        ('<SubTree ID="S" __shared_blackboard="false" x="place"/>', "{sequence: [{A: {x: '{place}'}}], name: S}"),
+        (
+            '<SubTree ID="S" __shared_blackboard="false" x="place"/>',
+            "{sequence: [{A: {x: '{place}'}}], name: S}",
+        ),
         (
             '<SequenceStar><SubTree ID="S" x="place"/></SequenceStar>',
             "{sequence_with_memory: [{sequence: [{A: {x: '{place}'}}], name: S}]}",
@@ -45,14 +59,23 @@ def test_a_word_of_version_3_means_the_same(xml: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("xml", "why"),
     [
-        ('<Parallel success_threshold="1" failure_threshold="2"><A/><B/><C/></Parallel>', "1 and fails on 2"),
+        (
+            '<Parallel success_threshold="1" failure_threshold="2"><A/><B/><C/></Parallel>',
+            "1 and fails on 2",
+        ),
         ('<Parallel threshold="2"><A/><B/><C/></Parallel>', "2 and fails on 2"),
         ('<Parallel threshold="{n}"><A/><B/></Parallel>', "succeeds on {n}"),
         ('<SubTree ID="S" __shared_blackboard="yes"/>', "neither true nor false"),
         ('<SubTree ID="S" _autoremap="{x}"/>', "neither true nor false"),
         ('<SubTree ID="S" x="place"/>', "a key in version 3 and a text in version 4"),
-        ('<SubTree ID="S" __shared_blackboard="true" x="{place}"/>', "shares its caller's blackboard"),
-        ('<BlackboardCheckInt value_A="{a}" value_B="1" return_on_mismatch="FAILURE"><A/></BlackboardCheckInt>', "no"),
+        (
+            '<SubTree ID="S" __shared_blackboard="true" x="{place}"/>',
+            "shares its caller's blackboard",
+        ),
+        (
+            '<BlackboardCheckInt value_A="{a}" value_B="1" return_on_mismatch="FAILURE"><A/></BlackboardCheckInt>',
+            "no",
+        ),
     ],
 )
 def test_a_word_of_version_3_without_equivalent_is_refused(xml: str, why: str) -> None:

@@ -60,7 +60,9 @@ def test_every_piece_is_found_by_an_entry_point(kit: Path) -> None:
 
 
 @pytest.mark.parametrize("piece", [OWN_TREE, EMPTY_TREE], ids=["with skills", "alone"])
-def test_a_tree_passes_the_check_and_runs_dry(piece: Piece, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tree_passes_the_check_and_runs_dry(
+    piece: Piece, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("pomona.tools.kit.command_new.OWN_TREE", piece)
     assert main(["new", "tree", "look_around", "--into", str(tmp_path)]) == 0
     tree = str(tmp_path / "look_around.yaml")
@@ -68,7 +70,9 @@ def test_a_tree_passes_the_check_and_runs_dry(piece: Piece, tmp_path: Path, monk
     assert main(["run", tree, "--dry", "--no-record", "--quiet"]) == 0
 
 
-@pytest.mark.parametrize(("kind", "name", "module"), [("skill", "Detect", "pomona.skills"), ("node", "retry", "nodes")])
+@pytest.mark.parametrize(
+    ("kind", "name", "module"), [("skill", "Detect", "pomona.skills"), ("node", "retry", "nodes")]
+)
 def test_a_name_that_is_taken_is_refused(
     kind: str, name: str, module: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -99,7 +103,9 @@ def test_a_piece_without_a_package_begins_one(tmp_path: Path) -> None:
         (("package", "pomona"), "means something else"),
     ],
 )
-def test_impossible_values_are_refused(kit: Path, capsys: pytest.CaptureFixture[str], arguments, said) -> None:
+def test_impossible_values_are_refused(
+    kit: Path, capsys: pytest.CaptureFixture[str], arguments, said
+) -> None:
     before = sorted(kit.rglob("*"))
     assert main(["new", *arguments, "--into", str(kit)]) == 2
     assert said in capsys.readouterr().err
@@ -113,7 +119,9 @@ def test_folders_of_a_user_with_common_names_do_not_hide_pomona(tmp_path: Path) 
         (tmp_path / name / "__init__.py").touch()
     script = "import sys; sys.path.insert(0, '.')\n"
     script += "from pomona.executive.cli import main; sys.exit(main(['check', 'pick_apple']))"
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -16,7 +16,14 @@ from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.recording.recorder import Recorder
-from pomona.executive.running.events import Event, NodeChanged, OperatorActed, Published, RunEnded, TickOverran
+from pomona.executive.running.events import (
+    Event,
+    NodeChanged,
+    OperatorActed,
+    Published,
+    RunEnded,
+    TickOverran,
+)
 from pomona.executive.views import SeriesView
 from pomona.tools.library.evidence import gather, read_hazards
 
@@ -38,14 +45,25 @@ def run(
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
     recorder.on_event(
-        started(cell_text=CELL, nodes=({"path": "pick/Lift", "parent": None, "name": "Lift", "type": "Lift"},))
+        started(
+            cell_text=CELL,
+            nodes=({"path": "pick/Lift", "parent": None, "name": "Lift", "type": "Lift"},),
+        )
     )
     if has_lifted:
         recorder.on_event(NodeChanged(0.1, 5, "pick/Lift", "SUCCESS", "", 1))
     stamp = np.array([0.0, 0.002, 0.004])
-    normal = {"finger_1_force_z_N": np.array([1.0, force, np.nan]), "finger_2_force_z_N": np.array([-1.0, -force, 1.0])}
-    recorder.read(0.1, 5, {"fingers": {"stamp_s": stamp, **normal, "finger_1_force_x_N": np.full(3, 99.0)}})
-    arm = {"stamp_s": np.array([0.0, 0.02, 0.02, 0.04]), "q_1_rad": np.array([0.0, 0.02 * speed, 5.0, 5.0])}
+    normal = {
+        "finger_1_force_z_N": np.array([1.0, force, np.nan]),
+        "finger_2_force_z_N": np.array([-1.0, -force, 1.0]),
+    }
+    recorder.read(
+        0.1, 5, {"fingers": {"stamp_s": stamp, **normal, "finger_1_force_x_N": np.full(3, 99.0)}}
+    )
+    arm = {
+        "stamp_s": np.array([0.0, 0.02, 0.02, 0.04]),
+        "q_1_rad": np.array([0.0, 0.02 * speed, 5.0, 5.0]),
+    }
     recorder.read(0.1, 5, {"arm": arm})
     recorder.on_event(OperatorActed(0.2, 10, "anna", "pause"))
     for event in events:
@@ -58,13 +76,22 @@ def run(
 
 def table(records: list[Path]) -> dict[str, Any]:
     evidence = gather(records, read_hazards(SHIPPED))
-    return {hazard.name: measured for hazard, measured in zip(evidence.hazards, evidence.measured, strict=True)}
+    return {
+        hazard.name: measured
+        for hazard, measured in zip(evidence.hazards, evidence.measured, strict=True)
+    }
 
 
 def test_the_largest_sample_of_all_runs_stands_beside_the_limit_of_its_cell(tmp_path: Path) -> None:
     found = table([run(tmp_path / "a", 3.0), run(tmp_path / "b", 4.5), run(tmp_path / "c", 2.0)])
     crushed = found["Fruit crushed or finger caught"]
-    assert (crushed.value, crushed.limit, crushed.run, crushed.runs, crushed.beyond) == (9.0, 20.0, "b", 3, 0)
+    assert (crushed.value, crushed.limit, crushed.run, crushed.runs, crushed.beyond) == (
+        9.0,
+        20.0,
+        "b",
+        3,
+        0,
+    )
     assert crushed.t == pytest.approx(0.002)
     range_of_fingers = found["Finger sensor at the end of its range"]
     assert (range_of_fingers.value, range_of_fingers.limit) == (4.5, 8.0)
@@ -73,7 +100,9 @@ def test_the_largest_sample_of_all_runs_stands_beside_the_limit_of_its_cell(tmp_
     assert fast.limit == pytest.approx(3.490658504)
 
 
-@pytest.mark.parametrize("text", ["a: [", "[" * 5000, "!!python/object:os.system 1", "{a: 1, [1]: 3}", "2020-99-99: 1"])
+@pytest.mark.parametrize(
+    "text", ["a: [", "[" * 5000, "!!python/object:os.system 1", "{a: 1, [1]: 3}", "2020-99-99: 1"]
+)
 def test_a_record_whose_cell_cannot_be_read_is_no_evidence(tmp_path: Path, text: str) -> None:
     recorder = Recorder(tmp_path)
     recorder.on_event(started(cell_text=text))
@@ -127,7 +156,9 @@ def test_a_record_that_cannot_be_believed_is_no_evidence_and_named(
     assert written["runs"][0]["sha256"] in text
 
 
-def test_a_campaign_without_records_is_reported_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_campaign_without_records_is_reported_as_such(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "results.jsonl").write_text("{}\n")
     assert main(["evidence", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
@@ -142,7 +173,10 @@ def test_a_passed_limit_stands_first_with_a_mark_and_gives_the_exit_status(
     monkeypatch.chdir(tmp_path)
     assert main(["evidence", str(tmp_path)]) == 1
     first, *others, last = capsys.readouterr().out.splitlines()
-    assert first == "✗ Finger sensor at the end of its range: limit 8 N, largest 9 N, beyond in 1 run of 1"
+    assert (
+        first
+        == "✗ Finger sensor at the end of its range: limit 8 N, largest 9 N, beyond in 1 run of 1"
+    )
     assert not any(line.startswith("✗") for line in others)
     assert last == "1 run: 1 limit passed (exit status 1)"
     assert not (tmp_path / "evidence").exists(), "without --out nothing is written"
@@ -150,7 +184,10 @@ def test_a_passed_limit_stands_first_with_a_mark_and_gives_the_exit_status(
 
 def test_a_sensor_at_its_end_is_beyond_its_range(tmp_path: Path) -> None:
     found = table([run(tmp_path / "a", 8.0)])
-    assert (found["Finger sensor at the end of its range"].value, found["Fruit crushed or finger caught"].beyond) == (
+    assert (
+        found["Finger sensor at the end of its range"].value,
+        found["Fruit crushed or finger caught"].beyond,
+    ) == (
         8.0,
         0,
     )
@@ -165,19 +202,25 @@ def test_the_truth_counts_where_it_is_larger_than_the_measurement(tmp_path: Path
     assert found["Fruit crushed or finger caught"].value == 6.0
 
 
-@pytest.mark.parametrize(("truth", "beyond", "value"), [({}, 0, 12.0), ({"grasp_peak_n": 15.3}, 1, 15.3)])
+@pytest.mark.parametrize(
+    ("truth", "beyond", "value"), [({}, 0, 12.0), ({"grasp_peak_n": 15.3}, 1, 15.3)]
+)
 def test_the_grip_is_held_against_the_limit_that_is_recorded_with_it(
     tmp_path: Path, truth: dict[str, float], beyond: int, value: float
 ) -> None:
     t = np.array([0.5, 0.6])
     thresholds = {"force limit [N]": 14.0}
     grip = SeriesView(t, {"grasp force [N]": np.array([3.0, 12.0]), "width [m]": t}, thresholds)
-    found = table([run(tmp_path / "a", 3.0, truth=truth, events=(Published(0.6, 30, "Grip", "grip", grip),))])
+    found = table(
+        [run(tmp_path / "a", 3.0, truth=truth, events=(Published(0.6, 30, "Grip", "grip", grip),))]
+    )
     held = found["Grip harder than its force limit"]
     assert (held.value, held.limit, held.beyond) == (value, 14.0, beyond)
 
 
-@pytest.mark.parametrize("text", ["", "7", "hazards: 3", "hazards: [{hazard: x}]", "hazards: [[", "\x00"])
+@pytest.mark.parametrize(
+    "text", ["", "7", "hazards: 3", "hazards: [{hazard: x}]", "hazards: [[", "\x00"]
+)
 def test_a_file_that_lists_no_hazards_is_refused_in_words(tmp_path: Path, text: str) -> None:
     (tmp_path / "h.yaml").write_text(text)
     with pytest.raises(UsageError, match="not a file of hazards"):
@@ -185,7 +228,9 @@ def test_a_file_that_lists_no_hazards_is_refused_in_words(tmp_path: Path, text: 
 
 
 @pytest.mark.parametrize(("kind", "runs"), [("simulated", 0), ("real", 1)])
-def test_a_late_tick_is_no_hazard_where_the_world_stands_still(tmp_path: Path, kind: str, runs: int) -> None:
+def test_a_late_tick_is_no_hazard_where_the_world_stands_still(
+    tmp_path: Path, kind: str, runs: int
+) -> None:
     recorder = Recorder(tmp_path)
     recorder.on_event(started(cell_text=CELL, cell_kind=kind))
     recorder.on_event(TickOverran(0.2, 10, "a", 3.0, 0.1))

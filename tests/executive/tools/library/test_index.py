@@ -30,7 +30,11 @@ def runs(tmp_path: Path) -> Path:
 def test_an_entry_holds_outcome_codes_durations_hashes_and_commit(runs: Path) -> None:
     newest, oldest = RunIndex(runs).read()
     assert (newest.outcome, newest.code, newest.time, newest.wall) == ("success", None, 1.5, 0.2)
-    assert (oldest.outcome, oldest.code, oldest.message) == ("failure", "NO_PATH", "there is no path")
+    assert (oldest.outcome, oldest.code, oldest.message) == (
+        "failure",
+        "NO_PATH",
+        "there is no path",
+    )
     assert oldest.codes == {"NO_PATH": 2}
     assert oldest.attempts == 1
     assert oldest.tree_hash == "abc"
@@ -46,10 +50,14 @@ def test_a_clock_that_was_set_back_does_not_make_the_newest_run_an_old_one(tmp_p
     assert [run.run[11:] for run in RunIndex(tmp_path).read()] == ["third", "second", "first"]
 
 
-def test_a_record_is_read_once_and_again_only_when_it_changed(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_record_is_read_once_and_again_only_when_it_changed(
+    runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     read: list[str] = []
     digest = index_module.digest
-    monkeypatch.setattr(index_module, "digest", lambda record: read.append(record.name) or digest(record))
+    monkeypatch.setattr(
+        index_module, "digest", lambda record: read.append(record.name) or digest(record)
+    )
     assert len(RunIndex(runs).read()) == 2
     assert len(RunIndex(runs).read()) == 2
     assert sorted(read) == ["2026-01-01_failed", "2026-01-02_succeeded"]
@@ -84,7 +92,11 @@ def test_foreign_cut_off_and_empty_records_are_listed_as_such(runs: Path) -> Non
     assert entries["a_foreign"].state == "unreadable"
     assert "not a record" in (entries["a_foreign"].message or "")
     assert entries["b_empty"].state == "cut off"
-    assert (entries["c_cut"].state, entries["c_cut"].outcome, entries["c_cut"].tree) == ("cut off", None, "pick")
+    assert (entries["c_cut"].state, entries["c_cut"].outcome, entries["c_cut"].tree) == (
+        "cut off",
+        None,
+        "pick",
+    )
 
 
 def test_an_older_index_is_brought_to_the_schema_of_today(runs: Path) -> None:
@@ -139,7 +151,10 @@ def test_every_run_has_its_largest_measured_values(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     recorder = Recorder(tmp_path / "a")
     for k, force in enumerate(([1.0, 7.5], [np.nan, 3.0], [np.nan, np.nan])):
-        view = SeriesView(np.arange(2) * 0.002 + k, {"force [N]": np.array(force), "slip [mm]": np.array([-2.0, -1.0])})
+        view = SeriesView(
+            np.arange(2) * 0.002 + k,
+            {"force [N]": np.array(force), "slip [mm]": np.array([-2.0, -1.0])},
+        )
         recorder.on_event(Published(k * 1.0, k, "n", "grip", view))
     recorder.close()
     (found,) = RunIndex(tmp_path).read()
@@ -181,5 +196,7 @@ def test_a_picture_that_cannot_be_drawn_is_reported_and_leaves_the_run_unchanged
     ]
     assert main(words) == 0
     said = capsys.readouterr()
-    assert "the picture cannot be drawn: a view of no shape" in " ".join((said.out + said.err).split())
+    assert "the picture cannot be drawn: a view of no shape" in " ".join(
+        (said.out + said.err).split()
+    )
     assert RunIndex(tmp_path / "runs").read()[0].outcome == "success"

@@ -94,10 +94,14 @@ def test_show_prints_everything_about_a_run(capsys: pytest.CaptureFixture[str]) 
     said = say(capsys, "runs", "show", "last")
     for words in ("try_thrice", "seed 5", "pauses=4", "NO_PATH × 2", "py-trees", "/events", "/log"):
         assert words in said
-    assert json.loads(_lines(capsys, "runs", "show", "last", "--json")[0])["codes"] == {"NO_PATH": 2}
+    assert json.loads(_lines(capsys, "runs", "show", "last", "--json")[0])["codes"] == {
+        "NO_PATH": 2
+    }
 
 
-def test_compare_puts_runs_side_by_side_and_finds_where_two_of_a_kind_part(capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_puts_runs_side_by_side_and_finds_where_two_of_a_kind_part(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     run()
     run("always.yaml", status=1)
     first, second = sorted(path.name for path in Path("runs").iterdir() if path.is_dir())
@@ -154,14 +158,22 @@ def test_rerun_repeats_a_run_from_its_record_alone(capsys: pytest.CaptureFixture
     assert len(list(Path("runs").glob("*/"))) == 1  # it leaves no record of its own
 
 
-def test_rerun_shows_the_first_difference(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rerun_shows_the_first_difference(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     encoded = recorder_module.encoded
     with monkeypatch.context() as then:
-        then.setattr(recorder_module, "encoded", lambda message: encoded(message).replace(b"0.5 s left", b"0.6 s left"))
+        then.setattr(
+            recorder_module,
+            "encoded",
+            lambda message: encoded(message).replace(b"0.5 s left", b"0.6 s left"),
+        )
         run()
     said = say(capsys, "rerun", "last", status=1)
     assert "they part at event" in said
-    assert 'NodeChanged try_thrice/look/wait, feedback recorded "0.6 s left" now "0.5 s left"' in said
+    assert (
+        'NodeChanged try_thrice/look/wait, feedback recorded "0.6 s left" now "0.5 s left"' in said
+    )
 
 
 def test_rerun_refuses_a_run_of_a_real_cell(capsys: pytest.CaptureFixture[str]) -> None:
@@ -177,10 +189,15 @@ def test_rerun_connects_no_real_device_of_a_record_that_claims_to_be_simulated(
     from recorded_events import started
 
     tree = "pomona: 1\ntree: t\nroot: {wait: 20 ms}\n"
-    for number, (kind, device) in enumerate([("real", ""), ("simulated", "g: {driver: wsg, tcp: 127.0.0.1}")]):
+    for number, (kind, device) in enumerate(
+        [("real", ""), ("simulated", "g: {driver: wsg, tcp: 127.0.0.1}")]
+    ):
         cell = f"name: b\nkind: {kind}\ndevices: {{{device}}}\n"
         about = {"cell": "b", "cell_kind": "simulated", "cell_path": str(Path("b.yaml").resolve())}
-        write(Path(f"runs/r{number}"), (started(**about, cell_text=cell, tree_text=tree, cell_files={}, settings={}),))
+        write(
+            Path(f"runs/r{number}"),
+            (started(**about, cell_text=cell, tree_text=tree, cell_files={}, settings={}),),
+        )
     assert "the cell in the record is of kind real" in say(capsys, "rerun", "r0", status=2)
     assert "it moves a device outside this process" in say(capsys, "rerun", "r1", status=2)
 
@@ -214,13 +231,17 @@ def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None
         ("explain",), ("runs", "compare", "a"),
     ],
 )  # fmt: skip
-def test_an_unknown_run_is_refused_in_words(capsys: pytest.CaptureFixture[str], command: tuple[str, ...]) -> None:
+def test_an_unknown_run_is_refused_in_words(
+    capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
+) -> None:
     write(Path("runs/a"), SUCCEEDED)
     assert "no record 'nonsense'" in say(capsys, *command, "nonsense", status=2)
 
 
 @pytest.mark.parametrize("speed", ["nan", "0", "-1", "inf", "1e-300", "fast"])
-def test_a_speed_that_is_none_is_refused_in_words(capsys: pytest.CaptureFixture[str], speed: str) -> None:
+def test_a_speed_that_is_none_is_refused_in_words(
+    capsys: pytest.CaptureFixture[str], speed: str
+) -> None:
     write(Path("runs/a"), SUCCEEDED)
     with pytest.raises(SystemExit, match="2"):
         main(["replay", "a", "--speed", speed])
@@ -229,8 +250,12 @@ def test_a_speed_that_is_none_is_refused_in_words(capsys: pytest.CaptureFixture[
     assert "is not a number" in said or "must be between 0.001 and 1000" in said
 
 
-@pytest.mark.parametrize("content", [b"", b"not an mcap file", b"\x89MCAP0\r\n" + b"\xff" * 100, b"\x89MCAP0\r\n"])
-@pytest.mark.parametrize("command", [("runs", "show"), ("replay",), ("rerun",), ("explain",), ("runs", "export")])
+@pytest.mark.parametrize(
+    "content", [b"", b"not an mcap file", b"\x89MCAP0\r\n" + b"\xff" * 100, b"\x89MCAP0\r\n"]
+)
+@pytest.mark.parametrize(
+    "command", [("runs", "show"), ("replay",), ("rerun",), ("explain",), ("runs", "export")]
+)
 def test_a_foreign_or_broken_file_gets_words_and_no_traceback(
     capsys: pytest.CaptureFixture[str], command: tuple[str, ...], content: bytes
 ) -> None:
@@ -258,7 +283,9 @@ def test_another_programs_mcap_is_refused_in_words(capsys: pytest.CaptureFixture
     assert say(capsys, "runs", "show", "foreign.mcap", status=2)
 
 
-def test_a_slower_run_is_recorded_reported_and_repeated_as_such(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_slower_run_is_recorded_reported_and_repeated_as_such(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     run("mocks.yaml", "--speed", "30 %")
     assert "at 30 % of the speed" in say(capsys, "explain", "last")
     assert "speed 30 %" in say(capsys, "runs", "show", "last")

@@ -21,7 +21,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 @pytest.mark.parametrize("name", SOME)
-def test_every_example_is_taken_and_stands_below_the_help(parser: argparse.ArgumentParser, name: str) -> None:
+def test_every_example_is_taken_and_stands_below_the_help(
+    parser: argparse.ArgumentParser, name: str
+) -> None:
     child = next(child for known, _about, child in children(parser) if known == name)
     for line, about in examples(name):
         words = shlex.split(line.partition(">")[0])
@@ -38,7 +40,9 @@ def complete(text: str, *words: str) -> set[str]:
         f"COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; "
         f"_shtab_pomona pomona {shlex.quote(words[-1])} {shlex.quote(words[-2])}; printf '%s\\n' \"${{COMPREPLY[@]}}\""
     )
-    told = subprocess.run(["bash", "-c", f"{text}\n{asked}"], capture_output=True, text=True, check=True, cwd="/")
+    told = subprocess.run(
+        ["bash", "-c", f"{text}\n{asked}"], capture_output=True, text=True, check=True, cwd="/"
+    )
     assert told.stderr == ""
     return set(told.stdout.split())
 
@@ -56,9 +60,13 @@ def test_bash_completes_commands_options_and_values(parser: argparse.ArgumentPar
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_each_shell_has_every_option_and_the_installed_trees(parser: argparse.ArgumentParser, shell: str) -> None:
+def test_each_shell_has_every_option_and_the_installed_trees(
+    parser: argparse.ArgumentParser, shell: str
+) -> None:
     run = next(child for known, _about, child in children(parser) if known == "run")
-    options = [name for action in run._actions for name in action.option_strings if name.startswith("--")]
+    options = [
+        name for action in run._actions for name in action.option_strings if name.startswith("--")
+    ]
     assert len(options) > 15
     text = script(parser, shell)
     for name in options:

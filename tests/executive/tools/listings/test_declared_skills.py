@@ -80,7 +80,10 @@ WRONG = [
     TREE.replace("mood: wild", "mood: wil"),
     TREE.replace("n.inner.mood} == CALM", "n.inner.mod} == CALM"),
     TREE.replace("== CALM", "== CLAM"),
-    TREE.replace('Take: {outer: "{n}"', 'Give: {narrow: "{m}", inner: "{n}"}\n    - Take: {outer: "{m.inner}"'),
+    TREE.replace(
+        'Take: {outer: "{n}"',
+        'Give: {narrow: "{m}", inner: "{n}"}\n    - Take: {outer: "{m.inner}"',
+    ),
     TREE.replace("n.all[0]", "n.inner[0]"),
     TREE + "  retry: 2\n  retry_if: failure.code == NO\n",
 ]
@@ -132,7 +135,9 @@ def test_a_check_that_needs_the_class_gets_it(package):
         check(read(text, "t.yaml"), declared.declared_skills())
     assert with_declarations(lambda skills: check(read(text, "t.yaml"), skills)) == []
     broken = text.replace("width: 1", "widht: 1")
-    assert [f.code for f in with_declarations(lambda skills: check(read(broken, "t.yaml"), skills))] == ["value"]
+    assert [
+        f.code for f in with_declarations(lambda skills: check(read(broken, "t.yaml"), skills))
+    ] == ["value"]
 
 
 def test_a_changed_source_makes_them_afresh(package):
@@ -144,7 +149,8 @@ def test_a_changed_source_makes_them_afresh(package):
 
 
 @pytest.mark.parametrize(
-    "damage", [b"", b"{", b"[]", b'{"sources": {}}', b'{"sources": {}, "classes": [{}], "skills": {}}']
+    "damage",
+    [b"", b"{", b"[]", b'{"sources": {}}', b'{"sources": {}, "classes": [{}], "skills": {}}'],
 )
 def test_a_damaged_file_is_as_good_as_none(package, tmp_path, damage):
     declared.declared_skills()
@@ -167,11 +173,15 @@ def test_a_folder_that_cannot_be_written_is_no_problem(package, monkeypatch, tmp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["--help", "show pick_apple", "skills", "schema", "export pick_apple"])
+@pytest.mark.parametrize(
+    "command", ["--help", "show pick_apple", "skills", "schema", "export pick_apple"]
+)
 def test_small_commands_import_no_skill(command, tmp_path):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     if command not in ("--help", "show pick_apple"):
-        subprocess.run([sys.executable, "-m", "pomona.executive.cli", "skills"], env=environment, check=True)
+        subprocess.run(
+            [sys.executable, "-m", "pomona.executive.cli", "skills"], env=environment, check=True
+        )
     script = (
         "import sys; from pomona.executive.cli import main\n"
         f"try: main({command.split()!r})\n"
@@ -180,5 +190,7 @@ def test_small_commands_import_no_skill(command, tmp_path):
         "heavy += ('pomona.skills.plan', 'pomona.executive.execute')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, env=environment, timeout=120
+    )
     assert done.stdout.splitlines()[-1] == "[]", done.stderr

@@ -12,7 +12,9 @@ from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import TreeChanged
 from pomona.tools.reload.redrawing import patched, redrawing
 
-LINES = st.lists(st.sampled_from(["", "a", "- b", "+ c", "--- d", "+++ d", "@@ -1 +1 @@", "e: 1"]), max_size=12)
+LINES = st.lists(
+    st.sampled_from(["", "a", "- b", "+ c", "--- d", "+++ d", "@@ -1 +1 @@", "e: 1"]), max_size=12
+)
 TREE = "pomona: 1\ntree: pick\nroot:\n  sequence:\n    - Look: {}\n    - Grasp: {}\n"
 
 
@@ -29,10 +31,14 @@ def test_a_difference_leads_from_the_old_text_to_the_new_one_and_leaves_other_fi
 
 
 def test_the_picture_has_the_nodes_of_the_moment(tmp_path: Path) -> None:
-    later = TREE.replace("Grasp", "Weigh").replace("    - Look: {}\n", "    - Look: {}\n    - Look: {}\n")
+    later = TREE.replace("Grasp", "Weigh").replace(
+        "    - Look: {}\n", "    - Look: {}\n    - Look: {}\n"
+    )
     recorder = Recorder(tmp_path)
     recorder.on_event(started(tree_text=TREE, tree_path="pick.yaml"))
-    recorder.on_event(TreeChanged(2.0, 100, (), difference(TREE.splitlines(), later.splitlines(), "pick.yaml")))
+    recorder.on_event(
+        TreeChanged(2.0, 100, (), difference(TREE.splitlines(), later.splitlines(), "pick.yaml"))
+    )
     recorder.close()
     at_first, before, after = (redrawing(tmp_path, t) for t in (0.0, 1.9, 2.0))
     assert at_first is not None

@@ -42,12 +42,20 @@ class Reloaded:
     """A run that is paused in its third tick and reloads a text when it is at rest."""
 
     def __init__(
-        self, text: str, pause_at: int = 3, *, before: str = TEXT, held: str = "", skills: Registry = SKILLS
+        self,
+        text: str,
+        pause_at: int = 3,
+        *,
+        before: str = TEXT,
+        held: str = "",
+        skills: Registry = SKILLS,
     ) -> None:
         self.refused: PomonaError | None = None
         self.asked = False
         script = dict.fromkeys(range(1, 400), self.look)
-        script[pause_at] = lambda runner, _cell: runner.break_at(held) if held else runner.pause("ada")
+        script[pause_at] = lambda runner, _cell: (
+            runner.break_at(held) if held else runner.pause("ada")
+        )
         self.runner, _, self.events = make(before, skills, script, reread=lambda: text)
         self.outcome = self.runner.run().outcome
 
@@ -64,21 +72,35 @@ class Reloaded:
             runner.resume(runner.pause_number, "ada")
 
     def ticks(self, path):
-        changes = [event.tick for event in self.events if isinstance(event, NodeChanged) and event.path == path]
+        changes = [
+            event.tick
+            for event in self.events
+            if isinstance(event, NodeChanged) and event.path == path
+        ]
         return changes[-1] - changes[0]
 
     def starts(self, path):
-        return max(event.starts for event in self.events if isinstance(event, NodeChanged) and event.path == path)
+        return max(
+            event.starts
+            for event in self.events
+            if isinstance(event, NodeChanged) and event.path == path
+        )
 
     @property
     def acts(self):
         acts = [event for event in self.events if isinstance(event, OperatorActed)]
-        return [(act.who, act.action, act.detail) for act in acts if act.action in ("reload", "change")]
+        return [
+            (act.who, act.action, act.detail) for act in acts if act.action in ("reload", "change")
+        ]
 
     @property
     def ran(self):
         """Skills in the order of their ends, and how each ended."""
-        leaves = [e for e in self.events if isinstance(e, NodeChanged) and e.status in ("SUCCESS", "FAILURE")]
+        leaves = [
+            e
+            for e in self.events
+            if isinstance(e, NodeChanged) and e.status in ("SUCCESS", "FAILURE")
+        ]
         skills = {skill.path for skill in self.runner.tree.skills}
         return [event.path.rpartition("/")[2] for event in leaves if event.path in skills]
 
@@ -115,7 +137,11 @@ def test_the_difference_and_the_nodes_of_the_changed_tree_are_recorded():
 
 def test_the_skill_that_runs_goes_on_in_place():
     run = Reloaded(SLOWER)
-    first = [event for event in run.events if isinstance(event, NodeChanged) and event.path == "turn/First"]
+    first = [
+        event
+        for event in run.events
+        if isinstance(event, NodeChanged) and event.path == "turn/First"
+    ]
     assert [(event.status, event.starts) for event in first if event.status != "INVALID"] == [
         ("RUNNING", 1),
         ("SUCCESS", 1),
@@ -129,7 +155,9 @@ def test_an_input_inside_a_subtree_is_taken_over():
 
 
 def test_comments_and_layout_are_taken_over_without_a_change_of_any_node():
-    run = Reloaded("# slower soon\n" + changed('      retry: "{tries}"', '      retry:   "{tries}"   # twice'))
+    run = Reloaded(
+        "# slower soon\n" + changed('      retry: "{tries}"', '      retry:   "{tries}"   # twice')
+    )
     assert run.refused is None
     assert [act[1] for act in run.acts] == ["reload"]
 
@@ -167,7 +195,9 @@ def test_one_change_that_is_refused_refuses_all():
     assert run.ticks("turn/Second") < 10
 
 
-@pytest.mark.parametrize(("written", "why"), [("3 kg", "error"), ("[", "error"), ("400 ms, speed: 2", "speed")])
+@pytest.mark.parametrize(
+    ("written", "why"), [("3 kg", "error"), ("[", "error"), ("400 ms, speed: 2", "speed")]
+)
 def test_a_file_with_errors_is_refused(written, why):
     run = Reloaded(SLOWER.replace("400 ms", written))
     assert isinstance(run.refused, UsageError)
@@ -211,11 +241,18 @@ def test_a_request_that_the_pause_has_outlived_is_recorded_as_too_late():
     script[3] = lambda runner, _cell: runner.pause()
     runner, _, events = make(TEXT, SKILLS, script, reread=lambda: SLOWER)
     assert runner.run().outcome == "success"
-    late = [event.detail for event in events if isinstance(event, OperatorActed) and event.action == "too_late"]
+    late = [
+        event.detail
+        for event in events
+        if isinstance(event, OperatorActed) and event.action == "too_late"
+    ]
     assert len(late) == 1
     assert late[0].startswith("reload ---")
     assert late[0].endswith("pause already over")
-    assert not any(isinstance(event, OperatorActed) and event.action in ("reload", "change") for event in events)
+    assert not any(
+        isinstance(event, OperatorActed) and event.action in ("reload", "change")
+        for event in events
+    )
 
 
 def test_a_run_without_a_file_refuses():
@@ -277,7 +314,9 @@ def test_on_the_page_the_operator_in_control_reloads():
     runner, _, events = make(TEXT, SKILLS, script, reread=lambda: SLOWER)
     assert runner.run().outcome == "success"
     assert refused == ["the run is in pause 1; the request names pause 7"]
-    assert any(isinstance(e, OperatorActed) and (e.who, e.action) == ("Ada", "reload") for e in events)
+    assert any(
+        isinstance(e, OperatorActed) and (e.who, e.action) == ("Ada", "reload") for e in events
+    )
 
 
 @pytest.mark.parametrize(
@@ -308,9 +347,13 @@ def test_a_parameter_may_change_unless_a_node_that_has_begun_uses_it():
     assert run.refused is None
     assert run.ticks("turn/Second:delay") >= 19
 
-    text = TEXT.replace("duration: 100 ms}\n      name: First", 'duration: "{long}"}\n      name: First')
+    text = TEXT.replace(
+        "duration: 100 ms}\n      name: First", 'duration: "{long}"}\n      name: First'
+    )
     run = Reloaded(text.replace("default: 1 s", "default: 2 s"), before=text)
-    assert "tree.yaml:9: duration of First has changed, but this node has started" in str(run.refused)
+    assert "tree.yaml:9: duration of First has changed, but this node has started" in str(
+        run.refused
+    )
 
 
 TRIES = """
@@ -337,7 +380,9 @@ def test_a_new_node_sees_the_counter_of_a_retry_that_runs():
 
 def test_a_skill_that_ran_in_the_pass_before_keeps_the_number_of_its_starts():
     text = TRIES.replace("100 ms}\n      name: Second", "120 ms}\n      name: Second")
-    run = Reloaded(text.replace("name: Look", "name: Look again"), before=TRIES, pause_at=16)  # in the second try
+    run = Reloaded(
+        text.replace("name: Look", "name: Look again"), before=TRIES, pause_at=16
+    )  # in the second try
     assert run.refused is None
     assert run.starts("tries/Second") == 2
 
@@ -357,13 +402,17 @@ root:
 
 
 def test_a_node_that_runs_once_in_a_run_is_not_made_new():
-    run = Reloaded(ONCE.replace("40 ms", "60 ms"), before=ONCE, pause_at=12)  # skipped in the second round
+    run = Reloaded(
+        ONCE.replace("40 ms", "60 ms"), before=ONCE, pause_at=12
+    )  # skipped in the second round
     assert isinstance(run.refused, ReloadRefusedError)
     assert run.starts("once/First") == 1
 
 
 def test_at_a_breakpoint_the_node_that_is_held_gets_new_inputs_and_later_nodes_are_new():
-    text = SLOWER.replace("    - part: {}", "    - part: {}\n    - Turn: {duration: 40 ms}\n      name: New")
+    text = SLOWER.replace(
+        "    - part: {}", "    - part: {}\n    - Turn: {duration: 40 ms}\n      name: New"
+    )
     run = Reloaded(text, held="turn/Second")
     assert run.refused is None
     assert run.ran == ["First", "Second", "Third", "New"]

@@ -56,7 +56,13 @@ class Listening:
         assert digest.startswith("RIHS01_")
         with self._arrived:
             found = self.got.setdefault("/" + "/".join(name), [])
-            found.append((f"{package}/{group}/{last[:-1]}", sample.payload.to_bytes(), sample.attachment.to_bytes()))
+            found.append(
+                (
+                    f"{package}/{group}/{last[:-1]}",
+                    sample.payload.to_bytes(),
+                    sample.attachment.to_bytes(),
+                )
+            )
             self._arrived.notify_all()
 
     def wait(self, done: Callable[[], bool], seconds: float = 60.0) -> None:
@@ -121,8 +127,12 @@ class Setting:
         self.control.serve(self.robot)  # type: ignore[arg-type]
         return str(form["tree"])
 
-    def ask(self, action: str, who: str = "anna", token: str = TOKEN, detail: str = "") -> tuple[bool, str]:
-        answer = self.client.call(f"/pomona/{action}", ACT, {"token": token, "who": who, "detail": detail})
+    def ask(
+        self, action: str, who: str = "anna", token: str = TOKEN, detail: str = ""
+    ) -> tuple[bool, str]:
+        answer = self.client.call(
+            f"/pomona/{action}", ACT, {"token": token, "who": who, "detail": detail}
+        )
         return answer.success, answer.message
 
     def close(self) -> None:
@@ -141,13 +151,19 @@ def setting() -> Iterator[Setting]:
 def test_an_independent_reader_gets_types_and_values_of_everything(setting: Setting) -> None:
     for event in everything():
         setting.live.on_event(event)
-    setting.live.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
+    setting.live.read(
+        0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}}
+    )
     heard = setting.listening
     joints = heard.messages("/joint_states", 2)
     assert [joint.position.tolist() for joint in joints] == [[0.0], [0.5]]
     view = next(e.value for e in everything() if getattr(e, "topic", "") == "detection")
     (image,) = heard.messages("/camera/detection/image_raw")
-    assert (image.encoding, image.header.frame_id, image.header.stamp.sec) == ("rgb8", "camera/detection", 10**9)
+    assert (image.encoding, image.header.frame_id, image.header.stamp.sec) == (
+        "rgb8",
+        "camera/detection",
+        10**9,
+    )
     assert np.array_equal(image.data.reshape(48, 64, 3), view.image)
     (depth,) = heard.messages("/camera/detection/depth/image_raw")
     assert depth.encoding == "32FC1"
@@ -168,22 +184,33 @@ def test_an_independent_reader_gets_types_and_values_of_everything(setting: Sett
     ):
         assert heard.messages(topic)
         assert heard.got[topic][0][0] == kind
-    live = {"/camera/detection/image_raw": "/camera/NAME/depth/image_raw"}  # not in bags, so in no row
+    live = {
+        "/camera/detection/image_raw": "/camera/NAME/depth/image_raw"
+    }  # not in bags, so in no row
     for topic, ((kind, _raw, _attachment), *_more) in heard.got.items():
         assert topic == "/ping" or kind in rows()[live.get(topic) or row_of(topic)], topic
-    numbers = [int.from_bytes(attachment[:8], "little") for _kind, _raw, attachment in heard.got["/tf"]]
+    numbers = [
+        int.from_bytes(attachment[:8], "little") for _kind, _raw, attachment in heard.got["/tf"]
+    ]
     assert numbers == list(range(1, len(numbers) + 1))
 
 
 def test_others_see_the_node_its_topics_and_services(setting: Setting) -> None:
     setting.live.on_event(started())
     setting.listening.messages("/pomona/events")
-    tokens = [str(reply.ok.key_expr) for reply in setting.listening.session.liveliness().get("@ros2_lv/**")]
+    tokens = [
+        str(reply.ok.key_expr)
+        for reply in setting.listening.session.liveliness().get("@ros2_lv/**")
+    ]
     ours = [token for token in tokens if token.split("/")[8] == "pomona"]
     kinds = {token.split("/")[5] for token in ours}
     assert kinds == {"NN", "MP", "SS"}
     said = [token.split("/")[9:12] for token in ours if "/MP/" in token]
-    assert ["%pomona%events", "std_msgs::msg::dds_::String_", STORE.hash_rihs01("std_msgs/msg/String")] in said
+    assert [
+        "%pomona%events",
+        "std_msgs::msg::dds_::String_",
+        STORE.hash_rihs01("std_msgs/msg/String"),
+    ] in said
     assert type_hash("sensor_msgs/msg/Image") == STORE.hash_rihs01("sensor_msgs/msg/Image")
 
 
@@ -191,13 +218,17 @@ def test_hashes_are_those_that_rmw_zenoh_publishes() -> None:
     """The two that its design document has as examples: of a message and of a service."""
     add = "example_interfaces/srv/AddTwoInts"
     typestore().register(service_types(add, "int64 a\nint64 b\n", "int64 sum\n"))
-    assert type_hash(add) == "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
+    assert (
+        type_hash(add) == "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
+    )
     assert type_hash("std_msgs/msg/String") == (
         "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
     )
 
 
-def test_acting_needs_the_token_and_control_and_anybody_with_the_token_stops(setting: Setting) -> None:
+def test_acting_needs_the_token_and_control_and_anybody_with_the_token_stops(
+    setting: Setting,
+) -> None:
     setting.control.serve(setting.robot)  # type: ignore[arg-type]
     assert setting.ask("pause", token="guessed") == (
         False, "actions need the token that Pomona printed on this machine at the start"
@@ -216,7 +247,10 @@ def test_acting_needs_the_token_and_control_and_anybody_with_the_token_stops(set
 
 
 def goal(setting: Setting, number: int, **fields: Any) -> Any:
-    asked = {"goal_id": {"uuid": bytes([number] * 16)}, "goal": {"token": TOKEN, "who": "anna", **fields}}
+    asked = {
+        "goal_id": {"uuid": bytes([number] * 16)},
+        "goal": {"token": TOKEN, "who": "anna", **fields},
+    }
     kind = "pomona_msgs/action/RunTree_SendGoal"
     return setting.client.call("/pomona/run_tree/_action/send_goal", kind, asked)
 
@@ -241,32 +275,52 @@ def test_an_action_runs_a_tree_with_parameters_feedback_result_and_cancel(settin
     setting.live.on_event(NodeChanged(0.5, 25, "a/Plan", "RUNNING", "3 tries", 1))
     setting.live.on_event(RunEnded(1.5, 75, "success", None, 75, 1.5, 0.2, None))
     waiting.join(5.0)
-    assert (answers[0].status, answers[0].result.outcome, answers[0].result.time) == (SUCCEEDED, "success", 1.5)
+    assert (answers[0].status, answers[0].result.outcome, answers[0].result.time) == (
+        SUCCEEDED,
+        "success",
+        1.5,
+    )
     (told,) = setting.listening.messages("/pomona/run_tree/_action/feedback")
-    assert (told.feedback.node, told.feedback.feedback, told.goal_id.uuid.tolist()) == ("a/Plan", "3 tries", [1] * 16)
+    assert (told.feedback.node, told.feedback.feedback, told.goal_id.uuid.tolist()) == (
+        "a/Plan",
+        "3 tries",
+        [1] * 16,
+    )
     states = setting.listening.messages("/pomona/run_tree/_action/status", 2)
     assert [state.status_list[0].status for state in states] == [EXECUTING, SUCCEEDED]
 
     assert goal(setting, 3, tree="pick").accepted
     asked = {"goal_info": {"goal_id": {"uuid": bytes([3] * 16)}}}
-    cancel = setting.client.call("/pomona/run_tree/_action/cancel_goal", "action_msgs/srv/CancelGoal", asked)
+    cancel = setting.client.call(
+        "/pomona/run_tree/_action/cancel_goal", "action_msgs/srv/CancelGoal", asked
+    )
     assert (cancel.return_code, len(cancel.goals_canceling)) == (0, 1)
     assert setting.robot.told[-1] == ("stop", "anna")
-    setting.live.on_event(RunEnded(0.5, 25, "success", None, 25, 0.5, 0.2, None))  # late words of the run before
+    setting.live.on_event(
+        RunEnded(0.5, 25, "success", None, 25, 0.5, 0.2, None)
+    )  # late words of the run before
     setting.live.on_event(started())
     setting.live.on_event(RunEnded(0.5, 25, "stopped", None, 25, 0.5, 0.2, None))
     assert result(setting, 3).status == CANCELED
     assert goal(setting, 4, tree="pick").accepted
     setting.control.prepare("pick")
     setting.control.clear("the cell cannot be reached")
-    assert (result(setting, 4).status, result(setting, 4).result.reason) == (ABORTED, "the cell cannot be reached")
+    assert (result(setting, 4).status, result(setting, 4).result.reason) == (
+        ABORTED,
+        "the cell cannot be reached",
+    )
 
 
 def test_a_refused_goal_takes_control_from_no_operator(setting: Setting) -> None:
     assert setting.ask("take", "bert")[0]
     uneven = {"names": ["fruit", "place"], "values": ["apple_5"]}
     twice = {"names": ["fruit", "fruit"], "values": ["apple_1", "apple_2"]}
-    for wrong in ({"tree": "wrong"}, {"tree": "broken"}, {"tree": "pick", **uneven}, {"tree": "pick", **twice}):
+    for wrong in (
+        {"tree": "wrong"},
+        {"tree": "broken"},
+        {"tree": "pick", **uneven},
+        {"tree": "pick", **twice},
+    ):
         assert not goal(setting, 1, **wrong).accepted
     assert setting.control.holder.who == "bert"
     said = [log.msg for log in setting.listening.messages("/rosout", 4)]
@@ -277,7 +331,9 @@ def test_a_refused_goal_takes_control_from_no_operator(setting: Setting) -> None
     assert setting.control.holder.who == "anna"
 
 
-def test_a_goal_is_cancelled_while_its_run_is_prepared_and_stopped_by_others_it_is_aborted(setting: Setting) -> None:
+def test_a_goal_is_cancelled_while_its_run_is_prepared_and_stopped_by_others_it_is_aborted(
+    setting: Setting,
+) -> None:
     starting = []
 
     def start(form: dict[str, Any]) -> str:
@@ -292,12 +348,16 @@ def test_a_goal_is_cancelled_while_its_run_is_prepared_and_stopped_by_others_it_
     assert starting[0].cancelled == "cancelled by anna"
     setting.control.clear("cancelled by anna")
     assert (result(setting, 1).status, result(setting, 1).result.outcome) == (CANCELED, "stopped")
-    assert setting.client.call(cancel, "action_msgs/srv/CancelGoal", asked).return_code == 3  # it is over
+    assert (
+        setting.client.call(cancel, "action_msgs/srv/CancelGoal", asked).return_code == 3
+    )  # it is over
 
     assert goal(setting, 2, tree="pick").accepted
     assert setting.ask("take", "bert")[0]
     asked = {"goal_info": {"goal_id": {"uuid": bytes([2] * 16)}}}
-    assert setting.client.call(cancel, "action_msgs/srv/CancelGoal", asked).return_code == 1  # bert has control
+    assert (
+        setting.client.call(cancel, "action_msgs/srv/CancelGoal", asked).return_code == 1
+    )  # bert has control
     setting.live.on_event(started())
     setting.live.on_event(RunEnded(0.5, 25, "stopped", None, 25, 0.5, 0.2, None))
     assert (result(setting, 2).status, result(setting, 2).result.outcome) == (ABORTED, "stopped")
@@ -309,7 +369,9 @@ def test_names_of_operators_are_as_long_and_as_plain_as_on_the_page(setting: Set
     assert setting.ask("take", "\n\x1b") == (False, "the operator's name is missing")
 
 
-def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_it(setting: Setting) -> None:
+def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_it(
+    setting: Setting,
+) -> None:
     hold, key = threading.Event(), f"0/slow/pomona_msgs::srv::dds_::Act_/{type_hash(ACT)}"
 
     def slow(_asked: Any, reply: Any) -> None:
@@ -323,12 +385,17 @@ def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_
     setting.peer.serve("/wrong", ACT, wrong)
     coded, attachment = bytes(coder(f"{ACT}_Request").coded({})), bytes(17)
     session = setting.listening.session
-    flood = [session.get(key, payload=coded, attachment=attachment, timeout=60.0) for _ in range(WAITING + 30)]
+    flood = [
+        session.get(key, payload=coded, attachment=attachment, timeout=60.0)
+        for _ in range(WAITING + 30)
+    ]
     assert setting.ask("safe_stop")[0]
     with pytest.raises(TimeoutError):
         setting.client.call("/wrong", ACT, {})
     (last,) = session.get(key, payload=coded, attachment=attachment, timeout=60.0)
-    assert last.ok is None  # requests come in their order, so the flood is in before the first one is answered
+    assert (
+        last.ok is None
+    )  # requests come in their order, so the flood is in before the first one is answered
     hold.set()
     answers = [reply.ok is not None for replies in flood for reply in replies]
     assert (answers.count(True), answers.count(False)) == (WAITING, 30)
@@ -337,7 +404,9 @@ def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_
 def test_an_invalid_request_gets_an_error_and_harms_nothing(setting: Setting) -> None:
     key = f"0/pomona/safe_stop/pomona_msgs::srv::dds_::Act_/{type_hash(ACT)}"
     for payload in (b"", b"\0\1\0\0\xff\xff\xff\xff", bytes(1000)):
-        replies = list(setting.listening.session.get(key, payload=payload, attachment=b"x", timeout=2.0))
+        replies = list(
+            setting.listening.session.get(key, payload=payload, attachment=b"x", timeout=2.0)
+        )
         assert all(reply.ok is None for reply in replies)
     assert setting.ask("take")[0]
 
@@ -401,7 +470,9 @@ def test_a_run_speaks_ros_2_when_it_is_asked_to(
 
 
 @pytest.mark.parametrize("version", ["TypeHashNotSupported", "RIHS01_0"])
-def test_a_peer_of_humble_hears_messages_of_every_version_and_is_heard_by_nodes_without_hashes(version: str) -> None:
+def test_a_peer_of_humble_hears_messages_of_every_version_and_is_heard_by_nodes_without_hashes(
+    version: str,
+) -> None:
     port, key = free_port(), "0/{}/std_msgs::msg::dds_::String_/{}"
     peer = Ros2Peer(f"127.0.0.1:{port}", distribution="humble")
     other = Ros2Peer(f"127.0.0.1:{port}", node="humble")
@@ -409,7 +480,9 @@ def test_a_peer_of_humble_hears_messages_of_every_version_and_is_heard_by_nodes_
     try:
         peer.subscribe("/to_us", "std_msgs/msg/String", lambda _raw: came.set())
         there = other._session.declare_publisher(key.format("to_us", version))
-        held = other._session.declare_subscriber(key.format("from_us", "TypeHashNotSupported"), lambda _: heard.set())
+        held = other._session.declare_subscriber(
+            key.format("from_us", "TypeHashNotSupported"), lambda _: heard.set()
+        )
         for _ in range(600):
             there.put(b"\0\1\0\0\1\0\0\0\0")
             peer.publish("/from_us", "std_msgs/msg/String", b"\0\1\0\0\1\0\0\0\0", 0)

@@ -69,7 +69,9 @@ def same(one: Any, other: Any) -> bool:
         told = [f.name for f in fields(one) if f.name.islower() and f.name != "__msgtype__"]
         return all(same(getattr(one, name), getattr(other, name)) for name in told)
     if isinstance(one, np.ndarray):
-        return np.array_equal(one, np.frombuffer(other, one.dtype) if isinstance(other, bytes) else other)
+        return np.array_equal(
+            one, np.frombuffer(other, one.dtype) if isinstance(other, bytes) else other
+        )
     if isinstance(one, list):
         return len(one) == len(other) and all(same(a, b) for a, b in zip(one, other, strict=True))
     return bool(one == other)
@@ -81,9 +83,17 @@ def test_another_decoder_reads_the_same_from_the_file_alone(made: tuple[Path, Pa
         theirs = make_reader(stream, decoder_factories=[DecoderFactory()])
         assert theirs.get_header().profile == "ros2"
         ours = sorted(reader.messages(), key=lambda found: (found[1], found[0].topic))
-        others = sorted(theirs.iter_decoded_messages(), key=lambda found: (found[2].log_time, found[1].topic))
-        for (connection, stamp, raw), (schema, channel, message, decoded) in zip(ours, others, strict=True):
-            assert (connection.topic, connection.msgtype, stamp) == (channel.topic, schema.name, message.log_time)
+        others = sorted(
+            theirs.iter_decoded_messages(), key=lambda found: (found[2].log_time, found[1].topic)
+        )
+        for (connection, stamp, raw), (schema, channel, message, decoded) in zip(
+            ours, others, strict=True
+        ):
+            assert (connection.topic, connection.msgtype, stamp) == (
+                channel.topic,
+                schema.name,
+                message.log_time,
+            )
             assert same(reader.deserialize(raw, connection.msgtype), decoded), connection.topic
             count += 1
     assert count > 30
@@ -93,7 +103,9 @@ def test_joints_have_their_own_times_and_values(messages: dict[str, list[Any]]) 
     first, second = messages["/joint_states"]
     assert (first.name, second.name) == (["arm_joint_1"], ["arm_joint_1"])
     assert (first.position.tolist(), second.position.tolist()) == ([0.0], [0.5])
-    assert first.velocity.tolist() == second.velocity.tolist() == []  # this record is of a version without
+    assert (
+        first.velocity.tolist() == second.velocity.tolist() == []
+    )  # this record is of a version without
     assert second.header.stamp.sec * 10**9 + second.header.stamp.nanosec == BEGAN + 800_000_000
     assert second.header.stamp.nanosec - first.header.stamp.nanosec == 100_000_000
 
@@ -130,9 +142,13 @@ def test_transforms_poses_clouds_and_scenes_are_the_recorded_values(
             assert {name: getattr(place, name) for name in "xyz"} == expected["translation"]
     (pose,) = messages["/pomona/poses/detection/camera"]
     turn = pose.pose.orientation
-    assert Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_euler("xyz")[2] == pytest.approx(0.2)
+    assert Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_euler("xyz")[2] == pytest.approx(
+        0.2
+    )
     (cloud,) = messages["/pomona/points/path/left_to_try"]
-    assert np.array_equal(cloud.data.view(np.float32).reshape(-1, cloud.point_step // 4)[:, :3], np.eye(3))
+    assert np.array_equal(
+        cloud.data.view(np.float32).reshape(-1, cloud.point_step // 4)[:, :3], np.eye(3)
+    )
     (scene,) = messages["/pomona/scene/path"]
     assert [marker.type for marker in scene.markers] == [4, 11]
     (path,) = messages["/pomona/path/path/planned_path"]
@@ -145,10 +161,20 @@ def test_transforms_poses_clouds_and_scenes_are_the_recorded_values(
 
 
 def test_joints_have_the_recorded_velocities() -> None:
-    values = {"q_1_rad": [0.0, 0.5], "q_2_rad": [1.0, 1.0], "qd_1_rad_per_s": [4.0, 5.0], "qd_2_rad_per_s": [0.0, 0.1]}
-    told = ToRos2().messages(f"{DEVICES}arm", {"t": 1.0, "tick": 5, "stamp_s": [0.1, 0.2], **values}, 10**9)
+    values = {
+        "q_1_rad": [0.0, 0.5],
+        "q_2_rad": [1.0, 1.0],
+        "qd_1_rad_per_s": [4.0, 5.0],
+        "qd_2_rad_per_s": [0.0, 0.1],
+    }
+    told = ToRos2().messages(
+        f"{DEVICES}arm", {"t": 1.0, "tick": 5, "stamp_s": [0.1, 0.2], **values}, 10**9
+    )
     fields = [message.fields for message in told]
-    assert [(list(f["position"]), list(f["velocity"])) for f in fields] == [([0, 1], [4, 0]), ([0.5, 1], [5, 0.1])]
+    assert [(list(f["position"]), list(f["velocity"])) for f in fields] == [
+        ([0, 1], [4, 0]),
+        ([0.5, 1], [5, 0.1]),
+    ]
     assert fields[0]["name"] == ["arm_joint_1", "arm_joint_2"]
 
 
@@ -189,16 +215,31 @@ def wrenches() -> list[RosMessage]:
     """Two samples of one finger, the second 2 ms after the first."""
     parts = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
     values = {f"finger_2_{part}": np.array([k, 10.0 + k]) for k, part in enumerate(parts)}
-    return list(ToRos2().messages(f"{DEVICES}fingers", {"t": 1.0, "tick": 5, "stamp_s": [0.1, 0.102], **values}, 10**9))
+    return list(
+        ToRos2().messages(
+            f"{DEVICES}fingers", {"t": 1.0, "tick": 5, "stamp_s": [0.1, 0.102], **values}, 10**9
+        )
+    )
 
 
-def test_a_finger_s_wrench_has_newtons_and_newton_metres_in_its_pad_s_frame_at_their_times() -> None:
-    assert {(m.topic, m.type) for m in wrenches()} == {("/fingers/finger_2/wrench", "geometry_msgs/msg/WrenchStamped")}
+def test_a_finger_s_wrench_has_newtons_and_newton_metres_in_its_pad_s_frame_at_their_times() -> (
+    None
+):
+    assert {(m.topic, m.type) for m in wrenches()} == {
+        ("/fingers/finger_2/wrench", "geometry_msgs/msg/WrenchStamped")
+    }
     assert [m.stamp for m in wrenches()] == [998_000_000, 10**9]
     for before, message in zip((0.0, 10.0), wrenches(), strict=True):
         assert message.fields["header"]["frame_id"] == "fingers/finger_2"
         wrench = message.fields["wrench"]
-        assert [wrench[kind][axis] - before for kind in ("force", "torque") for axis in "xyz"] == [0, 1, 2, 3, 4, 5]
+        assert [wrench[kind][axis] - before for kind in ("force", "torque") for axis in "xyz"] == [
+            0,
+            1,
+            2,
+            3,
+            4,
+            5,
+        ]
 
 
 def test_our_messages_are_those_that_the_docs_define() -> None:
@@ -206,7 +247,9 @@ def test_our_messages_are_those_that_the_docs_define() -> None:
     ours = {
         **POMONA,
         **{name: "---\n".join(SERVICES[name]) for name in ("pomona_msgs/srv/Act",)},
-        action: "---\n".join(ACTIONS[f"{action}_{part}"] for part in ("Goal", "Result", "Feedback")),
+        action: "---\n".join(
+            ACTIONS[f"{action}_{part}"] for part in ("Goal", "Result", "Feedback")
+        ),
     }
     assert definitions() == ours
 
@@ -223,7 +266,12 @@ def test_an_octree_has_the_bytes_of_the_map_whose_points_were_recorded() -> None
 
 def test_a_field_left_out_of_a_message_is_zero_and_an_unknown_one_is_refused() -> None:
     message = coder("sensor_msgs/msg/CameraInfo").message({"width": 3})
-    assert (message.width, message.height, message.k.tolist(), message.header.frame_id) == (3, 0, [0.0] * 9, "")
+    assert (message.width, message.height, message.k.tolist(), message.header.frame_id) == (
+        3,
+        0,
+        [0.0] * 9,
+        "",
+    )
     with pytest.raises(KeyError, match="widht"):
         coder("sensor_msgs/msg/CameraInfo").message({"widht": 3})
     assert "pomona_msgs/msg/TreeStatus" in typestore().fielddefs

@@ -18,7 +18,15 @@ pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
-from pomona.drivers import Arm, CellFileError, DeviceLost, Gripper, MotionState, Trajectory, load_cell
+from pomona.drivers import (
+    Arm,
+    CellFileError,
+    DeviceLost,
+    Gripper,
+    MotionState,
+    Trajectory,
+    load_cell,
+)
 from pomona.executive.errors import UsageError
 from pomona.tools.ros2.rosbridge import RosbridgePeer
 from pomona.tools.ros2.types import coder, typestore
@@ -85,7 +93,10 @@ def test_a_message_of_json_comes_as_bytes_and_goes_out_as_json(server: Server) -
         assert server.wait("subscribe")["type"] == JOINTS
         stamp = {"sec": 5, "nanosec": 7}
         server.send("/joint_states", {"name": ["a"], "position": "no list"})
-        server.send("/joint_states", {"header": {"stamp": stamp}, "name": ["a"], "position": [0.5], "velocity": [None]})
+        server.send(
+            "/joint_states",
+            {"header": {"stamp": stamp}, "name": ["a"], "position": [0.5], "velocity": [None]},
+        )
         assert arrived.wait(30.0)
         message = typestore().deserialize_cdr(came[0], STATES)
         assert (message.name, message.position.tolist()) == (["a"], [0.5])
@@ -99,16 +110,23 @@ def test_a_message_of_json_comes_as_bytes_and_goes_out_as_json(server: Server) -
         peer.close()
 
 
-def test_a_server_of_ros_1_gets_its_own_names_of_time_and_its_images_come_in_base64(server: Server) -> None:
+def test_a_server_of_ros_1_gets_its_own_names_of_time_and_its_images_come_in_base64(
+    server: Server,
+) -> None:
     peer, came = RosbridgePeer(server.address), []
     arrived = threading.Semaphore(0)
     try:
-        for topic, kind in (("/image", "sensor_msgs/msg/Image"), ("/info", "sensor_msgs/msg/CameraInfo")):
+        for topic, kind in (
+            ("/image", "sensor_msgs/msg/Image"),
+            ("/info", "sensor_msgs/msg/CameraInfo"),
+        ):
             peer.subscribe(topic, kind, lambda raw: (came.append(raw), arrived.release()))
         server.wait("subscribe")
         header = {"seq": 3, "stamp": {"secs": 5, "nsecs": 7}, "frame_id": "c"}
         pixels = base64.b64encode(bytes([1, 2, 250])).decode()
-        server.send("/image", {"header": header, "height": 1, "width": 1, "step": 3, "data": pixels})
+        server.send(
+            "/image", {"header": header, "height": 1, "width": 1, "step": 3, "data": pixels}
+        )
         server.send("/info", {"header": header, "K": [1.0] * 9, "height": 1})
         assert arrived.acquire(timeout=30.0)
         assert arrived.acquire(timeout=30.0)
@@ -123,13 +141,17 @@ def test_a_server_of_ros_1_gets_its_own_names_of_time_and_its_images_come_in_bas
         peer.close()
 
 
-@pytest.mark.parametrize("address", ["ws://127.0.0.1:1", "ws://127.0.0.1:99999", "ws://a b:9090", "ws://"])
+@pytest.mark.parametrize(
+    "address", ["ws://127.0.0.1:1", "ws://127.0.0.1:99999", "ws://a b:9090", "ws://"]
+)
 def test_no_rosbridge_is_one_line_before_anything_moves(address: str) -> None:
     with pytest.raises(UsageError, match=f"no rosbridge at {address}: "):
         RosbridgePeer(address)
 
 
-def test_after_a_lost_server_it_subscribes_again_and_sends_nothing_that_waited(server: Server) -> None:
+def test_after_a_lost_server_it_subscribes_again_and_sends_nothing_that_waited(
+    server: Server,
+) -> None:
     peer, arrived = RosbridgePeer(server.address), threading.Event()
     try:
         peer.subscribe("/word", STRING, lambda _raw: arrived.set())
@@ -234,7 +256,11 @@ class FingersCell:
             now, goals = time.time(), self.goals()
             stamp = dict(zip(names, (int(now), int(now % 1.0 * 1e9)), strict=True))
             position = goals[-1]["command"]["position"] if goals else 0.03
-            message = {"header": {"stamp": stamp}, "name": ["finger"], "position": [position + 1e-7 * (now % 1.0)]}
+            message = {
+                "header": {"stamp": stamp},
+                "name": ["finger"],
+                "position": [position + 1e-7 * (now % 1.0)],
+            }
             self.server.send("/joint_states", message)
 
     def close(self) -> None:
@@ -247,7 +273,9 @@ PATIENT = "silence: 1 s, supervision: {lag: 2 s}"
 
 
 @pytest.mark.parametrize("ros_1", [False, True])
-def test_a_gripper_is_moved_by_goals_of_its_action(server: Server, tmp_path: Path, ros_1: bool) -> None:
+def test_a_gripper_is_moved_by_goals_of_its_action(
+    server: Server, tmp_path: Path, ros_1: bool
+) -> None:
     behind = FingersCell(server, tmp_path, PATIENT, ros_1)
     try:
         move, deadline = behind.gripper.move(0.05, 0.05), time.monotonic() + 30.0
@@ -255,9 +283,14 @@ def test_a_gripper_is_moved_by_goals_of_its_action(server: Server, tmp_path: Pat
             time.sleep(0.005)
         assert (move.state, move.problem) == (MotionState.DONE, "")
         goals = behind.goals()
-        assert goals[-1]["command"] == {"position": pytest.approx(0.025, abs=1e-3), "max_effort": 20.0}
+        assert goals[-1]["command"] == {
+            "position": pytest.approx(0.025, abs=1e-3),
+            "max_effort": 20.0,
+        }
         widths = [2.0 * goal["command"]["position"] for goal in goals]
-        assert widths == sorted(widths, reverse=True)  # it closes, and no goal is farther than the measured opening
+        assert widths == sorted(
+            widths, reverse=True
+        )  # it closes, and no goal is farther than the measured opening
         if ros_1:
             (offered,) = [one for one in server.came if one["op"] == "advertise"]
             assert (offered["topic"], offered["type"]) == (
@@ -265,7 +298,10 @@ def test_a_gripper_is_moved_by_goals_of_its_action(server: Server, tmp_path: Pat
                 "control_msgs/GripperCommandActionGoal",
             )
         else:
-            assert server.wait("send_action_goal")["action_type"] == "control_msgs/action/GripperCommand"
+            assert (
+                server.wait("send_action_goal")["action_type"]
+                == "control_msgs/action/GripperCommand"
+            )
     finally:
         behind.close()
 

@@ -28,7 +28,11 @@ def scenario(tmp_path):
 def test_each_case_is_written_with_its_time_and_the_reason_of_its_failure(scenario, tmp_path):
     assert main(["test", str(scenario), "--junit", str(tmp_path / "junit.xml")]) == 1
     (suite,) = ElementTree.parse(tmp_path / "junit.xml").getroot()
-    assert (suite.get("tests"), suite.get("failures"), suite.get("name")) == ("2", "1", str(scenario))
+    assert (suite.get("tests"), suite.get("failures"), suite.get("name")) == (
+        "2",
+        "1",
+        str(scenario),
+    )
     good, bad = suite
     assert (good.get("name"), list(good)) == ("goes well", [])
     assert float(good.get("time", "")) == pytest.approx(0.5, abs=0.1)

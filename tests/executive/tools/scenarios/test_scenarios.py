@@ -18,7 +18,9 @@ def scenario(tmp_path, skills, pick_apple):
     (tmp_path / "pick_apple.yaml").write_text(pick_apple)
 
     def make(cases):
-        return read_scenario(f"pomona: 1\ntree: pick_apple.yaml\n{cases}", tmp_path / "s.yaml", skills)
+        return read_scenario(
+            f"pomona: 1\ntree: pick_apple.yaml\n{cases}", tmp_path / "s.yaml", skills
+        )
 
     return make
 
@@ -80,14 +82,19 @@ class TestRunning:
         unreached = [info.path for info in coverage.unreached()]
         assert "pick_apple/Attempt:on_failure" in unreached
         assert "pick_apple/Attempt/Lift" not in unreached
-        assert ("pick_apple/Attempt/Lift", "failure") in [(i.path, end) for i, end in coverage.ends_never_seen()]
+        assert ("pick_apple/Attempt/Lift", "failure") in [
+            (i.path, end) for i, end in coverage.ends_never_seen()
+        ]
         assert 0.5 < coverage.share() < 1.0
 
     @pytest.mark.parametrize(
         ("case", "problem"),
         [
             ("{mocks: {Detect: NO_FRUIT}}", "expected success, got failure: NO_FRUIT"),
-            ("{mocks: {Detect: NO_FRUIT}, expect: {code: NO_FRAME}}", "expected the failure NO_FRAME"),
+            (
+                "{mocks: {Detect: NO_FRUIT}, expect: {code: NO_FRAME}}",
+                "expected the failure NO_FRAME",
+            ),
             ("{mocks: {Detect: NO_FRUIT}, expect: {node: Refine}}", "expected Refine to fail"),
             ("{expect: failure}", "expected failure, got success"),
             ("{visits: [Retreat]}", "'Retreat' was never reached"),
@@ -153,12 +160,16 @@ class TestReading:
             run_scenario(scenario("cases: [{expect: maybe}]"), skills)
 
     def test_a_tree_that_is_not_there(self, tmp_path, skills):
-        found = read_scenario("pomona: 1\ntree: none.yaml\ncases: [{}]", tmp_path / "s.yaml", skills)
+        found = read_scenario(
+            "pomona: 1\ntree: none.yaml\ncases: [{}]", tmp_path / "s.yaml", skills
+        )
         assert codes(found) == ["file"]
 
     def test_mocks_alone(self, scenario, skills):
         document = scenario("cases: []").document
-        mocks, findings = read_mocks("mocks: {Plan: [NO_PATH, success]}", "m.yaml", document, skills)
+        mocks, findings = read_mocks(
+            "mocks: {Plan: [NO_PATH, success]}", "m.yaml", document, skills
+        )
         assert findings == []
         assert [result.status for result in mocks.results["Plan"]] == ["failure", "success"]
 
@@ -198,13 +209,20 @@ class TestAnswers:
             "{expect: {code: NOBODY_TO_ASK, node: Ripe}}",
         ],
     )
-    def test_questions_are_answered_in_their_order_and_the_last_answer_stays(self, asked, skills, case):
+    def test_questions_are_answered_in_their_order_and_the_last_answer_stays(
+        self, asked, skills, case
+    ):
         result = run_scenario(asked(case), skills)
         assert [r.problems for r in result.cases] == [()]
 
     @pytest.mark.parametrize(
         ("answers", "code"),
-        [("{Rip: ripe}", "unknown-node"), ("{Ripe: rippe}", "value"), ("{Ripe: []}", "empty"), ("[ripe]", "shape")],
+        [
+            ("{Rip: ripe}", "unknown-node"),
+            ("{Ripe: rippe}", "value"),
+            ("{Ripe: []}", "empty"),
+            ("[ripe]", "shape"),
+        ],
     )
     def test_answers_to_nothing_and_wrong_ones_are_findings(self, asked, answers, code):
         assert codes(asked(f"{{answers: {answers}}}")) == [code]
@@ -216,12 +234,18 @@ class TestAnswers:
     "{expect: {code: NOBODY_TO_ASK}}",
 ])  # fmt: skip
 def test_somebody_approves_a_node_by_its_name(tmp_path, skills, case):
-    (tmp_path / "t.yaml").write_text("pomona: 1\ntree: t\nroot: {wait: 1 s, name: Plan, approve: true}\n")
-    result = run_scenario(read_scenario(f"tree: t.yaml\ncases: [{case}]", tmp_path / "s.yaml", skills), skills)
+    (tmp_path / "t.yaml").write_text(
+        "pomona: 1\ntree: t\nroot: {wait: 1 s, name: Plan, approve: true}\n"
+    )
+    result = run_scenario(
+        read_scenario(f"tree: t.yaml\ncases: [{case}]", tmp_path / "s.yaml", skills), skills
+    )
     assert [r.problems for r in result.cases] == [()]
 
 
-def test_everything_wrong_with_a_scenario_is_found_at_once_with_its_place(tmp_path, skills, pick_apple):
+def test_everything_wrong_with_a_scenario_is_found_at_once_with_its_place(
+    tmp_path, skills, pick_apple
+):
     (tmp_path / "pick_apple.yaml").write_text(pick_apple)
     text = (
         "tree: pick_apple.yaml\nmock: {}\nmocks:\n  Plna: success\n  Plan: {after: 3}\ncases:\n  - limit: 7\n"
@@ -244,7 +268,9 @@ def test_everything_wrong_with_a_scenario_is_found_at_once_with_its_place(tmp_pa
 
 def test_a_scenario_without_a_case_is_refused(scenario):
     assert codes(scenario("cases: []")) == ["shape"]
-    assert not jsonschema.Draft202012Validator(SCENARIO_FILES.schema()).is_valid({"tree": "t.yaml", "cases": []})
+    assert not jsonschema.Draft202012Validator(SCENARIO_FILES.schema()).is_valid(
+        {"tree": "t.yaml", "cases": []}
+    )
 
 
 def test_schema_and_reader_take_the_same(scenario):
@@ -266,7 +292,11 @@ def test_schema_and_reader_take_the_same(scenario):
 
 def test_a_file_of_mocks_holds_nothing_else(skills, pick_apple):
     document = read(pick_apple, "t.yaml")
-    wrong = ("mocks: {}\nfoo: 1\n", "unknown-key"), ("plan: NO_PATH\n", "unknown-key"), ("{}", "missing-key")
+    wrong = (
+        ("mocks: {}\nfoo: 1\n", "unknown-key"),
+        ("plan: NO_PATH\n", "unknown-key"),
+        ("{}", "missing-key"),
+    )
     for text, code in wrong:
         _, findings = read_mocks(text, "m.yaml", document, skills)
         assert code in [finding.code for finding in findings], text

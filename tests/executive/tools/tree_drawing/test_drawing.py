@@ -22,7 +22,9 @@ class TestText:
         assert all(len(line) <= 100 for line in lines)
 
     def test_a_subtree_that_calls_itself_is_drawn_once(self):
-        text = show_text(read(HEAD + "root: {a: {}}\nsubtrees: {a: {root: {sequence: [{a: {}}]}}}", "t.yaml"))
+        text = show_text(
+            read(HEAD + "root: {a: {}}\nsubtrees: {a: {root: {sequence: [{a: {}}]}}}", "t.yaml")
+        )
         assert text.count("▣ a") == 2
 
     def test_a_broken_file_draws_its_readable_part(self):
@@ -58,6 +60,8 @@ class TestSvg:
 
     def test_names_cannot_break_out(self):
         name = "<script>alert(1)</script>"
-        svg = show_svg(read(HEAD + f"root: {{Beep: {{}}, name: '{name.replace('/', '')}'}} # --><b>", "t.yaml"))
+        svg = show_svg(
+            read(HEAD + f"root: {{Beep: {{}}, name: '{name.replace('/', '')}'}} # --><b>", "t.yaml")
+        )
         ElementTree.fromstring(svg)
         assert "<script" not in svg

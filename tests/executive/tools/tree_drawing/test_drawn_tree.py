@@ -38,12 +38,16 @@ def test_boxes_follow_the_rows_of_the_page(tmp_path: Path) -> None:
     (tmp_path / "tree.yaml").write_text(TREE, encoding="utf-8")
     drawn = drawing(tmp_path)
     assert drawn is not None
-    boxes = [title.split("\n")[0] for title in re.findall(r"<g><title>(.*?)</title>", drawn, re.DOTALL)]
+    boxes = [
+        title.split("\n")[0] for title in re.findall(r"<g><title>(.*?)</title>", drawn, re.DOTALL)
+    ]
     events: list[Event] = []
     execute(RunOrder(tmp_path / "tree.yaml", tmp_path / "cell.yaml", dry=True), [events.append])
     nodes: list[Any] = next(list(event.nodes) for event in events if isinstance(event, RunStarted))
     rows = [node["name"] for node in nodes if not node["path"].endswith(f":{node['kind']}")]
-    assert [box.partition(" (")[0] for box in boxes][1:] == rows[1:]  # the first row has the tree's own name
+    assert [box.partition(" (")[0] for box in boxes][1:] == rows[
+        1:
+    ]  # the first row has the tree's own name
     assert rows[0] == "demo"
 
 

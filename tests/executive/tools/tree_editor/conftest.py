@@ -47,7 +47,11 @@ def make_editor(tree: Path) -> Iterator[Callable[[Path], TreeEditor]]:
             port = free.getsockname()[1]
         made.append(
             TreeEditor(
-                EditedFile(path), Access("127.0.0.1", port), Registry.installed(), default_cell(), path.parent / "runs"
+                EditedFile(path),
+                Access("127.0.0.1", port),
+                Registry.installed(),
+                default_cell(),
+                path.parent / "runs",
             )
         )
         return made[-1]
@@ -76,7 +80,9 @@ def open_page(chromium: Any) -> Iterator[Callable[..., Any]]:
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(60_000)
-        page.on("console", lambda said: problems.append(said.text) if said.type == "error" else None)
+        page.on(
+            "console", lambda said: problems.append(said.text) if said.type == "error" else None
+        )
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.on("requestfailed", lambda request: problems.extend(failures(request)))
         page.goto(editor.access.link)

@@ -18,7 +18,10 @@ def test_a_page_has_one_draft_and_the_newest_is_first(drafts: Drafts) -> None:
     drafts.keep(Draft("one", "first", "s", 1.0))
     drafts.keep(Draft("two", "other", "s", 2.0))
     drafts.keep(Draft("one", "second", "s", 3.0))
-    assert [(draft.page, draft.text) for draft in drafts.all()] == [("one", "second"), ("two", "other")]
+    assert [(draft.page, draft.text) for draft in drafts.all()] == [
+        ("one", "second"),
+        ("two", "other"),
+    ]
 
 
 def test_a_dropped_draft_is_gone_with_its_folder(drafts: Drafts, tmp_path: Path) -> None:

@@ -101,12 +101,16 @@ root:
     )
 
 
-def test_the_palette_names_the_key_for_an_entry_that_is_in_another_one(editor: TreeEditor, open_page: Open) -> None:
+def test_the_palette_names_the_key_for_an_entry_that_is_in_another_one(
+    editor: TreeEditor, open_page: Open
+) -> None:
     page = open_page(editor)
     page.keyboard.press("ArrowDown")
     page.keyboard.press("i")
     page.keyboard.type("retry")
-    expect(page.locator("#palette-list")).to_contain_text("retry is among the others: Esc, then m at a node.")
+    expect(page.locator("#palette-list")).to_contain_text(
+        "retry is among the others: Esc, then m at a node."
+    )
     page.locator("#palette-search").fill("measure")
     expect(page.locator('#palette-list [role="option"] small').first).to_contain_text("Measure")
 
@@ -125,7 +129,9 @@ def drawn_out(page: Any, word: str, x: float, y: float) -> None:
     page.mouse.move(x, y, steps=3)
 
 
-def test_a_node_is_dragged_out_of_the_palette(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_a_node_is_dragged_out_of_the_palette(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     page = open_page(editor)
     target = item(page, "root/0").bounding_box()
     drawn_out(page, "fallback", target["x"] + 60, target["y"] + 4)
@@ -145,16 +151,23 @@ def test_a_node_is_dragged_out_of_the_palette(editor: TreeEditor, open_page: Ope
     expect(page.locator("#undo")).to_be_disabled()
 
 
-def test_a_node_is_dragged_and_undo_returns_the_bytes(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_a_node_is_dragged_and_undo_returns_the_bytes(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     page = open_page(editor)
-    source, target = item(page, "root/2").locator(".box").bounding_box(), item(page, "root/0").bounding_box()
+    source, target = (
+        item(page, "root/2").locator(".box").bounding_box(),
+        item(page, "root/0").bounding_box(),
+    )
     page.mouse.move(source["x"] + 20, source["y"] + 10)
     page.mouse.down()
     page.mouse.move(target["x"] + 60, target["y"] + 20, steps=5)
     page.mouse.move(target["x"] + 60, target["y"] + 4, steps=3)
     expect(page.locator(".drop")).to_be_visible()
     page.mouse.up()
-    moved = SMALL.replace('    - check: "{done}"\n', "").replace("    - wait", '    - check: "{done}"\n    - wait')
+    moved = SMALL.replace('    - check: "{done}"\n', "").replace(
+        "    - wait", '    - check: "{done}"\n    - wait'
+    )
     expect(area(page)).to_have_value(moved)
     expect(item(page, "root/0")).to_have_attribute("aria-selected", "true")
     page.keyboard.press("Control+z")
@@ -166,9 +179,18 @@ def test_a_node_is_dragged_and_undo_returns_the_bytes(editor: TreeEditor, open_p
     assert tree.read_text() == SMALL
 
 
-def test_every_edit_of_the_menu_is_undone_to_the_same_bytes(editor: TreeEditor, open_page: Open) -> None:
+def test_every_edit_of_the_menu_is_undone_to_the_same_bytes(
+    editor: TreeEditor, open_page: Open
+) -> None:
     page = open_page(editor)
-    edits = [("d", ""), ("Delete", ""), ("Alt+ArrowDown", ""), ("w", "fallback"), ("m", "timeout"), ("i", "succeed")]
+    edits = [
+        ("d", ""),
+        ("Delete", ""),
+        ("Alt+ArrowDown", ""),
+        ("w", "fallback"),
+        ("m", "timeout"),
+        ("i", "succeed"),
+    ]
     for key, word in edits:
         item(page, "root/0").locator(".box").click()
         page.locator("#tree").focus()
@@ -179,7 +201,9 @@ def test_every_edit_of_the_menu_is_undone_to_the_same_bytes(editor: TreeEditor, 
         expect(area(page)).to_have_value(SMALL)
 
 
-def test_the_context_menu_edits_the_node_under_the_pointer(editor: TreeEditor, open_page: Open) -> None:
+def test_the_context_menu_edits_the_node_under_the_pointer(
+    editor: TreeEditor, open_page: Open
+) -> None:
     page = open_page(editor)
     item(page, "root/1").locator(".box").click(button="right")
     expect(page.get_by_role("menu")).to_be_visible()
@@ -252,7 +276,9 @@ def test_words_of_a_field_are_quoted_where_yaml_needs_it(
         expect(page.locator("#stale")).to_be_hidden()
 
 
-def test_a_file_with_an_error_is_saved_and_not_run(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_a_file_with_an_error_is_saved_and_not_run(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     page = open_page(editor)
     broken = SMALL.replace("wait: 1 s", "wait: 1 kg")
     area(page).fill(broken)
@@ -264,17 +290,23 @@ def test_a_file_with_an_error_is_saved_and_not_run(editor: TreeEditor, open_page
     expect(page.locator('[data-bar="trial"]')).to_contain_text("correct the errors first")
 
 
-def test_a_fault_of_a_called_file_is_listed_with_its_place(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_a_fault_of_a_called_file_is_listed_with_its_place(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     tree.with_name("look.yaml").write_text("pomona: 1\ntree: look\nroot:\n  Beeep: {}\n")
     page = open_page(editor)
-    area(page).fill(SMALL.replace("- wait: 1 s", "- look: {}") + "subtrees:\n  look: {file: look.yaml}\n")
+    area(page).fill(
+        SMALL.replace("- wait: 1 s", "- look: {}") + "subtrees:\n  look: {file: look.yaml}\n"
+    )
     expect(page.locator("#findings li")).to_contain_text("look.yaml:4:3: no skill named 'Beeep'")
     page.get_by_role("button", name="file", exact=True).click()
     page.get_by_role("button", name="Dry run").click()
     expect(page.locator('[data-bar="trial"]')).to_contain_text("look.yaml:4:3")
 
 
-def test_a_change_on_disk_is_taken_over_or_shown_as_a_conflict(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_a_change_on_disk_is_taken_over_or_shown_as_a_conflict(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     page = open_page(editor)
     theirs = SMALL.replace("1 s", "7 s")
     tree.write_text(theirs)
@@ -295,7 +327,9 @@ def test_a_change_on_disk_is_taken_over_or_shown_as_a_conflict(editor: TreeEdito
     assert tree.read_text() == SMALL.replace("1 s", "8 s")
 
 
-def test_why_a_file_cannot_be_saved_is_shown_while_it_is_so(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_why_a_file_cannot_be_saved_is_shown_while_it_is_so(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     page = open_page(editor)
     area(page).fill(SMALL.replace("1 s", "8 s"))
     for name, spoil in {
@@ -311,7 +345,9 @@ def test_why_a_file_cannot_be_saved_is_shown_while_it_is_so(editor: TreeEditor, 
         expect(page.locator("#save")).to_be_enabled()
 
 
-def test_two_pages_see_each_other_and_the_later_one_decides(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_two_pages_see_each_other_and_the_later_one_decides(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     one, two = open_page(editor), open_page(editor)
     expect(one.locator('[data-bar="others"]')).to_be_visible()
     area(two).fill(SMALL.replace("1 s", "2 s"))
@@ -368,17 +404,25 @@ def test_seed_pace_and_values_of_a_run_are_asked_for_and_judged(
     dialog.get_by_label("mass").fill("200 g")
     dialog.get_by_role("button", name="Start").click()
     expect(dialog).to_be_hidden()
-    assert [(o["seed"], o["real_time"], o["settings"]) for o in orders] == [(7, True, {"mass": "200 g"})]
+    assert [(o["seed"], o["real_time"], o["settings"]) for o in orders] == [
+        (7, True, {"mass": "200 g"})
+    ]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(make_editor: Callable[[Path], TreeEditor], tree: Path, open_page: Open, scheme: str) -> None:
+def test_axe_finds_nothing(
+    make_editor: Callable[[Path], TreeEditor], tree: Path, open_page: Open, scheme: str
+) -> None:
     tree.write_text((Path(__file__).parents[4] / "trees" / "pick_apple.yaml").read_text())
     page = open_page(make_editor(tree), color_scheme=scheme)
     page.evaluate(AXE.read_text(encoding="utf-8"))
     item(page, "root/0").locator(".box").click()
     problems = {"a tree": page.evaluate(FOUND)}
-    area(page).fill(tree.read_text().replace("SampleGrasp", "SampelGrasp").replace("default: 90 mm", "default: 90 kg"))
+    area(page).fill(
+        tree.read_text()
+        .replace("SampleGrasp", "SampelGrasp")
+        .replace("default: 90 mm", "default: 90 kg")
+    )
     expect(page.locator("#findings li").first).to_be_visible()
     problems["findings"] = page.evaluate(FOUND)
     page.keyboard.press("Control+z")
@@ -396,7 +440,9 @@ def test_axe_finds_nothing(make_editor: Callable[[Path], TreeEditor], tree: Path
     assert {where: found for where, found in problems.items() if found} == {}
 
 
-def test_a_narrow_page_shows_and_changes_values_only(editor: TreeEditor, open_page: Open, tree: Path) -> None:
+def test_a_narrow_page_shows_and_changes_values_only(
+    editor: TreeEditor, open_page: Open, tree: Path
+) -> None:
     page = open_page(editor, viewport={"width": 390, "height": 844})
     item(page, "root/0").locator(".box").click()
     page.locator("#field-port-wait").fill("4 s")
@@ -405,7 +451,9 @@ def test_a_narrow_page_shows_and_changes_values_only(editor: TreeEditor, open_pa
     expect(page.locator("#saved")).to_have_text("saved")
     assert tree.read_text() == SMALL.replace("1 s", "4 s")
     expect(page.locator("#insert")).to_be_hidden()
-    expect(page.get_by_text("inserting and deleting nodes need a window wider than 720 px")).to_be_visible()
+    expect(
+        page.get_by_text("inserting and deleting nodes need a window wider than 720 px")
+    ).to_be_visible()
     page.locator("#tree").focus()
     page.keyboard.press("Delete")
     expect(page.get_by_role("treeitem")).to_have_count(4)
@@ -418,7 +466,9 @@ def test_a_thousand_nodes_are_drawn_as_those_in_sight(
     make_editor: Callable[[Path], TreeEditor], tree: Path, open_page: Open
 ) -> None:
     steps = "".join(f"        - wait: {number} s\n" for number in range(99))
-    tree.write_text("pomona: 1\ntree: large\nroot:\n  sequence:\n" + ("    - sequence:\n" + steps) * 10)
+    tree.write_text(
+        "pomona: 1\ntree: large\nroot:\n  sequence:\n" + ("    - sequence:\n" + steps) * 10
+    )
     page = open_page(make_editor(tree))
     page.keyboard.press("End")
     expect(item(page, "root/9/98")).to_be_in_viewport()
@@ -431,7 +481,9 @@ def test_the_text_of_a_node_is_never_markup(
     make_editor: Callable[[Path], TreeEditor], tree: Path, open_page: Open
 ) -> None:
     words = "<img src=x onerror=alert(1)>"
-    tree.write_text(f"pomona: 1\ntree: a\nroot:\n  wait: 1 s   # {words}\n  name: {json.dumps(words)}\n")
+    tree.write_text(
+        f"pomona: 1\ntree: a\nroot:\n  wait: 1 s   # {words}\n  name: {json.dumps(words)}\n"
+    )
     page = open_page(make_editor(tree))
     expect(page.locator("#tree")).to_contain_text(words)
     assert page.locator("main img").count() == 0

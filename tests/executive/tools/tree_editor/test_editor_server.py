@@ -30,7 +30,9 @@ def client(editor: TreeEditor) -> TestClient:
 @pytest.fixture
 def ask(editor: TreeEditor, client: TestClient) -> Ask:
     def post(name: str, **body: Any) -> tuple[int, dict[str, Any]]:
-        answer = client.post(f"/api/{name}", json=body, headers={"x-pomona-token": editor.access.token})
+        answer = client.post(
+            f"/api/{name}", json=body, headers={"x-pomona-token": editor.access.token}
+        )
         return answer.status_code, answer.json()
 
     return post
@@ -49,7 +51,9 @@ def test_nothing_acts_without_the_token(client: TestClient, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ACTING)
-def test_a_page_of_another_site_is_refused(client: TestClient, editor: TreeEditor, name: str) -> None:
+def test_a_page_of_another_site_is_refused(
+    client: TestClient, editor: TreeEditor, name: str
+) -> None:
     headers = {"x-pomona-token": editor.access.token, "origin": "http://evil.example"}
     assert client.post(f"/api/{name}", json={"text": SMALL}, headers=headers).status_code == 403
     headers = {"x-pomona-token": editor.access.token, "host": "evil.example"}
@@ -63,18 +67,24 @@ def test_what_is_read_has_the_protective_headers(client: TestClient, path: str) 
     assert "default-src 'self'" in answer.headers["content-security-policy"]
 
 
-@pytest.mark.parametrize("path", ["/static/editor.js", "/static/editor.css", "/static/shared/dom.js"])
+@pytest.mark.parametrize(
+    "path", ["/static/editor.js", "/static/editor.css", "/static/shared/dom.js"]
+)
 def test_the_pages_files_are_served(client: TestClient, path: str) -> None:
     assert client.get(path).status_code == 200
 
 
-@pytest.mark.parametrize("path", ["/static/../server.py", "/static/%2e%2e/server.py", "/api/nothing"])
+@pytest.mark.parametrize(
+    "path", ["/static/../server.py", "/static/%2e%2e/server.py", "/api/nothing"]
+)
 def test_nothing_else_is_served(client: TestClient, path: str) -> None:
     assert client.get(path).status_code == 404
 
 
 @pytest.mark.parametrize("name", ACTING)
-@pytest.mark.parametrize("body", [b"", b"[]", b"{", b'{"text": 5}', b'{"text": null}', b"NaN", b'{"page": "../x"}'])
+@pytest.mark.parametrize(
+    "body", [b"", b"[]", b"{", b'{"text": 5}', b'{"text": null}', b"NaN", b'{"page": "../x"}']
+)
 def test_a_request_that_no_page_makes_is_refused_with_a_reason(
     client: TestClient, editor: TreeEditor, name: str, body: bytes, tree: Path
 ) -> None:
@@ -87,11 +97,16 @@ def test_a_request_that_no_page_makes_is_refused_with_a_reason(
     assert tree.read_text() == SMALL
 
 
-def test_a_request_without_its_type_or_with_too_much_is_refused(client: TestClient, editor: TreeEditor) -> None:
+def test_a_request_without_its_type_or_with_too_much_is_refused(
+    client: TestClient, editor: TreeEditor
+) -> None:
     headers = {"x-pomona-token": editor.access.token}
     assert client.post("/api/state", content=b"{}", headers=headers).status_code == 415
     headers["content-type"] = "application/json"
-    assert client.post("/api/state", content=b" " * (MOST_BODY + 1), headers=headers).status_code == 413
+    assert (
+        client.post("/api/state", content=b" " * (MOST_BODY + 1), headers=headers).status_code
+        == 413
+    )
 
 
 def test_a_text_longer_than_a_tree_file_is_refused(ask: Ask) -> None:
@@ -124,23 +139,38 @@ def test_a_text_that_is_no_yaml_has_a_problem_and_no_nodes(ask: Ask) -> None:
 
 
 def test_an_edit_changes_its_line_alone(ask: Ask) -> None:
-    status, answer = ask("edit", text=SMALL, edit={"do": "set_port", "node": "root/0", "port": "wait", "value": "2 s"})
+    status, answer = ask(
+        "edit",
+        text=SMALL,
+        edit={"do": "set_port", "node": "root/0", "port": "wait", "value": "2 s"},
+    )
     assert status == 200
     assert answer["text"] == SMALL.replace("wait: 1 s", "wait: 2 s")
     assert answer["nodes"][1]["ports"][0]["text"] == "2 s"
 
 
 @pytest.mark.parametrize(
-    "edit", [{}, {"do": "fly"}, {"do": "delete"}, {"do": "delete", "node": "root/9"}, {"do": "delete", "node": 3}]
+    "edit",
+    [
+        {},
+        {"do": "fly"},
+        {"do": "delete"},
+        {"do": "delete", "node": "root/9"},
+        {"do": "delete", "node": 3},
+    ],
 )
-def test_an_edit_that_cannot_be_made_is_refused_with_its_reason(ask: Ask, edit: dict[str, Any]) -> None:
+def test_an_edit_that_cannot_be_made_is_refused_with_its_reason(
+    ask: Ask, edit: dict[str, Any]
+) -> None:
     status, answer = ask("edit", text=SMALL, edit=edit)
     assert status == 409
     assert answer["error"]
 
 
 def test_the_first_node_of_an_empty_file_makes_a_tree(ask: Ask) -> None:
-    _, answer = ask("edit", text="", edit={"do": "insert", "into": "", "index": 0, "node": "sequence: []"})
+    _, answer = ask(
+        "edit", text="", edit={"do": "insert", "into": "", "index": 0, "node": "sequence: []"}
+    )
     assert answer["text"] == "pomona: 1\ntree: small\n\nroot:\n  sequence: []\n"
 
 
@@ -179,7 +209,12 @@ def test_the_catalogue_has_help_ports_and_failure_codes_of_every_skill_and_word(
         assert all(one["meaning"] for one in skill["failures"])
     assert {"sequence", "retry", "check", "timeout"} <= set(found["words"])
     assert all(word["summary"] for word in found["words"].values())
-    speeds = [port for skill in found["skills"].values() for port in skill["inputs"] if port["type"] == "length"]
+    speeds = [
+        port
+        for skill in found["skills"].values()
+        for port in skill["inputs"]
+        if port["type"] == "length"
+    ]
     assert all("mm" in port["units"] for port in speeds)
     pose = next(port for port in found["skills"]["MoveTo"]["inputs"] if port["name"] == "pose")
     assert "observe" in pose["choices"]
@@ -188,7 +223,9 @@ def test_the_catalogue_has_help_ports_and_failure_codes_of_every_skill_and_word(
 # ------------------------------------------------------------------------------------------------- the file
 
 
-def test_a_save_writes_the_text_and_drops_the_draft(ask: Ask, client: TestClient, tree: Path) -> None:
+def test_a_save_writes_the_text_and_drops_the_draft(
+    ask: Ask, client: TestClient, tree: Path
+) -> None:
     stamp = opened(client)["disk"]["stamp"]
     ask("draft", page="me", text=BROKEN, stamp=stamp)
     status, answer = ask("save", page="me", text=BROKEN, stamp=stamp)
@@ -198,7 +235,11 @@ def test_a_save_writes_the_text_and_drops_the_draft(ask: Ask, client: TestClient
 
 
 def test_nothing_is_written_before_a_save(ask: Ask, tree: Path) -> None:
-    for name, more in (("state", {}), ("draft", {"stamp": ""}), ("edit", {"edit": {"do": "delete", "node": "root/0"}})):
+    for name, more in (
+        ("state", {}),
+        ("draft", {"stamp": ""}),
+        ("edit", {"edit": {"do": "delete", "node": "root/0"}}),
+    ):
         assert ask(name, text=BROKEN, page="me", **more)[0] == 200
     assert tree.read_text() == SMALL
     assert [path.name for path in tree.parent.iterdir() if path.name != "cache"] == ["small.yaml"]
@@ -214,7 +255,9 @@ def test_a_save_over_another_programs_change_is_a_conflict_with_its_content(
     assert ask("save", page="me", text=BROKEN, stamp=answer["disk"]["stamp"])[0] == 200
 
 
-def test_a_watching_page_gets_the_content_only_after_a_change(client: TestClient, tree: Path) -> None:
+def test_a_watching_page_gets_the_content_only_after_a_change(
+    client: TestClient, tree: Path
+) -> None:
     stamp = opened(client)["disk"]["stamp"]
     asked = {"page": "me", "stamp": stamp, "trial": "x", "count": "-1"}
     assert "disk" not in client.get("/api/watch", params=asked).json()
@@ -235,7 +278,9 @@ def test_the_draft_of_a_closed_page_is_found_and_that_of_an_open_one_is_not(
     os.utime(seen, (0.0, 0.0))
     ask("draft", page="open", text="other", stamp="s")
     client.get("/api/watch", params={"page": "open"})
-    assert [(draft["page"], draft["text"]) for draft in opened(client)["drafts"]] == [("closed", BROKEN)]
+    assert [(draft["page"], draft["text"]) for draft in opened(client)["drafts"]] == [
+        ("closed", BROKEN)
+    ]
     ask("drop", page="closed")
     assert opened(client)["drafts"] == []
 
@@ -290,9 +335,9 @@ def test_an_unknown_trial_and_wrong_settings_are_refused(ask: Ask) -> None:
 def test_a_value_that_the_tree_or_the_cell_cannot_use_is_refused_before_the_run(
     ask: Ask, editor: TreeEditor, settings: dict[str, str], problem: str
 ) -> None:
-    text = SMALL.replace("root:", "parameters: {tries: {type: int, default: 1, max: 5}}\nroot:").replace(
-        "1 s\n", "1 s\n      retry: '{tries}'\n", 1
-    )
+    text = SMALL.replace(
+        "root:", "parameters: {tries: {type: int, default: 1, max: 5}}\nroot:"
+    ).replace("1 s\n", "1 s\n      retry: '{tries}'\n", 1)
     status, answer = ask("start", kind="run", text=text, settings=settings)
     assert status == 409
     assert problem in answer["error"]
@@ -315,11 +360,15 @@ def test_a_cell_file_that_cannot_be_read_is_named_with_the_reason(tree: Path) ->
 
 
 @pytest.mark.slow
-def test_a_dry_run_of_the_unsaved_text_reports_the_state_of_each_node(ask: Ask, editor: TreeEditor, tree: Path) -> None:
+def test_a_dry_run_of_the_unsaved_text_reports_the_state_of_each_node(
+    ask: Ask, editor: TreeEditor, tree: Path
+) -> None:
     text = SMALL.replace('check: "{done}"', 'check: "not {done}"')
     assert ask("start", kind="dry", text=text)[0] == 200
     messages = follow(editor)
-    lines = {node["path"]: node["line"] for message in messages for node in message.get("nodes", ())}
+    lines = {
+        node["path"]: node["line"] for message in messages for node in message.get("nodes", ())
+    }
     ends = {lines[m["path"]]: m["status"] for m in messages if "path" in m}
     assert ends == {6: "FAILURE", 7: "SUCCESS", 8: "SUCCESS", 9: "FAILURE"}
     assert [m["outcome"] for m in messages if "outcome" in m] == ["failure"]
@@ -327,19 +376,26 @@ def test_a_dry_run_of_the_unsaved_text_reports_the_state_of_each_node(ask: Ask, 
 
 
 @pytest.mark.slow
-def test_scenarios_beside_the_tree_are_run_on_the_unsaved_text(ask: Ask, editor: TreeEditor, tree: Path) -> None:
+def test_scenarios_beside_the_tree_are_run_on_the_unsaved_text(
+    ask: Ask, editor: TreeEditor, tree: Path
+) -> None:
     (tree.parent / "small_test.yaml").write_text(
         "pomona: 1\ntree: small.yaml\ncases:\n  - {name: succeeds, expect: success}\n"
         "  - {name: fails, expect: {status: failure, code: CONDITION_FALSE}}\n"
     )
     assert ask("start", kind="scenarios", text=SMALL.replace("{done}", "not {done}"))[0] == 200
     messages = follow(editor)
-    assert {m["case"]: m["passed"] for m in messages if "case" in m} == {"succeeds": False, "fails": True}
+    assert {m["case"]: m["passed"] for m in messages if "case" in m} == {
+        "succeeds": False,
+        "fails": True,
+    }
     assert {m["status"] for m in messages if "path" in m} == {"reached"}
 
 
 @pytest.mark.slow
-def test_a_trial_is_stopped_in_the_safe_state(ask: Ask, client: TestClient, editor: TreeEditor) -> None:
+def test_a_trial_is_stopped_in_the_safe_state(
+    ask: Ask, client: TestClient, editor: TreeEditor
+) -> None:
     assert ask("start", kind="dry", text=SMALL.replace("1 s", "1000 s"), real_time=True)[0] == 200
     while "RUNNING" not in client.get("/api/watch", params={"page": "me"}).text:
         assert editor.trial._process is not None
@@ -348,10 +404,14 @@ def test_a_trial_is_stopped_in_the_safe_state(ask: Ask, client: TestClient, edit
     assert [m["outcome"] for m in follow(editor) if "outcome" in m] == ["stopped"]
 
 
-def test_a_reader_without_the_token_gets_no_link_that_acts(client: TestClient, editor: TreeEditor) -> None:
+def test_a_reader_without_the_token_gets_no_link_that_acts(
+    client: TestClient, editor: TreeEditor
+) -> None:
     editor.trial._messages = [{"page": "http://127.0.0.1:1/#token=secret"}, {"outcome": "success"}]
     assert "secret" not in client.get("/api/watch", params={"page": "me"}).text
-    acting = client.get("/api/watch", params={"page": "me"}, headers={"x-pomona-token": editor.access.token})
+    acting = client.get(
+        "/api/watch", params={"page": "me"}, headers={"x-pomona-token": editor.access.token}
+    )
     assert "secret" in acting.text
 
 

@@ -29,16 +29,20 @@ BAD = {
     "a word without its owner": HEAD + '  wait: 1 s\n  retry_if: "failure.code == NO_PATH"\n',
     "a value out of its range": HEAD + "  MoveTo: {pose: home, budget: -1 s}\n",
     "a pose that the cell lacks": HEAD + "  MoveTo: {pose: nowhere}\n",
-    "a failure code that is none": HEAD + '  wait: 1 s\n  retry: 2\n  retry_if: "failure.code == NO_SUCH"\n',
+    "a failure code that is none": HEAD
+    + '  wait: 1 s\n  retry: 2\n  retry_if: "failure.code == NO_SUCH"\n',
     "no YAML": HEAD + "  sequence:\n    - wait: [1 s\n",
     "a tab": HEAD + "\twait: 1 s\n",
     "a key twice": HEAD + "  wait: 1 s\n  wait: 2 s\n",
     "a list in place of a node": HEAD + "  - wait: 1 s\n",
     "no root": "pomona: 1\ntree: t\n",
     "a later version": "pomona: 99\ntree: t\nroot:\n  wait: 1 s\n",
-    "a subtree that nothing calls, with a fault": HEAD + "  wait: 1 s\nsubtrees:\n  s:\n    root: {Beeep: {}}\n",
+    "a subtree that nothing calls, with a fault": HEAD
+    + "  wait: 1 s\nsubtrees:\n  s:\n    root: {Beeep: {}}\n",
     "characters outside the first plane": HEAD + "  sequence:\n    - {name: 🍎🍎 é, Beeep: {}}\n",
-    "lines that end as in Windows": (HEAD + "  sequence:\n    - wait: 3 mm\n    - Beeep: {}\n").replace("\n", "\r\n"),
+    "lines that end as in Windows": (
+        HEAD + "  sequence:\n    - wait: 3 mm\n    - Beeep: {}\n"
+    ).replace("\n", "\r\n"),
 }
 NO_TREES = {"another program's": "hello: world\n", "a list": "- 1\n- 2\n", "an empty file": ""}
 
@@ -48,7 +52,9 @@ def installed() -> Registry:
     return Registry.installed()
 
 
-Found = tuple[str, int, str, str, str, str]  # file, line, characters that are meant, severity, code, message and hint
+Found = tuple[
+    str, int, str, str, str, str
+]  # file, line, characters that are meant, severity, code, message and hint
 
 
 def meant(path: Path, line: int, start: int, end: int, bits: int = 32) -> str:
@@ -91,9 +97,21 @@ def in_an_editor(path: Path, skills: Registry) -> list[Found]:
     for params in published:
         file = Path(to_fs_path(params.uri) or "")
         for d in params.diagnostics:
-            line, (start, end) = d.range.start.line + 1, (d.range.start.character, d.range.end.character)
+            line, (start, end) = (
+                d.range.start.line + 1,
+                (d.range.start.character, d.range.end.character),
+            )
             severity = "error" if d.severity is lsp.DiagnosticSeverity.Error else "warning"
-            found.append((file.name, line, meant(file, line, start, end, 16), severity, str(d.code), d.message))
+            found.append(
+                (
+                    file.name,
+                    line,
+                    meant(file, line, start, end, 16),
+                    severity,
+                    str(d.code),
+                    d.message,
+                )
+            )
     return found
 
 
@@ -114,10 +132,14 @@ def test_a_file_that_is_no_tree_is_left_alone_by_an_editor_alone(name, tmp_path,
     terminal = in_the_terminal(path, capsys)
     assert terminal
     assert on_the_page(path, installed) == terminal
-    assert in_an_editor(path, installed) == []  # an editor opens YAML files of other programs as well
+    assert (
+        in_an_editor(path, installed) == []
+    )  # an editor opens YAML files of other programs as well
 
 
-def test_a_fault_of_a_called_file_is_found_everywhere_until_it_is_mended(tmp_path, capsys, installed):
+def test_a_fault_of_a_called_file_is_found_everywhere_until_it_is_mended(
+    tmp_path, capsys, installed
+):
     path, called = tmp_path / "t.yaml", tmp_path / "look.yaml"
     path.write_text(HEAD + "  look: {}\nsubtrees:\n  look: {file: look.yaml}\n")
     called.write_text("pomona: 1\ntree: look\nroot:\n  Beeep: {}\n")
@@ -132,7 +154,9 @@ def test_an_editor_takes_back_the_findings_of_a_called_file(tmp_path, installed)
     called.write_text("pomona: 1\ntree: look\nroot:\n  Beeep: {}\n")
     server, published = TreeServer(), dict[str, int]()
     server.skills = installed
-    server.text_document_publish_diagnostics = lambda params: published.update({params.uri: len(params.diagnostics)})  # type: ignore[method-assign]
+    server.text_document_publish_diagnostics = lambda params: published.update(
+        {params.uri: len(params.diagnostics)}
+    )  # type: ignore[method-assign]
     uri, other = str(from_fs_path(str(path))), str(from_fs_path(str(called)))
     text = HEAD + "  look: {}\nsubtrees:\n  look: {file: look.yaml}\n"
     server.judge(uri, text)

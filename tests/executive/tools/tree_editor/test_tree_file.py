@@ -29,7 +29,9 @@ def test_a_file_keeps_its_line_ending_and_its_mark(path: Path, ending: str, mark
     assert disk.text == WRITTEN
     assert disk.problem == ""
     file.save(disk.text.replace("1 s", "2 s"), disk.stamp)
-    assert path.read_bytes() == (mark + WRITTEN.replace("\n", ending).replace("1 s", "2 s")).encode()
+    assert (
+        path.read_bytes() == (mark + WRITTEN.replace("\n", ending).replace("1 s", "2 s")).encode()
+    )
 
 
 def test_a_file_with_two_line_endings_is_shown_and_not_saved(path: Path) -> None:
@@ -50,13 +52,17 @@ def test_a_save_keeps_the_mode_and_leaves_nothing_beside(path: Path) -> None:
 
 
 @pytest.mark.parametrize("other", ["a pipe", "a folder", "an endless device"])
-def test_what_takes_the_place_of_the_file_is_reported_and_never_waited_for(path: Path, other: str) -> None:
+def test_what_takes_the_place_of_the_file_is_reported_and_never_waited_for(
+    path: Path, other: str
+) -> None:
     file = EditedFile(path)
     stamp = file.read().stamp
     path.unlink()
-    {"a pipe": os.mkfifo, "a folder": os.mkdir, "an endless device": lambda at: os.symlink("/dev/zero", at)}[other](
-        path
-    )
+    {
+        "a pipe": os.mkfifo,
+        "a folder": os.mkdir,
+        "an endless device": lambda at: os.symlink("/dev/zero", at),
+    }[other](path)
     disk = file.read()
     assert (disk.readable, "not a file" in disk.problem) == (False, True)
     with pytest.raises(SaveRefusedError):
@@ -154,7 +160,9 @@ def test_a_file_that_is_gone_is_seen_and_can_be_written_again(path: Path) -> Non
     [(b"x" * 10_000_000, r"has 10\.0 MB; a tree file has 512 KiB at most"), (b"\xff\xfe\x00", "not a text file"),
      (b"#" * 600_000, "longer than 512 KiB")],
 )  # fmt: skip
-def test_a_file_that_no_tree_can_be_is_refused_in_one_line(path: Path, content: bytes, words: str) -> None:
+def test_a_file_that_no_tree_can_be_is_refused_in_one_line(
+    path: Path, content: bytes, words: str
+) -> None:
     path.write_bytes(content)
     with pytest.raises(UsageError, match=words) as caught:
         EditedFile(path)

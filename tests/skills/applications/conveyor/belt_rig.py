@@ -83,7 +83,9 @@ class ScriptedWatch(BeltWatch):
         now = self.rig.clock.now()
         self.note_frame(self.rig.camera, now)
         seen = [self.alter(self.seen(number, now)) for number in self.fruit]
-        self.tracks = replace(self.tracks, tracks=tuple(track for track in seen if track is not None))
+        self.tracks = replace(
+            self.tracks, tracks=tuple(track for track in seen if track is not None)
+        )
 
     def note_frame(self, camera: Camera, now: float, searches: bool = False) -> None:
         if now <= self.frames_until:
@@ -123,7 +125,9 @@ class MockConveyor(Device):
 
     def travelled(self) -> ConveyorState | None:
         now = min(self._clock.now(), self.silent_from)
-        return ConveyorState(now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER)
+        return ConveyorState(
+            now, self.travel(now), (self.travel(now) - self.travel(now - OVER)) / OVER
+        )
 
     def stop(self) -> bool:
         if isinstance(self.stops, StopFailed):
@@ -137,7 +141,13 @@ class MockConveyor(Device):
 class BeltRig:
     """An arm at the belt, and a fruit that the fingers meet where it is."""
 
-    def __init__(self, speed: float = 0.15, along: float = -0.45, aside: float = 0.02, size: np.ndarray = SIZE) -> None:
+    def __init__(
+        self,
+        speed: float = 0.15,
+        along: float = -0.45,
+        aside: float = 0.02,
+        size: np.ndarray = SIZE,
+    ) -> None:
         self.clock, self.size = MockClock(), size
         self.arm = MockArm(self.clock, workspace().poses["watch"])
         self.gripper = MockGripper(self.clock, width=0.10)

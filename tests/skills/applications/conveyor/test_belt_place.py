@@ -46,7 +46,10 @@ def judged(folder: Path, text: str) -> list[tuple[str, str, str]]:
     path.write_text(text, "utf-8")
     judge_cell_file(path, findings)
     lines = text.split("\n")
-    return [(each.severity, lines[each.line - 1].strip(), f"{each.message}; {each.hint}") for each in findings.sorted()]
+    return [
+        (each.severity, lines[each.line - 1].strip(), f"{each.message}; {each.hint}")
+        for each in findings.sorted()
+    ]
 
 
 def edited(old: str, new: str, text: str = TEXT) -> str:
@@ -72,12 +75,20 @@ def test_a_belt_at_another_height_than_the_table_is_an_error_with_both_heights(
 
 @pytest.mark.parametrize("text", [TEXT, SIGNALS], ids=["simulated", "signals"])
 @pytest.mark.parametrize(
-    ("beside", "sides"), [("-1.5 m", "-1620 to -1380 mm"), ("360 mm", "240 to 480 mm"), ("-700 mm", "-820 to -580 mm")]
+    ("beside", "sides"),
+    [("-1.5 m", "-1620 to -1380 mm"), ("360 mm", "240 to 480 mm"), ("-700 mm", "-820 to -580 mm")],
 )
-def test_a_belt_outside_the_workspace_is_an_error(tmp_path: Path, text: str, beside: str, sides: str) -> None:
-    ((severity, line, words),) = judged(tmp_path, edited("beside: -360 mm", f"beside: {beside}", text))
+def test_a_belt_outside_the_workspace_is_an_error(
+    tmp_path: Path, text: str, beside: str, sides: str
+) -> None:
+    ((severity, line, words),) = judged(
+        tmp_path, edited("beside: -360 mm", f"beside: {beside}", text)
+    )
     assert (severity, line) == ("error", f"beside: {beside}")
-    assert f"the belt, y {sides} and z -120 mm, leaves the workspace, y -800 to 300 mm, z -140 to 700 mm" in words
+    assert (
+        f"the belt, y {sides} and z -120 mm, leaves the workspace, y -800 to 300 mm, z -140 to 700 mm"
+        in words
+    )
 
 
 def test_a_workspace_that_ends_before_the_belt_is_an_error(tmp_path: Path) -> None:
@@ -94,19 +105,28 @@ def test_a_belt_through_an_obstacle_is_an_error_with_its_name_and_one_below_or_b
     assert "crate_small" in found[0][2]
     assert "crate_large" in found[1][2]
     for centre in ("0 -0.36 -0.17 m", "0.5 -0.53 -0.1 m", "0.5 -0.36 0.10 m"):
-        box = f"    obstacles:\n    - {{name: box, centre: {centre}, size: 0.1 0.1 0.1 m}}".removeprefix("  ")
+        box = f"    obstacles:\n    - {{name: box, centre: {centre}, size: 0.1 0.1 0.1 m}}".removeprefix(
+            "  "
+        )
         assert judged(tmp_path, edited("  obstacles:", box)) == []
 
 
 @pytest.mark.parametrize(
     "volume",
-    ["lower: -950 -480 -140 m, upper: 950 -240 -20 m", "lower: -0.95 0.24 -0.14 m, upper: 0.95 0.48 -0.02 m"],
+    [
+        "lower: -950 -480 -140 m, upper: 950 -240 -20 m",
+        "lower: -0.95 0.24 -0.14 m, upper: 0.95 0.48 -0.02 m",
+    ],
     ids=["millimetres", "sign"],
 )
-def test_a_watch_whose_volume_does_not_hold_the_belt_is_an_error_at_passing(tmp_path: Path, volume: str) -> None:
+def test_a_watch_whose_volume_does_not_hold_the_belt_is_an_error_at_passing(
+    tmp_path: Path, volume: str
+) -> None:
     ((severity, line, words),) = judged(tmp_path, edited(VOLUME, volume))
     assert (severity, line) == ("error", f"- {{name: belt, {volume}}}")
-    assert words.startswith("workspace.watch.passing: no volume `passing` holds the fruit on the belt")
+    assert words.startswith(
+        "workspace.watch.passing: no volume `passing` holds the fruit on the belt"
+    )
     remedy = words.partition("; - {name: belt, ")[2].removesuffix("}")
     assert judged(tmp_path, edited(VOLUME, remedy)) == []
 
@@ -121,7 +141,10 @@ def test_a_watch_without_a_volume_for_the_belt_is_an_error(tmp_path: Path) -> No
 def test_a_volume_that_is_far_higher_than_fruit_is_warned_of(tmp_path: Path) -> None:
     found = judged(tmp_path, edited("0.95 -0.24 -0.02 m", "0.95 -0.24 0.60 m"))
     assert [severity for severity, _, _ in found] == ["warning"]
-    assert "workspace.watch.passing: up to 720 mm over the belt the watch sees no person" in found[0][2]
+    assert (
+        "workspace.watch.passing: up to 720 mm over the belt the watch sees no person"
+        in found[0][2]
+    )
     assert judged(tmp_path, edited("0.95 -0.24 -0.02 m", "0.95 -0.24 0.03 m")) == []
 
 
@@ -141,10 +164,15 @@ def test_a_second_belt_is_an_error(tmp_path: Path, text: str, first: str, second
     ((severity, line, words),) = judged(tmp_path, edited(first, first + second, text))
     assert severity == "error"
     assert line.startswith("driver: ")
-    assert "devices.conveyor_2.driver: the cell has the belt 'conveyor' already; leave one of them" in words
+    assert (
+        "devices.conveyor_2.driver: the cell has the belt 'conveyor' already; leave one of them"
+        in words
+    )
 
 
-@pytest.mark.parametrize(("at", "warned"), [("0 -0.36 -0.12 m", False), ("0 -0.36 3 m", True), ("2 -0.36 1.2 m", True)])
+@pytest.mark.parametrize(
+    ("at", "warned"), [("0 -0.36 -0.12 m", False), ("0 -0.36 3 m", True), ("2 -0.36 1.2 m", True)]
+)
 def test_a_fixed_camera_counts_if_it_sees_the_belt(tmp_path: Path, at: str, warned: bool) -> None:
     camera = FIXED.replace("AT", at).replace("LENS", LENS)
     for text in (edited("  fruits:", PERSON), TEXT):
@@ -170,15 +198,32 @@ def test_an_emulated_camera_rides_on_the_hand(tmp_path: Path) -> None:
             "travel: travell",
             "no input 'travell' that is a number; did you mean",
         ),
-        (" travel: travel\n", " travel: start\n", "travel: start", "no input 'start' that is a number"),
-        (" runs: runs\n", " runs: run\n", "runs: run", "no output 'run' that is a switch; did you mean 'runs'"),
+        (
+            " travel: travel\n",
+            " travel: start\n",
+            "travel: start",
+            "no input 'start' that is a number",
+        ),
+        (
+            " runs: runs\n",
+            " runs: run\n",
+            "runs: run",
+            "no output 'run' that is a switch; did you mean 'runs'",
+        ),
         (" runs: runs\n", " runs: start\n", "runs: start", "no output 'start' that is a switch"),
-        ("int32, scale: 0.0001", "int16, scale: 0.0001", "travel: travel", "begins anew after 6.55 m"),
+        (
+            "int32, scale: 0.0001",
+            "int16, scale: 0.0001",
+            "travel: travel",
+            "begins anew after 6.55 m",
+        ),
         ("int32, scale: 0.0001", "int32", "travel: travel", "one count of 'travel' is 1000 mm"),
     ],
     ids=["typing", "switch", "output", "input", "short", "unscaled"],
 )
-def test_signals_are_checked_with_the_cell(tmp_path: Path, old: str, new: str, at: str, words: str) -> None:
+def test_signals_are_checked_with_the_cell(
+    tmp_path: Path, old: str, new: str, at: str, words: str
+) -> None:
     ((severity, line, message),) = judged(tmp_path, edited(old, new, SIGNALS))
     assert (severity, line) == ("error", at)
     assert words in message

@@ -32,7 +32,9 @@ def drawn(height: float = 0.0) -> Frame:
     belt = the_belt()
     T = belt.T_base_belt.copy()
     T[2, 3] += height
-    return draw(load_fruit("apple"), replace(belt, T_base_belt=T), camera_over(belt, 0.0), [], 0.0, 0)
+    return draw(
+        load_fruit("apple"), replace(belt, T_base_belt=T), camera_over(belt, 0.0), [], 0.0, 0
+    )
 
 
 def track(rig: BeltRig, frame: Frame | None, **inputs: object) -> SkillEnd:
@@ -51,7 +53,9 @@ def test_a_belt_that_is_seen_and_counts_gives_tracks() -> None:
     watch = end.outputs["tracks"]
     assert watch.tracks.encoder
     assert watch.travel.speed == pytest.approx(0.15)
-    assert watch.sentence == "kept up while a skill watches the belt"  # shown for the port as long as the run lasts
+    assert (
+        watch.sentence == "kept up while a skill watches the belt"
+    )  # shown for the port as long as the run lasts
     assert not rig.arm.followed
 
 
@@ -114,7 +118,12 @@ def test_a_fruit_that_nobody_knows_has_no_weights() -> None:
 
 def await_fruit(rig: BeltRig, **how: object) -> SkillEnd:
     inputs = {"tracks": rig.watch, **how.pop("inputs", {})}  # type: ignore[dict-item]
-    devices = {Camera: rig.camera, Cameras: Cameras((rig.camera,)), Conveyor: rig.conveyor, Arm: rig.arm}
+    devices = {
+        Camera: rig.camera,
+        Cameras: Cameras((rig.camera,)),
+        Conveyor: rig.conveyor,
+        Arm: rig.arm,
+    }
     return drive(AwaitFruit(), inputs, devices, clock=rig.clock, **how)  # type: ignore[arg-type]
 
 
@@ -172,7 +181,12 @@ def ages(watch: BeltWatch, camera: MockCamera, every: float, late: float) -> flo
 
 @pytest.mark.parametrize(
     ("every", "late", "least", "most"),
-    [(1.0 / 30.0, 0.065, 0.17, 0.19), (1.0 / 15.0, 0.065, 0.17, 0.21), (0.1, 0.1, 0.22, 0.28), (0.2, 0.2, 0.42, 0.48)],
+    [
+        (1.0 / 30.0, 0.065, 0.17, 0.19),
+        (1.0 / 15.0, 0.065, 0.17, 0.21),
+        (0.1, 0.1, 0.22, 0.28),
+        (0.2, 0.2, 0.42, 0.48),
+    ],
 )
 def test_frames_are_missing_once_they_are_later_than_lately(
     every: float, late: float, least: float, most: float
@@ -225,7 +239,9 @@ def await_fruit_unscripted(rig: BeltRig) -> SkillEnd:
 def test_the_operator_sees_the_belt_its_fruit_and_their_ellipses() -> None:
     rig = BeltRig(along=-0.5)
     rig.watch.fruit[1] = (-0.6, 0.03)
-    rig.watch.alter = lambda track: replace(track, likelier=-1.0) if rig.clock.now() < 0.5 else track
+    rig.watch.alter = lambda track: (
+        replace(track, likelier=-1.0) if rig.clock.now() < 0.5 else track
+    )
     end = await_fruit(rig)
     scenes = [view for topic, view in end.published if topic == "belt"]
     tables = [view for topic, view in end.published if topic == "fruit"]

@@ -59,7 +59,9 @@ def drive_until(rig: BeltRig, phase: str, act: Callable[[], None], **how: Any) -
 def within_limits(rig: BeltRig) -> None:
     q = np.array(rig.paths)
     for order, limit in ((1, rig.arm.limits.velocity), (2, rig.arm.limits.acceleration)):
-        assert (np.abs(np.diff(q, order, axis=0)).max(axis=0) / 0.002**order <= limit * 1.001 + 1e-6).all()
+        assert (
+            np.abs(np.diff(q, order, axis=0)).max(axis=0) / 0.002**order <= limit * 1.001 + 1e-6
+        ).all()
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.15, 0.3])
@@ -73,7 +75,9 @@ def test_a_fruit_is_gripped_on_the_belt_and_lifted_and_the_hand_rests(speed: flo
     assert end.outputs["width"] == pytest.approx(0.073, abs=3e-3)
     belts = [view for topic, view in end.published if topic == "belt"]
     assert belts[0].lines
-    assert [line.label for line in belts[-1].lines] == ["belt"]  # the fruit is drawn no more where it lay
+    assert [line.label for line in belts[-1].lines] == [
+        "belt"
+    ]  # the fruit is drawn no more where it lay
     within_limits(rig)
 
 
@@ -133,7 +137,9 @@ def test_the_first_touches_are_recorded_beside_the_fruit_that_the_belt_has_carri
     assert touches.right is not None
     assert touches.left.width == pytest.approx(SIZE[0], abs=1e-3)
     assert end.outputs["width"] == min(touches.left.width, touches.right.width)
-    assert touches.T_base_fruit[:3, 3] == pytest.approx(rig.target.place, abs=1e-9)  # as it was measured
+    assert touches.T_base_fruit[:3, 3] == pytest.approx(
+        rig.target.place, abs=1e-9
+    )  # as it was measured
     assert touches.T_base_tcp[:2, 3] == pytest.approx(touches.T_base_fruit[:2, 3], abs=2e-3)
     assert rig.hand()[0, 3] - touches.T_base_tcp[0, 3] > 0.3  # and carried on by the belt since
     assert touches.skin == pytest.approx([SIZE[0] / 2.0] * 2, abs=3e-3)
@@ -153,7 +159,9 @@ def test_a_fruit_that_has_passed_is_out_of_reach_and_nothing_moves() -> None:
     end = rig.intercept()
     assert code(end) == "OUT_OF_REACH"
     assert end.reason is not None
-    words = r"the fruit has passed; 340 mm beside the base the hand reaches [5-9]\d\d mm along the belt"
+    words = (
+        r"the fruit has passed; 340 mm beside the base the hand reaches [5-9]\d\d mm along the belt"
+    )
     assert re.match(words, end.reason.message)
     assert nothing_moved(rig)
 
@@ -192,7 +200,11 @@ OVER_THE_BELT, FRUIT = (-0.30, -0.42, 0.10), (-0.30, -0.36, -0.06)
 
 
 def intercept_under_a_camera(
-    rig: BeltRig, place: tuple[float, float, float], phase: str = "reaching", least: float = -1.0, **how: Any
+    rig: BeltRig,
+    place: tuple[float, float, float],
+    phase: str = "reaching",
+    least: float = -1.0,
+    **how: Any,
 ) -> SkillEnd:
     """Drive the skill under a camera above, which sees a ball at a place from a phase on, and a height of the hand."""
     overhead, skill = Overhead(rig.clock), Intercept()
@@ -202,7 +214,14 @@ def intercept_under_a_camera(
         if phase in skill.feedback_message and rig.height > least and not overhead.balls:
             overhead.balls = ((*place, 0.045),)
 
-    end = drive(skill, {"target": rig.target, "tracks": rig.watch}, devices, clock=rig.clock, each_tick=tick, **how)
+    end = drive(
+        skill,
+        {"target": rig.target, "tracks": rig.watch},
+        devices,
+        clock=rig.clock,
+        each_tick=tick,
+        **how,
+    )
     assert overhead.balls
     assert overhead.frames > 2
     return end
@@ -214,7 +233,9 @@ def rests(rig: BeltRig) -> bool:
     return np.array_equal(before, rig.arm.q)
 
 
-def test_what_comes_over_the_belt_stops_hand_and_belt_at_once_where_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_comes_over_the_belt_stops_hand_and_belt_at_once_where_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     rig, ask, stopped = BeltRig(), LiveWatch.look, list[float]()
 
     def look(eyes: LiveWatch) -> str | None:
@@ -234,7 +255,9 @@ def test_what_comes_over_the_belt_stops_hand_and_belt_at_once_where_they_are(mon
     assert state.speed == 0.0
 
 
-@pytest.mark.parametrize(("phase", "least", "held"), [("closing", -1.0, False), ("rising", 0.02, True)])
+@pytest.mark.parametrize(
+    ("phase", "least", "held"), [("closing", -1.0, False), ("rising", 0.02, True)]
+)
 def test_hand_and_belt_stop_also_at_the_fruit_which_stays_on_the_belt_or_in_the_hand(
     phase: str, least: float, held: bool
 ) -> None:
@@ -304,7 +327,9 @@ def test_a_belt_that_does_not_stop_is_an_error_and_no_failure_that_a_tree_could_
 
 
 @pytest.mark.slow
-def test_a_box_over_the_belt_blocks_the_way_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_box_over_the_belt_blocks_the_way_before_anything_moves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     from pomona.drivers import Box
     from tests.skills.applications.conveyor import belt_rig
 
@@ -380,7 +405,9 @@ def change_speed(rig: BeltRig, after: float) -> None:
 
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.25])
 @pytest.mark.parametrize("phase", ["reaching", "closing"])
-def test_a_belt_that_stops_slows_or_speeds_up_is_noticed_and_the_hand_rises(phase: str, after: float) -> None:
+def test_a_belt_that_stops_slows_or_speeds_up_is_noticed_and_the_hand_rises(
+    phase: str, after: float
+) -> None:
     rig = BeltRig()
     changed: list[float] = []
 
@@ -405,7 +432,10 @@ def test_a_belt_that_creeps_is_noticed_within_200_ms(phase: str) -> None:
         if phase in skill.feedback_message and not began:
             began.append(now)
             rig.conveyor.travel = lambda t: travel(t) - 0.025 * max(t - now, 0.0) ** 2  # 50 mm/s²
-        if skill.feedback_message.startswith(("letting the fruit go", "rising without")) and not gave_up:
+        if (
+            skill.feedback_message.startswith(("letting the fruit go", "rising without"))
+            and not gave_up
+        ):
             gave_up.append(now)
 
     end = rig.intercept(skill, each_tick=tick)
@@ -445,7 +475,9 @@ def test_a_fruit_that_presses_on_one_finger_alone_is_let_go() -> None:
 
 def test_force_before_the_fingers_close_ends_the_pick() -> None:
     rig = BeltRig()
-    end = drive_until(rig, "reaching", lambda: setattr(rig.fingers, "feel", lambda _: np.full((2, 6), 5.0)))
+    end = drive_until(
+        rig, "reaching", lambda: setattr(rig.fingers, "feel", lambda _: np.full((2, 6), 5.0))
+    )
     assert code(end) == "FORCE_LIMIT"
     assert rests_above_the_belt(rig, end)
 
@@ -488,9 +520,13 @@ def test_frames_that_stop_are_noticed_and_the_hand_rises() -> None:
 
 
 @pytest.mark.parametrize("phase", ["reaching", "closing", "rising"])
-def test_frames_that_stop_are_noticed_within_200_ms_and_a_fruit_in_the_hand_is_lifted(phase: str) -> None:
+def test_frames_that_stop_are_noticed_within_200_ms_and_a_fruit_in_the_hand_is_lifted(
+    phase: str,
+) -> None:
     rig, stopped, gave_up, skill = BeltRig(), list[float](), list[float](), Intercept()
-    words = "rising with the fruit" if phase == "rising" else ("rising without", "letting the fruit go")
+    words = (
+        "rising with the fruit" if phase == "rising" else ("rising without", "letting the fruit go")
+    )
 
     def tick(_: int) -> None:
         if phase in skill.feedback_message and not stopped:
@@ -573,7 +609,9 @@ def begins() -> dict[str, int]:
 
 
 @pytest.mark.parametrize("phase", ["waiting", "reaching", "closing", "rising"])
-def test_interrupted_in_any_phase_the_hand_rises_and_rests_and_a_held_fruit_stays_held(phase: str) -> None:
+def test_interrupted_in_any_phase_the_hand_rises_and_rests_and_a_held_fruit_stays_held(
+    phase: str,
+) -> None:
     rig = BeltRig(along=-0.6)
     end = rig.intercept(interrupt_after=begins()[phase] + 2)
     assert end.status is Status.INVALID

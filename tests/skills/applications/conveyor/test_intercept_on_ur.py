@@ -40,7 +40,10 @@ class UrRig(BeltRig):
         self.controller = UrEmulator(self.joints, limits.velocity)
         self.clock.each_step.append(lambda: self.controller.advance(self.clock.now()))
         self.time = VirtualTime(self.clock, PERIOD)
-        pipes = {name: Pipe(getattr(self.controller, name), self.time) for name in ("rtde", "script", "dashboard")}
+        pipes = {
+            name: Pipe(getattr(self.controller, name), self.time)
+            for name in ("rtde", "script", "dashboard")
+        }
         options = UrFile(address="ur", model="ur5e", robot=UR5E)
         self.robot = UrArm(lambda name: pipes[name].open(), self.time, limits, options)
         self.robot.connect()
@@ -76,14 +79,18 @@ def test_a_fruit_is_gripped_on_the_belt_and_lifted(rig: UrRig) -> None:
     end = rig.intercept(skill, each_tick=tick)
     assert end.status is Status.SUCCESS, end.reason
     assert len(off) > 10
-    assert np.abs(np.array(off)).max() < 2e-3  # as the fingers begin to close, while the hand still sinks
+    assert (
+        np.abs(np.array(off)).max() < 2e-3
+    )  # as the fingers begin to close, while the hand still sinks
     assert np.abs(np.array(off[5:])).max() < 1e-3
     assert rig.height == pytest.approx(0.15, abs=5e-3)
     assert rig.robot.settled()
 
 
 @pytest.mark.slow
-def test_a_protective_stop_above_the_belt_ends_the_pick_and_the_arm_stays_where_it_stopped(rig: UrRig) -> None:
+def test_a_protective_stop_above_the_belt_ends_the_pick_and_the_arm_stays_where_it_stopped(
+    rig: UrRig,
+) -> None:
     skill = Intercept()
 
     def tick(_: int) -> None:

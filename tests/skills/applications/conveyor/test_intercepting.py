@@ -49,7 +49,9 @@ def planned(x: float, speed: float, hand: ReadyHand = HAND) -> InterceptPlan:
 
 @given(st.floats(0.0, 0.3), st.floats(-0.04, 0.04))
 @settings(max_examples=8, deadline=None)
-def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_speed(speed: float, aside: float) -> None:
+def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_speed(
+    speed: float, aside: float
+) -> None:
     place = belt_place(-0.5 if speed > 0.03 else -0.1, speed, -0.36 + aside)
     pick = None
     for now in np.arange(0.0, 14.0, 0.2):
@@ -65,7 +67,9 @@ def test_the_hand_starts_where_it_is_at_rest_and_ends_around_the_fruit_at_its_sp
     assert pick.pose(pick.t0, place) == pytest.approx(MODEL.tcp(HAND.q), abs=1e-9)
     assert velocity(pick.t0) == pytest.approx(np.zeros(3), abs=1e-3)
     over = pick.t0 + pick.reach
-    assert pick.pose(over, place)[:3, 3] - place(over)[0] == pytest.approx([0.0, 0.0, ABOVE], abs=1e-9)
+    assert pick.pose(over, place)[:3, 3] - place(over)[0] == pytest.approx(
+        [0.0, 0.0, ABOVE], abs=1e-9
+    )
     sinks = -SINKING * ABOVE / pick.descent
     assert velocity(over) == pytest.approx([speed, 0.0, sinks], abs=2e-3)
     h = -h  # and so it comes there
@@ -85,7 +89,9 @@ def test_a_corrected_place_moves_the_hand_by_as_much_and_no_more() -> None:
         return p + shift, v
 
     for t in np.linspace(pick.t0, pick.arrival, 7):
-        assert pick.pose(t, moved)[:3, 3] - pick.pose(t, at)[:3, 3] == pytest.approx(shift, abs=1e-12)
+        assert pick.pose(t, moved)[:3, 3] - pick.pose(t, at)[:3, 3] == pytest.approx(
+            shift, abs=1e-12
+        )
 
 
 @given(st.floats(0.0, 0.5), st.floats(0.05, 0.3))
@@ -103,7 +109,9 @@ def test_a_rise_starts_with_the_belt_and_ends_at_rest_above(speed: float, height
 
 
 @pytest.mark.parametrize("height", [0.05, 0.15, 0.4])
-def test_a_lift_of_any_height_accelerates_a_fruit_no_more_than_one_that_is_carried(height: float) -> None:
+def test_a_lift_of_any_height_accelerates_a_fruit_no_more_than_one_that_is_carried(
+    height: float,
+) -> None:
     rise = Rise(0.0, np.eye(4), np.array([0.3, 0.0, 0.0]), height)
     t = np.arange(0.0, rise.end, 1e-3)
     z = np.array([rise.pose(float(each))[2, 3] for each in t])
@@ -124,25 +132,40 @@ def test_the_hand_can_set_off_all_along_120_mm_of_a_belt_at_300_mm_a_second_and_
             assert solved is not None
             q = solved
             way.append(q)
-        pace = np.abs(np.gradient(np.gradient(np.array(way), 0.01, axis=0), 0.01, axis=0)) / SIA5F_LIMITS.acceleration
+        pace = (
+            np.abs(np.gradient(np.gradient(np.array(way), 0.01, axis=0), 0.01, axis=0))
+            / SIA5F_LIMITS.acceleration
+        )
         assert pace.max() < 1.0
 
 
-def test_an_operator_is_shown_that_a_fruit_cannot_be_reached_yet_and_later_that_it_is_too_far_on() -> None:
+def test_an_operator_is_shown_that_a_fruit_cannot_be_reached_yet_and_later_that_it_is_too_far_on() -> (
+    None
+):
     early = plan_pick(HAND, 0.0, belt_place(-0.9, 0.3), np.zeros(3), (0.0,), ALONG)
     assert isinstance(early, NoPick)
-    assert re.fullmatch(r"the fruit (is not near enough|cannot be reached) yet(: it takes .*)?", early.reason)
-    reasons = [plan_pick(HAND, 0.0, belt_place(x, 0.3), np.zeros(3), (0.0,), ALONG) for x in np.arange(-0.2, 0.3, 0.1)]
+    assert re.fullmatch(
+        r"the fruit (is not near enough|cannot be reached) yet(: it takes .*)?", early.reason
+    )
+    reasons = [
+        plan_pick(HAND, 0.0, belt_place(x, 0.3), np.zeros(3), (0.0,), ALONG)
+        for x in np.arange(-0.2, 0.3, 0.1)
+    ]
     late = [pick.reason for pick in reasons if isinstance(pick, NoPick) and pick.late]
     assert late
-    assert all(re.fullmatch(r"the fruit is too far on: it takes \d+\.\d\d times what .*", words) for words in late)
+    assert all(
+        re.fullmatch(r"the fruit is too far on: it takes \d+\.\d\d times what .*", words)
+        for words in late
+    )
 
 
 UPSTREAM = ReadyHand(MODEL, SIA5F_LIMITS, workspace().poses["watch_2"], 0.15, lambda _: "")
 
 
 @pytest.mark.parametrize(("x", "speed"), [(-0.57, 0.4), (-0.57, 0.5), (-0.5, 0.5)])
-def test_a_fast_belt_is_caught_from_further_upstream_with_less_time_at_the_fruit(x: float, speed: float) -> None:
+def test_a_fast_belt_is_caught_from_further_upstream_with_less_time_at_the_fruit(
+    x: float, speed: float
+) -> None:
     pick = plan_pick(UPSTREAM, 0.0, belt_place(x, speed), np.zeros(3), (0.0,), ALONG)
     assert isinstance(pick, InterceptPlan), pick.reason
     assert pick.share <= 0.8
@@ -157,7 +180,9 @@ def test_at_300_mm_a_second_and_below_the_time_at_the_fruit_and_the_brakes_are_a
 
 
 @pytest.mark.parametrize("brakes", BRAKES)
-def test_the_brakes_of_a_rise_bring_it_to_rest_within_their_times(brakes: tuple[float, float]) -> None:
+def test_the_brakes_of_a_rise_bring_it_to_rest_within_their_times(
+    brakes: tuple[float, float],
+) -> None:
     rise = Rise(0.0, np.eye(4), np.array([0.5, 0.0, 0.0]), 0.05, brakes)
     ridden = rise.pose(sum(brakes))[0, 3]
     assert ridden == pytest.approx(0.5 * (brakes[0] + brakes[1] / 2.0))
@@ -172,9 +197,14 @@ def test_a_fruit_beyond_the_reach_gives_no_pick_and_no_code_since_another_may_co
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("speed", "aside"), [(0.15, 0.04), (0.3, -0.04), (0.3, 0.03)])
-def test_a_fruit_that_is_too_far_on_is_never_caught_by_a_later_start(speed: float, aside: float) -> None:
+def test_a_fruit_that_is_too_far_on_is_never_caught_by_a_later_start(
+    speed: float, aside: float
+) -> None:
     place = belt_place(-0.75, speed, -0.36 + aside)
-    picks = [plan_pick(HAND, float(now), place, np.zeros(3), (0.0,), ALONG) for now in np.arange(0.0, 0.9 / speed, 0.1)]
+    picks = [
+        plan_pick(HAND, float(now), place, np.zeros(3), (0.0,), ALONG)
+        for now in np.arange(0.0, 0.9 / speed, 0.1)
+    ]
     late = next(i for i, pick in enumerate(picks) if isinstance(pick, NoPick) and pick.late)
     assert not any(isinstance(pick, InterceptPlan) for pick in picks[late:])
     assert any(isinstance(pick, InterceptPlan) for pick in picks[:late])
@@ -182,7 +212,9 @@ def test_a_fruit_that_is_too_far_on_is_never_caught_by_a_later_start(speed: floa
 
 
 def test_a_way_that_is_not_free_is_blocked_with_its_reason() -> None:
-    blocked = ReadyHand(MODEL, SIA5F_LIMITS, HAND.q, 0.15, lambda way: f"link 3 touches the roof at {len(way)}")
+    blocked = ReadyHand(
+        MODEL, SIA5F_LIMITS, HAND.q, 0.15, lambda way: f"link 3 touches the roof at {len(way)}"
+    )
     for now in np.arange(0.0, 4.0, 0.1):
         pick = plan_pick(blocked, float(now), belt_place(-0.5, 0.15), np.zeros(3), (0.0,), ALONG)
         assert isinstance(pick, NoPick)

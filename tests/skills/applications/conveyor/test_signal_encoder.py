@@ -9,7 +9,14 @@ import pytest
 
 from pomona.applications.conveyor import signal_encoder as leaf
 from pomona.devices.plc.simulated import MockSignals
-from pomona.drivers import CellFileError, ConnectContext, DeviceLost, StopFailed, Surroundings, read_cell_file
+from pomona.drivers import (
+    CellFileError,
+    ConnectContext,
+    DeviceLost,
+    StopFailed,
+    Surroundings,
+    read_cell_file,
+)
 from pomona.drivers.camera_options import IntrinsicsSection
 from pomona.executive import ManualClock, find_cell
 from pomona.executive.cell.cell_file import judge_cell_file
@@ -21,10 +28,14 @@ from pomona.tools.simulation.connect import FixedSection
 USUAL = "driver: signal-conveyor\ntravel: encoder\nbeside: -360 mm\ntop: -120 mm\n"
 
 
-def belt(folder: Path, plc: MockSignals, clock: ManualClock, text: str = USUAL) -> leaf.SignalConveyor:
+def belt(
+    folder: Path, plc: MockSignals, clock: ManualClock, text: str = USUAL
+) -> leaf.SignalConveyor:
     path = folder / "belt.yaml"
     path.write_text(text)
-    return leaf.connect(read_settings(leaf.connect, path), ConnectContext(path, clock, 0, devices={"plc": plc}))
+    return leaf.connect(
+        read_settings(leaf.connect, path), ConnectContext(path, clock, 0, devices={"plc": plc})
+    )
 
 
 def test_the_encoder_gives_travel_and_speed(tmp_path: Path) -> None:
@@ -63,7 +74,9 @@ def test_a_signal_that_is_no_number_is_refused_with_its_place(tmp_path: Path) ->
     clock = ManualClock()
     plc = MockSignals(clock, {"encoder": 5.0, "start": False})
     for wrong in ("start", "encodr"):
-        with pytest.raises(CellFileError, match=f"(?s):2:9: .*no input '{wrong}' that is a number.*encoder"):
+        with pytest.raises(
+            CellFileError, match=f"(?s):2:9: .*no input '{wrong}' that is a number.*encoder"
+        ):
             belt(tmp_path, plc, clock, USUAL.replace("travel: encoder", f"travel: {wrong}"))
 
 
@@ -95,7 +108,9 @@ def test_an_output_that_cannot_be_taken_away_is_an_error(tmp_path: Path) -> None
         conveyor.stop()
 
 
-def test_a_belt_without_such_an_output_says_so_and_is_warned_of_in_a_cell_with_a_watch(tmp_path: Path) -> None:
+def test_a_belt_without_such_an_output_says_so_and_is_warned_of_in_a_cell_with_a_watch(
+    tmp_path: Path,
+) -> None:
     clock = ManualClock()
     plc = MockSignals(clock, {"encoder": 5.0}, ("belt_runs",))
     assert not belt(tmp_path, plc, clock).stop()
@@ -104,7 +119,9 @@ def test_a_belt_without_such_an_output_says_so_and_is_warned_of_in_a_cell_with_a
         (tmp_path / "belt.yaml").write_text(text)
         found = list(read_settings(leaf.connect, tmp_path / "belt.yaml").values.fits(around))
         assert [problem.warning for problem in found] == [True] * warned
-    with pytest.raises(CellFileError, match=r"(?s):5:7: .*no output 'belt_run' that is a switch.*belt_runs"):
+    with pytest.raises(
+        CellFileError, match=r"(?s):5:7: .*no output 'belt_run' that is a switch.*belt_runs"
+    ):
         belt(tmp_path, plc, clock, USUAL + "runs: belt_run\n")
 
 
@@ -117,8 +134,13 @@ def test_a_cell_without_a_plc_is_refused(tmp_path: Path) -> None:
 
 
 LENS = IntrinsicsSection(fx=610.6, fy=610.6, cx=317.7, cy=238.1, width=640, height=480)
-OVER_IT = {"fixed": FixedSection(position=(0.0, -0.36, 1.3), looks_at=(0.0, -0.36, -0.12)), "intrinsics": LENS}
-REAL, ON_HAND, FIXED = (SimpleNamespace(hand_eye=None, **more) for more in ({}, {"fixed": None}, OVER_IT))
+OVER_IT = {
+    "fixed": FixedSection(position=(0.0, -0.36, 1.3), looks_at=(0.0, -0.36, -0.12)),
+    "intrinsics": LENS,
+}
+REAL, ON_HAND, FIXED = (
+    SimpleNamespace(hand_eye=None, **more) for more in ({}, {"fixed": None}, OVER_IT)
+)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +149,10 @@ REAL, ON_HAND, FIXED = (SimpleNamespace(hand_eye=None, **more) for more in ({}, 
         ({"arm": object(), "camera": REAL}, True),
         ({"arm": object(), "camera": ON_HAND}, True),
         ({"arm": object(), "camera": ON_HAND, "above": FIXED}, False),
-        ({"above": REAL, "arm": object(), "camera": REAL}, False),  # connected before the arm it stands in the cell
+        (
+            {"above": REAL, "arm": object(), "camera": REAL},
+            False,
+        ),  # connected before the arm it stands in the cell
         ({"arm": object()}, False),
     ],
 )
@@ -138,7 +163,9 @@ def test_a_watch_by_cameras_on_the_hand_alone_is_warned_of(
     said = read_settings(leaf.connect, tmp_path / "belt.yaml").values
     workspace = read_cell_file(find_cell("conveyor")).workspace
     found = list(said.fits(Surroundings(workspace, {"plc": MockSignals, "arm": MockArm}, options)))
-    assert [(problem.warning, "'camera' alone" in problem.message) for problem in found] == [(True, True)] * warned
+    assert [(problem.warning, "'camera' alone" in problem.message) for problem in found] == [
+        (True, True)
+    ] * warned
     assert not list(said.fits(Surroundings(None, {"plc": MockSignals, "arm": MockArm}, options)))
 
 
@@ -154,4 +181,6 @@ def test_a_simulated_belt_warns_of_it_where_a_person_can_come(tmp_path: Path) ->
         path.write_text(text.replace("  fruits:", f"{added}  fruits:"))
         findings = Findings()
         judge_cell_file(path, findings)
-        assert [(found.severity, found.line) for found in findings.sorted()] == [("warning", line) for line in lines]
+        assert [(found.severity, found.line) for found in findings.sorted()] == [
+            ("warning", line) for line in lines
+        ]

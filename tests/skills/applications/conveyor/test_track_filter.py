@@ -42,7 +42,9 @@ def prediction_error(model: MotionModel, encoder: bool, seed: int) -> tuple[np.n
         bias = keeps * bias + rng.normal(0.0, BIAS * np.sqrt(1.0 - keeps**2), 2)
         seen = np.append(place + bias + rng.normal(0.0, SIGMA, 2), 0.04)
         state = (
-            begin(t, travelled, seen, model) if state is None else update(predict(state, t, travelled, model), seen)[0]
+            begin(t, travelled, seen, model)
+            if state is None
+            else update(predict(state, t, travelled, model), seen)[0]
         )
     assert state is not None
     ahead = predict(state, 1.5, speed * 1.5 if encoder else 0.0, model)
@@ -64,7 +66,9 @@ def test_a_prediction_never_becomes_surer_of_the_place_and_its_covariance_stays_
 
 @given(models, times, times)
 @settings(max_examples=50, deadline=None)
-def test_two_predictions_one_after_the_other_are_the_same_as_one(model: MotionModel, first: float, then: float) -> None:
+def test_two_predictions_one_after_the_other_are_the_same_as_one(
+    model: MotionModel, first: float, then: float
+) -> None:
     state = begin(0.0, 0.0, np.array([0.1, 0.0, 0.04]), model)
     at_once = predict(state, first + then, 0.0, model)
     in_two = predict(predict(state, first, 0.0, model), first + then, 0.0, model)
@@ -87,20 +91,29 @@ def test_a_measurement_makes_the_state_surer_and_lies_between_expectation_and_me
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("model", "encoder"), [(FREE, False), (CARRIED, True)])
-def test_ninety_percent_ellipses_half_a_second_ahead_hold_nine_of_ten_fruit(model: MotionModel, encoder: bool) -> None:
+def test_ninety_percent_ellipses_half_a_second_ahead_hold_nine_of_ten_fruit(
+    model: MotionModel, encoder: bool
+) -> None:
     errors = [prediction_error(model, encoder, seed) for seed in range(200)]
     held = np.mean([off @ np.linalg.solve(P, off) < 4.605 for off, P in errors])
     assert 0.85 <= held <= 0.95
 
 
 def test_the_encoder_makes_the_prediction_surer() -> None:
-    sizes = [np.trace(prediction_error(model, encoder, 3)[1]) for model, encoder in ((FREE, False), (CARRIED, True))]
+    sizes = [
+        np.trace(prediction_error(model, encoder, 3)[1])
+        for model, encoder in ((FREE, False), (CARRIED, True))
+    ]
     assert sizes[1] < 0.5 * sizes[0]
 
 
 def test_a_wrong_stamp_of_the_joints_shows_in_the_innovation() -> None:
     """20 ms at 0.3 m/s are 6 mm, which come and go with the hand's motion."""
-    state, rng, squares = begin(0.0, 0.0, np.array([0.0, 0.0, 0.04]), CARRIED), np.random.default_rng(2), []
+    state, rng, squares = (
+        begin(0.0, 0.0, np.array([0.0, 0.0, 0.04]), CARRIED),
+        np.random.default_rng(2),
+        [],
+    )
     for k in range(1, 40):
         t, hand = k / 30.0, 0.3 * min(max(k / 30.0 - 0.5, 0.0), 0.3)
         late = 0.3 * 0.020 if 0.5 < t < 0.8 else 0.0

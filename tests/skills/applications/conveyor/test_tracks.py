@@ -38,15 +38,21 @@ class Film:
         self.model, self.belt = model, belt
         self.T_base_camera, self.n = camera_over(belt, 0.0), 0
 
-    def show(self, count: int, *fruit: Callable[[float], tuple[float, float]], hidden: bool = False) -> None:
+    def show(
+        self, count: int, *fruit: Callable[[float], tuple[float, float]], hidden: bool = False
+    ) -> None:
         for _ in range(count):
             t = self.n / RATE
             middle = float(self.model.dimensions[1]) / 2.0
             places = [np.array([*where(t), middle]) for where in fruit]
-            frame = draw(self.model, self.belt, self.T_base_camera, () if hidden else places, t, self.n)
+            frame = draw(
+                self.model, self.belt, self.T_base_camera, () if hidden else places, t, self.n
+            )
             searches = self.n % 5 == 0 and not hidden
             find = (
-                (lambda seen, at=places: [detected(self.model, self.belt, seen, p) for p in at]) if searches else None
+                (lambda seen, at=places: [detected(self.model, self.belt, seen, p) for p in at])
+                if searches
+                else None
             )
             travelled = SPEED * t if self.tracks.encoder else 0.0
             self.tracks = self.tracks.look(BeltFrame(frame, self.T_base_camera, travelled), find)
@@ -82,7 +88,9 @@ def test_its_place_half_a_second_ahead_is_right_and_its_ellipse_is_honest(
     assert off[:2] @ np.linalg.solve(covariance[:2, :2], off[:2]) < 9.2
 
 
-def test_a_fruit_that_is_not_where_it_should_be_is_gone_after_three_frames(apple: FruitModel, belt: Belt) -> None:
+def test_a_fruit_that_is_not_where_it_should_be_is_gone_after_three_frames(
+    apple: FruitModel, belt: Belt
+) -> None:
     film = Film(apple, belt)
     film.show(14, carried(-0.1, 0.0))
     film.show(GONE - 1, carried(-0.1, 0.0), hidden=True)
@@ -92,7 +100,9 @@ def test_a_fruit_that_is_not_where_it_should_be_is_gone_after_three_frames(apple
     assert film.tracks.track(0) is None
 
 
-def test_a_fruit_that_is_hidden_for_two_frames_keeps_its_number(apple: FruitModel, belt: Belt) -> None:
+def test_a_fruit_that_is_hidden_for_two_frames_keeps_its_number(
+    apple: FruitModel, belt: Belt
+) -> None:
     film = Film(apple, belt)
     film.show(12, carried(-0.1, 0.0))
     film.show(GONE - 1, carried(-0.1, 0.0), hidden=True)
@@ -101,7 +111,9 @@ def test_a_fruit_that_is_hidden_for_two_frames_keeps_its_number(apple: FruitMode
     assert film.tracks.tracks[0].missed == 0
 
 
-def test_fruit_beside_fruit_keeps_its_number_though_one_rolls_past_the_other(apple: FruitModel, belt: Belt) -> None:
+def test_fruit_beside_fruit_keeps_its_number_though_one_rolls_past_the_other(
+    apple: FruitModel, belt: Belt
+) -> None:
     film = Film(apple, belt)
     rests, rolls = carried(-0.05, 0.055), carried(-0.15, -0.055, SPEED + 0.12)
     film.show(24, rests, rolls)
@@ -114,11 +126,15 @@ def test_fruit_beside_fruit_keeps_its_number_though_one_rolls_past_the_other(app
     assert not by_number[1].rests
 
 
-def test_a_belt_that_jumps_ends_the_track_within_three_frames(apple: FruitModel, belt: Belt) -> None:
+def test_a_belt_that_jumps_ends_the_track_within_three_frames(
+    apple: FruitModel, belt: Belt
+) -> None:
     film = Film(apple, belt)
     film.show(15, carried(-0.12, 0.0))
     film.show(GONE, lambda t: (-0.12 + SPEED * t + 0.045, 0.0), hidden=False)
-    assert all(track.number != 0 or track.missed > 0 or not track.rests for track in film.tracks.tracks)
+    assert all(
+        track.number != 0 or track.missed > 0 or not track.rests for track in film.tracks.tracks
+    )
 
 
 def test_a_fruit_out_of_the_picture_is_expected_and_not_missed_until_the_belt_ends(
@@ -131,7 +147,9 @@ def test_a_fruit_out_of_the_picture_is_expected_and_not_missed_until_the_belt_en
     away = film.tracks.look(BeltFrame(empty, film.T_base_camera, SPEED * 3.0), None)
     assert away.tracks[0].missed == 0
     assert away.tracks[0].resting.t == track.resting.t
-    gone = film.tracks.look(BeltFrame(replace(empty, stamp=6.0), film.T_base_camera, SPEED * 6.0), None)
+    gone = film.tracks.look(
+        BeltFrame(replace(empty, stamp=6.0), film.T_base_camera, SPEED * 6.0), None
+    )
     assert gone.tracks == ()
 
 

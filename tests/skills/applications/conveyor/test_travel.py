@@ -18,7 +18,9 @@ def ran(speed: float, until: float = 1.0, step: float = 0.02) -> Travel:
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 3.0))
-def test_between_and_beyond_measurements_a_steady_belt_is_where_it_is(speed: float, t: float) -> None:
+def test_between_and_beyond_measurements_a_steady_belt_is_where_it_is(
+    speed: float, t: float
+) -> None:
     assert ran(speed).at(t) == pytest.approx(speed * t, abs=1e-9)
 
 
@@ -62,7 +64,9 @@ def test_a_measurement_that_came_before_is_ignored() -> None:
 
 
 @given(st.floats(0.0, 0.5), st.floats(0.03, 1.0), st.booleans())
-def test_a_position_that_no_belt_reaches_moves_nothing_and_is_described(speed: float, jump: float, back: bool) -> None:
+def test_a_position_that_no_belt_reaches_moves_nothing_and_is_described(
+    speed: float, jump: float, back: bool
+) -> None:
     travel, by = ran(speed), -jump if back else jump
     travel.note(ConveyorState(1.01, speed * 1.01 + by, speed))
     assert travel.at(1.01) == pytest.approx(speed * 1.01, abs=1e-9)
@@ -72,7 +76,9 @@ def test_a_position_that_no_belt_reaches_moves_nothing_and_is_described(speed: f
 
 
 @given(st.floats(0.0, 0.5), st.floats(-4.0, 4.0))
-def test_a_belt_that_brakes_or_starts_hard_has_not_jumped(speed: float, acceleration: float) -> None:
+def test_a_belt_that_brakes_or_starts_hard_has_not_jumped(
+    speed: float, acceleration: float
+) -> None:
     travel, position, v = Travel(), 0.0, speed
     speeds = [speed] * 10
     for k in range(60):
@@ -94,6 +100,8 @@ def test_a_belt_that_brakes_or_starts_hard_has_not_jumped(speed: float, accelera
         (ran(0.0), 1.0, ""),
     ],
 )
-def test_measurements_that_cannot_be_used_are_described(travel: Travel, now: float, words: str) -> None:
+def test_measurements_that_cannot_be_used_are_described(
+    travel: Travel, now: float, words: str
+) -> None:
     assert words in travel.problem(now, 0.5)
     assert bool(travel.problem(now, 0.5)) == bool(words)

@@ -34,7 +34,9 @@ def test_fruit_that_stands_on_the_belt_goes_with_it(speed: float) -> None:
     cell.close()
 
 
-def test_a_fruit_that_is_set_down_at_rest_is_taken_along_and_one_that_rolls_comes_to_rest_on_the_belt() -> None:
+def test_a_fruit_that_is_set_down_at_rest_is_taken_along_and_one_that_rolls_comes_to_rest_on_the_belt() -> (
+    None
+):
     cell, world = belt(belt="0.2 m/s", gap="0 mm..0 mm", fruit="apple_4")
     world.put(0, -0.7, 0.0, roll=0.15)
     along = int(world.model.joint("fruit_0").dofadr[0])
@@ -95,9 +97,16 @@ def test_the_encoder_counts_what_the_belt_has_run() -> None:
 
 @pytest.mark.parametrize(
     ("fault", "speed", "measured"),
-    [("stop", 0.0, 0.0), ("creep", 0.1, 0.1), ("backwards", 0.15, -0.15), ("wrong_scale", 0.15, 0.165)],
+    [
+        ("stop", 0.0, 0.0),
+        ("creep", 0.1, 0.1),
+        ("backwards", 0.15, -0.15),
+        ("wrong_scale", 0.15, 0.165),
+    ],
 )
-def test_faults_of_belt_and_encoder_show_in_speed_and_measurement(fault: str, speed: float, measured: float) -> None:
+def test_faults_of_belt_and_encoder_show_in_speed_and_measurement(
+    fault: str, speed: float, measured: float
+) -> None:
     cell, world = belt(belt="0.15 m/s", gap="0 mm..0 mm")
     conveyor = cell.devices["conveyor"]
     assert isinstance(conveyor, SimConveyor)
@@ -146,7 +155,9 @@ def test_an_encoder_that_sends_nothing_is_lost() -> None:
         ({"lateral": "101 mm"}, "100 mm"),
     ],
 )
-def test_a_belt_that_cannot_be_is_refused_at_its_place_in_the_file(settings: dict[str, str], words: str) -> None:
+def test_a_belt_that_cannot_be_is_refused_at_its_place_in_the_file(
+    settings: dict[str, str], words: str
+) -> None:
     with pytest.raises(CellFileError) as refused:
         belt(**settings)
     assert words in str(refused.value)

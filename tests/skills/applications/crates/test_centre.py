@@ -46,7 +46,9 @@ def centre(scene: PickingScene, **settings) -> SkillEnd:
 
 
 @pytest.mark.parametrize("off", [0.002, -0.003, 0.0])
-def test_the_hand_goes_to_a_fruit_beside_its_middle_until_both_pads_touch_it_and_opens_a_little(off):
+def test_the_hand_goes_to_a_fruit_beside_its_middle_until_both_pads_touch_it_and_opens_a_little(
+    off,
+):
     scene = at_the_grasp()
     begin, fruit = scene.tcp[:3, 3].copy(), LeaningFruit(scene, off)
     outcome = centre(scene)
@@ -55,7 +57,9 @@ def test_the_hand_goes_to_a_fruit_beside_its_middle_until_both_pads_touch_it_and
     assert shift == pytest.approx(off, abs=8e-4)
     assert outcome.outputs["shifted"] == pytest.approx(abs(shift), abs=1e-4)
     np.testing.assert_allclose(outcome.outputs["centred"].T_base_grasp, scene.tcp, atol=1e-9)
-    assert np.abs(fruit.feel()[:, 2]).max() < 0.3  # the pads are free, as a grip needs them at its beginning
+    assert (
+        np.abs(fruit.feel()[:, 2]).max() < 0.3
+    )  # the pads are free, as a grip needs them at its beginning
     assert scene.gripper.width - FRUIT < FREED
     assert fruit.most < 3.0
 

@@ -23,7 +23,15 @@ def seen(x: float, y: float, failed: bool = False) -> SeenFruit:
     T_base_fruit[:2, 3] += [x, y]
     measured = replace(made, T_base_fruit=T_base_fruit)
     detection = Detection(
-        made.fruit, made.frame, np.eye(4), T_base_fruit, np.zeros((9, 2)), 0.9, np.eye(6) * 1e-6, 0, 1
+        made.fruit,
+        made.frame,
+        np.eye(4),
+        T_base_fruit,
+        np.zeros((9, 2)),
+        0.9,
+        np.eye(6) * 1e-6,
+        0,
+        1,
     )
     return SeenFruit(detection, None, "no depth") if failed else SeenFruit(detection, measured)
 
@@ -40,7 +48,10 @@ def choose(skill: ChooseFruit, fruit: FruitScene, **inputs: object) -> SkillEnd:
 
 def place(outcome: SkillEnd) -> list[float]:
     measured: MeasuredFruit = outcome.outputs["measured"]
-    return [round(float(v), 3) for v in measured.T_base_fruit[:2, 3] - apple_at(1, 3).T_base_fruit[:2, 3]]
+    return [
+        round(float(v), 3)
+        for v in measured.T_base_fruit[:2, 3] - apple_at(1, 3).T_base_fruit[:2, 3]
+    ]
 
 
 def test_the_freest_fruit_is_chosen_with_all_others_beside_it():
@@ -48,7 +59,10 @@ def test_the_freest_fruit_is_chosen_with_all_others_beside_it():
     assert outcome.status is Status.SUCCESS
     assert place(outcome) == [0.3, 0.0]
     assert len(outcome.outputs["measured"].beside) == 5
-    assert outcome.outputs["detection"].T_camera_object[0, 3] == outcome.outputs["measured"].T_base_fruit[0, 3]
+    assert (
+        outcome.outputs["detection"].T_camera_object[0, 3]
+        == outcome.outputs["measured"].T_base_fruit[0, 3]
+    )
     topic, table = outcome.published[0]
     assert topic == "choice"
     assert isinstance(table, TableView)
@@ -88,7 +102,9 @@ def test_a_fruit_that_was_drawn_from_a_wall_is_tried_again_a_bounded_number_of_t
     for step in range(1 + MOVES):
         x = 0.02 * (step % 2)  # nearer than the next fruit would be
         assert place(choose(skill, scene((x, 0.0)), tries=1)) == [x, 0.0]
-        assert choose(skill, scene((x + 0.003, 0.0)), tries=1).reason.code == "NOTHING_LEFT"  # an error of the look
+        assert (
+            choose(skill, scene((x + 0.003, 0.0)), tries=1).reason.code == "NOTHING_LEFT"
+        )  # an error of the look
     assert choose(skill, scene((0.0, 0.0)), tries=1).reason.code == "NOTHING_LEFT"
 
 

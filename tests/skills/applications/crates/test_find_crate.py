@@ -28,20 +28,32 @@ def look(depth: np.ndarray | None, T_base_camera: np.ndarray = ABOVE) -> AllDete
 
 
 def find(
-    depth: np.ndarray | None, workspace: Workspace = WITH_CRATE, T_base_camera: np.ndarray = ABOVE, **inputs: str
+    depth: np.ndarray | None,
+    workspace: Workspace = WITH_CRATE,
+    T_base_camera: np.ndarray = ABOVE,
+    **inputs: str,
 ) -> SkillEnd:
     seen = look(None if depth is None else depth.astype(np.float32), T_base_camera)
-    return drive(FindCrate(), {"detections": seen, **inputs}, {Workspace: workspace}, clock=PickingScene().clock)
+    return drive(
+        FindCrate(),
+        {"detections": seen, **inputs},
+        {Workspace: workspace},
+        clock=PickingScene().clock,
+    )
 
 
 def test_a_crate_in_its_place_passes():
     assert find(rendered((0.002, -0.002))).status is Status.SUCCESS
 
 
-@pytest.mark.parametrize(("shift", "turn"), [((0.012, -0.009), 0.0), ((0.04, 0.0), 0.0), ((0.0, 0.0), 0.05)])
+@pytest.mark.parametrize(
+    ("shift", "turn"), [((0.012, -0.009), 0.0), ((0.04, 0.0), 0.0), ((0.0, 0.0), 0.05)]
+)
 def test_a_crate_elsewhere_ends_it_with_its_shift_or_as_missing(shift, turn):
     ended = find(rendered(shift, turn))
-    assert ended.reason.code in (("CRATE_MOVED",) if shift[0] < 0.02 else ("CRATE_MOVED", "CRATE_MISSING"))
+    assert ended.reason.code in (
+        ("CRATE_MOVED",) if shift[0] < 0.02 else ("CRATE_MOVED", "CRATE_MISSING")
+    )
     if ended.reason.code == "CRATE_MOVED":
         np.testing.assert_allclose(ended.reason.data["shift_m"], shift, atol=3e-3)
         assert ended.reason.data["turn_rad"] == pytest.approx(turn, abs=np.radians(0.5))
@@ -58,7 +70,10 @@ def test_a_cell_without_a_crate_of_the_usual_name_passes():
 def test_a_crate_that_is_named_must_be_in_the_cell():
     ended = find(rendered(), name="sorce")
     assert ended.reason.code == "CRATE_MISSING"
-    assert ended.reason.message == "the cell file has no crate 'sorce', an obstacle with `wall`: source"
+    assert (
+        ended.reason.message
+        == "the cell file has no crate 'sorce', an obstacle with `wall`: source"
+    )
     assert find(rendered(), name="source").status is Status.SUCCESS
 
 
@@ -67,7 +82,10 @@ def test_a_look_past_the_crate_and_a_picture_without_depth_judge_nothing():
     past[0, 3] += 0.6
     ended = find(rendered(there=False), T_base_camera=past)
     assert ended.reason.code == "CRATE_UNSEEN"
-    assert "the crate 'source' (400 × 300 mm) is not in view: 0 % of its upper edge" in ended.reason.message
+    assert (
+        "the crate 'source' (400 × 300 mm) is not in view: 0 % of its upper edge"
+        in ended.reason.message
+    )
     assert find(None).reason.code == "CRATE_UNSEEN"
 
 
@@ -108,7 +126,9 @@ def test_a_name_in_a_tree_is_compared_with_the_crates_of_the_cell():
 
 def test_a_crate_that_lacks_its_walls_or_a_letter_is_no_cell_without_one():
     assert judged(Cell(replace(FLOOR, name="bin"))) == []
-    assert [hint for _, hint, warning in judged(Cell(FLOOR)) if not warning] == ["write `wall` for it: source"]
+    assert [hint for _, hint, warning in judged(Cell(FLOOR)) if not warning] == [
+        "write `wall` for it: source"
+    ]
     typing = Cell(*(replace(box, name="sorce") for box in (FLOOR, *WALLS)))
     assert [hint for _, hint, warning in judged(typing) if warning] == ["did you mean 'sorce'?"]
 

@@ -43,7 +43,9 @@ def test_an_apple_alone_has_plenty_of_room() -> None:
 def test_a_fruit_that_the_fingers_cannot_take_has_no_room() -> None:
     wide = replace(apple(0.0, 0.0), dimensions=np.array([0.1, 0.085, 0.1]))
     wide = replace(wide, beside=(apple(0.0, 0.1),))
-    assert freedom(wide, obstacles_of(wide, WORKSPACE), FINGERS, ROBOT_MODEL.width_max, 3e-3)[0] < 0.0
+    assert (
+        freedom(wide, obstacles_of(wide, WORKSPACE), FINGERS, ROBOT_MODEL.width_max, 3e-3)[0] < 0.0
+    )
 
 
 def test_one_neighbour_leaves_room_and_six_around_leave_none() -> None:
@@ -54,7 +56,10 @@ def test_one_neighbour_leaves_room_and_six_around_leave_none() -> None:
 
 
 def test_beside_a_wall_there_is_room_along_it_and_in_a_corner_there_is_none() -> None:
-    left, front = wall(-WIDE / 2.0 - 0.005, 0.0, along_x=False), wall(0.0, -WIDE / 2.0 - 0.005, along_x=True)
+    left, front = (
+        wall(-WIDE / 2.0 - 0.005, 0.0, along_x=False),
+        wall(0.0, -WIDE / 2.0 - 0.005, along_x=True),
+    )
     assert room(walls=(left,)) > 0.01
     assert room(walls=(left, front)) < 0.0
 
@@ -65,7 +70,16 @@ def test_a_floor_below_the_fruit_is_in_nothings_way() -> None:
 
 
 def test_wider_open_fingers_have_less_room() -> None:
-    pair = [(1.25, 0.0), (-1.25, 0.0), (0.0, 1.25), (0.0, -1.25), (0.9, 0.9), (-0.9, -0.9), (0.9, -0.9), (-0.9, 0.9)]
+    pair = [
+        (1.25, 0.0),
+        (-1.25, 0.0),
+        (0.0, 1.25),
+        (0.0, -1.25),
+        (0.9, 0.9),
+        (-0.9, -0.9),
+        (0.9, -0.9),
+        (-0.9, 0.9),
+    ]
     assert room(*pair, air=6e-3) < room(*pair, air=2e-3)
 
 

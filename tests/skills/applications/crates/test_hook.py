@@ -128,7 +128,12 @@ class Below:
     """A thing under the fingers' tips that only a sensor at the wrist feels; it gives by 7 N/mm."""
 
     def __init__(self, scene: PickingScene, height: float) -> None:
-        self.load, self._scene, self._height, self.most = MockLoadSensor(scene.clock), scene, height, 0.0
+        self.load, self._scene, self._height, self.most = (
+            MockLoadSensor(scene.clock),
+            scene,
+            height,
+            0.0,
+        )
         self.load.feel = self._feel
         scene.clock.advance(0.1)
 
@@ -170,7 +175,9 @@ def test_the_wrist_feels_the_edges_beside_the_pads():
     down = pulled = pressed = edge = 0.0
     with Touch(scene.fingers) as pads, Touch(load) as wrist:
         scene.clock.advance(0.2)
-        hand = feeling.ManoeuvreHand(pads, feeling.OuterFaces(scene.gripper), wrist).touching_nothing()
+        hand = feeling.ManoeuvreHand(
+            pads, feeling.OuterFaces(scene.gripper), wrist
+        ).touching_nothing()
         pulled = 4.0
         scene.clock.advance(0.2)
         assert hand.downwards < 0.1

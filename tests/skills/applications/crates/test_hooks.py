@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pomona.applications.crates.hooks import STEP, WALL_AIR, Beside, behind, pull_of, rolled_height
-from pomona.applications.crates.pull import BEARS, DOWNWARDS, FARTHEST_OFF, HARDER, HITS, LOWER, HookPull
+from pomona.applications.crates.pull import (
+    BEARS,
+    DOWNWARDS,
+    FARTHEST_OFF,
+    HARDER,
+    HITS,
+    LOWER,
+    HookPull,
+)
 from pomona.drivers.interfaces import Box
 from pomona.skills.geometry import transform
 from pomona.skills.motion.grasp import Grasp
@@ -26,7 +34,9 @@ def test_the_straightest_hook_pulls_away_from_the_wall_with_a_finger_behind_the_
     np.testing.assert_allclose(pull_of(hook), [0.0, 1.0, 0.0], atol=1e-9)
     relative = corners(hook)[:, 1] - hook.fruit.T_base_fruit[1, 3]
     wall = WALL.T_base_box[1, 3] + WALL.half_extents[1] - hook.fruit.T_base_fruit[1, 3]
-    assert wall + WALL_AIR - 1e-9 <= relative.min() < wall + 4e-3  # as far behind as the wall allows
+    assert (
+        wall + WALL_AIR - 1e-9 <= relative.min() < wall + 4e-3
+    )  # as far behind as the wall allows
     assert relative[relative < 0.0].max() < -0.012  # its inner face, behind the middle
     assert len(hook.q_pre_grasp) > 0
 
@@ -72,7 +82,9 @@ def test_where_neighbours_are_in_front_of_every_pull_from_the_wall_pulls_lead_al
 def test_beside_one_neighbour_at_a_wall_a_small_fruit_is_drawn_away_from_both():
     """At the wall alone the finger stood 14 mm behind an apple of 61 mm, pressed it down (crate, seed 4224)."""
     small = apple((0.074, 0.0))
-    small = replace(small, dimensions=0.68 * small.dimensions, T_base_fruit=small.T_base_fruit.copy())
+    small = replace(
+        small, dimensions=0.68 * small.dimensions, T_base_fruit=small.T_base_fruit.copy()
+    )
     small.T_base_fruit[1, 3] -= 0.014
     walls, others = Beside.of(small, AT_WALL).away
     found = hooks_at(small).grasps
@@ -83,7 +95,11 @@ def test_beside_one_neighbour_at_a_wall_a_small_fruit_is_drawn_away_from_both():
 
 def test_the_fruit_is_not_drawn_against_a_wall_that_the_other_finger_is_beyond():
     fruit = apple(*FRONT)
-    side = Box("source", transform(None, [fruit.T_base_fruit[0, 3] - 0.0665, -0.52, -0.06]), (0.0015, 0.3, 0.06))
+    side = Box(
+        "source",
+        transform(None, [fruit.T_base_fruit[0, 3] - 0.0665, -0.52, -0.06]),
+        (0.0015, 0.3, 0.06),
+    )
     found = hooks_at(fruit, replace(AT_WALL, obstacles=(*AT_WALL.obstacles, side)))
     assert not found.grasps
     assert any("the fruit would touch the source" in out.reason for out in found.ruled_out)
@@ -116,17 +132,23 @@ def test_a_wall_in_front_rules_a_hook_out():
 @given(
     radius=st.floats(0.03, 0.05), behind=st.floats(0.0, 0.9), share=st.floats(0.05, 1.0)
 )  # fmt: skip
-def test_a_point_of_a_rolling_ball_rises_as_its_motion_about_the_support_gives_it(radius, behind, share):
+def test_a_point_of_a_rolling_ball_rises_as_its_motion_about_the_support_gives_it(
+    radius, behind, share
+):
     way, point, middle, steps = share * radius, np.array([-behind * radius, 0.0]), 0.0, 4000
     point[1] = radius * np.sqrt(1.0 - behind**2)
     begin = point.copy()
-    turn = 1.2 * share / steps  # each turn moves the point at right angles to the line from the support
+    turn = (
+        1.2 * share / steps
+    )  # each turn moves the point at right angles to the line from the support
     while point[0] - begin[0] < way and point[0] < middle:
         arm = point - [middle, -radius]
         point += turn * np.array([arm[1], -arm[0]])
         middle += turn * radius
     expected = point[1] - begin[1]
-    assert rolled_height(point[0] - begin[0], radius, behind * radius) == pytest.approx(expected, abs=3e-4)
+    assert rolled_height(point[0] - begin[0], radius, behind * radius) == pytest.approx(
+        expected, abs=3e-4
+    )
 
 
 def test_a_pull_ends_when_its_force_is_reached_in_succession_or_the_finger_cannot_rise():
@@ -139,7 +161,9 @@ def test_a_pull_ends_when_its_force_is_reached_in_succession_or_the_finger_canno
     assert pull.limit == 2.0
     for hit in range(1, HITS):
         assert not pull.ends(0.003 * (1 + hit), at_limit=True, change=2.1, down=0.2)
-        assert pull.limit == pytest.approx(min(2.0 + hit * HARDER, BEARS * hook.fruit.dimensions[0] ** 2))
+        assert pull.limit == pytest.approx(
+            min(2.0 + hit * HARDER, BEARS * hook.fruit.dimensions[0] ** 2)
+        )
     assert pull.came == 0.003
     assert pull.ends(0.003 * (1 + HITS), at_limit=True, change=2.2, down=0.2)
     assert (pull.came, pull.most) == (0.003, 2.2)

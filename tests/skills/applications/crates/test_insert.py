@@ -25,7 +25,9 @@ def an_insert() -> Grasp:
     fruit = apple((0.104, 0.0), (-0.104, 0.0))
     space = arm_space(PickingScene().arm, WORKSPACE, None, ROBOT_MODEL.width_max, 4e-3)
     fingers = gripper_shape(ROBOT_MODEL)
-    return insert_candidates(Beside.of(fruit, WORKSPACE), space, OBSERVE, fingers, ROBOT_MODEL.width_max).grasps[0]
+    return insert_candidates(
+        Beside.of(fruit, WORKSPACE), space, OBSERVE, fingers, ROBOT_MODEL.width_max
+    ).grasps[0]
 
 
 def over_the_fruit() -> PickingScene:
@@ -82,7 +84,9 @@ def test_a_hand_that_is_pressed_gives_way_sideways_and_takes_the_fruit_along():
     assert flank.most < 2.5
     grasp, planned = outcome.outputs["grasp"], an_insert()
     moved = grasp.T_base_grasp[:2, 3] - planned.T_base_grasp[:2, 3]
-    np.testing.assert_allclose(grasp.fruit.T_base_fruit[:2, 3] - planned.fruit.T_base_fruit[:2, 3], moved, atol=1e-9)
+    np.testing.assert_allclose(
+        grasp.fruit.T_base_fruit[:2, 3] - planned.fruit.T_base_fruit[:2, 3], moved, atol=1e-9
+    )
 
 
 def test_what_does_not_give_way_ends_it_at_its_force_and_the_hand_rises():
@@ -115,11 +119,16 @@ def test_a_hand_beside_the_fruit_is_centred_on_it_as_the_fingers_close():
     begin = scene.tcp[:3, 3].copy()
 
     def feel(_now: float) -> np.ndarray:
-        off = 0.002 - float((scene.tcp[:3, 3] - begin) @ scene.tcp[:3, 1])  # of the fruit, towards the left finger
+        off = 0.002 - float(
+            (scene.tcp[:3, 3] - begin) @ scene.tcp[:3, 1]
+        )  # of the fruit, towards the left finger
         wrenches = np.full((2, 6), 0.02)
         if scene.tcp[2, 3] < an_insert().T_base_grasp[2, 3] + 0.005:
             fruit = width - 0.005
-            left, right = (fruit - scene.gripper.width) / 2.0 + off, (fruit - scene.gripper.width) / 2.0 - off
+            left, right = (
+                (fruit - scene.gripper.width) / 2.0 + off,
+                (fruit - scene.gripper.width) / 2.0 - off,
+            )
             wrenches[:, 2] -= [STIFFNESS * max(left, 0.0), STIFFNESS * max(right, 0.0)]
         return wrenches
 
@@ -144,7 +153,9 @@ def test_the_force_with_which_the_motor_brakes_the_fingers_is_no_push():
 
     def brake(_tick: int) -> None:
         moves = scene.gripper.moves
-        scene.gripper.motor_force = 0.0 if scene.arm.followed or not moves or not moves[0].settled else 1.5
+        scene.gripper.motor_force = (
+            0.0 if scene.arm.followed or not moves or not moves[0].settled else 1.5
+        )
         if moves and moves[0].settled and scene.clock.now() > ended[0] + 0.1:
             scene.gripper.motor_force = 0.0
         ended[0] = scene.clock.now() if not moves or not moves[0].settled else ended[0]
@@ -192,7 +203,12 @@ def test_a_place_out_of_reach_is_a_reason():
     scene = over_the_fruit()
     far = an_insert().T_base_grasp.copy()
     far[2, 3] -= 1.0
-    outcome = drive(Insert(), {"insert": replace(an_insert(), T_base_grasp=far)}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        Insert(),
+        {"insert": replace(an_insert(), T_base_grasp=far)},
+        scene.devices,
+        clock=scene.clock,
+    )
     assert outcome.reason.code == "NO_STRAIGHT_LINE"
 
 

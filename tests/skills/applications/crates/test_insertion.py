@@ -12,7 +12,9 @@ HEIGHT = -0.08
 
 def law(crowded: float = 0.0, turn: float = 0.0, blocked=lambda _p: False) -> Insertion:
     """A hand 100 mm over its lowest place, at a limit of 2 N."""
-    return Insertion(transform(rot_z(turn) @ rot_x(np.pi), [0.1, -0.4, 0.02]), HEIGHT, 2.0, crowded, blocked)
+    return Insertion(
+        transform(rot_z(turn) @ rot_x(np.pi), [0.1, -0.4, 0.02]), HEIGHT, 2.0, crowded, blocked
+    )
 
 
 def over(left: float = 0.05, x: float = 0.1, y: float = -0.4) -> np.ndarray:
@@ -66,12 +68,16 @@ def test_a_hand_never_gives_way_towards_a_wall_nor_farther_than_allowed():
     assert (kind, stop) == ("down", 2.0)  # the fruit shall give way then
     np.testing.assert_allclose(place[:2], over()[:2])
     far = over(y=-0.4 - FARTHEST)
-    _, place, _ = law().next(far, pressed(left=1.5), True)  # a turn of 180° about x: to the side of -y
+    _, place, _ = law().next(
+        far, pressed(left=1.5), True
+    )  # a turn of 180° about x: to the side of -y
     np.testing.assert_allclose(place[:2], far[:2])
 
 
 @pytest.mark.parametrize(("left", "arrived"), [(0.03, False), (0.5 * ENOUGH, True)])
-def test_a_hand_that_gains_nothing_ends_and_has_arrived_if_the_pads_are_beside_the_fruit(left, arrived):
+def test_a_hand_that_gains_nothing_ends_and_has_arrived_if_the_pads_are_beside_the_fruit(
+    left, arrived
+):
     insertion, stops = law(), 0
     while insertion.next(over(left), pressed(left=1.5), True) is not None:
         stops += 1

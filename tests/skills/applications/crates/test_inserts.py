@@ -27,14 +27,19 @@ ROW = [(0.104, 0.0), (-0.104, 0.0)]
 def inserts_at(beside: list[tuple[float, float]], workspace=AT_WALL) -> GraspCandidates:
     scene, fruit = PickingScene(workspace=workspace), apple(*beside)
     space = arm_space(scene.arm, workspace, None, ROBOT_MODEL.width_max, 4e-3)
-    return insert_candidates(Beside.of(fruit, workspace), space, OBSERVE, FINGERS, ROBOT_MODEL.width_max)
+    return insert_candidates(
+        Beside.of(fruit, workspace), space, OBSERVE, FINGERS, ROBOT_MODEL.width_max
+    )
 
 
 def test_between_two_neighbours_at_a_wall_the_fingers_go_along_the_wall_and_clear_of_it():
     best = inserts_at(ROW).grasps[0]
     corners = finger_corners(FINGERS, best.T_base_grasp, best.width)
     for way in (GIVE, -GIVE):
-        assert facing(corners + way * best.T_base_grasp[:3, 1], Convex.of_box(WALL))[1] >= WALL_AIR - 1e-9
+        assert (
+            facing(corners + way * best.T_base_grasp[:3, 1], Convex.of_box(WALL))[1]
+            >= WALL_AIR - 1e-9
+        )
     assert corners[:, 2].min() >= -0.12 + FLOOR_AIR - 1e-9
     assert 0.0 < -best.clearance < LOCK * 0.045
 
@@ -47,7 +52,9 @@ def test_the_least_push_comes_first_and_nothing_is_pushed_where_there_is_room():
 
 
 def test_fruit_that_neighbours_enclose_has_no_place_for_fingers_that_nip_none():
-    ring = [(0.091 * np.cos(a), 0.091 * np.sin(a)) for a in np.arange(0.0, 2.0 * np.pi, np.pi / 3.0)]
+    ring = [
+        (0.091 * np.cos(a), 0.091 * np.sin(a)) for a in np.arange(0.0, 2.0 * np.pi, np.pi / 3.0)
+    ]
     assert not inserts_at(ring, WORKSPACE).grasps
     assert all("nip them" in out.reason for out in inserts_at(ring, WORKSPACE).ruled_out)
 

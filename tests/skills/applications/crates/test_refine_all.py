@@ -30,7 +30,9 @@ def refine_all(monkeypatch, *fruit: SeenFruit, **settings) -> SkillEnd:
     detections = tuple(one.detection for one in fruit)
     all = AllDetections(detections, detections[0].frame, np.eye(4))
     scene = PickingScene()
-    return drive(RefineAll(), {"detections": all}, {Workspace: WORKSPACE}, clock=scene.clock, **settings)
+    return drive(
+        RefineAll(), {"detections": all}, {Workspace: WORKSPACE}, clock=scene.clock, **settings
+    )
 
 
 def test_every_fruit_is_measured_and_a_failed_one_keeps_its_reason(monkeypatch):
@@ -55,14 +57,19 @@ def test_of_two_fruit_that_overlap_the_one_with_the_worse_depth_is_not_measured(
     fruit = [seen(0.0, 0.0), seen(0.03, 0.0), seen(0.2, 0.0)]
     for k, one in enumerate(fruit):
         assert one.measured is not None
-        fruit[k] = replace(one, measured=replace(one.measured, inlier_ratio=0.5 if k == worse else 0.9))
+        fruit[k] = replace(
+            one, measured=replace(one.measured, inlier_ratio=0.5 if k == worse else 0.9)
+        )
     scene = refine_all(monkeypatch, *fruit).outputs["scene"]
     assert [one.measured is None for one in scene.fruit] == [k == worse for k in range(3)]
     assert "another fruit" in scene.fruit[worse].why
 
 
 def test_fruit_that_touches_does_not_overlap(monkeypatch):
-    assert len(refine_all(monkeypatch, seen(0.0, 0.0), seen(0.088, 0.0)).outputs["scene"].measured) == 2
+    assert (
+        len(refine_all(monkeypatch, seen(0.0, 0.0), seen(0.088, 0.0)).outputs["scene"].measured)
+        == 2
+    )
 
 
 def raised(one: SeenFruit, height: float, whole: bool = False) -> SeenFruit:
@@ -70,7 +77,12 @@ def raised(one: SeenFruit, height: float, whole: bool = False) -> SeenFruit:
     assert one.measured is not None
     T_base_fruit = one.measured.T_base_fruit.copy()
     T_base_fruit[2, 3] += height
-    return replace(one, measured=replace(one.measured, T_base_fruit=T_base_fruit, inlier_ratio=0.98 if whole else 0.6))
+    return replace(
+        one,
+        measured=replace(
+            one.measured, T_base_fruit=T_base_fruit, inlier_ratio=0.98 if whole else 0.6
+        ),
+    )
 
 
 def test_a_hidden_fruit_with_the_depth_of_the_one_above_it_is_not_measured(monkeypatch):
@@ -106,18 +118,36 @@ TRUE = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
 
 @pytest.mark.parametrize(
     ("turned", "mirrored", "code"),
-    [(0.0, False, "NOTHING_MEASURED"), (2.0, False, "POSE_MISMATCH"), (6.0, True, "DEPTH_MISMATCH")],
+    [
+        (0.0, False, "NOTHING_MEASURED"),
+        (2.0, False, "POSE_MISMATCH"),
+        (6.0, True, "DEPTH_MISMATCH"),
+    ],
 )
 def test_a_look_that_does_not_fit_the_cell_is_refused(camera, turned, mirrored, code):
-    T_base_camera = TRUE @ transform(rot_y(np.radians(turned)), (0.0, 0.0, 0.004 if turned else 0.0))
+    T_base_camera = TRUE @ transform(
+        rot_y(np.radians(turned)), (0.0, 0.0, 0.004 if turned else 0.0)
+    )
     v, u = np.indices((camera.height, camera.width))
-    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1)
+    rays = np.stack(
+        [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1
+    )
     seen_from = TRUE if not mirrored else T_base_camera
     depth = ((seen_from[2, 3] + 0.12) / -(rays @ seen_from[2, :3])).astype(np.float32)
     depth = depth[:, ::-1].copy() if mirrored else depth
-    frame = Frame(1.0, 0, np.zeros((camera.height, camera.width, 3), np.uint8), depth, camera, None, T_base_camera)
+    frame = Frame(
+        1.0,
+        0,
+        np.zeros((camera.height, camera.width, 3), np.uint8),
+        depth,
+        camera,
+        None,
+        T_base_camera,
+    )
     workspace = Workspace(-0.12, np.full(3, -1.0), np.full(3, 1.0))
-    outcome = drive(RefineAll(), {"detections": AllDetections((), frame, T_base_camera)}, {Workspace: workspace})
+    outcome = drive(
+        RefineAll(), {"detections": AllDetections((), frame, T_base_camera)}, {Workspace: workspace}
+    )
     assert outcome.reason.code == code
     assert outcome.outputs == {}
 

@@ -14,7 +14,9 @@ RING = [(0.091 * np.cos(a), 0.091 * np.sin(a)) for a in np.arange(0.0, 2.0 * np.
 def test_inserts_are_given_as_goals_of_plan_and_nothing_moves():
     scene = PickingScene()
     around = apple((0.104, 0.0), (-0.104, 0.0))
-    outcome = drive(SampleInsert(), {"around": around, "map": seen_map()}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        SampleInsert(), {"around": around, "map": seen_map()}, scene.devices, clock=scene.clock
+    )
     assert outcome.status is Status.SUCCESS
     assert len(outcome.outputs["candidates"].grasps[0].q_pre_grasp) > 0
     assert outcome.published[-1][0] == "candidates"
@@ -26,7 +28,9 @@ def test_every_failure(code):
     scene = PickingScene()
     around = apple(*RING) if code == "NO_CANDIDATE" else apple()
     stamp = -1000.0 if code == "MAP_STALE" else 0.0
-    outcome = drive(SampleInsert(), {"around": around, "map": seen_map(stamp)}, scene.devices, clock=scene.clock)
+    outcome = drive(
+        SampleInsert(), {"around": around, "map": seen_map(stamp)}, scene.devices, clock=scene.clock
+    )
     assert outcome.reason.code == code
     assert not scene.arm.followed
 
@@ -34,6 +38,8 @@ def test_every_failure(code):
 def test_interrupted_it_gives_nothing():
     scene = PickingScene()
     inputs = {"around": apple((0.104, 0.0), (-0.104, 0.0)), "map": seen_map()}
-    outcome = drive(SampleInsert(), inputs, scene.devices, clock=scene.clock, computing=10, interrupt_after=5)
+    outcome = drive(
+        SampleInsert(), inputs, scene.devices, clock=scene.clock, computing=10, interrupt_after=5
+    )
     assert outcome.status is Status.INVALID
     assert outcome.outputs == {}

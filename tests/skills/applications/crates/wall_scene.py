@@ -71,7 +71,9 @@ class RollingBall:
 
     def _feel(self, _now: float) -> np.ndarray:
         tcp = self._scene.tcp[:3, 3]
-        tip = np.array([tcp[1] - a_hook().width / 2.0, tcp[2] + TIPS])  # of the finger behind, pulled along +y
+        tip = np.array(
+            [tcp[1] - a_hook().width / 2.0, tcp[2] + TIPS]
+        )  # of the finger behind, pulled along +y
         from_middle = tip - [self._at, self._height]
         moved, self._last = tip - self._last, tip
         distance = float(np.linalg.norm(from_middle))
@@ -84,7 +86,9 @@ class RollingBall:
             self._deformed = self._deformed + moved - self._roll(from_middle, moved)
         pressed = float(self._deformed @ inward)
         aside = self._deformed - pressed * inward
-        self._deformed -= max(1.0 - FRICTION * pressed / max(float(np.linalg.norm(aside)), 1e-9), 0.0) * aside
+        self._deformed -= (
+            max(1.0 - FRICTION * pressed / max(float(np.linalg.norm(aside)), 1e-9), 0.0) * aside
+        )
         if pressed <= 0.0:
             self._deformed = None
             return np.full((2, 6), 0.02)

@@ -26,12 +26,19 @@ def numbers() -> WallNumbers:
 
 
 def branch(
-    numbers: WallNumbers, length: float = 0.4, diameter: float = 0.010, fruits: tuple[HangingFruit, ...] = ()
+    numbers: WallNumbers,
+    length: float = 0.4,
+    diameter: float = 0.010,
+    fruits: tuple[HangingFruit, ...] = (),
 ) -> Wall:
     """A level branch along x, evenly thick, with a spur that is straight down from its end where fruit hang."""
-    lateral = Lateral(np.array([0.0, -0.7, 0.5]), np.array([1.0, 0.0, 0.0]), length, (diameter, diameter))
+    lateral = Lateral(
+        np.array([0.0, -0.7, 0.5]), np.array([1.0, 0.0, 0.0]), length, (diameter, diameter)
+    )
     down = np.array([0.0, 0.0, -1.0])
-    spur = Spur(0, 0.95 * length, lateral.start + np.array([0.95 * length, 0.0, 0.0]), down, 0.05, 0.006)
+    spur = Spur(
+        0, 0.95 * length, lateral.start + np.array([0.95 * length, 0.0, 0.0]), down, 0.05, 0.006
+    )
     spurs = (spur,) if fruits else ()
     return Wall(numbers, 0, (0.0, -0.7, 0.03), (), (lateral,), spurs, fruits, ())
 
@@ -52,5 +59,7 @@ def build(wall: Wall) -> WallModel:
 
 def one_fruit(numbers: WallNumbers, strength: Strength = STRONG, **changes: float) -> WallModel:
     """A fruit on a branch that hardly bends."""
-    stiff = replace(numbers, wood_modulus=2e10, hinge_armature=0.05, **changes)  # the armature keeps it stable
+    stiff = replace(
+        numbers, wood_modulus=2e10, hinge_armature=0.05, **changes
+    )  # the armature keeps it stable
     return build(branch(stiff, fruits=(hanging(strength),)))

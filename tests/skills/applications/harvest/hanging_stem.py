@@ -69,7 +69,9 @@ class Stem:
 
     def step(self, control, dt=DT):
         """Let a controller move the hand for one period."""
-        self.move(control.step(dt, self.wrenches(), self.saturated, self.T, self.width, self.T_aimed), dt)
+        self.move(
+            control.step(dt, self.wrenches(), self.saturated, self.T, self.width, self.T_aimed), dt
+        )
 
     def load(self):
         """Break the stem when its load is too much."""

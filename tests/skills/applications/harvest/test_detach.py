@@ -30,7 +30,9 @@ from pomona.tools.mock.hand import PERIOD
 from tests.skills.applications.harvest.hanging_stem import DIAMETER, MASS, STRONG, WEAK, G, Stem
 from tests.skills.picking_scene import apple_at
 
-WORKSPACE = Workspace(table_z=None, lower=np.array([-0.8, -1.1, -0.4]), upper=np.array([0.8, 0.3, 1.1]))
+WORKSPACE = Workspace(
+    table_z=None, lower=np.array([-0.8, -1.1, -0.4]), upper=np.array([0.8, 0.3, 1.1])
+)
 
 ROBOT_MODEL = RobotModel.load(ROBOT)
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -106,7 +108,14 @@ def drive_until(rig: Rig, phase: str, act: Callable[[], None], **how: Any) -> Sk
         Arm: rig.arm, StreamedArm: rig.arm, Gripper: rig.gripper, ForceSensor: rig.fingers,
         Workspace: WORKSPACE,
     }  # fmt: skip
-    return drive(skill, {"grasp": rig.grasp}, devices, clock=rig.clock, each_tick=when(rig, phase, act, skill), **how)
+    return drive(
+        skill,
+        {"grasp": rig.grasp},
+        devices,
+        clock=rig.clock,
+        each_tick=when(rig, phase, act, skill),
+        **how,
+    )
 
 
 def code(end: SkillEnd) -> str:
@@ -198,7 +207,9 @@ def wood_pushes(rig: Rig, side: float, motor_force: float) -> Callable[[], None]
 
         def wood() -> None:
             reached = start + side * min(0.02 * (rig.clock.now() - began), 0.008)
-            rig.gripper.width = max(rig.gripper.width, reached) if side > 0.0 else min(rig.gripper.width, reached)
+            rig.gripper.width = (
+                max(rig.gripper.width, reached) if side > 0.0 else min(rig.gripper.width, reached)
+            )
 
         rig.clock.each_step.append(wood)
 
@@ -209,7 +220,10 @@ def wood_pushes(rig: Rig, side: float, motor_force: float) -> Callable[[], None]
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_fingers_that_wood_pushes_give_way_until_the_hand_has_turned_back(side: float) -> None:
     rig = Rig(STRONG, bending=0.01)
-    assert code(drive_until(rig, "rolling", wood_pushes(rig, side, side * 10.0))) in ("JAMMED", "SLIPPED")
+    assert code(drive_until(rig, "rolling", wood_pushes(rig, side, side * 10.0))) in (
+        "JAMMED",
+        "SLIPPED",
+    )
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -234,7 +248,9 @@ def held_for(rig: Rig, duration: float) -> Callable[[], None]:
     return hold
 
 
-@pytest.mark.parametrize(("duration", "expected"), [(0.5, "NOTHING_BROKE"), (1.5, "JAMMED"), (6.0, "STEM_UNCLEAR")])
+@pytest.mark.parametrize(
+    ("duration", "expected"), [(0.5, "NOTHING_BROKE"), (1.5, "JAMMED"), (6.0, "STEM_UNCLEAR")]
+)
 @pytest.mark.slow
 def test_a_fruit_is_left_while_something_holds_the_arm(duration: float, expected: str) -> None:
     rig = Rig(STRONG, bending=0.01)
@@ -289,7 +305,9 @@ def test_a_posture_from_which_the_hand_cannot_roll_is_refused_before_anything_mo
 
 
 @pytest.mark.slow
-def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     rig, rolls = Rig(STRONG, bending=0.01), []
 
     def solve(robot: RobotModel, T: np.ndarray, q: np.ndarray) -> np.ndarray | None:
@@ -303,7 +321,9 @@ def test_at_the_edge_of_the_reach_the_hand_waits_and_the_other_roll_is_tried(mon
     assert max(rolls) > 0.8
 
 
-def test_a_hand_that_reached_no_further_still_tests_the_stem(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hand_that_reached_no_further_still_tests_the_stem(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The time without a step went on through letting back and the test: the end of the reach was an unclear stem."""
     rig = Rig(STRONG, bending=0.01)
     skill = Detach()
@@ -330,7 +350,18 @@ def test_a_map_that_is_too_old_is_not_used() -> None:
 def others_at(rig: Rig, *places: np.ndarray) -> AllDetections:
     frame, fruit = rig.grasp.fruit.frame, rig.grasp.fruit.fruit
     seen = tuple(
-        Detection(fruit, frame, np.eye(4), transform(DOWN, p), np.zeros((9, 2)), 0.9, np.eye(6), k, len(places), 1.0)
+        Detection(
+            fruit,
+            frame,
+            np.eye(4),
+            transform(DOWN, p),
+            np.zeros((9, 2)),
+            0.9,
+            np.eye(6),
+            k,
+            len(places),
+            1.0,
+        )
         for k, p in enumerate(places)
     )
     return AllDetections(seen, frame, np.eye(4))
@@ -352,7 +383,9 @@ def test_the_hand_rolls_away_from_a_neighbour_first(side: float) -> None:
     T, knuckle = rig.stem.T, held_fruit(rig.grasp.fruit).p_base_knuckle
     place = knuckle + 0.085 * side * T[:3, 1]
     near = np.array([[*place, 0.038]])
-    clear = {way: roll_clearance(T, way * 2.0, DIAMETER + 0.02, knuckle, near) for way in (1.0, -1.0)}
+    clear = {
+        way: roll_clearance(T, way * 2.0, DIAMETER + 0.02, knuckle, near) for way in (1.0, -1.0)
+    }
     end = rig.drive(inputs={"others": others_at(rig, place)})
     assert end.status is Status.SUCCESS, end.reason
     moved = rig.stem.R0.T @ rig.stem.T[:3, :3]
@@ -386,7 +419,9 @@ def test_without_set_points_the_arm_comes_to_rest_by_its_watchdog() -> None:
 def test_the_knuckle_is_above_the_fruit_along_its_stem() -> None:
     fruit = Rig().grasp.fruit
     held = held_fruit(fruit)
-    assert held.p_base_knuckle - fruit.T_base_fruit[:3, 3] == pytest.approx([0.0, 0.0, 0.025 + 0.44 * HEIGHT])
+    assert held.p_base_knuckle - fruit.T_base_fruit[:3, 3] == pytest.approx(
+        [0.0, 0.0, 0.025 + 0.44 * HEIGHT]
+    )
     assert held.diameter == pytest.approx(DIAMETER)
     assert held.mass == pytest.approx(0.18, rel=0.25)
 
@@ -417,7 +452,9 @@ class Turned:
         self.presses.append(float(-rig.stem.wrenches()[:, 2].min()))
 
 
-def paused(rig: Rig, duration: float, meanwhile: Callable[[], None] = lambda: None) -> Callable[[], None]:
+def paused(
+    rig: Rig, duration: float, meanwhile: Callable[[], None] = lambda: None
+) -> Callable[[], None]:
     """Return an action that pauses the cell: a paused run does not tick its skills."""
 
     def pause() -> None:
@@ -425,7 +462,9 @@ def paused(rig: Rig, duration: float, meanwhile: Callable[[], None] = lambda: No
         rig.gripper.pause()
         meanwhile()
         rig.clock.advance(min(duration, 2.0))
-        rig.clock._steps += max(round((duration - 4.0) / PERIOD), 0)  # hand and fingers stand: nothing steps
+        rig.clock._steps += max(
+            round((duration - 4.0) / PERIOD), 0
+        )  # hand and fingers stand: nothing steps
         rig.clock.advance(min(max(duration - 2.0, 0.0), 2.0))
         rig.gripper.resume()
         rig.arm.resume()
@@ -480,7 +519,9 @@ def test_a_pause_keeps_the_force_of_the_grip() -> None:
     def look() -> None:
         paused(rig, 3.0, swell)()
         assert max(presses) > 5.0
-        assert presses[-1] < 5.0  # fingers open beyond the grip's opening while both pads read more than its limit
+        assert (
+            presses[-1] < 5.0
+        )  # fingers open beyond the grip's opening while both pads read more than its limit
 
     drive_until(rig, "rolling", look)
     assert presses
@@ -492,7 +533,9 @@ def lying(rig: Rig, lie: Callable[[np.ndarray, float], np.ndarray]) -> None:
     rig.fingers.feel = lambda now: lie(rig.stem.wrenches(), now - began)
 
 
-def changed(finger: int | slice, channel: int, by: float, drift: float = 0.0) -> Callable[..., np.ndarray]:
+def changed(
+    finger: int | slice, channel: int, by: float, drift: float = 0.0
+) -> Callable[..., np.ndarray]:
     def lie(wrenches: np.ndarray, age: float) -> np.ndarray:
         wrenches[finger, channel] += by + drift * age
         return wrenches
@@ -523,7 +566,9 @@ LIES = {
 QUICK = ("left presses more", "both along", "half", "left clipped")  # one of each kind
 
 
-@pytest.mark.parametrize("lie", [pytest.param(lie, marks=() if lie in QUICK else pytest.mark.slow) for lie in LIES])
+@pytest.mark.parametrize(
+    "lie", [pytest.param(lie, marks=() if lie in QUICK else pytest.mark.slow) for lie in LIES]
+)
 def test_a_detached_fruit_is_not_let_go_for_a_faulty_force(lie: str) -> None:
     rig = Rig()
     told: list[float] = []
@@ -543,7 +588,9 @@ def test_a_detached_fruit_is_not_let_go_for_a_faulty_force(lie: str) -> None:
 
 
 @pytest.mark.parametrize("phase", ["drawing", "rolling"])
-def test_pads_that_report_twice_the_force_neither_hide_the_break_nor_let_the_fruit_slip(phase: str) -> None:
+def test_pads_that_report_twice_the_force_neither_hide_the_break_nor_let_the_fruit_slip(
+    phase: str,
+) -> None:
     """The motor and the opening show the force: a free apple seemed to hang with its own weight in half the grip."""
     rig, held = Rig(), []
 
@@ -571,7 +618,9 @@ def test_fingers_whose_motor_reads_a_push_outwards_do_not_squeeze_the_fruit() ->
 def test_a_load_on_a_pad_is_no_offset(constant: float, code: str | None) -> None:
     rig = Rig()
     leant = np.zeros((2, 6))
-    leant[0, 2] = -constant  # a branch that leans on the left pad all the time, or the sensor's own offset
+    leant[
+        0, 2
+    ] = -constant  # a branch that leans on the left pad all the time, or the sensor's own offset
     rig.fingers.feel = lambda _now: rig.stem.wrenches() + leant
     end = rig.drive()
     assert (end.reason.code if end.reason else None) == code

@@ -76,12 +76,16 @@ def without_turns(q: Float64, near: Float64, limits: ArmLimits) -> Float64:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["simulated", *BEHIND_BYTES])
-def test_an_apple_is_rolled_off_its_branch_and_held_without_a_bruise(kind: str, tmp_path: Path) -> None:
+def test_an_apple_is_rolled_off_its_branch_and_held_without_a_bruise(
+    kind: str, tmp_path: Path
+) -> None:
     if kind == "simulated":
         cell = load_cell(CELL, seed=3, overrides={"leaves": "0", "behind": "0", "friction": "0.8"})
         world = cell.devices["world"]
     else:
-        (tmp_path / "cell.yaml").write_text(EMULATED.format(cells=CELL.parent, **BEHIND_BYTES[kind]))
+        (tmp_path / "cell.yaml").write_text(
+            EMULATED.format(cells=CELL.parent, **BEHIND_BYTES[kind])
+        )
         cell = load_cell(tmp_path / "cell.yaml", seed=3)
         world = cell.devices["world"]._world
     script = Script(cell)
@@ -95,8 +99,12 @@ def test_an_apple_is_rolled_off_its_branch_and_held_without_a_bruise(kind: str, 
     script.go(search.solve(before, q))
     script.go(q)
     fruit = replace(apple_at(1, 1), T_base_fruit=hung.T_base_fruit, dimensions=hung.dimensions)
-    grasp = Grasp(0, np.pi / 2.0, 0.0, before, T, 2.0 * hung.radius + 0.015, q[None], 0.01, 0.0, fruit)
-    devices: dict[type, object] = {kind: cell.device(kind) for kind in (Arm, StreamedArm, Gripper, ForceSensor)}
+    grasp = Grasp(
+        0, np.pi / 2.0, 0.0, before, T, 2.0 * hung.radius + 0.015, q[None], 0.01, 0.0, fruit
+    )
+    devices: dict[type, object] = {
+        kind: cell.device(kind) for kind in (Arm, StreamedArm, Gripper, ForceSensor)
+    }
     devices[Workspace] = cell.workspace
     end = drive(Detach(), {"grasp": grasp}, devices, clock=cell.clock, limit=20.0)
     report = world.score.report()

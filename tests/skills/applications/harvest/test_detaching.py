@@ -12,7 +12,16 @@ from pomona.applications.harvest.detaching import (
     HeldFruit,
 )
 from pomona.skills.geometry import rot_z, transform
-from tests.skills.applications.harvest.hanging_stem import DIAMETER, DT, LEVER, MASS, STRONG, WEAK, G, Stem
+from tests.skills.applications.harvest.hanging_stem import (
+    DIAMETER,
+    DT,
+    LEVER,
+    MASS,
+    STRONG,
+    WEAK,
+    G,
+    Stem,
+)
 
 
 def controller(stem, rolls=(2.4, -2.4)):
@@ -45,7 +54,9 @@ def test_the_break_is_detected_within_a_period():
 
 def test_after_the_break_the_hand_goes_back_towards_the_robot_and_keeps_the_weight():
     stem, places = Stem(), []
-    control = detach(stem, each=lambda control: places.append((control.phase, stem.T[:3, 3].copy())))
+    control = detach(
+        stem, each=lambda control: places.append((control.phase, stem.T[:3, 3].copy()))
+    )
     back = [p for phase, p in places if phase is DetachPhase.BACK]
     moved = back[-1] - back[0]
     assert np.linalg.norm(moved) == pytest.approx(0.12, abs=0.02)
@@ -79,7 +90,9 @@ def test_fingers_that_wood_blocks_while_they_close_are_a_jam_before_the_supervis
             self.width = max(self.width, min(before, DIAMETER + 0.01))
 
     stem, closed = Blocked(), []
-    control = detach(stem, each=lambda control: control.phase is DetachPhase.CLOSE and closed.append(stem.time))
+    control = detach(
+        stem, each=lambda control: control.phase is DetachPhase.CLOSE and closed.append(stem.time)
+    )
     assert control.problem.code == "JAMMED"
     assert "off its commands" in control.problem.message
     assert closed[-1] < 0.5
@@ -98,7 +111,9 @@ def test_fingers_that_wood_pushes_while_the_hand_rolls_are_a_jam(pushed):
     control = detach(stem, rolls=(2.4,), each=push)
     assert control.problem.code == "JAMMED"
     assert abs(control.roll) < 0.25  # the hand turned back before the fingers opened
-    assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08  # and has left the fruit
+    assert (
+        np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08
+    )  # and has left the fruit
 
 
 def test_a_load_that_comes_and_goes_ends_the_motion_all_the_same():
@@ -107,7 +122,11 @@ def test_a_load_that_comes_and_goes_ends_the_motion_all_the_same():
             force, moment = super().force()
             free = self.phase is DetachPhase.LET_BACK
             loaded = np.array([0.0, 0.0, G * MASS + 2.0])
-            return (np.array([0.0, 0.0, G * MASS]) if free else loaded, moment) if self.rolled else (force, moment)
+            return (
+                (np.array([0.0, 0.0, G * MASS]) if free else loaded, moment)
+                if self.rolled
+                else (force, moment)
+            )
 
     stem = Flickering(STRONG, bending=0.01)
     stem.phase, stem.rolled = DetachPhase.CLOSE, False
@@ -171,7 +190,10 @@ def test_a_hand_that_could_not_turn_back_turns_back_while_it_leaves():
 
     def push(control):
         rolls.append((control.phase, control.roll))
-        if control.phase in (DetachPhase.LAST_PULL, DetachPhase.LET_BACK) and abs(control.roll) > 2.2:
+        if (
+            control.phase in (DetachPhase.LAST_PULL, DetachPhase.LET_BACK)
+            and abs(control.roll) > 2.2
+        ):
             control._behind = 0.01
 
     control = detach(stem, rolls=(2.4,), each=push)
@@ -194,7 +216,10 @@ def test_an_open_hand_that_a_wire_holds_in_its_roll_goes_back_as_it_is():
     stem.held = False
 
     def jam(control):
-        if control.phase in (DetachPhase.LAST_PULL, DetachPhase.LET_BACK) and abs(control.roll) > 2.2:
+        if (
+            control.phase in (DetachPhase.LAST_PULL, DetachPhase.LET_BACK)
+            and abs(control.roll) > 2.2
+        ):
             control._behind = 0.01
         stem.held = control.phase in (DetachPhase.OPEN, DetachPhase.LEAVE)
         if control.phase is DetachPhase.LEAVE:
@@ -212,7 +237,11 @@ def test_wood_that_presses_fruit_harder_than_it_can_bear_is_a_jam():
     pressed[:, 2] = -1.3 * BRUISE_FORCE
     while control.phase is not DetachPhase.DONE and stem.time < 20.0:
         wood = control.phase is DetachPhase.ROLL and control.roll > 0.5
-        stem.move(control.step(DT, pressed if wood else stem.wrenches(), False, stem.T, stem.width, stem.T_aimed))
+        stem.move(
+            control.step(
+                DT, pressed if wood else stem.wrenches(), False, stem.T, stem.width, stem.T_aimed
+            )
+        )
         rolls.append(control.roll)
     assert max(rolls) < 0.9
 
@@ -251,7 +280,9 @@ def test_a_stem_that_loses_its_load_before_the_hand_has_turned_has_not_broken():
 
 def test_a_fruit_that_stays_on_the_tree_is_released_before_the_hand_leaves_straight_back():
     stem, places = Stem(STRONG, bending=0.01), []
-    detach(stem, each=lambda control: places.append((control.phase, stem.T[:3, 3].copy(), stem.width)))
+    detach(
+        stem, each=lambda control: places.append((control.phase, stem.T[:3, 3].copy(), stem.width))
+    )
     opened = [width for phase, _, width in places if phase is DetachPhase.LEAVE]
     left = [p for phase, p, _ in places if phase is DetachPhase.LEAVE]
     assert opened[0] > DIAMETER + 0.015
@@ -264,7 +295,11 @@ def test_a_break_that_was_not_noticed_is_found_and_the_fruit_is_kept(when):
     stem = Stem(STRONG, bending=0.01)
 
     def unload(control):
-        if control.phase is when and stem.broken is None and (when is DetachPhase.LET_BACK or abs(control.roll) > 0.6):
+        if (
+            control.phase is when
+            and stem.broken is None
+            and (when is DetachPhase.LET_BACK or abs(control.roll) > 0.6)
+        ):
             control._recent.clear()
             stem.broken = stem.time
 
@@ -309,7 +344,9 @@ def test_a_stem_that_only_seemed_to_break_is_rolled_on_before_the_branch_is_draw
     stem, drawn = Jerking(STRONG, bending=0.01), []
 
     def jerk(control):
-        stem.unloaded = 2 if control.phase is DetachPhase.ROLL and not drawn and control.roll > 1.0 else 0
+        stem.unloaded = (
+            2 if control.phase is DetachPhase.ROLL and not drawn and control.roll > 1.0 else 0
+        )
         if control.phase is DetachPhase.BACK or stem.unloaded:
             drawn.append(stem.T[:3, 3].copy())
 
@@ -365,19 +402,28 @@ def test_a_fruit_that_leaves_the_pads_after_the_break_is_lost():
     assert detach(stem, each=lose).problem.code == "LOST"
 
 
-@pytest.mark.parametrize(("pads", "saturated", "code"), [((9.0, 1.0), True, "JAMMED"), ((7.0, 6.5), True, None)])
+@pytest.mark.parametrize(
+    ("pads", "saturated", "code"), [((9.0, 1.0), True, "JAMMED"), ((7.0, 6.5), True, None)]
+)
 def test_a_pad_that_meets_wood_is_a_jam_within_a_tenth_of_a_second(pads, saturated, code):
     """A sensor at the end of its range is none while both pads press alike."""
     stem, began = Stem(), []
     control, wood = controller(stem, (2.4,)), np.zeros((2, 6))
     wood[:, 2] = -np.array(pads)
-    while control.phase in (DetachPhase.CLOSE, DetachPhase.DRAW, DetachPhase.ROLL) and len(began) < 5:
+    while (
+        control.phase in (DetachPhase.CLOSE, DetachPhase.DRAW, DetachPhase.ROLL) and len(began) < 5
+    ):
         rolling = control.phase is DetachPhase.ROLL
         if rolling:
             began.append(stem.time)
         stem.move(
             control.step(
-                DT, wood if rolling else stem.wrenches(), rolling and saturated, stem.T, stem.width, stem.T_aimed
+                DT,
+                wood if rolling else stem.wrenches(),
+                rolling and saturated,
+                stem.T,
+                stem.width,
+                stem.T_aimed,
             )
         )
     assert control.phase is (DetachPhase.ROLL if code is None else DetachPhase.LET_BACK)
@@ -387,7 +433,9 @@ def test_pads_that_meet_nothing_end_with_no_contact():
     stem, widths = Stem(), []
     stem.gone = True
     assert detach(stem, each=lambda _: widths.append(stem.width)).problem.code == "NOT_GRIPPED"
-    assert 0.7 * DIAMETER < min(widths) < 0.76 * DIAMETER  # fingers that have missed it are not closed further
+    assert (
+        0.7 * DIAMETER < min(widths) < 0.76 * DIAMETER
+    )  # fingers that have missed it are not closed further
 
 
 def test_no_pad_presses_harder_than_its_ceiling():
@@ -406,7 +454,9 @@ def test_the_hand_follows_the_pad_that_touches_first():
     assert command.velocity @ stem.T[:3, 1] == pytest.approx(0.004)
 
 
-@pytest.mark.parametrize(("motor", "code"), [(0.0, "SLIPPED"), (6.0, "STEM_UNCLEAR"), (None, "STEM_UNCLEAR")])
+@pytest.mark.parametrize(
+    ("motor", "code"), [(0.0, "SLIPPED"), (6.0, "STEM_UNCLEAR"), (None, "STEM_UNCLEAR")]
+)
 def test_a_leaf_on_one_pad_is_no_fruit_where_motor_and_width_show_none(motor, code):
     """The fruit slides out while the hand turns; the fingers close behind it, and one pad feels a leaf."""
     stem = Stem(STRONG, bending=0.01)
@@ -523,7 +573,9 @@ def test_a_fruit_that_seemed_free_and_turns_to_a_narrower_place_is_let_go_only_i
 
 @pytest.mark.parametrize("branch", [5.0, 8.0, 12.0, 15.0])
 def test_a_fruit_that_comes_along_without_its_weight_on_the_pads_may_hang_on_a_soft_branch(branch):
-    control = pulled_with(stem := Stem(STRONG, branch=branch, bending=0.01), lambda _stem, wrenches: wrenches)
+    control = pulled_with(
+        stem := Stem(STRONG, branch=branch, bending=0.01), lambda _stem, wrenches: wrenches
+    )
     assert control.problem.code == "STEM_UNCLEAR"
     assert "may be off the tree; the grip is kept" in control.problem.message
     assert stem.width < DIAMETER
@@ -553,7 +605,9 @@ def test_pads_that_read_too_little_are_not_closed_while_the_motor_presses():
         press = -stem.wrenches()[:, 2]
         presses.append(press.max())
         motor = float(press.sum())
-        stem.move(control.step(DT, 0.3 * stem.wrenches(), False, stem.T, stem.width, stem.T_aimed, motor))
+        stem.move(
+            control.step(DT, 0.3 * stem.wrenches(), False, stem.T, stem.width, stem.T_aimed, motor)
+        )
     assert max(presses) < 1.15 * BRUISE_FORCE
 
 
@@ -621,14 +675,22 @@ def test_a_fruit_that_seems_to_drive_the_hand_is_held_and_the_hand_stands():
         wrenches[:] = wrenches[::-1].copy()
         tops.append(stem.T[2, 3])
 
-    misread(stem, control, exchanged, motor=True, since=lambda control: control.phase is DetachPhase.DRAW)
+    misread(
+        stem,
+        control,
+        exchanged,
+        motor=True,
+        since=lambda control: control.phase is DetachPhase.DRAW,
+    )
     assert control.problem.code == "STEM_UNCLEAR"
     assert "contradict its motion; the grip is kept" in control.problem.message
     assert stem.width < DIAMETER
     assert max(tops) - tops[0] < 0.1
 
 
-@pytest.mark.parametrize(("strength", "bending"), [(WEAK, 0.08), (STRONG, 0.01)], ids=["comes off", "holds"])
+@pytest.mark.parametrize(
+    ("strength", "bending"), [(WEAK, 0.08), (STRONG, 0.01)], ids=["comes off", "holds"]
+)
 def test_a_fruit_of_true_pads_gives_the_hand_no_work(strength, bending):
     stem, works = Stem(strength, bending=bending), []
     control = detach(stem, each=lambda control: works.append(control._work))
@@ -768,7 +830,9 @@ def test_wood_that_leans_on_a_pad_before_the_fingers_close_ends_the_attempt(lean
     assert (min(widths) >= widths[0]) == (code is not None)
     if code:
         assert f"{leaning} N" in control.problem.message
-        assert np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08  # the open hand has left
+        assert (
+            np.linalg.norm(stem.T[:3, 3] + [0.0, 0.0, LEVER] - stem.rest) > 0.08
+        )  # the open hand has left
 
 
 def test_fingers_that_wood_keeps_from_opening_are_commanded_no_further():

@@ -23,14 +23,20 @@ def test_every_number_names_its_source():
 
 def test_a_wrong_unit_is_refused_at_its_place(tmp_path):
     path = tmp_path / "wall.yaml"
-    path.write_text(NUMBERS.read_text().replace("pull_median: {value: 20 N,", "pull_median: {value: 20 kg,"))
+    path.write_text(
+        NUMBERS.read_text().replace("pull_median: {value: 20 N,", "pull_median: {value: 20 kg,")
+    )
     with pytest.raises(CellFileError, match=r"pull_median.*'kg'"):
         read_numbers(path)
 
 
 def test_a_number_without_a_source_is_refused(tmp_path):
     path = tmp_path / "wall.yaml"
-    path.write_text(NUMBERS.read_text().replace("pull_sigma: {value: 0.32, source:", "pull_sigma: {value: 0.32, note:"))
+    path.write_text(
+        NUMBERS.read_text().replace(
+            "pull_sigma: {value: 0.32, source:", "pull_sigma: {value: 0.32, note:"
+        )
+    )
     with pytest.raises(CellFileError, match="source"):
         read_numbers(path)
 

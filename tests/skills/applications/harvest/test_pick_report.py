@@ -9,8 +9,21 @@ from benchmarks.orchard_pick import group_of, pick_wall, report, seeds_of, share
 
 
 def wall(seed, **truth):
-    counted = {"apples": 20, "reachable": 12, "gripped": 10, "detached": 9, "picked": 8, "dropped": 1}
-    counted |= {"knocked_off": 1, "bruised": 2, "stems_torn": 0, "stem_force_median_n": 3.0, "numbers": "digest"}
+    counted = {
+        "apples": 20,
+        "reachable": 12,
+        "gripped": 10,
+        "detached": 9,
+        "picked": 8,
+        "dropped": 1,
+    }
+    counted |= {
+        "knocked_off": 1,
+        "bruised": 2,
+        "stems_torn": 0,
+        "stem_force_median_n": 3.0,
+        "numbers": "digest",
+    }
     why = "gave up after attempt 1 of 3; the last: all 200 grasps are ruled out: 200 unreachable"
     return {
         "seed": seed, "leaves": 0.0, "commit": "abc", "outcome": "success", "reason": "", "time_s": 100.0,
@@ -28,7 +41,11 @@ def test_shares_sum_the_walls_and_the_title_names_the_simulation_and_the_apples(
 
 
 def test_the_shares_are_given_for_each_foliage(tmp_path):
-    leafy = wall(102, picked=4, gripped=8) | {"leaves": 1.0, "outcome": "error", "reason": "gripper: a push"}
+    leafy = wall(102, picked=4, gripped=8) | {
+        "leaves": 1.0,
+        "outcome": "error",
+        "reason": "gripper: a push",
+    }
     page = report([wall(101), leafy], tmp_path)
     assert (
         "| 0 | 1 | 8 of 10 (49% to 94%) | 8 of 12 (39% to 86%) | 8 of 20 (22% to 61%) | 2 of 20 | 1 of 9 | 12.5 | 1 |"
@@ -50,7 +67,14 @@ def test_each_stop_begins_with_the_apples_that_the_stops_before_left(monkeypatch
             "which_bruised": "10",
             "knocked_off": 1,
         },
-        {"apples": 10, "picked": 1, "which_gone": "1", "which_gripped": "1,3", "which_bruised": "3", "knocked_off": 0},
+        {
+            "apples": 10,
+            "picked": 1,
+            "which_gone": "1",
+            "which_gripped": "1,3",
+            "which_bruised": "3",
+            "knocked_off": 0,
+        },
         {
             "apples": 9,
             "picked": 0,
@@ -64,7 +88,12 @@ def test_each_stop_begins_with_the_apples_that_the_stops_before_left(monkeypatch
     asked = []
 
     def run(cell, seed, settings):
-        truth = stops[len(asked)] | {"dropped": 0, "stems_torn": 0, "numbers": "digest", "which_reachable": "0,1,3"}
+        truth = stops[len(asked)] | {
+            "dropped": 0,
+            "stems_torn": 0,
+            "numbers": "digest",
+            "which_reachable": "0,1,3",
+        }
         truth["stem_force_median_n"], truth["stem_force_p95_n"] = forces[len(asked)]
         asked.append((cell, seed, settings))
         tally = {"left": [{"why": f"stop {len(asked)}"}]}
@@ -74,11 +103,25 @@ def test_each_stop_begins_with_the_apples_that_the_stops_before_left(monkeypatch
     monkeypatch.setattr(orchard_pick, "pick_from", run)
     found = pick_wall("orchard", 207, 0.5, (-350, 0, 350), ("--set", "wind=1"))
     assert [settings for _, _, settings in asked] == [
-        ["--set", "leaves=0.5", "--set", f"stop={stop} mm", "--set", f"without={gone}", "--set", "wind=1"]
+        [
+            "--set",
+            "leaves=0.5",
+            "--set",
+            f"stop={stop} mm",
+            "--set",
+            f"without={gone}",
+            "--set",
+            "wind=1",
+        ]
         for stop, gone in ((-350, "none"), (0, "0,10"), (350, "0,1,10"))
     ]
     truth = found["truth"]
-    assert (truth["apples"], truth["picked"], truth["detached"], truth["knocked_off"]) == (12, 2, 2, 1)
+    assert (truth["apples"], truth["picked"], truth["detached"], truth["knocked_off"]) == (
+        12,
+        2,
+        2,
+        1,
+    )
     assert (truth["reachable"], truth["gripped"], truth["bruised"]) == (3, 3, 2)
     assert (truth["stem_force_median_n"], truth["stem_force_p95_n"]) == (3.0, 5.0)
     assert (found["time_s"], found["picked_at"]) == (30.0, [1, 1, 0])
@@ -90,7 +133,10 @@ def test_one_stop_is_compared_with_several(tmp_path):
     page = report([several, wall(101)], tmp_path)
     assert page.startswith("# Simulated: 20 apples of 1 fruit walls")
     assert "| cell orchard, stops at 0 mm: walls 101 | 8 of 20 | 40% | 22% to 61% |" in page
-    assert "| cell orchard, stops at -350, 0, 350 mm: walls 101 | 11 of 20 | 55% | 34% to 74% |" in page
+    assert (
+        "| cell orchard, stops at -350, 0, 350 mm: walls 101 | 11 of 20 | 55% | 34% to 74% |"
+        in page
+    )
     assert "Cell orchard, stops at -350, 0, 350 mm.\n" in report([several], tmp_path)
 
 

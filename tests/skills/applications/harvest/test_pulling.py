@@ -22,7 +22,11 @@ def quintic(a, b, limits, share=0.5):
         float(np.cbrt(60.0 * way / (share * limits.jerk)).max()),
     )
     x = np.linspace(0.0, 1.0, 200)
-    w, wd, wdd = x**3 * (10 - 15 * x + 6 * x**2), 30 * x**2 * (1 - x) ** 2, 60 * x * (1 - x) * (1 - 2 * x)
+    w, wd, wdd = (
+        x**3 * (10 - 15 * x + 6 * x**2),
+        30 * x**2 * (1 - x) ** 2,
+        60 * x * (1 - x) * (1 - 2 * x),
+    )
     steps = [np.outer(each, b - a) for each in (w, wd / duration, wdd / duration**2)]
     return Trajectory(x * duration, a + steps[0], steps[1], steps[2])
 
@@ -31,7 +35,11 @@ class Script:
     def __init__(self, cell):
         self.cell, self.world = cell, cell.devices["world"]
         self.set_point = cell.workspace.poses["home"]
-        self.arm, self.gripper, self.fingers = cell.device(Arm), cell.device(Gripper), cell.device(ForceSensor)
+        self.arm, self.gripper, self.fingers = (
+            cell.device(Arm),
+            cell.device(Gripper),
+            cell.device(ForceSensor),
+        )
 
     def until(self, motion, limit=10.0):
         end = self.cell.clock.now() + limit

@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from pomona.applications.harvest.reachable import ROLLED, SPARE, GraspSearch, grasp_pose, rolled_poses
+from pomona.applications.harvest.reachable import (
+    ROLLED,
+    SPARE,
+    GraspSearch,
+    grasp_pose,
+    rolled_poses,
+)
 from pomona.executive.cell.connect import load_cell
 from pomona.tools.simulation import FINGERS
 
@@ -65,7 +71,9 @@ def test_a_grasp_without_the_roll_is_not_reachable(world):
 
 def test_a_fruit_beyond_the_arm_has_no_grasp(world):
     search = GraspSearch(world.built, world.description)
-    assert next(search.solutions(grasp_pose(np.array([0.0, -1.9, 0.4]), 0.0, 0.0, 0.0)), None) is None
+    assert (
+        next(search.solutions(grasp_pose(np.array([0.0, -1.9, 0.4]), 0.0, 0.0, 0.0)), None) is None
+    )
 
 
 def test_a_hand_that_has_closed_reaches_the_same_fruit(world):

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from pomona.applications.harvest.reachable import grasp_pose
-from pomona.applications.harvest.roll_choice import FINGER_BESIDE, FINGER_RADIUS, ordered, roll_clearance
+from pomona.applications.harvest.roll_choice import (
+    FINGER_BESIDE,
+    FINGER_RADIUS,
+    ordered,
+    roll_clearance,
+)
 
 
 def test_the_clearance_of_a_roll_is_the_fingers_distance_at_its_worst():

@@ -30,11 +30,18 @@ FREE = Workspace(table_z=None, lower=np.array([-0.8, -1.1, -0.4]), upper=np.arra
 
 
 def hanging_at(x: float, y: float, z: float) -> MeasuredFruit:
-    return replace(apple_at(1, 1), T_base_fruit=transform(DOWN, [x, y, z]), dimensions=np.array([0.076, 0.068, 0.076]))
+    return replace(
+        apple_at(1, 1),
+        T_base_fruit=transform(DOWN, [x, y, z]),
+        dimensions=np.array([0.076, 0.068, 0.076]),
+    )
 
 
 def sample(
-    fruit: MeasuredFruit, skill: SampleHanging | None = None, workspace: Workspace = FREE, **inputs: Any
+    fruit: MeasuredFruit,
+    skill: SampleHanging | None = None,
+    workspace: Workspace = FREE,
+    **inputs: Any,
 ) -> SkillEnd:
     clock = MockClock()
     devices: dict[type, object] = {Arm: MockArm(clock, OBSERVE), Workspace: workspace}
@@ -52,7 +59,10 @@ def test_candidates_are_level_first_and_roll_far_enough() -> None:
         assert 0.076 < grasp.width <= 0.103
         for q in grasp.q_pre_grasp:
             line = straight_line(ROBOT_MODEL, q, grasp.T_base_grasp)
-            rolls = [free_roll(ROBOT_MODEL, line.q[-1], knuckle_of(fruit), way, 2.1) for way in (1.0, -1.0)]
+            rolls = [
+                free_roll(ROBOT_MODEL, line.q[-1], knuckle_of(fruit), way, 2.1)
+                for way in (1.0, -1.0)
+            ]
             assert max(rolls) >= np.radians(70.0)
 
 
@@ -64,7 +74,9 @@ def test_a_candidate_that_was_tried_is_not_given_again_for_the_same_fruit() -> N
     assert second.attempt == 2
     elsewhere = sample(hanging_at(0.2, -0.6, 0.4), skill, tried=first).outputs["candidates"]
     assert elsewhere.attempt == 1
-    again = sample(fruit, skill, tried=elsewhere.grasps[0]).outputs["candidates"]  # in a later round
+    again = sample(fruit, skill, tried=elsewhere.grasps[0]).outputs[
+        "candidates"
+    ]  # in a later round
     assert first.index not in {grasp.index for grasp in again.grasps}
 
 
@@ -95,9 +107,14 @@ def test_an_obstacle_beside_the_fruit_ends_the_roll_on_its_side() -> None:
     arm = MockArm(MockClock(), q)
     side = grasp.T_base_grasp[:3, 1] * (0.076 / 2.0 + 0.05) + np.array([0.0, 0.0, 0.06])
     blocks = replace(
-        FREE, obstacles=(Box("branch", transform(None, fruit.T_base_fruit[:3, 3] + side), (0.01, 0.1, 0.01)),)
+        FREE,
+        obstacles=(
+            Box("branch", transform(None, fruit.T_base_fruit[:3, 3] + side), (0.01, 0.1, 0.01)),
+        ),
     )
-    free, blocked = (arm_space(arm, place, None, 0.08, 0.004, target=fruit) for place in (FREE, blocks))
+    free, blocked = (
+        arm_space(arm, place, None, 0.08, 0.004, target=fruit) for place in (FREE, blocks)
+    )
     ways = (1.0, -1.0)
     before = [free_roll(ROBOT_MODEL, q, knuckle_of(fruit), way, 2.0, free) for way in ways]
     after = [free_roll(ROBOT_MODEL, q, knuckle_of(fruit), way, 2.0, blocked) for way in ways]

@@ -19,7 +19,9 @@ Q = np.array([-1.36, -0.9, -0.26, -0.4, 0.06, -0.9, 0.05])
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.1])
-@pytest.mark.parametrize(("times", "crawls"), [(0.5, False), (0.5 / CRAWL, False), (2.0 / CRAWL, True)])
+@pytest.mark.parametrize(
+    ("times", "crawls"), [(0.5, False), (0.5 / CRAWL, False), (2.0 / CRAWL, True)]
+)
 def test_a_hand_that_the_joints_leave_next_to_no_speed_reaches_no_further(
     times: float, crawls: bool, speed: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -38,7 +40,9 @@ def test_a_hand_that_the_joints_leave_next_to_no_speed_reaches_no_further(
 
 
 @pytest.mark.parametrize(("distance", "goes"), [(0.05, True), (0.01, False), (-0.01, False)])
-def test_the_hand_goes_no_nearer_to_a_fixed_obstacle_than_its_margin(distance: float, goes: bool) -> None:
+def test_the_hand_goes_no_nearer_to_a_fixed_obstacle_than_its_margin(
+    distance: float, goes: bool
+) -> None:
     """An elbow came to the pedestal while the hand moved back, and the next motion was refused."""
     robot = RobotModel.load(ROBOT)
     wall = robot.tcp(Q)[1, 3] + distance
@@ -55,7 +59,10 @@ def test_the_hand_goes_no_nearer_to_a_fixed_obstacle_than_its_margin(distance: f
 @pytest.mark.parametrize(("off", "comes"), [(0.02, True), (0.005, False)])
 def test_a_set_point_comes_to_an_arm_that_wood_holds(off: float, comes: bool) -> None:
     """An arm that pressed on a branch 1.2 degrees beside its set-point counted as faulty, which ended the run."""
-    aim, held = HandAim(RobotModel.load(ROBOT), Q), Q + np.array([0.0, 0.0, 0.0, off, 0.0, 0.0, 0.0])
+    aim, held = (
+        HandAim(RobotModel.load(ROBOT), Q),
+        Q + np.array([0.0, 0.0, 0.0, off, 0.0, 0.0, 0.0]),
+    )
     for _ in range(19):
         aim.come_to(held, DT)
         assert np.abs(aim.q - Q).max() == 0.0

@@ -29,8 +29,15 @@ class Pulled:
         while share < limit:
             share += rate * 0.002
             R = self.data.xmat[self.body].reshape(3, 3)
-            lever = R @ [0.0, -self.fruit.lever, 0.0] + self.data.xpos[self.body] - self.data.xipos[self.body]
-            self.data.xfrc_applied[self.body] = [*(share * force), *(share * moment + np.cross(lever, share * force))]
+            lever = (
+                R @ [0.0, -self.fruit.lever, 0.0]
+                + self.data.xpos[self.body]
+                - self.data.xipos[self.body]
+            )
+            self.data.xfrc_applied[self.body] = [
+                *(share * force),
+                *(share * moment + np.cross(lever, share * force)),
+            ]
             mujoco.mj_step(self.built.model, self.data)
             if self.stems.look() >= 0:
                 return share
@@ -62,13 +69,17 @@ def test_a_bend_breaks_it_at_its_strength_though_the_fruits_weight_helps_to_hold
     pulled = Pulled(one_fruit(numbers, only(bend=0.12)))
     share = pulled.until_broken(moment=(0.05, 0.0, 0.0))
     angle = 0.12 / 2.0
-    assert 0.05 * share - WEIGHT * pulled.fruit.lever * np.sin(angle) == pytest.approx(0.12, rel=0.02)
+    assert 0.05 * share - WEIGHT * pulled.fruit.lever * np.sin(angle) == pytest.approx(
+        0.12, rel=0.02
+    )
 
 
 def test_a_stem_that_sits_loosely_in_its_fruit_is_torn_out_and_stays_at_the_spur(numbers):
     built = one_fruit(numbers, only(pull=40.0, tear=15.0))
     pulled = Pulled(built)
-    assert 10.0 * pulled.until_broken(force=(0.0, 0.0, -10.0)) + WEIGHT == pytest.approx(15.0, rel=0.01)
+    assert 10.0 * pulled.until_broken(force=(0.0, 0.0, -10.0)) + WEIGHT == pytest.approx(
+        15.0, rel=0.01
+    )
     assert pulled.stems.state[0] == TORN
     assert built.model.geom("fruit_0_torn").rgba[3] == 1.0
     assert built.model.geom("fruit_0_stem").rgba[3] == 0.0
@@ -78,7 +89,11 @@ def test_a_fruit_that_came_off_falls_freely_and_the_branch_springs_back(numbers)
     built = build(branch(numbers, fruits=(hanging(),)))
     data = mujoco.MjData(built.model)
     mujoco.mj_forward(built.model, data)
-    stems, body, tip = Stems(built, data), int(built.fruit_bodies[0]), built.model.body("lateral_0_5").id
+    stems, body, tip = (
+        Stems(built, data),
+        int(built.fruit_bodies[0]),
+        built.model.body("lateral_0_5").id,
+    )
     before, rest = data.xpos[body].copy(), data.xpos[tip, 2]
     stems.state[0] = AT_SPUR
     stems.release(0)

@@ -41,7 +41,9 @@ def test_draws_have_the_measured_quantiles(numbers):
     twist, pull = np.array([s.twist for s in drawn]), np.array([s.pull for s in drawn])
     assert np.quantile(twist, 0.95) == pytest.approx(0.257, rel=0.03)
     assert np.median(pull) == pytest.approx(20.0, rel=0.02)
-    assert np.corrcoef(np.log(twist), np.log(pull))[0, 1] == pytest.approx(numbers.strength_shared, abs=0.03)
+    assert np.corrcoef(np.log(twist), np.log(pull))[0, 1] == pytest.approx(
+        numbers.strength_shared, abs=0.03
+    )
     ratio = np.array([s.bend / s.stiffness for s in drawn])
     assert ratio.min() >= numbers.bend_angle[0] - 1e-9
     assert ratio.max() <= numbers.bend_angle[1] + 1e-9

@@ -11,7 +11,9 @@ from pomona.tools.simulation.gl import load_mujoco
 from .conftest import one_fruit
 
 FRUIT, LEFT, RIGHT, FLOOR, SIDE, TWIG = range(6)
-KINDS = np.array([touches._FRUIT, touches._PAD, touches._PAD, touches._LINING, touches._LINING, touches._WOOD])
+KINDS = np.array(
+    [touches._FRUIT, touches._PAD, touches._PAD, touches._LINING, touches._LINING, touches._WOOD]
+)
 
 
 def sorted_contacts(*contacts):
@@ -47,7 +49,9 @@ def fruit_in_reach(numbers):
     return built, data, WallScore(built, data, stems)
 
 
-def test_a_fall_to_the_ground_is_an_impact_of_its_speed_and_later_contacts_add_nothing(fruit_in_reach):
+def test_a_fall_to_the_ground_is_an_impact_of_its_speed_and_later_contacts_add_nothing(
+    fruit_in_reach,
+):
     built, data, score = fruit_in_reach
     fruit = built.wall.fruits[0]
     for _ in range(900):
@@ -55,7 +59,9 @@ def test_a_fall_to_the_ground_is_an_impact_of_its_speed_and_later_contacts_add_n
         score.look(-1)
     fall = float(fruit.T_base_fruit[2, 3] - data.xpos[built.fruit_bodies[0], 2])
     speed = np.sqrt(2.0 * 9.81 * fall)
-    expected = impact_force(fruit.mass * speed, fruit.mass, fruit.radius, built.wall.numbers.modulus_hard)
+    expected = impact_force(
+        fruit.mass * speed, fruit.mass, fruit.radius, built.wall.numbers.modulus_hard
+    )
     assert score.fruits[0].impact == pytest.approx(expected, rel=0.03)
     data.xfrc_applied[built.fruit_bodies[0], 2] = -6.0
     for _ in range(500):
@@ -69,7 +75,11 @@ def test_a_fall_to_the_ground_is_an_impact_of_its_speed_and_later_contacts_add_n
 
 @pytest.mark.parametrize(
     ("partner", "column", "share"),
-    [(touches._FRUIT, BY_HARD, 0.5), (touches._WOOD, BY_HARD, 1.0), (touches._LINING, BY_LINING, 1.0)],
+    [
+        (touches._FRUIT, BY_HARD, 0.5),
+        (touches._WOOD, BY_HARD, 1.0),
+        (touches._LINING, BY_LINING, 1.0),
+    ],
 )
 def test_a_touch_begins_with_the_normal_speed_at_the_contacts_place(partner, column, share):
     """A fruit that moves and turns, 20 mm from the contact, against a body at rest."""

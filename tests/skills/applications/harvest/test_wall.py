@@ -45,7 +45,10 @@ def test_leaves_change_neither_wood_nor_fruit(numbers):
     for a, b in zip(bare.fruits, full.fruits, strict=True):
         assert np.array_equal(a.T_base_fruit, b.T_base_fruit)
         assert a.strength == b.strength
-    assert all(np.array_equal(a.direction, b.direction) for a, b in zip(bare.laterals, full.laterals, strict=True))
+    assert all(
+        np.array_equal(a.direction, b.direction)
+        for a, b in zip(bare.laterals, full.laterals, strict=True)
+    )
 
 
 def test_a_seed_draws_the_same_wall_again(numbers):
@@ -73,7 +76,9 @@ def test_a_base_that_stands_elsewhere_sees_the_same_wall_shifted(numbers):
             assert np.allclose(b.start - a.start, by)
     assert seen.trunk[0] - usual.trunk[0] == pytest.approx(-0.35)
     assert seen.wires[0].z - usual.wires[0].z == pytest.approx(-0.2)
-    assert (seen.ground - usual.ground, seen.trunk_top - usual.trunk_top) == pytest.approx((-0.2, -0.2))
+    assert (seen.ground - usual.ground, seen.trunk_top - usual.trunk_top) == pytest.approx(
+        (-0.2, -0.2)
+    )
 
 
 def test_fruit_that_is_taken_away_changes_nothing_of_the_rest(numbers):
@@ -81,5 +86,10 @@ def test_fruit_that_is_taken_away_changes_nothing_of_the_rest(numbers):
     rest = wall.without({0, 4})
     assert [each.number for each in wall.fruits] == list(range(len(wall.fruits)))
     assert rest.fruits == tuple(each for each in wall.fruits if each.number not in (0, 4))
-    assert (rest.spurs, rest.laterals, rest.leaves, rest.wires) == (wall.spurs, wall.laterals, wall.leaves, wall.wires)
+    assert (rest.spurs, rest.laterals, rest.leaves, rest.wires) == (
+        wall.spurs,
+        wall.laterals,
+        wall.leaves,
+        wall.wires,
+    )
     assert rest.numbers.digest() == wall.numbers.digest()

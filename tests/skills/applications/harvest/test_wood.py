@@ -2,7 +2,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from pomona.applications.harvest.wood import bending_stress, hinge_chain, second_moment, spur_stiffness
+from pomona.applications.harvest.wood import (
+    bending_stress,
+    hinge_chain,
+    second_moment,
+    spur_stiffness,
+)
 
 from .conftest import branch, build
 
@@ -15,13 +20,17 @@ def test_a_chain_gives_way_as_the_beam_does_but_for_a_quarter_over_the_squared_c
     for count in (3, 6, 12):
         chain = hinge_chain(L, (D, D), E, count)
         tip = chain.deflection(np.array([L]), np.array([L]), np.array([2.0]))[0]
-        assert tip == pytest.approx(2.0 * L**3 / (3.0 * EI) * (1.0 - 1.0 / (4.0 * count**2)), rel=1e-12)
+        assert tip == pytest.approx(
+            2.0 * L**3 / (3.0 * EI) * (1.0 - 1.0 / (4.0 * count**2)), rel=1e-12
+        )
 
 
 def test_a_tapered_chain_nears_the_integral_over_the_beam():
     ends = (0.014, 0.007)
     s = np.linspace(0.0, L, 20001)
-    beam = np.trapezoid((L - s) ** 2 / (E * second_moment(ends[0] + (ends[1] - ends[0]) * s / L)), s)
+    beam = np.trapezoid(
+        (L - s) ** 2 / (E * second_moment(ends[0] + (ends[1] - ends[0]) * s / L)), s
+    )
     tip = hinge_chain(L, ends, E, 6).deflection(np.array([L]), np.array([L]), np.array([1.0]))[0]
     assert tip == pytest.approx(beam, rel=0.01)
 
@@ -37,7 +46,9 @@ def test_the_mass_of_a_taper_is_the_cones():
 def test_a_point_mass_on_a_light_chain_swings_with_its_stiffness():
     chain = hinge_chain(L, (D, D), E, 6)
     k = 1.0 / chain.deflection(np.array([L]), np.array([L]), np.array([1.0]))[0]
-    assert chain.first_frequency(np.array([L]), np.array([0.2])) == pytest.approx(np.sqrt(k / 0.2), rel=1e-12)
+    assert chain.first_frequency(np.array([L]), np.array([0.2])) == pytest.approx(
+        np.sqrt(k / 0.2), rel=1e-12
+    )
 
 
 def test_a_spurs_tip_gives_way_as_a_cantilevers():
@@ -110,6 +121,13 @@ def test_a_loaded_branch_swings_at_the_beams_frequency(bare):
         times = 0.002 * (up - y[up] / (y[up + 1] - y[up]))
         found = 1.0 / np.diff(times).mean()
     finally:
-        model.body_mass[body], model.body_ipos[body], model.body_inertia[body], model.dof_damping[:] = kept
+        (
+            model.body_mass[body],
+            model.body_ipos[body],
+            model.body_inertia[body],
+            model.dof_damping[:],
+        ) = kept
         model.opt.gravity[:] = [0.0, 0.0, -9.81]
-    assert found == pytest.approx(np.sqrt(3.0 * EI / ((load + 33.0 / 140.0 * own) * L**3)) / (2.0 * np.pi), rel=0.012)
+    assert found == pytest.approx(
+        np.sqrt(3.0 * EI / ((load + 33.0 / 140.0 * own) * L**3)) / (2.0 * np.pi), rel=0.012
+    )

@@ -41,11 +41,15 @@ def put(world, i, p):
 def test_the_wall_has_the_tables_arm_hand_and_camera_behind_the_same_interfaces(cell):
     table = read_cell_file(TREES / "cells" / "sim.yaml")
     assert all(cell.device(kind) is not None for kind in (Arm, Gripper, ForceSensor, Camera))
-    assert cell.device(Arm).description.resolve() == Path(table.section.world.values.robot).resolve()
+    assert (
+        cell.device(Arm).description.resolve() == Path(table.section.world.values.robot).resolve()
+    )
     here = read_cell_file(CELL).section.devices
     for name in ("arm", "fingers", "camera"):
         assert here[name].values == table.section.devices[name].values
-    yielding = replace(here["gripper"].values, supervision=GripperSupervision())  # wood pushes the fingers aside
+    yielding = replace(
+        here["gripper"].values, supervision=GripperSupervision()
+    )  # wood pushes the fingers aside
     assert yielding == table.section.devices["gripper"].values
 
 
@@ -53,7 +57,12 @@ def test_a_wall_at_rest_loses_nothing_and_a_seed_gives_the_same_again(cell):
     world = cell.devices["world"]
     world.clock.advance(0.2)
     report = world.score.report()
-    assert (report["apples"], report["detached"], report["fell"], report["collisions"]) == (3, 0, 0, 0)
+    assert (report["apples"], report["detached"], report["fell"], report["collisions"]) == (
+        3,
+        0,
+        0,
+        0,
+    )
     assert {fruit["place"] for fruit in report["fruits"]} == {"hangs"}
     again = load_cell(CELL, seed=3, overrides=BARE)
     again.devices["world"].clock.advance(0.2)
@@ -67,8 +76,18 @@ def test_a_fruit_whose_stem_gives_way_falls_to_the_ground_and_is_bruised(cell):
     world.clock.advance(1.2)
     report = world.score.report()
     fallen = report["fruits"][1]
-    assert (fallen["place"], fallen["how"], fallen["stem_kept"], fallen["bruised"]) == ("ground", "fell", True, True)
-    assert (report["fell"], report["bruised"], report["picked"], report["knocked_off"]) == (1, 1, 0, 0)
+    assert (fallen["place"], fallen["how"], fallen["stem_kept"], fallen["bruised"]) == (
+        "ground",
+        "fell",
+        True,
+        True,
+    )
+    assert (report["fell"], report["bruised"], report["picked"], report["knocked_off"]) == (
+        1,
+        1,
+        0,
+        0,
+    )
 
 
 def test_a_fruit_that_is_laid_into_the_bin_is_picked_and_its_impact_is_that_of_its_fall(cell):
@@ -83,10 +102,14 @@ def test_a_fruit_that_is_laid_into_the_bin_is_picked_and_its_impact_is_that_of_i
     numbers = world.built.wall.numbers
     speed = np.sqrt(2.0 * 9.81 * fall)
     expected = impact_force(fruit.mass * speed, fruit.mass, fruit.radius, numbers.modulus_lining)
-    assert report["fruits"][0]["impact_n"] == pytest.approx(expected, rel=0.25)  # it stands a little askew
+    assert report["fruits"][0]["impact_n"] == pytest.approx(
+        expected, rel=0.25
+    )  # it stands a little askew
     world.state.xfrc_applied[world.built.fruit_bodies[0], 2] = -5.0
     world.clock.advance(1.0)
-    assert world.score.report()["fruits"][0]["impact_n"] < 1.25 * expected  # a lasting push is no impact
+    assert (
+        world.score.report()["fruits"][0]["impact_n"] < 1.25 * expected
+    )  # a lasting push is no impact
 
 
 @pytest.mark.parametrize(("height", "place"), [(0.02, "bin"), (0.15, "lies")])
@@ -136,7 +159,9 @@ def test_a_wall_without_apples_stands():
     bare.close()
 
 
-@pytest.mark.parametrize(("without", "message"), [("1,3", "apples 0 to 2, not 3"), ("one", "'one' is not none, or")])
+@pytest.mark.parametrize(
+    ("without", "message"), [("1,3", "apples 0 to 2, not 3"), ("one", "'one' is not none, or")]
+)
 def test_apples_that_do_not_exist_cannot_be_gone(without, message):
     with pytest.raises(CellFileError, match=message):
         load_cell(CELL, seed=3, overrides={**BARE, "without": without})
@@ -206,9 +231,12 @@ def test_wind_moves_fruit_and_a_calm_wall_stands(cell):
     for each in (cell, windy):
         each.devices["world"].clock.advance(0.5)
     still, blown = (
-        each.devices["world"].state.xpos[each.devices["world"].built.fruit_bodies] for each in (cell, windy)
+        each.devices["world"].state.xpos[each.devices["world"].built.fruit_bodies]
+        for each in (cell, windy)
     )
-    start = np.array([fruit.T_base_fruit[:3, 3] for fruit in cell.devices["world"].built.wall.fruits])
+    start = np.array(
+        [fruit.T_base_fruit[:3, 3] for fruit in cell.devices["world"].built.wall.fruits]
+    )
     assert np.abs(still - start).max() < 1e-4
     assert np.abs(blown - start).max() > 2e-3
     windy.close()

@@ -15,9 +15,13 @@ def at(x: float, y: float = 0.0, z: float = 1.0, covariance: np.ndarray = SMALL)
 
 
 @given(st.integers(1, 8), st.integers(0, 2**32 - 1))
-def test_solid_fruit_seen_again_from_anywhere_is_distinguished_in_any_order(count: int, seed: int) -> None:
+def test_solid_fruit_seen_again_from_anywhere_is_distinguished_in_any_order(
+    count: int, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
-    places = np.column_stack([np.arange(count) * 0.09, rng.uniform(0, 0.1, count), rng.uniform(0.9, 1.1, count)])
+    places = np.column_stack(
+        [np.arange(count) * 0.09, rng.uniform(0, 0.1, count), rng.uniform(0.9, 1.1, count)]
+    )
     order = rng.permutation(count)
     seen = [(places[k] + rng.normal(0.0, 2 * MM, 3), SMALL) for k in order]
     assert associate([(p, SMALL) for p in places], seen, 0.09) == order.tolist()
@@ -37,7 +41,9 @@ def test_a_fruit_is_given_once_and_the_sum_of_distances_is_least() -> None:
     assert associate([at(0.0)], [at(0.01), at(0.0)], 0.09) == [None, 0]
 
 
-def test_a_place_that_is_uncertain_along_the_line_of_sight_reaches_far_along_it_and_not_beside_it() -> None:
+def test_a_place_that_is_uncertain_along_the_line_of_sight_reaches_far_along_it_and_not_beside_it() -> (
+    None
+):
     long = np.diag([(2 * MM) ** 2, (2 * MM) ** 2, 0.1**2])
     assert associate([at(0.0)], [at(0.0, 0.0, 1.2, long)], 0.09) == [0]
     assert associate([at(0.0)], [at(0.09, 0.0, 1.2, long)], 0.09) == [None]

@@ -54,7 +54,9 @@ def test_a_motion_of_the_camera_brings_places_into_one_frame() -> None:
     far = transform(None, (0.1, 0.0, 0.0))
     assert book.add_frame([seen(0.0)], far) == [3]
     assert book.add_frame([seen(0.03)], HERE, 0.0) == [1]
-    assert book.add_frame([seen(0.06)], HERE, 0.05) == [3]  # which of two it is nearer to, when neither is sure
+    assert book.add_frame([seen(0.06)], HERE, 0.05) == [
+        3
+    ]  # which of two it is nearer to, when neither is sure
 
 
 def test_an_unmeasured_fruit_chooses_last_and_is_measured_when_another_frame_shows_it() -> None:
@@ -78,7 +80,9 @@ def test_the_order_of_sightings_in_a_frame_changes_nothing() -> None:
 
 def test_a_sighting_is_the_measured_fruit_or_a_guess_as_far_as_its_size_may_differ() -> None:
     apple = apple_at(1, 3, sigma=2e-3)
-    detection = replace(found(apple), T_camera_object=transform(None, (0.0, 0.0, 1.5)), covariance=1e-6 * np.eye(6))
+    detection = replace(
+        found(apple), T_camera_object=transform(None, (0.0, 0.0, 1.5)), covariance=1e-6 * np.eye(6)
+    )
     measured = sighting_of(detection, apple, "", 4)
     assert measured.number == 4
     assert measured.p_base == pytest.approx(apple.T_base_fruit[:3, 3])

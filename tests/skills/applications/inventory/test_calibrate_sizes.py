@@ -70,7 +70,9 @@ def test_learnt_values_are_those_that_a_fruit_file_includes(how, capsys) -> None
     assert sizes.width == pytest.approx(KIND.width, rel=0.02)
     assert sizes.width_deviation == pytest.approx(KIND.width_deviation, rel=0.12)
     assert sizes.height_over_width == pytest.approx(KIND.height_over_width, rel=0.02)
-    assert sizes.height_over_width_deviation == pytest.approx(KIND.height_over_width_deviation, rel=0.15)
+    assert sizes.height_over_width_deviation == pytest.approx(
+        KIND.height_over_width_deviation, rel=0.15
+    )
     assert sizes.looks == pytest.approx(KIND.looks, rel=0.02)
     assert sizes.looks_deviation == pytest.approx(KIND.looks_deviation, abs=0.01)
 
@@ -99,29 +101,70 @@ def spoilt(rows: list[dict[str, str]], **values: str) -> list[dict[str, str]]:
 @pytest.mark.parametrize(
     ("spoil", "how", "words"),
     [
-        (lambda rows: rows[:4], (), "4 measured fruit do not give the spread of sizes: measure 7 or more"),
-        (lambda rows: rows[:6], (), "6 measured fruit do not give the spread of sizes: measure 7 or more"),
-        (lambda rows: without(rows, "fruit"), (), "no column fruit"),
-        (lambda rows: spoilt(rows, true_width_mm="7.1"), (), "finds.csv:5: true_width_mm is 7.1, but the camera saw"),
-        (lambda rows: spoilt(rows, true_height_mm="700"), (), "finds.csv:5: true_height_mm is 700, but the camera saw"),
         (
-            lambda rows: spoilt(rows, fruit="1", true_width_mm=str(1.1 * float(rows[0]["true_width_mm"]))),
+            lambda rows: rows[:4],
+            (),
+            "4 measured fruit do not give the spread of sizes: measure 7 or more",
+        ),
+        (
+            lambda rows: rows[:6],
+            (),
+            "6 measured fruit do not give the spread of sizes: measure 7 or more",
+        ),
+        (lambda rows: without(rows, "fruit"), (), "no column fruit"),
+        (
+            lambda rows: spoilt(rows, true_width_mm="7.1"),
+            (),
+            "finds.csv:5: true_width_mm is 7.1, but the camera saw",
+        ),
+        (
+            lambda rows: spoilt(rows, true_height_mm="700"),
+            (),
+            "finds.csv:5: true_height_mm is 700, but the camera saw",
+        ),
+        (
+            lambda rows: spoilt(
+                rows, fruit="1", true_width_mm=str(1.1 * float(rows[0]["true_width_mm"]))
+            ),
             (),
             "another row of fruit 1 has",
         ),
         (lambda rows: without(rows, "true_width_mm"), (), "no column true_width_mm"),
         (lambda rows: without(rows, "shown_mm"), (), "no column shown_mm"),
-        (lambda rows: [{**row, "true_width_mm": ""} for row in rows], (), "no row has true_width_mm"),
+        (
+            lambda rows: [{**row, "true_width_mm": ""} for row in rows],
+            (),
+            "no row has true_width_mm",
+        ),
         (lambda rows: spoilt(rows, true_width_mm="7O"), (), "finds.csv:5: true_width_mm is '7O'"),
-        (lambda rows: spoilt(rows, true_height_mm="nan"), (), "finds.csv:5: true_height_mm is 'nan'"),
-        (lambda rows: spoilt(rows, true_height_mm="-70"), (), "finds.csv:5: true_height_mm is '-70'"),
-        (lambda rows: [{**row, "method": "uniform"} for row in rows], ("--by-shape",), "no row was measured by"),
-        (lambda rows: [{**row, "height_90_mm": "9"} for row in rows], ("--by-shape",), "no row was measured by"),
+        (
+            lambda rows: spoilt(rows, true_height_mm="nan"),
+            (),
+            "finds.csv:5: true_height_mm is 'nan'",
+        ),
+        (
+            lambda rows: spoilt(rows, true_height_mm="-70"),
+            (),
+            "finds.csv:5: true_height_mm is '-70'",
+        ),
+        (
+            lambda rows: [{**row, "method": "uniform"} for row in rows],
+            ("--by-shape",),
+            "no row was measured by",
+        ),
+        (
+            lambda rows: [{**row, "height_90_mm": "9"} for row in rows],
+            ("--by-shape",),
+            "no row was measured by",
+        ),
         (lambda rows: rows, ("--fruit", "pear"), "pear"),
     ],
 )
 def test_data_without_anything_to_learn_are_refused_in_a_line_and_nothing_is_written(
-    spoil: Callable[..., list[dict[str, str]]], how: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+    spoil: Callable[..., list[dict[str, str]]],
+    how: tuple[str, ...],
+    words: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["calibrate", "sizes", write(spoil(finds(12))), "--out", "sizes.yaml", *how]) == 2
     said = capsys.readouterr().err
@@ -142,7 +185,9 @@ def test_no_file_is_written_over_and_a_run_without_tables_is_reported(capsys) ->
     Path("parted.csv").write_text(text.replace(",", ";"))
     assert main(["calibrate", "sizes", "parted.csv", "--out", "new.yaml"]) == 2
     assert "parted.csv: its columns are not parted by commas" in capsys.readouterr().err
-    Path("twice.csv").write_text("".join(f"{line},{line.rpartition(',')[2]}\n" for line in text.splitlines()))
+    Path("twice.csv").write_text(
+        "".join(f"{line},{line.rpartition(',')[2]}\n" for line in text.splitlines())
+    )
     assert main(["calibrate", "sizes", "twice.csv", "--out", "new.yaml"]) == 2
     assert "twice.csv: has the column true_height_mm twice" in capsys.readouterr().err
     assert main(["calibrate", "sizes", "finds.csv", "--out", "nowhere/new.yaml"]) == 2
@@ -153,7 +198,10 @@ def test_no_file_is_written_over_and_a_run_without_tables_is_reported(capsys) ->
 
 def test_exchanged_width_and_height_are_found_by_the_kinds_proportions(capsys) -> None:
     rows = finds(30)
-    swapped = [{**row, "true_width_mm": row["true_height_mm"], "true_height_mm": row["true_width_mm"]} for row in rows]
+    swapped = [
+        {**row, "true_width_mm": row["true_height_mm"], "true_height_mm": row["true_width_mm"]}
+        for row in rows
+    ]
     assert main(["calibrate", "sizes", write(swapped), "--out", "sizes.yaml"]) == 2
     assert "are true_width_mm and true_height_mm exchanged?" in capsys.readouterr().err
     assert not Path("sizes.yaml").exists()

@@ -20,10 +20,15 @@ def texture(seed: int) -> np.ndarray:
     return np.clip(0.5 * fine + 0.5 * coarse, 0, 255).astype(np.uint8)
 
 
-def wall(T_wall_camera: np.ndarray, seed: int = 0, noise: float = 0.0, part: slice = slice(None)) -> Frame:
+def wall(
+    T_wall_camera: np.ndarray, seed: int = 0, noise: float = 0.0, part: slice = slice(None)
+) -> Frame:
     """A view of a painted wall with a step in it: z = 1.2 m left of x = 0, 1.0 m right of it."""
     columns, rows = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))
-    rays = np.stack([(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(columns.shape)], -1)
+    rays = np.stack(
+        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(columns.shape)],
+        -1,
+    )
     rays = rays @ T_wall_camera[:3, :3].T
     eye = T_wall_camera[:3, 3]
     grey = np.zeros(columns.shape, np.uint8)
@@ -40,7 +45,9 @@ def wall(T_wall_camera: np.ndarray, seed: int = 0, noise: float = 0.0, part: sli
     depth += np.random.default_rng(seed + 1).normal(0.0, noise, depth.shape).astype(np.float32)
     hidden = np.zeros_like(depth)
     hidden[:, part] = depth[:, part]
-    return Frame(0.0, 0, np.repeat(grey[..., None], 3, axis=2), hidden, CAMERA, None, np.eye(4), placed=False)
+    return Frame(
+        0.0, 0, np.repeat(grey[..., None], 3, axis=2), hidden, CAMERA, None, np.eye(4), placed=False
+    )
 
 
 def blank(depth: np.ndarray | None) -> Frame:

@@ -43,10 +43,14 @@ def looked(label: str, apples: dict[int, int], placed: bool = True, lost: tuple[
     shown = frame(label, placed)
     sightings, detections = [], []
     for number, place in apples.items():
-        contour = np.array([[20.0, 20.0], [50.0, 20.0], [50.0, 50.0], [20.0, 50.0]]) + 30 * (number - 1)
+        contour = np.array([[20.0, 20.0], [50.0, 20.0], [50.0, 50.0], [20.0, 50.0]]) + 30 * (
+            number - 1
+        )
         apple = replace(apple_at(number, place), frame=shown, contour=contour)
         detection = found(apple, np.tile([80.0, 60.0], (9, 1)))
-        detection = replace(detection, T_camera_object=apple.T_base_fruit, covariance=1e-6 * np.eye(6))
+        detection = replace(
+            detection, T_camera_object=apple.T_base_fruit, covariance=1e-6 * np.eye(6)
+        )
         detections.append(detection)
         why = "NO_DEPTH" if number in lost else ""
         sightings.append(sighting_of(detection, apple, why, len(sightings) + 1))
@@ -56,7 +60,9 @@ def looked(label: str, apples: dict[int, int], placed: bool = True, lost: tuple[
 
 def count(*frames, skill: CountFruit | None = None, out: object = "", of: int | None = None):
     skill = skill or CountFruit()
-    ends = [drive(skill, {**inputs, "frames": of or len(frames), "out": str(out)}) for inputs in frames]
+    ends = [
+        drive(skill, {**inputs, "frames": of or len(frames), "out": str(out)}) for inputs in frames
+    ]
     return ends[-1]
 
 
@@ -66,7 +72,12 @@ def rows(file: Path) -> list[dict[str, str]]:
 
 def test_frames_become_two_tables_a_page_and_a_picture_each(tmp_path: Path) -> None:
     out = tmp_path / "made" / "here"
-    end = count(looked("one", {1: 3, 5: 1}), looked("two", {1: 3, 3: 2}, lost=(3,)), looked("three", {}), out=out)
+    end = count(
+        looked("one", {1: 3, 5: 1}),
+        looked("two", {1: 3, 3: 2}, lost=(3,)),
+        looked("three", {}),
+        out=out,
+    )
     assert end.status is Status.SUCCESS
     assert end.outputs == {"fruit": 3, "measured": 2, "unreadable_frames": 0}
     finds, fruit = rows(out / FINDS), rows(out / FRUIT)
@@ -76,8 +87,15 @@ def test_frames_become_two_tables_a_page_and_a_picture_each(tmp_path: Path) -> N
     ]  # fmt: skip
     first = finds[0]
     assert float(first["width_90_mm"]) == pytest.approx(1.645, abs=0.06)
-    assert (first["x_mm"], first["y_mm"], first["visible"], first["score"]) == ("-30.0", "-520.0", "0.80", "0.910")
-    assert float(first["mass_g"]) == pytest.approx(394 * 89 * 81 * 89 / (97.56 * 85.39 * 95.90), abs=1.0)
+    assert (first["x_mm"], first["y_mm"], first["visible"], first["score"]) == (
+        "-30.0",
+        "-520.0",
+        "0.80",
+        "0.910",
+    )
+    assert float(first["mass_g"]) == pytest.approx(
+        394 * 89 * 81 * 89 / (97.56 * 85.39 * 95.90), abs=1.0
+    )
     assert "394 g" in first["mass_model"]
     assert [(row["fruit"], row["frames"], row["looks_that_measured"], row["looks_agree"]) for row in fruit] == [
         ("1", "2", "2", "yes"), ("2", "1", "1", ""), ("3", "1", "0", ""),
@@ -95,7 +113,9 @@ def test_frames_become_two_tables_a_page_and_a_picture_each(tmp_path: Path) -> N
 
 
 def test_viewers_see_the_same_and_widths_are_counted_in_classes() -> None:
-    views = dict(count(looked("one", {1: 3, 5: 1}), looked("two", {1: 3, 3: 2}, lost=(3,))).published)
+    views = dict(
+        count(looked("one", {1: 3, 5: 1}), looked("two", {1: 3, 3: 2}, lost=(3,))).published
+    )
     assert all(len(row) == len(views["measured"].columns) for row in views["measured"].rows)
     assert views["measured"].caption == "3 of 4 finds measured"
     assert views["measured"].rows[0][:5] == ("one", "1", "1", "0.91", "89.0 ± 1.6")
@@ -105,7 +125,10 @@ def test_viewers_see_the_same_and_widths_are_counted_in_classes() -> None:
         ("two", "2", "1", "0", "0", "0", "0", "0", "1"),
         ("all, each fruit once", "3", "2", "1", "0", "0", "0", "0", "1"),
     )
-    assert [(line.label, line.style) for line in views["overlay"].lines] == [("1", "refined"), ("2", "found")]
+    assert [(line.label, line.style) for line in views["overlay"].lines] == [
+        ("1", "refined"),
+        ("2", "found"),
+    ]
 
 
 def test_how_far_it_has_come_is_said() -> None:
@@ -115,7 +138,11 @@ def test_how_far_it_has_come_is_said() -> None:
 
 
 def test_an_unreadable_frame_keeps_its_line_and_later_frames_are_counted(tmp_path: Path) -> None:
-    frames = looked("one", {1: 3}), {"unreadable": "b_color.png: is no image"}, looked("three", {1: 3})
+    frames = (
+        looked("one", {1: 3}),
+        {"unreadable": "b_color.png: is no image"},
+        looked("three", {1: 3}),
+    )
     end = count(*frames, out=tmp_path / "o")
     assert end.outputs == {"fruit": 1, "measured": 1, "unreadable_frames": 1}
     assert "b_color.png: is no image" in (tmp_path / "o" / PAGE).read_text()
@@ -127,11 +154,15 @@ def test_a_frame_without_fruit_does_not_take_the_finds_of_the_one_before() -> No
     assert count(first, looked("two", {}) | {"finds": first["finds"]}).outputs["fruit"] == 1
 
 
-def test_without_poses_frames_are_joined_by_common_fruit_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_poses_frames_are_joined_by_common_fruit_or_not_at_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     frames = [looked(label, {1: 3, 5: 1}, placed=False) for label in LABELS]
     monkeypatch.setattr(count_fruit, "camera_motion", lambda *_: CameraMotion(np.eye(4), 0.001, ""))
     assert count(*frames).outputs["fruit"] == 2
-    monkeypatch.setattr(count_fruit, "camera_motion", lambda *_: CameraMotion(None, np.inf, "nothing in common"))
+    monkeypatch.setattr(
+        count_fruit, "camera_motion", lambda *_: CameraMotion(None, np.inf, "nothing in common")
+    )
     skill = CountFruit()
     assert count(*frames, skill=skill).outputs["fruit"] == 6
     report: FruitReport = skill._report
@@ -155,7 +186,9 @@ def test_motions_add_up_over_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "4.2 mm" in skill._report.frames[2].how
 
 
-def test_given_poses_that_contradict_the_frames_are_doubted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_given_poses_that_contradict_the_frames_are_doubted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     frames = [looked(label, {1: 3}) for label in ("one", "two")]
     aside, far = np.eye(4), CameraMotion(None, np.inf, "nothing in common")
     aside[0, 3] = 0.5
@@ -166,7 +199,9 @@ def test_given_poses_that_contradict_the_frames_are_doubted(monkeypatch: pytest.
         out = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         end = count(*frames, out=out)
         assert (f"two: {words}" in end.feedback) is doubted
-        assert ((out / PAGE).read_text().count("disagree with the images by 500 mm") == 2) is doubted
+        assert (
+            (out / PAGE).read_text().count("disagree with the images by 500 mm") == 2
+        ) is doubted
         assert [words in row["doubt"] for row in rows(out / FINDS)] == [False, doubted]
     drive(skill := CountFruit(), {**frames[0], "join": False})
     monkeypatch.setattr(count_fruit, "camera_motion", None)
@@ -176,7 +211,11 @@ def test_given_poses_that_contradict_the_frames_are_doubted(monkeypatch: pytest.
 def test_frames_whose_depth_does_not_lie_on_colour_are_doubted_where_they_show_fruit(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(count_fruit, "misplaced_depth", lambda frame: "depth is turned" if frame.label != "one" else "")
+    monkeypatch.setattr(
+        count_fruit,
+        "misplaced_depth",
+        lambda frame: "depth is turned" if frame.label != "one" else "",
+    )
     out = tmp_path / "o"
     end = count(looked("one", {1: 3}), looked("two", {1: 3}), looked("three", {}), out=out)
     assert "two: depth is turned: is it registered" in end.feedback
@@ -187,7 +226,9 @@ def test_frames_whose_depth_does_not_lie_on_colour_are_doubted_where_they_show_f
     assert ["turned" in row["doubt"] for row in rows(out / FINDS)] == [False, True]
 
 
-def test_existing_files_are_not_written_over_and_an_unwritable_place_is_reported_before(tmp_path: Path) -> None:
+def test_existing_files_are_not_written_over_and_an_unwritable_place_is_reported_before(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
     (tmp_path / "file").write_text("mine")
@@ -246,7 +287,9 @@ def test_where_all_fruit_look_too_large_or_too_small_the_sizes_are_doubted(
     inputs = looked("one", {1: 3, 2: 1, 5: 5})
     seen = inputs["finds"].sightings
     wrong = tuple(replace(each, shown=factor * each.shown) for each in seen)
-    end = count(inputs | {"finds": FrameSightings(inputs["looked"].frame, wrong)}, out=tmp_path / "o")
+    end = count(
+        inputs | {"finds": FrameSightings(inputs["looked"].frame, wrong)}, out=tmp_path / "o"
+    )
     assert ("do the intrinsics belong to these pictures" in end.feedback) is doubted
     assert ("These figures are not reliable yet" in (tmp_path / "o" / PAGE).read_text()) is doubted
 
@@ -267,7 +310,10 @@ def test_where_less_than_a_tenth_was_measured_the_depth_is_doubted() -> None:
     """The orchard's frames with their depth times five had 1 measured of 56."""
     inputs = looked("one", {1: 3})
     measured = inputs["finds"].sightings[0]
-    apart = [replace(measured, p_base=measured.p_base + 0.5 * k, dimensions=None, why="NO_DEPTH") for k in range(1, 11)]
+    apart = [
+        replace(measured, p_base=measured.p_base + 0.5 * k, dimensions=None, why="NO_DEPTH")
+        for k in range(1, 11)
+    ]
     for count_of, doubted in ((10, True), (9, False)):
         seen = (measured, *apart[:count_of])
         end = count(inputs | {"finds": FrameSightings(inputs["looked"].frame, seen)})
@@ -280,7 +326,10 @@ def test_sizes_of_a_kind_constrain_less_than_its_model() -> None:
     seen = inputs["finds"].sightings
     for factor, doubted in ((0.75, False), (1.1, True)):
         alike = [
-            replace(s, fruit=replace(s.fruit, sizes=sizes), shown=factor * np.array([0.0967, 0.001])) for s in seen
+            replace(
+                s, fruit=replace(s.fruit, sizes=sizes), shown=factor * np.array([0.0967, 0.001])
+            )
+            for s in seen
         ]
         end = count(inputs | {"finds": FrameSightings(inputs["looked"].frame, tuple(alike))})
         assert ("intrinsics" in end.feedback) is doubted

@@ -35,7 +35,9 @@ def test_looks_are_weighted_by_their_information() -> None:
 
 def test_errors_that_looks_have_in_common_are_not_averaged_away() -> None:
     many = fuse_sizes([look([80, 70, 80], 2.0)] * 50)
-    assert np.sqrt(np.diag(many.covariance)) == pytest.approx(2e-3 * np.sqrt(SHARED + (1 - SHARED) / 50))
+    assert np.sqrt(np.diag(many.covariance)) == pytest.approx(
+        2e-3 * np.sqrt(SHARED + (1 - SHARED) / 50)
+    )
 
 
 def test_correlated_errors_are_covered_by_the_interval() -> None:
@@ -45,7 +47,11 @@ def test_correlated_errors_are_covered_by_the_interval() -> None:
     for _ in range(800):
         common = rng.normal(size=3)
         looks = [
-            (truth + d * (np.sqrt(SHARED) * common + np.sqrt(1 - SHARED) * rng.normal(size=3)), np.diag(d**2), R)
+            (
+                truth + d * (np.sqrt(SHARED) * common + np.sqrt(1 - SHARED) * rng.normal(size=3)),
+                np.diag(d**2),
+                R,
+            )
             for d in deviations
         ]
         fused = fuse_sizes(looks)
@@ -59,7 +65,9 @@ def test_looks_that_disagree_are_reported_and_widen_the_interval() -> None:
     apart, near = ([look([80, 70, 80], 1.0), look([80 + by, 70, 80], 1.0)] for by in (12.0, 1.0))
     assert fuse_sizes(near).agree
     assert not fuse_sizes(apart).agree
-    assert np.all(np.diag(fuse_sizes(apart).covariance) > 5.0 * np.diag(fuse_sizes(near).covariance))
+    assert np.all(
+        np.diag(fuse_sizes(apart).covariance) > 5.0 * np.diag(fuse_sizes(near).covariance)
+    )
 
 
 def test_a_look_from_the_side_has_its_level_axes_exchanged() -> None:

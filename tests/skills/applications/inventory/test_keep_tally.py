@@ -35,10 +35,14 @@ def keep(detection: Detection, so_far: Tally | None = None, **inputs: Any):
 def test_fruit_are_listed_with_size_and_place_and_those_left_by_name():
     apple = apple_at(5, 1)
     first = keep(seen(-0.12, -0.35, apple.frame), measured=apple)
-    second = keep(seen(0.1, -0.5), first.outputs["tally"], outcome="left", why="too wide for the gripper")
+    second = keep(
+        seen(0.1, -0.5), first.outputs["tally"], outcome="left", why="too wide for the gripper"
+    )
     assert second.status is Status.SUCCESS
     tally, table = second.outputs["tally"], dict(second.published)["tally"]
-    assert tally.sentence == "1 of 2 fruit put away; left at (100, -500) mm: too wide for the gripper"
+    assert (
+        tally.sentence == "1 of 2 fruit put away; left at (100, -500) mm: too wide for the gripper"
+    )
     assert tally.facts["done"] == 1
     assert [left["tries"] for left in tally.facts["left"]] == [1]
     assert isinstance(table, TableView)
@@ -52,7 +56,9 @@ def gripped(*widths: float | None) -> Hold:
     """A grip whose pads first touched at these openings [m]."""
     hold = object.__new__(Hold)
     hold._touches = TouchRecorder(PadStiffness())
-    hold._touches.touches = [None if width is None else PadTouch(1.0, width, 0.5) for width in widths]
+    hold._touches.touches = [
+        None if width is None else PadTouch(1.0, width, 0.5) for width in widths
+    ]
     return hold
 
 
@@ -62,12 +68,17 @@ def test_a_fruit_that_was_put_away_has_the_width_that_the_pads_felt():
     kept = keep(detection, measured=apple, hold=gripped(0.0663, 0.0612)).outputs["tally"]
     assert kept.facts["felt_m"] == [0.0612]
     assert (
-        dict(keep(detection, measured=apple, hold=gripped(0.0663, 0.0612)).published)["tally"].rows[0][3] == "61.2 mm"
+        dict(keep(detection, measured=apple, hold=gripped(0.0663, 0.0612)).published)["tally"].rows[
+            0
+        ][3]
+        == "61.2 mm"
     )
 
 
 @pytest.mark.parametrize(("widths", "outcome"), [((0.066, None), "done"), ((0.066, 0.061), "left")])
-def test_one_pad_alone_and_a_grip_that_came_to_nothing_show_no_width(widths: tuple[float | None, ...], outcome: str):
+def test_one_pad_alone_and_a_grip_that_came_to_nothing_show_no_width(
+    widths: tuple[float | None, ...], outcome: str
+):
     kept = keep(seen(0.1, -0.5), hold=gripped(*widths), outcome=outcome).outputs["tally"]
     assert kept.facts["felt_m"] == [None]
 
@@ -76,7 +87,9 @@ def test_fruit_that_still_lie_on_the_table_count_as_well():
     five = replace(seen(0.1, -0.5), found=5)
     tally = keep(five).outputs["tally"]
     assert tally.sentence == "1 of 5 fruit put away"
-    tally = keep(replace(seen(-0.1, -0.4), found=4), tally, outcome="left", why="slipped").outputs["tally"]
+    tally = keep(replace(seen(-0.1, -0.4), found=4), tally, outcome="left", why="slipped").outputs[
+        "tally"
+    ]
     assert tally.sentence.startswith("1 of 5 fruit put away; left at")
 
 
@@ -103,12 +116,21 @@ def test_fruit_that_moves_is_known_by_its_number_not_by_its_place():
     passed = {"measured": apple, "outcome": "passed", "why": "out of reach"}
     first = drive(KeepTally(), {**passed, "number": 1})
     second = drive(KeepTally(), {**passed, "number": 2, "so_far": first.outputs["tally"]})
-    again = drive(KeepTally(), {**passed, "number": 2, "so_far": second.outputs["tally"]}).outputs["tally"]
+    again = drive(KeepTally(), {**passed, "number": 2, "so_far": second.outputs["tally"]}).outputs[
+        "tally"
+    ]
     assert [entry.tries for entry in again.entries] == [1, 2]
-    assert again.sentence.startswith("0 of 2 fruit put away; passed at (-120, -350) mm: out of reach; ")
+    assert again.sentence.startswith(
+        "0 of 2 fruit put away; passed at (-120, -350) mm: out of reach; "
+    )
 
 
 def test_fruit_that_was_not_seen_is_listed_without_a_place():
     first = drive(KeepTally(), {"outcome": "left", "why": "lost"}).outputs["tally"]
-    second = drive(KeepTally(), {"outcome": "left", "why": "lost", "so_far": first}).outputs["tally"]
-    assert second.sentence == "0 of 2 fruit put away; left at an unknown place: lost; left at an unknown place: lost"
+    second = drive(KeepTally(), {"outcome": "left", "why": "lost", "so_far": first}).outputs[
+        "tally"
+    ]
+    assert (
+        second.sentence
+        == "0 of 2 fruit put away; left at an unknown place: lost; left at an unknown place: lost"
+    )

@@ -65,7 +65,11 @@ def test_a_folder_of_frames_becomes_tables_and_a_page_with_a_line_for_each(
     assert "1 of 3 frames, a: 2 found, 1 measured; 2 fruit so far, 1 measured" in said
     assert "3 of 3 frames, c: 2 found, 1 measured; 2 fruit so far, 1 measured" in said
     first, second = rows(Path("out/fruit.csv"))
-    assert (first["frames"], first["looks_that_measured"], second["not_measured"]) == ("3", "3", "NO_DEPTH")
+    assert (first["frames"], first["looks_that_measured"], second["not_measured"]) == (
+        "3",
+        "3",
+        "NO_DEPTH",
+    )
     assert float(first["width_mm"]) == pytest.approx(90.0, abs=6.0)
     assert len(rows(Path("out/finds.csv"))) == 6
     assert len(list(Path("out/pictures").iterdir())) == 3
@@ -91,9 +95,23 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
 @pytest.mark.parametrize(
     ("spoil", "arguments", "words"),
     [
-        (lambda folder: (folder / "intrinsics.yaml").write_text(INTRINSICS.replace("300", ".nan", 1)), (), "fx"),
-        (lambda folder: (folder / "intrinsics.yaml").unlink(), (), "the intrinsics are for 1920 x 1080"),
-        (lambda folder: [path.unlink() for path in folder.glob("*_color.png")], (), "holds no frame"),
+        (
+            lambda folder: (folder / "intrinsics.yaml").write_text(
+                INTRINSICS.replace("300", ".nan", 1)
+            ),
+            (),
+            "fx",
+        ),
+        (
+            lambda folder: (folder / "intrinsics.yaml").unlink(),
+            (),
+            "the intrinsics are for 1920 x 1080",
+        ),
+        (
+            lambda folder: [path.unlink() for path in folder.glob("*_color.png")],
+            (),
+            "holds no frame",
+        ),
         (lambda folder: (folder / "a_depth_mm.png").unlink(), (), "a_depth_mm.png is missing"),
         (
             lambda folder: (folder / "a_color.png").write_bytes(b"damaged"),
@@ -104,7 +122,11 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
         (lambda folder: None, ("--score", "3"), "--score 3: score is at most 1"),
         (lambda folder: None, ("--every", "0"), "--every 0: it is 0, but must be"),
         (lambda folder: None, ("--method", "guess"), "method must be one of shape, uniform"),
-        (lambda folder: None, ("--out", "my frames: 7"), "my frames: 7 is there already: name another folder"),
+        (
+            lambda folder: None,
+            ("--out", "my frames: 7"),
+            "my frames: 7 is there already: name another folder",
+        ),
     ],
 )
 def test_an_unmeasurable_input_is_refused_in_a_line_and_nothing_is_written(
@@ -115,13 +137,21 @@ def test_an_unmeasurable_input_is_refused_in_a_line_and_nothing_is_written(
     said = capsys.readouterr()
     assert words in said.err
     assert "Traceback" not in said.err + said.out
-    assert not {"--set", "measure_fruit.yaml", "error[device]", "CountFruit"} & set(re.split(r"[\s:/]+", said.err))
+    assert not {"--set", "measure_fruit.yaml", "error[device]", "CountFruit"} & set(
+        re.split(r"[\s:/]+", said.err)
+    )
     assert not Path("measured").exists()
 
 
-@pytest.mark.parametrize(("there", "words"), [(True, "out holds the results so far"), (False, "nothing was measured")])
+@pytest.mark.parametrize(
+    ("there", "words"), [(True, "out holds the results so far"), (False, "nothing was measured")]
+)
 def test_after_ctrl_c_the_partial_result_is_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], there: bool, words: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    there: bool,
+    words: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     result = SimpleNamespace(outcome="stopped", interrupted=True, reason=None)
@@ -142,9 +172,13 @@ def test_a_missing_path_is_reported(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "there is no such folder or file" in capsys.readouterr().err
 
 
-def test_topics_of_a_folder_that_is_no_bag_are_refused(frames: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_topics_of_a_folder_that_is_no_bag_are_refused(
+    frames: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["measure", str(frames), "--color-topic", "/left/image_raw"]) == 2
-    assert capsys.readouterr().err.endswith(f"--colour-topic: {frames} is no bag, so it has no topics\n")
+    assert capsys.readouterr().err.endswith(
+        f"--colour-topic: {frames} is no bag, so it has no topics\n"
+    )
 
 
 def test_a_topic_that_a_bag_lacks_is_refused_with_those_that_it_has(
@@ -159,12 +193,17 @@ def test_a_topic_that_a_bag_lacks_is_refused_with_those_that_it_has(
     header = store.types["std_msgs/msg/Header"](stamp, "camera")
     image = store.types[kind](header, 1, 1, "rgb8", 0, 3, np.zeros(3, np.uint8))
     monkeypatch.chdir(tmp_path)
-    with rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+    with rosbag2.Writer(
+        tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP
+    ) as writer:
         for name in ("/left/image_raw", "/right/image_raw"):
             there = writer.add_connection(name, kind, typestore=store)
             writer.write(there, 1, store.serialize_cdr(image, kind))
     assert main(["measure", "bag"]) == 2
     said = capsys.readouterr().err
-    assert f"it has /left/image_raw ({kind}), /right/image_raw ({kind}); name it with --colour-topic" in said
+    assert (
+        f"it has /left/image_raw ({kind}), /right/image_raw ({kind}); name it with --colour-topic"
+        in said
+    )
     assert main(["measure", "bag", "--colour-topic", "/left/image_raw"]) == 2
     assert "name it with --depth-topic" in capsys.readouterr().err

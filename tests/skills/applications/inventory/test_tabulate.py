@@ -20,11 +20,15 @@ def measured(number: int, label: str):
 
 def found(apple, keypoints=np.arange(18.0).reshape(9, 2)) -> Detection:
     T_camera_object = transform(translation=(0.0, 0.0, 0.5))
-    return Detection(apple.fruit, apple.frame, np.eye(4), T_camera_object, keypoints, 0.91, np.eye(6), 0, 1, 0.8)
+    return Detection(
+        apple.fruit, apple.frame, np.eye(4), T_camera_object, keypoints, 0.91, np.eye(6), 0, 1, 0.8
+    )
 
 
 def note(apple, so_far=None, **inputs):
-    outcome = drive(Tabulate(), {"detection": found(apple), "measured": apple, "so_far": so_far, **inputs})
+    outcome = drive(
+        Tabulate(), {"detection": found(apple), "measured": apple, "so_far": so_far, **inputs}
+    )
     assert outcome.status is Status.SUCCESS
     return outcome.outputs["finds"]
 

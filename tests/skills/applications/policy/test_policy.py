@@ -13,7 +13,12 @@ from py_trees.common import Status
 
 from pomona.applications.policy import policy_network
 from pomona.applications.policy.policy import Policy
-from pomona.applications.policy.policy_network import PolicyNetwork, UnusablePolicy, read_policy, write_policy
+from pomona.applications.policy.policy_network import (
+    PolicyNetwork,
+    UnusablePolicy,
+    read_policy,
+    write_policy,
+)
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.interfaces import Arm, ArmState, StreamedArm
 from pomona.executive.skill_testing import SkillEnd, drive
@@ -43,7 +48,11 @@ class Setting:
 
     def drive(self, each_tick: Callable[[int], None] | None = None, **inputs: Any) -> SkillEnd:
         given = {"weights": str(self.file), "x": 0.1, "y": -0.4, "z": 0.1, **inputs}
-        how = {"interrupt_after": inputs.pop("interrupt_after", None)} if "interrupt_after" in inputs else {}
+        how = (
+            {"interrupt_after": inputs.pop("interrupt_after", None)}
+            if "interrupt_after" in inputs
+            else {}
+        )
         given.pop("interrupt_after", None)
         devices = {Arm: self.arm, StreamedArm: self.arm}
         return drive(Policy(), given, devices, clock=self.clock, each_tick=each_tick, **how)
@@ -66,7 +75,9 @@ def setting(tmp_path: Path) -> Setting:
     return Setting(tmp_path)
 
 
-def test_it_goes_where_the_policy_wants_within_the_limits_and_ends_when_it_wants_no_more(setting: Setting) -> None:
+def test_it_goes_where_the_policy_wants_within_the_limits_and_ends_when_it_wants_no_more(
+    setting: Setting,
+) -> None:
     outcome = setting.drive()
     assert outcome.status is Status.SUCCESS
     np.testing.assert_allclose(setting.arm.q, END, atol=np.radians(1.6))
@@ -77,8 +88,12 @@ def test_it_goes_where_the_policy_wants_within_the_limits_and_ends_when_it_wants
 def test_its_file_comes_back_as_it_was_written(setting: Setting) -> None:
     written, read = network(), read_policy(setting.file)
     assert (read.joints, read.rate) == (JOINTS, 10.0)
-    np.testing.assert_allclose(read.set_point(START, np.zeros(3)), written.set_point(START, np.zeros(3)), atol=1e-6)
-    two = network(layers=((np.eye(DOF + 3), np.zeros(DOF + 3)), (np.ones((DOF + 3, DOF)), np.zeros(DOF))))
+    np.testing.assert_allclose(
+        read.set_point(START, np.zeros(3)), written.set_point(START, np.zeros(3)), atol=1e-6
+    )
+    two = network(
+        layers=((np.eye(DOF + 3), np.zeros(DOF + 3)), (np.ones((DOF + 3, DOF)), np.zeros(DOF)))
+    )
     expected = START + np.tanh(np.concatenate([START, [0.1, 0.2, 0.3]])).sum()
     np.testing.assert_allclose(two.set_point(START, np.array([0.1, 0.2, 0.3])), expected)
 
@@ -86,8 +101,16 @@ def test_its_file_comes_back_as_it_was_written(setting: Setting) -> None:
 @pytest.mark.parametrize(
     ("change", "code", "words"),
     [
-        (lambda n: replace(n, out_mean=np.full(DOF, 9.0)), "OUT_OF_LIMITS", "leaves the limits: joint 4 would be at"),
-        (lambda n: replace(n, layers=((np.full((DOF + 3, DOF), 1e308), np.zeros(DOF)),) * 1), "NOT_FINITE", "joint 1"),
+        (
+            lambda n: replace(n, out_mean=np.full(DOF, 9.0)),
+            "OUT_OF_LIMITS",
+            "leaves the limits: joint 4 would be at",
+        ),
+        (
+            lambda n: replace(n, layers=((np.full((DOF + 3, DOF), 1e308), np.zeros(DOF)),) * 1),
+            "NOT_FINITE",
+            "joint 1",
+        ),
     ],
     ids=["out of limits", "no number"],
 )
@@ -140,7 +163,9 @@ def test_a_policy_that_goes_to_and_fro_ends_in_time(setting: Setting) -> None:
 
 
 def test_without_decisions_in_time_the_arm_comes_to_rest(setting: Setting) -> None:
-    write_policy(setting.file, network(rate=2.0))  # asked twice a second, and the watchdog waits 100 ms
+    write_policy(
+        setting.file, network(rate=2.0)
+    )  # asked twice a second, and the watchdog waits 100 ms
     outcome = setting.drive(watchdog=0.1)
     assert outcome.reason.code == "MOTION_FAILED"
     assert "no new set-point came for 100 ms" in outcome.reason.message
@@ -148,7 +173,9 @@ def test_without_decisions_in_time_the_arm_comes_to_rest(setting: Setting) -> No
 
 
 def test_a_stop_by_another_client_is_reported_and_a_refusal_too(setting: Setting) -> None:
-    outcome = setting.drive(lambda tick: setting.arm.safe_stop("somebody pressed stop") if tick == 20 else None)
+    outcome = setting.drive(
+        lambda tick: setting.arm.safe_stop("somebody pressed stop") if tick == 20 else None
+    )
     assert outcome.reason.code == "STOPPED"
     outcome = setting.drive()
     assert outcome.reason.code == "REFUSED"
@@ -206,7 +233,9 @@ def damaged(file: Path, content: bytes) -> None:
         "scales", "nan", "zero scale",
     ],
 )  # fmt: skip
-def test_a_file_that_holds_no_policy_moves_nothing(setting: Setting, spoil: Any, words: str) -> None:
+def test_a_file_that_holds_no_policy_moves_nothing(
+    setting: Setting, spoil: Any, words: str
+) -> None:
     spoil(setting.file)
     outcome = setting.drive()
     assert outcome.reason.code == "BAD_WEIGHTS"
@@ -215,9 +244,14 @@ def test_a_file_that_holds_no_policy_moves_nothing(setting: Setting, spoil: Any,
     assert np.array_equal(setting.arm.q, START)
 
 
-def test_a_policy_of_another_arm_or_of_any_size_is_refused(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_policy_of_another_arm_or_of_any_size_is_refused(
+    setting: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
     six = (np.zeros(9), np.ones(9), np.zeros(6), np.ones(6))
-    write_policy(setting.file, PolicyNetwork(JOINTS[:6], 10.0, *six, layers=((np.zeros((9, 6)), np.zeros(6)),)))
+    write_policy(
+        setting.file,
+        PolicyNetwork(JOINTS[:6], 10.0, *six, layers=((np.zeros((9, 6)), np.zeros(6)),)),
+    )
     outcome = setting.drive()
     assert outcome.reason.code == "BAD_WEIGHTS"
     assert "moves 6 joints, the arm has 7" in outcome.reason.message

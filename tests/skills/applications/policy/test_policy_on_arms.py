@@ -42,9 +42,15 @@ class Cell:
         self.said: list[np.ndarray] = []
         self.controller: UrEmulator | XArmEmulator
         if seller == "ur5e":
-            self.controller, ports = UrEmulator(self.joints, LIMITS.velocity), ("rtde", "script", "dashboard")
+            self.controller, ports = (
+                UrEmulator(self.joints, LIMITS.velocity),
+                ("rtde", "script", "dashboard"),
+            )
         else:
-            self.controller, ports = XArmEmulator(self.joints, LIMITS.velocity, 6), ("command", "report")
+            self.controller, ports = (
+                XArmEmulator(self.joints, LIMITS.velocity, 6),
+                ("command", "report"),
+            )
         self.clock.each_step.append(self._advance)
         self.time = VirtualTime(self.clock, PERIOD)
         pipes = {name: Pipe(getattr(self.controller, name), self.time) for name in ports}

@@ -24,7 +24,9 @@ def clock() -> ManualClock:
 
 @pytest.fixture
 def plc(clock: ManualClock) -> MockSignals:
-    return MockSignals(clock, {"start": False, "mass": 1.5, "taken": False, "ready": False}, ("change", "busy"))
+    return MockSignals(
+        clock, {"start": False, "mass": 1.5, "taken": False, "ready": False}, ("change", "busy")
+    )
 
 
 def code(end: SkillEnd) -> str:
@@ -34,13 +36,18 @@ def code(end: SkillEnd) -> str:
 
 
 def wait(
-    plc: MockSignals, clock: ManualClock, script: Callable[[int], None] | None = None, **inputs: object
+    plc: MockSignals,
+    clock: ManualClock,
+    script: Callable[[int], None] | None = None,
+    **inputs: object,
 ) -> SkillEnd:
     return drive(WaitSignal(), inputs, {Signals: plc}, clock=clock, each_tick=script)
 
 
 def test_a_signal_is_waited_for(plc: MockSignals, clock: ManualClock) -> None:
-    end = wait(plc, clock, lambda tick: plc.values.update(start=tick >= 50), signal="start", within=2.0)
+    end = wait(
+        plc, clock, lambda tick: plc.values.update(start=tick >= 50), signal="start", within=2.0
+    )
     assert end.status is Status.SUCCESS
     assert end.outputs == {"value": 1.0}
     assert end.duration == pytest.approx(1.0, abs=0.03)
@@ -51,7 +58,9 @@ def test_a_number_is_waited_for_within_limits(plc: MockSignals, clock: ManualClo
     assert code(wait(plc, clock, signal="mass", least=2.0, within=0.1)) == "SIGNAL_TIMEOUT"
 
 
-def test_a_signal_that_does_not_come_fails_at_its_deadline_with_its_value(plc: MockSignals, clock: ManualClock) -> None:
+def test_a_signal_that_does_not_come_fails_at_its_deadline_with_its_value(
+    plc: MockSignals, clock: ManualClock
+) -> None:
     end = wait(plc, clock, signal="start", within=0.5)
     assert code(end) == "SIGNAL_TIMEOUT"
     assert "'start' was not on within 0.5 s; it is off" in end.reason.message
@@ -69,7 +78,9 @@ def test_an_unknown_value_is_not_off(plc: MockSignals, clock: ManualClock) -> No
     assert "300 ms old" in end.reason.message
 
 
-def test_a_name_that_the_plc_lacks_is_named_with_those_that_it_has(plc: MockSignals, clock: ManualClock) -> None:
+def test_a_name_that_the_plc_lacks_is_named_with_those_that_it_has(
+    plc: MockSignals, clock: ManualClock
+) -> None:
     for skill, inputs in (
         (WaitSignal, {"signal": "busy"}),
         (SetSignal, {"signal": "start"}),
@@ -95,30 +106,45 @@ def test_a_wrong_name_is_found_before_the_run_with_a_hint() -> None:
     (problem,) = WaitSignal.judge({"signal": "stat"}, PlcCell())
     assert (problem.key, problem.hint) == ("signal", "did you mean 'start'?")
     assert "has no input 'stat'" in problem.message
-    assert [one.key for one in Handshake.judge({**EDGES, "request": "start"}, PlcCell())] == ["done", "request"]
+    assert [one.key for one in Handshake.judge({**EDGES, "request": "start"}, PlcCell())] == [
+        "done",
+        "request",
+    ]
     assert list(SetSignal.judge({"signal": "change"}, PlcCell())) == []
     assert tuple(SetSignal.offers("signal", PlcCell())) == ("change",)
     assert tuple(Handshake.offers("done", PlcCell())) == ("start", "taken")
 
 
 def test_an_output_is_set_and_stays(plc: MockSignals, clock: ManualClock) -> None:
-    assert drive(SetSignal(), {"signal": "busy"}, {Signals: plc}, clock=clock).status is Status.SUCCESS
+    assert (
+        drive(SetSignal(), {"signal": "busy"}, {Signals: plc}, clock=clock).status is Status.SUCCESS
+    )
     assert plc.read("busy").value is True
     drive(SetSignal(), {"signal": "busy", "state": False}, {Signals: plc}, clock=clock)
     assert plc.read("busy").value is False
 
 
-def test_an_output_that_the_plc_does_not_take_fails_at_its_deadline(plc: MockSignals, clock: ManualClock) -> None:
+def test_an_output_that_the_plc_does_not_take_fails_at_its_deadline(
+    plc: MockSignals, clock: ManualClock
+) -> None:
     plc.inject_fault("deaf")
     end = drive(SetSignal(), {"signal": "busy", "within": 0.3}, {Signals: plc}, clock=clock)
     assert code(end) == "SIGNAL_NOT_TAKEN"
     assert end.duration == pytest.approx(0.3, abs=0.03)
 
 
-def test_a_value_that_does_not_fit_or_a_latched_plc_is_refused(plc: MockSignals, clock: ManualClock) -> None:
-    assert code(drive(SetSignal(), {"signal": "busy", "number": 3.0}, {Signals: plc}, clock=clock)) == "SIGNAL_REFUSED"
+def test_a_value_that_does_not_fit_or_a_latched_plc_is_refused(
+    plc: MockSignals, clock: ManualClock
+) -> None:
+    assert (
+        code(drive(SetSignal(), {"signal": "busy", "number": 3.0}, {Signals: plc}, clock=clock))
+        == "SIGNAL_REFUSED"
+    )
     plc.safe_stop("the operator")
-    assert code(drive(SetSignal(), {"signal": "busy"}, {Signals: plc}, clock=clock)) == "SIGNAL_REFUSED"
+    assert (
+        code(drive(SetSignal(), {"signal": "busy"}, {Signals: plc}, clock=clock))
+        == "SIGNAL_REFUSED"
+    )
     assert code(drive(Handshake(), EDGES, {Signals: plc}, clock=clock)) == "SIGNAL_REFUSED"
 
 
@@ -138,7 +164,14 @@ def answering(plc: MockSignals, clock: ManualClock, stuck: str = "") -> Callable
 
 def shake(plc: MockSignals, clock: ManualClock, stuck: str = "", **how: object) -> SkillEnd:
     script = answering(plc, clock, stuck)
-    return drive(Handshake(), {**EDGES, "done_within": 2.0}, {Signals: plc}, clock=clock, each_tick=script, **how)
+    return drive(
+        Handshake(),
+        {**EDGES, "done_within": 2.0},
+        {Signals: plc},
+        clock=clock,
+        each_tick=script,
+        **how,
+    )
 
 
 def test_a_handshake_passes_its_four_edges(plc: MockSignals, clock: ManualClock) -> None:
@@ -150,7 +183,8 @@ def test_a_handshake_passes_its_four_edges(plc: MockSignals, clock: ManualClock)
 
 
 @pytest.mark.parametrize(
-    ("edge", "signal", "after"), [("accepted", "taken", 1.0), ("done", "ready", 2.1), ("released", "taken", 1.3)]
+    ("edge", "signal", "after"),
+    [("accepted", "taken", 1.0), ("done", "ready", 2.1), ("released", "taken", 1.3)],
 )
 def test_a_missed_edge_is_named_and_the_request_is_withdrawn(
     plc: MockSignals, clock: ManualClock, edge: str, signal: str, after: float
@@ -162,7 +196,9 @@ def test_a_missed_edge_is_named_and_the_request_is_withdrawn(
     assert plc.read("change").value is False
 
 
-def test_a_line_that_is_not_free_is_a_missed_request_and_nothing_is_asked(plc: MockSignals, clock: ManualClock) -> None:
+def test_a_line_that_is_not_free_is_a_missed_request_and_nothing_is_asked(
+    plc: MockSignals, clock: ManualClock
+) -> None:
     plc.values["ready"] = True
     end = drive(Handshake(), EDGES, {Signals: plc}, clock=clock)
     assert code(end) == "EDGE_MISSED"
@@ -170,13 +206,21 @@ def test_a_line_that_is_not_free_is_a_missed_request_and_nothing_is_asked(plc: M
     assert plc.rises("change", -1.0, 1e9) == []
 
 
-def test_a_request_that_the_plc_does_not_take_is_a_missed_request(plc: MockSignals, clock: ManualClock) -> None:
+def test_a_request_that_the_plc_does_not_take_is_a_missed_request(
+    plc: MockSignals, clock: ManualClock
+) -> None:
     plc.inject_fault("deaf")
     end = drive(Handshake(), EDGES, {Signals: plc}, clock=clock)
-    assert (code(end), end.reason.data["edge"], end.reason.data["signal"]) == ("EDGE_MISSED", "request", "change")
+    assert (code(end), end.reason.data["edge"], end.reason.data["signal"]) == (
+        "EDGE_MISSED",
+        "request",
+        "change",
+    )
 
 
-def test_an_unknown_value_ends_a_handshake_at_its_edge(plc: MockSignals, clock: ManualClock) -> None:
+def test_an_unknown_value_ends_a_handshake_at_its_edge(
+    plc: MockSignals, clock: ManualClock
+) -> None:
     script = answering(plc, clock, stuck="done")
 
     def stopping(tick: int) -> None:
@@ -190,7 +234,9 @@ def test_an_unknown_value_ends_a_handshake_at_its_edge(plc: MockSignals, clock: 
 
 
 @pytest.mark.parametrize("ticks", [2, 10, 20])
-def test_an_interrupted_handshake_withdraws_its_request(plc: MockSignals, clock: ManualClock, ticks: int) -> None:
+def test_an_interrupted_handshake_withdraws_its_request(
+    plc: MockSignals, clock: ManualClock, ticks: int
+) -> None:
     end = shake(plc, clock, interrupt_after=ticks)
     assert end.status is Status.INVALID
     assert plc.read("change").value is False

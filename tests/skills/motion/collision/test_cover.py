@@ -16,17 +16,32 @@ SIZES = {
     "sphere": [(0.05, 0.0, 0.0)],
     "capsule": [(0.05, 0.10, 0.0), (0.06, 0.0, 0.0), (0.02, 0.30, 0.0)],
     "box": [(0.010, 0.005, 0.0475), (0.02, 0.07, 0.0325), (0.1, 0.1, 0.1), (0.3, 0.02, 0.2)],
-    "cylinder": [(0.034, 0.0205, 0.0), (0.032, 0.010, 0.0), (0.04, 0.22, 0.0), (0.1, 0.004, 0.0), (0.075, 0.085, 0.0)],
+    "cylinder": [
+        (0.034, 0.0205, 0.0),
+        (0.032, 0.010, 0.0),
+        (0.04, 0.22, 0.0),
+        (0.1, 0.004, 0.0),
+        (0.075, 0.085, 0.0),
+    ],
     "ellipsoid": [(0.05, 0.04, 0.045), (0.02, 0.03, 0.1)],
 }
 KIND_AND_SIZE = [(kind, size) for kind, sizes in SIZES.items() for size in sizes]
 
 
 def geom(kind: str, size: tuple[float, float, float], vertices: np.ndarray | None = None) -> Geom:
-    return Geom("part", 0, kind, np.array(size), np.eye(4), np.empty((0, 3)) if vertices is None else vertices)
+    return Geom(
+        "part",
+        0,
+        kind,
+        np.array(size),
+        np.eye(4),
+        np.empty((0, 3)) if vertices is None else vertices,
+    )
 
 
-def points_of(kind: str, size: tuple[float, float, float], rng: np.random.Generator, count: int = 4000) -> np.ndarray:
+def points_of(
+    kind: str, size: tuple[float, float, float], rng: np.random.Generator, count: int = 4000
+) -> np.ndarray:
     """Points of the shape's surface and inside, its edges and corners among them."""
     a, b, c = size
     ball = rng.normal(size=(count, 3))
@@ -64,7 +79,9 @@ def test_spheres_cover_every_kind_of_shape(kind: str, size: tuple[float, float, 
 
 
 @pytest.mark.parametrize(("kind", "size"), KIND_AND_SIZE)
-def test_support_points_reach_at_least_as_far_as_the_shape(kind: str, size: tuple[float, float, float]) -> None:
+def test_support_points_reach_at_least_as_far_as_the_shape(
+    kind: str, size: tuple[float, float, float]
+) -> None:
     shape = cover(geom(kind, size))
     points = points_of(kind, size, np.random.default_rng(1))
     directions = fibonacci_sphere(300)

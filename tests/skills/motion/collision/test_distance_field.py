@@ -33,7 +33,9 @@ def grid(seed: int, shape: tuple[int, int, int] = (17, 13, 15), share: float = 0
 
 def distance_to_cubes(points: np.ndarray, blocked: np.ndarray) -> np.ndarray:
     lower = ORIGIN + np.argwhere(blocked) * RESOLUTION
-    outside = np.maximum(np.maximum(lower[None] - points[:, None], points[:, None] - lower[None] - RESOLUTION), 0.0)
+    outside = np.maximum(
+        np.maximum(lower[None] - points[:, None], points[:, None] - lower[None] - RESOLUTION), 0.0
+    )
     return np.linalg.norm(outside, axis=2).min(axis=1)
 
 
@@ -46,7 +48,9 @@ def test_inside_the_grid_the_field_bounds_the_distance_from_below_and_closely(se
     points = np.random.default_rng(seed).uniform(ORIGIN, upper, (400, 3))
     told, true = field.distance(points), distance_to_cubes(points, blocked)
     assert np.all(told <= true + 1e-6)
-    assert np.all(told >= true - (INTERPOLATION_ERROR + np.sqrt(0.75)) * RESOLUTION)  # half a diagonal of a cell
+    assert np.all(
+        told >= true - (INTERPOLATION_ERROR + np.sqrt(0.75)) * RESOLUTION
+    )  # half a diagonal of a cell
 
 
 @settings(max_examples=10)
@@ -89,7 +93,9 @@ FAR = OBSERVE + np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10_000), st.integers(4, 30))
-def test_a_hull_contains_its_points_and_bounds_the_distance_from_below(seed: int, count: int) -> None:
+def test_a_hull_contains_its_points_and_bounds_the_distance_from_below(
+    seed: int, count: int
+) -> None:
     rng = np.random.default_rng(seed)
     points = rng.uniform(-0.3, 0.3, (count, 3))
     convex = Convex.of_hull(Hull("part", points, np.eye(3)))
@@ -116,7 +122,9 @@ def test_a_planner_goes_around_a_mesh(tmp_path: Path) -> None:
     path = tmp_path / "post.stl"
     middle = ROBOT_MODEL.tcp((FAR + OBSERVE) / 2.0)[:3, 3]
     trimesh.creation.cylinder(0.07, 0.15).apply_translation(middle).export(path)
-    workspace = replace(WORKSPACE, hulls=tuple(replace(part, name="post") for part in read_parts(path, detail=0.08)))
+    workspace = replace(
+        WORKSPACE, hulls=tuple(replace(part, name="post") for part in read_parts(path, detail=0.08))
+    )
     scene = PickingScene(q=FAR.copy(), workspace=workspace)
     outcome = drive(MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS

@@ -20,7 +20,11 @@ WORLDS = []
 for seed in range(3):
     scene = random_scene(seed)
     field = DistanceField.of_blocked(scene.cells, scene.origin, 0.02, 0.3)
-    WORLDS.append(CollisionWorld.build(ROBOT, scene.workspace, field, margins=Margins(0.005, 0.004, 0.002, 0.0, 0.001)))
+    WORLDS.append(
+        CollisionWorld.build(
+            ROBOT, scene.workspace, field, margins=Margins(0.005, 0.004, 0.002, 0.0, 0.001)
+        )
+    )
 
 
 def specified_clearances(world: CollisionWorld, q: np.ndarray, width: float) -> np.ndarray:
@@ -43,7 +47,10 @@ def specified_clearances(world: CollisionWorld, q: np.ndarray, width: float) -> 
         support = robot.support[robot.support_start[g] : robot.support_start[g + 1]]
         distances = []
         if not w.ignored[0, g]:
-            away = [lookup(w.field, w.origin, w.resolution, *c) - r for c, r in zip(centres, radii, strict=True)]
+            away = [
+                lookup(w.field, w.origin, w.resolution, *c) - r
+                for c, r in zip(centres, radii, strict=True)
+            ]
             distances += list(np.array(away) - w.margins[0, g])
         for k, bound in enumerate(w.bounds):
             if not w.ignored[1 + k, g]:
@@ -69,7 +76,11 @@ def evaluated(
 ) -> tuple[int, np.ndarray]:
     robot = world.shape.arrays
     numbers = len(robot.links) + len(robot.pairs)
-    scratch, found, which = make_scratch(robot), np.full(numbers, np.nan), np.zeros(numbers, np.int64)
+    scratch, found, which = (
+        make_scratch(robot),
+        np.full(numbers, np.nan),
+        np.zeros(numbers, np.int64),
+    )
     place(robot, q, width, scratch)
     active = np.ones(numbers, np.bool_)
     worst = evaluate_clearances(
@@ -82,7 +93,10 @@ def evaluated(
 @given(st.integers(0, 100_000))
 def test_all_clearances_are_those_of_the_specification(seed: int) -> None:
     rng, world = np.random.default_rng(seed), WORLDS[seed % len(WORLDS)]
-    q, width = rng.uniform(ROBOT.lower, ROBOT.upper), float(rng.uniform(ROBOT.width_min, ROBOT.width_max))
+    q, width = (
+        rng.uniform(ROBOT.lower, ROBOT.upper),
+        float(rng.uniform(ROBOT.width_min, ROBOT.width_max)),
+    )
     expected = specified_clearances(world, q, width)
     worst, found = evaluated(world, q, width, 1e6, slack=np.inf)
     np.testing.assert_allclose(found, expected, atol=1e-6)
@@ -93,7 +107,10 @@ def test_all_clearances_are_those_of_the_specification(seed: int) -> None:
 @given(st.integers(0, 100_000), st.sampled_from([0.0, 0.02, 0.1]))
 def test_the_smallest_clearance_is_exact_below_the_wanted_one(seed: int, wanted: float) -> None:
     rng, world = np.random.default_rng(seed), WORLDS[seed % len(WORLDS)]
-    q, width = rng.uniform(ROBOT.lower, ROBOT.upper), float(rng.uniform(ROBOT.width_min, ROBOT.width_max))
+    q, width = (
+        rng.uniform(ROBOT.lower, ROBOT.upper),
+        float(rng.uniform(ROBOT.width_min, ROBOT.width_max)),
+    )
     smallest = specified_clearances(world, q, width).min()
     worst, found = evaluated(world, q, width, wanted, slack=0.0)
     if wanted > 0.0 and smallest < wanted:

@@ -31,18 +31,24 @@ SLIDING = """<robot name="gantry">
 </robot>"""
 
 
-def bound(shape: RobotShape, q: np.ndarray, step: np.ndarray, share: float, inner: int, geom: int) -> float:
+def bound(
+    shape: RobotShape, q: np.ndarray, step: np.ndarray, share: float, inner: int, geom: int
+) -> float:
     """How far a geom can move, in the frame of link `inner`, while the joints go from q by a share of a step."""
     arrays, room = shape.arrays, make_scratch(shape.arrays)
     place(arrays, q, shape.model.width_max, room)
     turns, shifts = np.zeros((len(q) + 1, 3)), np.zeros((len(q) + 1, 3))
     write_twists(arrays.sliding, room.links, step, turns, shifts)
     rate, bend = bounds_of_motion(arrays.reach, step, inner, geom)
-    speed = speed_of_ball(turns, shifts, inner, arrays.links[geom], room.centres[geom], arrays.bounds[geom, 3])
+    speed = speed_of_ball(
+        turns, shifts, inner, arrays.links[geom], room.centres[geom], arrays.bounds[geom, 3]
+    )
     return min(rate * share, (speed + 0.5 * bend * share) * share)
 
 
-def motion(shape: RobotShape, q: np.ndarray, step: np.ndarray, share: float, inner: int, geom: int) -> float:
+def motion(
+    shape: RobotShape, q: np.ndarray, step: np.ndarray, share: float, inner: int, geom: int
+) -> float:
     """How far the centres of a geom's spheres do move, in the frame of link `inner`."""
     centres = []
     for joints in (q, q + share * step):
@@ -67,10 +73,17 @@ def test_nothing_moves_further_than_its_bound(shape: RobotShape, seed: int, shar
     rng, model = np.random.default_rng(seed), shape.model
     q = rng.uniform(model.lower, model.upper)
     # Within the limits all along: a sliding joint's stroke is part of the reach.
-    step = (rng.uniform(model.lower, model.upper) - q) * rng.uniform(0.01, 1.0) * rng.integers(0, 2, model.dof)
+    step = (
+        (rng.uniform(model.lower, model.upper) - q)
+        * rng.uniform(0.01, 1.0)
+        * rng.integers(0, 2, model.dof)
+    )
     pairs = [(int(shape.arrays.links[i]), int(j)) for i, j in shape.arrays.pairs]
     for inner, geom in [(0, geom) for geom in range(len(shape.geom_names))] + pairs:
-        assert motion(shape, q, step, share, inner, geom) <= bound(shape, q, step, share, inner, geom) + 1e-12
+        assert (
+            motion(shape, q, step, share, inner, geom)
+            <= bound(shape, q, step, share, inner, geom) + 1e-12
+        )
 
 
 def test_along_a_straight_line_the_bound_is_close_to_the_motion() -> None:
@@ -80,14 +93,19 @@ def test_along_a_straight_line_the_bound_is_close_to_the_motion() -> None:
     step = line[-1] - line[0]
     assert motion(shape, line[0], step, 0.1, 0, finger) == pytest.approx(2e-3, rel=0.1)
     assert bound(shape, line[0], step, 0.1, 0, finger) < 4e-3
-    assert float(np.abs(step) @ shape.arrays.reach[:, finger]) * 0.1 > 6e-3  # what joints times reach would say
+    assert (
+        float(np.abs(step) @ shape.arrays.reach[:, finger]) * 0.1 > 6e-3
+    )  # what joints times reach would say
 
 
 def test_a_path_names_its_first_segment_that_is_not_free() -> None:
     robot = RobotModel.load(SIA5F)
-    world = CollisionWorld.build(robot, Workspace(-0.12, np.array([-0.6, -0.8, -0.14]), np.array([0.6, 0.2, 0.7])))
+    world = CollisionWorld.build(
+        robot, Workspace(-0.12, np.array([-0.6, -0.8, -0.14]), np.array([0.6, 0.2, 0.7]))
+    )
     high, low = (
-        inverse_kinematics(robot, transform(rot_x(np.pi), [-0.03, -0.40, z]), near=OBSERVE)[0] for z in (0.03, -0.115)
+        inverse_kinematics(robot, transform(rot_x(np.pi), [-0.03, -0.40, z]), near=OBSERVE)[0]
+        for z in (0.03, -0.115)
     )
     assert world.first_blocked([high, high + 0.01, low, high], 0.05) == 1
     assert world.first_blocked([high, high + 0.01], 0.05) is None
@@ -100,11 +118,15 @@ def test_a_space_proven_free_is_never_denied_where_another_check_looks_elsewhere
     """A plan must not fail on its own path: any part of a segment that was proven is free to the one that executes."""
     rng = np.random.default_rng(seed)
     boxes = tuple(
-        Convex.of_box(Box(f"box {k}", transform(None, rng.uniform([-0.6, -0.7, 0.0], [0.6, 0.5, 0.6])), size))
+        Convex.of_box(
+            Box(f"box {k}", transform(None, rng.uniform([-0.6, -0.7, 0.0], [0.6, 0.5, 0.6])), size)
+        )
         for k, size in enumerate(rng.uniform(0.02, 0.1, (8, 3)).tolist())
     )
     robot = RobotModel.load(SIA5F)
-    world = CollisionWorld.build(robot, obstacles=boxes, margins=Margins(0.005, 0.005, 0.002, 0.0, 0.002))
+    world = CollisionWorld.build(
+        robot, obstacles=boxes, margins=Margins(0.005, 0.005, 0.002, 0.0, 0.002)
+    )
     start = rng.uniform(robot.lower, robot.upper)
     end = np.clip(start + rng.normal(size=robot.dof) * 0.3, robot.lower, robot.upper)
     if not world.segment_free(start, end, 0.07):

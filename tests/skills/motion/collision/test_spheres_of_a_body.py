@@ -50,8 +50,12 @@ def test_clearances_are_those_of_the_single_spheres(robot):
     rng = np.random.default_rng(0)
     for q in rng.uniform(robot.lower, robot.upper, (200, 2)):
         moving = RobotShape.of(robot).spheres(q, 0.0)
-        moving = moving[np.abs(moving[:, :3] - [0.0, 0.0, 0.0]).max(axis=1) > 1e-9]  # the base stands still
-        to_box = np.linalg.norm(np.maximum(np.abs(moving[:, :3] - box.T_base_box[:3, 3]) - 0.1, 0.0), axis=1)
+        moving = moving[
+            np.abs(moving[:, :3] - [0.0, 0.0, 0.0]).max(axis=1) > 1e-9
+        ]  # the base stands still
+        to_box = np.linalg.norm(
+            np.maximum(np.abs(moving[:, :3] - box.T_base_box[:3, 3]) - 0.1, 0.0), axis=1
+        )
         to_table = moving[:, 2] - 0.05
         nearest = float(min((to_box - moving[:, 3]).min(), (to_table - moving[:, 3]).min()))
         free = bool(world.free(q[None], 0.0)[0])

@@ -72,7 +72,11 @@ def test_each_body_keeps_its_own_margin() -> None:
     assert CollisionWorld.build(robot, table, margins=Margins(fingers=0.002)).check(q, OPEN) is None
     hit = CollisionWorld.build(robot, table, margins=Margins(fingers=0.005)).check(q, OPEN)
     assert hit is not None
-    assert (hit.body, hit.other, hit.margin) == ("finger_left", "table", 0.005) or hit.body == "finger_right"
+    assert (hit.body, hit.other, hit.margin) == (
+        "finger_left",
+        "table",
+        0.005,
+    ) or hit.body == "finger_right"
     assert hit.depth == pytest.approx(0.002, abs=1e-9)
     assert "comes within 3.0 mm of the table" in str(hit)
 
@@ -118,7 +122,10 @@ def test_an_open_gripper_is_wider_than_a_closed_one() -> None:
 
 
 def test_touchable_objects_are_ignored_only_for_the_named_parts() -> None:
-    q, around = above(0.08), 0.085  # the fingers reach 2.5 mm into the apple, the palm stays 38 mm away
+    q, around = (
+        above(0.08),
+        0.085,
+    )  # the fingers reach 2.5 mm into the apple, the palm stays 38 mm away
     apple = Convex.of_points("target", robot.tcp(q)[:3, 3] + 0.045 * fibonacci_sphere(400))
     world = CollisionWorld.build(robot, table, obstacles=[apple])
     assert world.check(q, around) is not None
@@ -148,7 +155,9 @@ def test_a_path_called_free_holds_no_collision_at_any_fine_sample(seed: int) -> 
     rng = np.random.default_rng(seed)
     scene = random_scene(seed % 5)
     field = DistanceField.of_blocked(scene.cells, scene.origin, 0.02, 0.3)
-    world = CollisionWorld.build(robot, scene.workspace, field, margins=Margins(0.005, 0.005, 0.002, 0.0, 0.002))
+    world = CollisionWorld.build(
+        robot, scene.workspace, field, margins=Margins(0.005, 0.005, 0.002, 0.0, 0.002)
+    )
     start = rng.uniform(robot.lower, robot.upper)
     end = np.clip(start + rng.normal(size=7) * 0.3, robot.lower, robot.upper)
     samples = start + np.linspace(0.0, 1.0, 400)[:, None] * (end - start)
@@ -177,7 +186,9 @@ def test_a_thin_plate_between_two_free_postures_is_not_jumped() -> None:
     assert 0.0 < hit.at < 1.0
 
 
-STILL = Trajectory(np.array([0.0, 1.0]), np.repeat(OBSERVE[None], 2, axis=0), np.zeros((2, 7)), np.zeros((2, 7)))
+STILL = Trajectory(
+    np.array([0.0, 1.0]), np.repeat(OBSERVE[None], 2, axis=0), np.zeros((2, 7)), np.zeros((2, 7))
+)
 
 
 def test_a_trajectory_between_distant_samples_must_keep_clear_of_its_possible_bow() -> None:
@@ -188,7 +199,9 @@ def test_a_trajectory_between_distant_samples_must_keep_clear_of_its_possible_bo
     at_rest = replace(STILL, q=q[[0, 0]])
     assert world.check_trajectory(at_rest, OPEN) is None
     swinging = replace(at_rest, qdd=np.full((2, 7), 8.0))
-    assert world.check_trajectory(swinging, OPEN) is not None  # 6 cm of bow may be hidden between samples
+    assert (
+        world.check_trajectory(swinging, OPEN) is not None
+    )  # 6 cm of bow may be hidden between samples
 
 
 @pytest.mark.parametrize(
@@ -196,11 +209,16 @@ def test_a_trajectory_between_distant_samples_must_keep_clear_of_its_possible_bo
     [
         (replace(STILL, q=np.zeros((2, 6))), "two or more samples of 7 joints"),
         (replace(STILL, t=np.array([0.0, 0.0])), "time does not increase"),
-        (replace(STILL, q=np.full((2, 7), np.nan)), "the position of sample 0 is not a finite number"),
+        (
+            replace(STILL, q=np.full((2, 7), np.nan)),
+            "the position of sample 0 is not a finite number",
+        ),
         (replace(STILL, q=np.full((2, 7), 2.5)), "joint 2 would be at 143.2°"),
     ],
 )
-def test_a_trajectory_that_must_not_be_executed_is_refused(wrong: Trajectory, complaint: str) -> None:
+def test_a_trajectory_that_must_not_be_executed_is_refused(
+    wrong: Trajectory, complaint: str
+) -> None:
     with pytest.raises(BadTrajectory, match=complaint):
         CollisionWorld.build(robot, table).check_trajectory(wrong, OPEN)
 
@@ -210,7 +228,10 @@ def test_bad_joints_are_refused_before_anything_is_judged() -> None:
     for question in (world.check, world.clearance, world.clearances, world.free, world.check_path):
         with pytest.raises(BadJoints):
             question(
-                np.full((1, 7), np.nan) if question not in (world.check, world.clearance) else np.full(7, np.nan), OPEN
+                np.full((1, 7), np.nan)
+                if question not in (world.check, world.clearance)
+                else np.full(7, np.nan),
+                OPEN,
             )
     with pytest.raises(BadJoints):
         world.segment_free(np.zeros(6), np.zeros(7), OPEN)
@@ -223,14 +244,20 @@ def test_a_world_travels_to_another_process() -> None:
     assert np.array_equal(copy.clearances(Q, OPEN), world.clearances(Q, OPEN))
 
 
-def test_neither_a_world_from_another_process_nor_a_read_only_path_compiles_a_kernel_again() -> None:
+def test_neither_a_world_from_another_process_nor_a_read_only_path_compiles_a_kernel_again() -> (
+    None
+):
     """numba compiles a kernel for each pattern of writable arrays: 20 s in the middle of a first pick."""
     world = CollisionWorld.build(robot, table)
     Q = np.linspace(robot.lower, robot.upper, 4)
     world.clearances(Q, OPEN), world.check_path(Q, OPEN)
     compiled = [set(kernel.signatures) for kernel in (check_states, check_path)]
     Q.setflags(write=False)
-    for each in (world, pickle.loads(pickle.dumps(world, protocol=4)), pickle.loads(pickle.dumps(world, protocol=5))):
+    for each in (
+        world,
+        pickle.loads(pickle.dumps(world, protocol=4)),
+        pickle.loads(pickle.dumps(world, protocol=5)),
+    ):
         each.clearances(Q, OPEN), each.check_path(Q, OPEN), each.leaving(Q[0], OPEN, "fingers")
     assert [set(kernel.signatures) for kernel in (check_states, check_path)] == compiled
 
@@ -275,9 +302,14 @@ def test_a_cylinder_contains_its_original() -> None:
         0.05 * np.sqrt(rng.uniform(size=500)),
         rng.uniform(-0.1, 0.1, 500),
     )
-    inside = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z)) @ T[:3, :3].T + T[:3, 3]
+    inside = (
+        np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z)) @ T[:3, :3].T
+        + T[:3, 3]
+    )
     assert np.all(can.distance(inside) <= 1e-12)
-    assert can.distance(np.array([[0.0, 0.0, 0.15]]) @ T[:3, :3].T + T[:3, 3])[0] == pytest.approx(0.05, abs=1e-9)
+    assert can.distance(np.array([[0.0, 0.0, 0.15]]) @ T[:3, :3].T + T[:3, 3])[0] == pytest.approx(
+        0.05, abs=1e-9
+    )
 
 
 def ball(offset: tuple[float, float, float], radius: float, name: str) -> Convex:
@@ -289,25 +321,40 @@ def ball(offset: tuple[float, float, float], radius: float, name: str) -> Convex
 def leaving(*obstacles: Convex) -> CollisionWorld:
     """A world in which a held ball of 80 mm may leave what it touches in the posture `above(0.05)`."""
     held = RobotShape.of(robot).holding(0.04 * fibonacci_sphere(162))
-    return CollisionWorld.build(held, table, obstacles=obstacles).leaving(above(0.05), 0.08, "held", "fingers")
+    return CollisionWorld.build(held, table, obstacles=obstacles).leaving(
+        above(0.05), 0.08, "held", "fingers"
+    )
 
 
 def rise(height: float) -> np.ndarray:
     """Joints along a straight way up."""
     return straight_line(
-        robot, above(0.05), robot.tcp(above(0.05)) + transform(translation=[0, 0, height]) - np.eye(4)
+        robot,
+        above(0.05),
+        robot.tcp(above(0.05)) + transform(translation=[0, 0, height]) - np.eye(4),
     ).q
 
 
-@pytest.mark.parametrize("beside", [(0.079, 0.0, 0.0), (0.06, 0.052, -0.01), (-0.05, 0.06, -0.01), (0.0, 0.0, -0.079)])
-def test_a_held_fruit_leaves_a_neighbour_that_it_touches(beside: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize(
+    "beside", [(0.079, 0.0, 0.0), (0.06, 0.052, -0.01), (-0.05, 0.06, -0.01), (0.0, 0.0, -0.079)]
+)
+def test_a_held_fruit_leaves_a_neighbour_that_it_touches(
+    beside: tuple[float, float, float],
+) -> None:
     neighbour = ball(beside, 0.04, "neighbour")
-    assert CollisionWorld.build(leaving().shape, table, obstacles=[neighbour]).check_path(rise(0.1), 0.08) is not None
+    assert (
+        CollisionWorld.build(leaving().shape, table, obstacles=[neighbour]).check_path(
+            rise(0.1), 0.08
+        )
+        is not None
+    )
     assert leaving(neighbour).check_path(rise(0.1), 0.08) is None
 
 
 @pytest.mark.parametrize("above_it", [(0.06, 0.03, 0.042), (0.06, 0.0, 0.05)])
-def test_a_fruit_below_another_one_is_not_free_to_rise(above_it: tuple[float, float, float]) -> None:
+def test_a_fruit_below_another_one_is_not_free_to_rise(
+    above_it: tuple[float, float, float],
+) -> None:
     hit = leaving(ball(above_it, 0.04, "upper")).check_path(rise(0.1), 0.08)
     assert hit is not None
     assert hit.other == "upper"
@@ -316,12 +363,16 @@ def test_a_fruit_below_another_one_is_not_free_to_rise(above_it: tuple[float, fl
 
 def test_a_fruit_under_a_lip_is_not_free_to_rise() -> None:
     centre = robot.tcp(above(0.05))[:3, 3]
-    lip = Box("lip", transform(translation=[*(centre + np.array([0.05, 0.0, 0.045]))]), (0.02, 0.1, 0.005))
+    lip = Box(
+        "lip", transform(translation=[*(centre + np.array([0.05, 0.0, 0.045]))]), (0.02, 0.1, 0.005)
+    )
     assert leaving(Convex.of_box(lip)).check_path(rise(0.1), 0.08) is not None
 
 
 def test_only_what_is_touched_may_be_left_and_the_rest_keeps_its_margin() -> None:
-    world = leaving(ball((0.079, 0.0, 0.0), 0.04, "touched"), ball((0.06, 0.0, 0.09), 0.02, "on the way"))
+    world = leaving(
+        ball((0.079, 0.0, 0.0), 0.04, "touched"), ball((0.06, 0.0, 0.09), 0.02, "on the way")
+    )
     hit = world.check_path(rise(0.1), 0.08)
     assert hit is not None
     assert (hit.other, hit.margin) == ("on the way", Margins().held)
@@ -332,7 +383,9 @@ def test_a_deep_overlap_is_no_contact() -> None:
 
 
 @pytest.mark.parametrize(("deep", "free"), [(0.001, True), (0.012, False)])
-def test_fingers_may_leave_cells_that_they_touch_and_not_cells_that_they_are_in(deep: float, free: bool) -> None:
+def test_fingers_may_leave_cells_that_they_touch_and_not_cells_that_they_are_in(
+    deep: float, free: bool
+) -> None:
     q, width = above(0.05), 0.08
     robot_shape = RobotShape.of(robot)
     outside = max(

@@ -42,16 +42,30 @@ def test_fingers_slide_as_in_the_simulator(width):
     lowest = np.inf
     for name in ("finger_left", "finger_right"):
         geom = model.geom(name)
-        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * geom.size
+        corners = (
+            np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * geom.size
+        )
         placed = state.geom(name).xpos + corners @ state.geom(name).xmat.reshape(3, 3).T
         lowest = min(lowest, placed[:, 2].min())
     assert SHAPE.lowest(ROBOT_MODEL.tcp(OBSERVE), width)[0] == pytest.approx(lowest, abs=1e-6)
 
 
 def test_a_fingertip_is_level_with_what_a_displacement_brings_below_it():
-    tip, finger = 0.010, 0.012  # of the pads of the shipped hand, opened to 80 mm; the fingers are 2 mm longer
+    tip, finger = (
+        0.010,
+        0.012,
+    )  # of the pads of the shipped hand, opened to 80 mm; the fingers are 2 mm longer
     points = np.array([[0.0, 0.042, -0.02], [0.0, 0.025, -0.02], [0.0, 0.0, 0.0], [0.0, 0.2, 0.0]])
-    assert SHAPE.levels(points, 0.08, 0.0)[0] in (pytest.approx(tip + 0.02), pytest.approx(finger + 0.02))
-    np.testing.assert_array_equal(np.isfinite(SHAPE.levels(points, 0.08, 0.0)), [True, False, False, False])
-    np.testing.assert_array_equal(np.isfinite(SHAPE.levels(points, 0.08, 0.02)), [True, True, False, False])
-    np.testing.assert_array_equal(np.isfinite(SHAPE.levels(points, 0.08, 0.045)), [True, True, True, False])
+    assert SHAPE.levels(points, 0.08, 0.0)[0] in (
+        pytest.approx(tip + 0.02),
+        pytest.approx(finger + 0.02),
+    )
+    np.testing.assert_array_equal(
+        np.isfinite(SHAPE.levels(points, 0.08, 0.0)), [True, False, False, False]
+    )
+    np.testing.assert_array_equal(
+        np.isfinite(SHAPE.levels(points, 0.08, 0.02)), [True, True, False, False]
+    )
+    np.testing.assert_array_equal(
+        np.isfinite(SHAPE.levels(points, 0.08, 0.045)), [True, True, True, False]
+    )

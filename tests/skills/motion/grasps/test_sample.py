@@ -13,29 +13,52 @@ from pomona.skills.motion.grasps.sphere import Sphere
 from pomona.skills.motion.planning.arm_space import TARGET, ArmSpace
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.fruit import load_fruit
-from tests.skills.picking_scene import APPLES, OBSERVE, PLACES, ROBOT_MODEL, TABLE_Z, WORKSPACE, apple_at
+from tests.skills.picking_scene import (
+    APPLES,
+    OBSERVE,
+    PLACES,
+    ROBOT_MODEL,
+    TABLE_Z,
+    WORKSPACE,
+    apple_at,
+)
 
 SHAPE = gripper_shape(ROBOT_MODEL)
 RAW = GraspRules(check=False)
 
 
 def space_around(target, *others) -> ArmSpace:
-    obstacles = (Convex.of_fruit(target, TARGET), *(Convex.of_fruit(other, "fruit") for other in others))
-    world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE, None, obstacles).allowing(TARGET, "fingers")
+    obstacles = (
+        Convex.of_fruit(target, TARGET),
+        *(Convex.of_fruit(other, "fruit") for other in others),
+    )
+    world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE, None, obstacles).allowing(
+        TARGET, "fingers"
+    )
     return ArmSpace(world, ROBOT_MODEL.width_max)
 
 
 def sample(target, *others, space=None, **rules):
     return sample_pre_grasps(
-        target, ROBOT_MODEL, space or space_around(target, *others), OBSERVE, TABLE_Z, rules=GraspRules(**rules)
+        target,
+        ROBOT_MODEL,
+        space or space_around(target, *others),
+        OBSERVE,
+        TABLE_Z,
+        rules=GraspRules(**rules),
     )
 
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("number", APPLES)
-def test_every_cell_of_the_paper_has_many_candidates_with_all_other_fruit_on_the_table(number, place):
+def test_every_cell_of_the_paper_has_many_candidates_with_all_other_fruit_on_the_table(
+    number, place
+):
     other_places = [p for p in PLACES if p != place]
-    others = [apple_at(n, p) for n, p in zip([n for n in APPLES if n != number], other_places, strict=True)]
+    others = [
+        apple_at(n, p)
+        for n, p in zip([n for n in APPLES if n != number], other_places, strict=True)
+    ]
     grasps, ruled_out = sample(apple_at(number, place), *others)
     assert len(grasps) >= 20
     assert len(grasps) + len(ruled_out) == 48
@@ -48,7 +71,9 @@ def test_candidates_keep_their_promises():
     for grasp in grasps:
         assert is_pose(grasp.T_base_grasp)
         np.testing.assert_allclose(
-            grasp.T_base_pre_grasp[:3, 3], grasp.T_base_grasp[:3, 3] - 0.12 * grasp.T_base_grasp[:3, 2], atol=1e-12
+            grasp.T_base_pre_grasp[:3, 3],
+            grasp.T_base_grasp[:3, 3] - 0.12 * grasp.T_base_grasp[:3, 2],
+            atol=1e-12,
         )
         assert APPLES[3][0] * 1e-3 + 4e-3 < grasp.width <= ROBOT_MODEL.width_max
         assert SHAPE.lowest(grasp.T_base_grasp, grasp.width)[0] > TABLE_Z + 3e-3
@@ -66,18 +91,25 @@ def test_pads_meet_the_fruit_at_its_widest_section():
     for grasp in grasps[:10]:
         in_tcp = (points - grasp.T_base_grasp[:3, 3]) @ grasp.T_base_grasp[:3, :3]
         outermost = in_tcp[[in_tcp[:, 1].argmin(), in_tcp[:, 1].argmax()]]
-        assert np.abs(outermost[:, [0, 2]]).max() < 0.008  # within the pad, which reaches 10 mm around its centre
+        assert (
+            np.abs(outermost[:, [0, 2]]).max() < 0.008
+        )  # within the pad, which reaches 10 mm around its centre
         assert outermost[:, 1].sum() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_fingertips_that_a_linkage_draws_back_meet_the_fruit_at_its_widest_section(tmp_path):
     for path in ROBOT_MODEL.path.parent.glob("*.xml"):
-        (tmp_path / path.name).write_text(re.sub(r'axis="0 (-?1) 0"', r'axis="0 \1 -0.6"', path.read_text()))
+        (tmp_path / path.name).write_text(
+            re.sub(r'axis="0 (-?1) 0"', r'axis="0 \1 -0.6"', path.read_text())
+        )
     tilted = RobotModel.load(tmp_path / ROBOT_MODEL.path.name)
     shape, target = gripper_shape(tilted), apple_at(4, 3)
     space = space_around(target)
     plain, drawn = (
-        {grasp.index: grasp.T_base_grasp for grasp in sample_pre_grasps(target, robot, space, OBSERVE, rules=RAW)[0]}
+        {
+            grasp.index: grasp.T_base_grasp
+            for grasp in sample_pre_grasps(target, robot, space, OBSERVE, rules=RAW)[0]
+        }
         for robot in (ROBOT_MODEL, tilted)
     )
     back = -shape.forward(APPLES[4][0] * 1e-3)
@@ -87,8 +119,12 @@ def test_fingertips_that_a_linkage_draws_back_meet_the_fruit_at_its_widest_secti
     assert len(both) > 20
     for index in both:
         further = drawn[index][:3, 3] - plain[index][:3, 3]
-        np.testing.assert_allclose(further, back * plain[index][:3, 2], atol=2e-3)  # the width there is another one
-    lower, upper = (shape.lowest(np.diag([1.0, -1.0, -1.0, 1.0]), width)[0] for width in (shape.closed, 0.08))
+        np.testing.assert_allclose(
+            further, back * plain[index][:3, 2], atol=2e-3
+        )  # the width there is another one
+    lower, upper = (
+        shape.lowest(np.diag([1.0, -1.0, -1.0, 1.0]), width)[0] for width in (shape.closed, 0.08)
+    )
     assert upper - lower == pytest.approx(-shape.forward(0.08), abs=1e-9)
 
 
@@ -98,7 +134,9 @@ def test_near_the_table_the_small_apple_is_taken_a_little_higher():
     grasps, _ = sample(low)
     assert grasps
     assert all(SHAPE.lowest(g.T_base_grasp, g.width)[0] > TABLE_Z + 3e-3 for g in grasps)
-    assert any(np.linalg.norm(g.T_base_grasp[:3, 3] - low.T_base_fruit[:3, 3]) > 1e-3 for g in grasps)
+    assert any(
+        np.linalg.norm(g.T_base_grasp[:3, 3] - low.T_base_fruit[:3, 3]) > 1e-3 for g in grasps
+    )
 
 
 def test_a_fruit_measured_far_too_low_is_ruled_out_by_the_table_in_words():
@@ -142,7 +180,11 @@ def test_a_neighbour_on_one_side_rules_out_grasps_that_would_touch_it():
 def test_a_finger_is_never_placed_beyond_a_wall_that_it_would_close_on():
     target = apple_at(5, 3)
     centre, half = target.T_base_fruit[:3, 3], APPLES[5][0] / 2e3
-    wall = Box("crate", transform(translation=centre + np.array([half + 0.003, 0.0, 0.0])), (0.002, 0.15, 0.03))
+    wall = Box(
+        "crate",
+        transform(translation=centre + np.array([half + 0.003, 0.0, 0.0])),
+        (0.002, 0.15, 0.03),
+    )
     space = space_around(target)
     space = replace(space, world=space.world.with_obstacles(Convex.of_box(wall)))
     alongside = Sphere(theta=(0.0, 0.0), tilts=1, turns=12)
@@ -164,7 +206,9 @@ def test_less_air_needs_less_room_beside_the_fruit():
     widths = {}
     for air in (6e-3, 3e-3):
         grasps, _ = sample(target, *neighbours, side=(air, 2e-3), sigmas=0.0)
-        widths[air] = [g.width for g in grasps if abs(g.T_base_grasp[0, 1]) > 0.95 and g.theta == 0.0]
+        widths[air] = [
+            g.width for g in grasps if abs(g.T_base_grasp[0, 1]) > 0.95 and g.theta == 0.0
+        ]
     assert not widths[6e-3]
     assert widths[3e-3]
     assert max(widths[3e-3]) < APPLES[4][0] * 1e-3 + 7e-3
@@ -202,7 +246,10 @@ def lying_lemon(yaw: float):
         rot_z(yaw) @ np.eye(3), [*PLACES[3], TABLE_Z + 0.029]
     )  # its axis, the object's y, is level
     return replace(
-        upright, fruit=load_fruit("lemon"), T_base_fruit=T_base_fruit, dimensions=np.array([0.058, 0.082, 0.058])
+        upright,
+        fruit=load_fruit("lemon"),
+        T_base_fruit=T_base_fruit,
+        dimensions=np.array([0.058, 0.082, 0.058]),
     )
 
 
@@ -210,7 +257,9 @@ def lying_lemon(yaw: float):
 def test_a_long_fruit_is_taken_across(yaw):
     grasps, _ = sample(lying_lemon(yaw))
     long_axis = lying_lemon(yaw).T_base_fruit[:3, 1]
-    assert abs(grasps[0].T_base_grasp[:3, 1] @ long_axis) < np.sin(np.radians(16.0))  # the sphere's steps are 30°
+    assert abs(grasps[0].T_base_grasp[:3, 1] @ long_axis) < np.sin(
+        np.radians(16.0)
+    )  # the sphere's steps are 30°
     assert grasps[0].oblique < np.radians(14.0)
 
 
@@ -220,9 +269,9 @@ def test_how_obliquely_pads_meet_an_ellipsoid():
         sliding = np.array([np.cos(np.radians(turned)), np.sin(np.radians(turned)), 0.0])
         down = np.array([0.0, 0.0, -1.0])
         R_base_tcp = np.stack([np.cross(sliding, down), sliding, down], axis=1)
-        assert np.degrees(fruit_section(lemon, fruit_points(lemon), R_base_tcp).oblique) == pytest.approx(
-            expected, abs=0.1
-        )
+        assert np.degrees(
+            fruit_section(lemon, fruit_points(lemon), R_base_tcp).oblique
+        ) == pytest.approx(expected, abs=0.1)
 
 
 def test_the_sphere_is_a_choice():
@@ -232,4 +281,6 @@ def test_the_sphere_is_a_choice():
     )  # fmt: skip
     assert len(grasps) + len(ruled_out) == 5
     for grasp in grasps:
-        assert np.linalg.norm(grasp.T_base_pre_grasp[:3, 3] - grasp.T_base_grasp[:3, 3]) == pytest.approx(0.08)
+        assert np.linalg.norm(
+            grasp.T_base_pre_grasp[:3, 3] - grasp.T_base_grasp[:3, 3]
+        ) == pytest.approx(0.08)

@@ -4,7 +4,12 @@ from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from pomona.skills.geometry import is_pose
-from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_orientation, pre_grasp_pose, pre_grasp_position
+from pomona.skills.motion.grasps.sphere import (
+    Sphere,
+    pre_grasp_orientation,
+    pre_grasp_pose,
+    pre_grasp_position,
+)
 
 angles = {"theta": st.floats(0.0, np.pi / 2.0), "alpha": st.floats(-np.pi, 2.0 * np.pi)}
 
@@ -33,19 +38,25 @@ def test_the_sliding_vector_stays_horizontal_and_the_camera_looks_from_above(the
     assert R[2, 1] == pytest.approx(0.0, abs=1e-12)
     assert R[2, 0] <= 1e-12  # the camera is mounted towards -x of the TCP: that side is up
     np.testing.assert_allclose(
-        R, pre_grasp_orientation(theta, alpha, camera_above=False) @ np.diag([-1, -1, 1]), atol=1e-12
+        R,
+        pre_grasp_orientation(theta, alpha, camera_above=False) @ np.diag([-1, -1, 1]),
+        atol=1e-12,
     )
 
 
 def test_theta_zero_is_straight_above():
-    np.testing.assert_allclose(pre_grasp_position(np.array([1.0, 2.0, 3.0]), 0.12, 0.0, 1.0), [1.0, 2.0, 3.12])
+    np.testing.assert_allclose(
+        pre_grasp_position(np.array([1.0, 2.0, 3.0]), 0.12, 0.0, 1.0), [1.0, 2.0, 3.12]
+    )
     np.testing.assert_allclose(pre_grasp_orientation(0.0, 0.7)[:, 2], [0.0, 0.0, -1.0], atol=1e-15)
 
 
 def test_a_full_circle_does_not_repeat_its_start():
     attempts = Sphere(theta=(0.2, 0.4), tilts=2, turns=4).attempts()
     assert [theta for theta, _ in attempts] == [0.2] * 4 + [0.4] * 4
-    np.testing.assert_allclose([alpha for _, alpha in attempts[:4]], [0.0, np.pi / 2, np.pi, 3 * np.pi / 2])
+    np.testing.assert_allclose(
+        [alpha for _, alpha in attempts[:4]], [0.0, np.pi / 2, np.pi, 3 * np.pi / 2]
+    )
 
 
 def test_an_arc_includes_both_ends():

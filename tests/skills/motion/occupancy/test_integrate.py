@@ -47,7 +47,16 @@ def look(T_base_camera: np.ndarray, *centres: np.ndarray, stamp: float = 0.0) ->
         hit = (-b - np.sqrt(np.maximum(under_root, 0.0))) / a
         depth = np.where(under_root > 0.0, np.minimum(depth, hit), depth)
     depth = np.where(np.isfinite(depth) & (depth < 3.0), depth, 0.0).astype(np.float32)
-    return Frame(stamp, 0, np.zeros((LENS.height, LENS.width, 3), np.uint8), depth, LENS, None, T_base_camera, "made")
+    return Frame(
+        stamp,
+        0,
+        np.zeros((LENS.height, LENS.width, 3), np.uint8),
+        depth,
+        LENS,
+        None,
+        T_base_camera,
+        "made",
+    )
 
 
 def empty(resolution: float = 0.01) -> OccupancyMap:
@@ -124,7 +133,9 @@ def test_a_target_in_an_earlier_map_is_forgotten() -> None:
     after = integrate(before, frame, FROM_ABOVE, CELL, target=target)
     near = np.linalg.norm(after.centres(OCCUPIED) - LEFT, axis=1)
     assert near.min() > RADIUS + 0.005
-    assert np.linalg.norm(before.centres(OCCUPIED) - LEFT, axis=1).min() < RADIUS + 0.005  # the old snapshot stays
+    assert (
+        np.linalg.norm(before.centres(OCCUPIED) - LEFT, axis=1).min() < RADIUS + 0.005
+    )  # the old snapshot stays
 
 
 @pytest.mark.parametrize(("margin", "stays"), [(0.006, True), (0.010, False)])
@@ -137,9 +148,14 @@ def test_a_wire_beside_the_target_stays_with_a_smaller_margin(margin: float, sta
     for x, y, z in (wire - FROM_ABOVE[:3, 3]) @ FROM_ABOVE[:3, :3]:
         u, v = round(LENS.fx * x / z + LENS.cx), round(LENS.fy * y / z + LENS.cy)
         depth[v - 1 : v + 2, u - 1 : u + 2] = z
-    frame, target = replace(plain, depth=depth), Convex.of_points("target", LEFT + RADIUS * fibonacci_sphere(500))
+    frame, target = (
+        replace(plain, depth=depth),
+        Convex.of_points("target", LEFT + RADIUS * fibonacci_sphere(500)),
+    )
     before = integrate(empty(0.006), frame, FROM_ABOVE, CELL)
-    fused = integrate(before, frame, FROM_ABOVE, CELL, target=target, sensing=Sensing(target_margin=margin))
+    fused = integrate(
+        before, frame, FROM_ABOVE, CELL, target=target, sensing=Sensing(target_margin=margin)
+    )
     cells = fused.centres(OCCUPIED)
     assert bool(np.linalg.norm(cells[:, None] - wire[45:55], axis=2).min() < 0.005) is stays
     assert target.distance(cells).min() > 0.003, "nothing is left of the target itself"
@@ -149,13 +165,20 @@ def test_measured_neighbours_are_shapes_and_the_gap_between_them_stays_open() ->
     gap = 0.012
     near = LEFT + np.array([2.0 * RADIUS + gap, 0.0, 0.0])
     frame = look(FROM_ABOVE, LEFT, near)
-    target, other = (Convex.of_points("ball", c + RADIUS * fibonacci_sphere(500)) for c in (LEFT, near))
+    target, other = (
+        Convex.of_points("ball", c + RADIUS * fibonacci_sphere(500)) for c in (LEFT, near)
+    )
     between = (LEFT + near)[None] / 2.0
-    assert integrate(empty(), frame, FROM_ABOVE, CELL, target=target).field.distance(between)[0] < gap / 4.0
+    assert (
+        integrate(empty(), frame, FROM_ABOVE, CELL, target=target).field.distance(between)[0]
+        < gap / 4.0
+    )
     fused = integrate(replace(empty(), shapes=(other,)), frame, FROM_ABOVE, CELL, target=target)
     assert fused.field.distance(between)[0] > 0.1
     assert fused.shapes == fused.field.shapes == (other,)
-    assert integrate(fused, look(FROM_ABOVE), FROM_ABOVE, CELL).shapes == (other,), "a later look adds to the map"
+    assert integrate(fused, look(FROM_ABOVE), FROM_ABOVE, CELL).shapes == (other,), (
+        "a later look adds to the map"
+    )
 
 
 def test_obstacles_of_the_cell_are_no_cells_and_what_stands_beside_them_is() -> None:
@@ -203,7 +226,9 @@ def test_noise_of_the_sensor_neither_blocks_free_space_nor_opens_objects(seed: i
     frame = replace(frame, depth=frame.depth + noise)
     fused = integrate(empty(), frame, FROM_ABOVE, CELL)
     blocked = fused.centres(OCCUPIED)
-    away = np.minimum(np.linalg.norm(blocked - LEFT, axis=1), np.linalg.norm(blocked - RIGHT, axis=1))
+    away = np.minimum(
+        np.linalg.norm(blocked - LEFT, axis=1), np.linalg.norm(blocked - RIGHT, axis=1)
+    )
     assert np.mean(away < RADIUS + 0.012) > 0.98
     assert fused.field.distance(LEFT[None] + [0.0, 0.0, RADIUS])[0] <= 0.0
 
@@ -266,7 +291,9 @@ def test_leaves_neither_block_nor_hide_and_what_is_before_them_is_free():
     sides = {}
     for name, map in (("plain", plain), ("leafy", leafy)):
         blocked = np.concatenate([map.centres(OCCUPIED), map.centres(HIDDEN)])
-        sides[name] = [int((np.linalg.norm(blocked - ball, axis=1) < 0.06).sum()) for ball in (LEFT, RIGHT)]
+        sides[name] = [
+            int((np.linalg.norm(blocked - ball, axis=1) < 0.06).sum()) for ball in (LEFT, RIGHT)
+        ]
     assert min(sides["plain"]) > 50
     assert sorted(sides["leafy"])[0] == 0
     assert max(sides["leafy"]) == sides["plain"][int(np.argmax(sides["leafy"]))]
@@ -275,7 +302,13 @@ def test_leaves_neither_block_nor_hide_and_what_is_before_them_is_free():
 
 @pytest.mark.parametrize(
     ("rgb", "index"),
-    [((0, 0, 0), 0.0), ((0, 255, 0), 2.0), ((255, 0, 0), -1.0), ((80, 80, 80), 0.0), ((50, 97, 31), 0.635)],
+    [
+        ((0, 0, 0), 0.0),
+        ((0, 255, 0), 2.0),
+        ((255, 0, 0), -1.0),
+        ((80, 80, 80), 0.0),
+        ((50, 97, 31), 0.635),
+    ],
 )
 def test_the_excess_green_of_a_colour(rgb, index):
     assert excess_green(np.array([[rgb]], np.uint8))[0, 0] == pytest.approx(index, abs=1e-3)

@@ -14,7 +14,9 @@ def read_bt(content: bytes) -> tuple[float, int, dict[tuple[int, int, int], bool
     """Resolution, number of nodes, and whether each finest cell is occupied, by its index from the origin."""
     header, data = content.split(b"data\n", 1)
     assert header.startswith(b"# Octomap OcTree binary file\n")
-    entries = dict(line.split(" ", 1) for line in header.decode().splitlines() if not line.startswith("#"))
+    entries = dict(
+        line.split(" ", 1) for line in header.decode().splitlines() if not line.startswith("#")
+    )
     assert entries["id"] == "OcTree"
     cells: dict[tuple[int, int, int], bool] = {}
     stream = iter(data)
@@ -39,8 +41,16 @@ def read_bt(content: bytes) -> tuple[float, int, dict[tuple[int, int, int], bool
     return float(entries["res"]), nodes, cells
 
 
-def a_map(states: np.ndarray, origin: tuple[float, float, float], resolution: float) -> OccupancyMap:
-    return OccupancyMap(np.array(origin), resolution, states.astype(np.uint8), np.zeros(states.shape, np.int16), (0.0,))
+def a_map(
+    states: np.ndarray, origin: tuple[float, float, float], resolution: float
+) -> OccupancyMap:
+    return OccupancyMap(
+        np.array(origin),
+        resolution,
+        states.astype(np.uint8),
+        np.zeros(states.shape, np.int16),
+        (0.0,),
+    )
 
 
 def test_every_cell_comes_back(tmp_path: Path) -> None:
@@ -51,7 +61,10 @@ def test_every_cell_comes_back(tmp_path: Path) -> None:
     resolution, _, cells = read_bt((tmp_path / "map.bt").read_bytes())
     assert resolution == 0.02
     first = np.array([-3, 1, -5])
-    known = {tuple((cell + first).tolist()): states[tuple(cell)] >= OCCUPIED for cell in np.argwhere(states)}
+    known = {
+        tuple((cell + first).tolist()): states[tuple(cell)] >= OCCUPIED
+        for cell in np.argwhere(states)
+    }
     assert cells == known
 
 
@@ -65,7 +78,9 @@ def test_one_cell_byte_by_byte() -> None:
     """The cell that touches the origin from above is, level by level, child 7 and then child 0 of its parent."""
     content = to_bt(a_map(np.full((1, 1, 1), OCCUPIED), (0.0, 0.0, 0.0), 0.05))
     data = content.split(b"data\n", 1)[1]
-    assert data == (3 << 14).to_bytes(2, "little") + 14 * (3).to_bytes(2, "little") + (2).to_bytes(2, "little")
+    assert data == (3 << 14).to_bytes(2, "little") + 14 * (3).to_bytes(2, "little") + (2).to_bytes(
+        2, "little"
+    )
 
 
 def test_a_map_that_has_seen_nothing_is_an_empty_tree() -> None:

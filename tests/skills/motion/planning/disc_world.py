@@ -42,14 +42,20 @@ class DiscWorld:
         return bool((self.distance_to_segment(q_a, q_b) > 0.0).all())
 
     def first_blocked(self, path: np.ndarray) -> int | None:
-        return next((k for k, (a, b) in enumerate(pairwise(path)) if not self.free_between(a, b)), None)
+        return next(
+            (k for k, (a, b) in enumerate(pairwise(path)) if not self.free_between(a, b)), None
+        )
 
     def connect(
         self, q_start: np.ndarray, q_goals: np.ndarray, iterations: int, seed: int
     ) -> tuple[np.ndarray | None, int]:
         """By OMPL: this project's own grows in compiled code among real robots only."""
         found = solve_by_ompl(
-            self, q_start, q_goals, "RRTConnect", Effort(iterations, seed, time.perf_counter() + 10.0, None)
+            self,
+            q_start,
+            q_goals,
+            "RRTConnect",
+            Effort(iterations, seed, time.perf_counter() + 10.0, None),
         )
         return found.waypoints, found.iterations
 

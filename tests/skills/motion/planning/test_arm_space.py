@@ -25,7 +25,11 @@ def tilts(path: np.ndarray, per_segment: int = 20) -> np.ndarray:
     found = []
     for a, b in itertools.pairwise(path):
         for share in np.linspace(0.0, 1.0, per_segment):
-            up = ROBOT_MODEL.fk(a + share * (b - a))[:3, :3] @ ROBOT_MODEL.fk(START)[:3, :3].T @ [0.0, 0.0, 1.0]
+            up = (
+                ROBOT_MODEL.fk(a + share * (b - a))[:3, :3]
+                @ ROBOT_MODEL.fk(START)[:3, :3].T
+                @ [0.0, 0.0, 1.0]
+            )
             found.append(np.arctan2(np.linalg.norm(up[:2]), up[2]))
     return np.array(found)
 
@@ -38,13 +42,17 @@ def around(*obstacles: Box) -> ArmSpace:
 
 @pytest.mark.parametrize("degrees", [5.0, 15.0])
 @pytest.mark.parametrize("obstructed", [False, True])
-def test_a_planned_and_timed_path_keeps_it_upright_everywhere(degrees: float, obstructed: bool) -> None:
+def test_a_planned_and_timed_path_keeps_it_upright_everywhere(
+    degrees: float, obstructed: bool
+) -> None:
     middle = ROBOT_MODEL.tcp((START + GOAL) / 2.0)[:3, 3]
     post = Box("post", transform(None, middle - (0.0, 0.0, 0.05)), (0.03, 0.03, 0.12))
     inner = around(post) if obstructed else around()
     space = UprightSpace(inner, UP, np.radians(degrees))
     limits = PickingScene().arm.limits
-    result = plan(PlanRequest(space, START, GOAL[None], limits, improve="", budget=2.0, seed=3, patience=60.0))
+    result = plan(
+        PlanRequest(space, START, GOAL[None], limits, improve="", budget=2.0, seed=3, patience=60.0)
+    )
     np.testing.assert_allclose(result.path.q[-1], GOAL, atol=1e-9)
     assert np.degrees(tilts(result.path.q, 3)).max() < degrees + np.degrees(2.0 * SLACK)
     assert inner.first_blocked(result.path.q) is None
@@ -53,7 +61,9 @@ def test_a_planned_and_timed_path_keeps_it_upright_everywhere(degrees: float, ob
 
 
 def test_without_the_bound_the_same_way_tilts_it() -> None:
-    result = plan(PlanRequest(around(), START, GOAL[None], PickingScene().arm.limits, improve="", seed=3))
+    result = plan(
+        PlanRequest(around(), START, GOAL[None], PickingScene().arm.limits, improve="", seed=3)
+    )
     assert np.degrees(tilts(result.path.q, 3)).max() > 15.5
 
 

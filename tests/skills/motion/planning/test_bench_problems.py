@@ -13,14 +13,18 @@ def write(folder, number: int, goal: np.ndarray, **thing: Any) -> None:
     names = list(ROBOT_MODEL.joint_names)
     scene = {
         "world": {"collision_objects": [thing] if thing else []},
-        "allowed_collision_matrix": {"entry_names": ["base", "link_s"], "entry_values": [[False, True], [True, False]]},
+        "allowed_collision_matrix": {
+            "entry_names": ["base", "link_s"],
+            "entry_values": [[False, True], [True, False]],
+        },
     }
     request = {
         "start_state": {"joint_state": {"name": names, "position": [float(x) for x in OBSERVE]}},
         "goal_constraints": [
             {
                 "joint_constraints": [
-                    {"joint_name": name, "position": float(x)} for name, x in zip(names, goal, strict=True)
+                    {"joint_name": name, "position": float(x)}
+                    for name, x in zip(names, goal, strict=True)
                 ]
             }
         ],
@@ -47,7 +51,9 @@ def test_scenes_and_requests_become_problems(tmp_path):
     np.testing.assert_allclose(first.q_start, OBSERVE)
     np.testing.assert_allclose(first.q_goal, HOME)
     crate = next(o for o in first.world.obstacles if o.name == "crate")
-    np.testing.assert_allclose(crate.distance(np.array([[0.4, 0.4, 0.35], [0.4, 0.4, 0.1]])), [0.1, -0.05], atol=1e-9)
+    np.testing.assert_allclose(
+        crate.distance(np.array([[0.4, 0.4, 0.35], [0.4, 0.4, 0.1]])), [0.1, -0.05], atol=1e-9
+    )
     assert second.world.obstacles == ()
 
 

@@ -20,7 +20,9 @@ def request(space: DiscWorld, goals: np.ndarray = GOALS, **changes: Any) -> Plan
 
 def clearance_of(space: DiscWorld, q: np.ndarray) -> float:
     """By brute force, independent of the space's own segment test."""
-    return float((np.linalg.norm(q[:, None] - space.discs[:, :2], axis=2) - space.discs[:, 2]).min())
+    return float(
+        (np.linalg.norm(q[:, None] - space.discs[:, :2], axis=2) - space.discs[:, 2]).min()
+    )
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
@@ -68,7 +70,9 @@ def test_a_blocked_goal_is_left_out_of_the_set():
 def failure(request_: PlanRequest) -> PlanningFailed:
     with pytest.raises(PlanningFailed) as failed:
         plan(request_)
-    assert str(pickle.loads(pickle.dumps(failed.value))) == str(failed.value)  # it comes out of another process
+    assert str(pickle.loads(pickle.dumps(failed.value))) == str(
+        failed.value
+    )  # it comes out of another process
     return failed.value
 
 
@@ -119,7 +123,9 @@ FREE = np.array([[9.0, 9.0, 0.1]])
 @pytest.mark.parametrize(("start", "goal", "reached"), [
     (3.1, 3.2, 3.2), (4.0, 4.2, 4.2), (7.0, 6.9, 6.9), (3.0, -3.0, 2 * np.pi - 3.0), (-40.0, -40.1 + 4 * np.pi, -40.1),
 ])  # fmt: skip
-def test_a_joint_without_limits_goes_by_the_short_way(start: float, goal: float, reached: float) -> None:
+def test_a_joint_without_limits_goes_by_the_short_way(
+    start: float, goal: float, reached: float
+) -> None:
     endless = np.array([True, False])
     turn = np.array([2.0 * np.pi, 2.0])
     space = DiscWorld(FREE, lower=-turn, upper=turn, endless=endless)

@@ -11,7 +11,9 @@ from pomona.skills.motion.planning.plan import PLANNERS, solve
 from pomona.skills.motion.planning.space import BadRequest, Effort
 
 
-def test_a_planner_of_ompl_names_ompl_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_planner_of_ompl_names_ompl_where_it_is_not_installed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.delitem(sys.modules, "pomona.skills.motion.planning.ompl_planners", raising=False)
     monkeypatch.setitem(sys.modules, "ompl", None)
     name = next(name for name, offered in PLANNERS.items() if offered.ompl)

@@ -11,7 +11,9 @@ CORNER = np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
 
 def test_a_corner_is_sharpened_until_it_clears_the_obstacle():
     rounded = time_polyline(CORNER, LIMITS)
-    space = DiscWorld(np.array([[0.0, 0.6, 0.2]]))  # the polyline passes it, the rounded corner goes through it
+    space = DiscWorld(
+        np.array([[0.0, 0.6, 0.2]])
+    )  # the polyline passes it, the rounded corner goes through it
     assert not all(space.free(q) for q in rounded.q)
     sharpened = time_free_path(space, CORNER, LIMITS)
     assert all(space.free(q) for q in sharpened.q)

@@ -26,19 +26,31 @@ def cluttered(seed: int) -> tuple[ArmSpace, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     while True:
         boxes = tuple(
-            Convex.of_box(Box(f"box {k}", transform(None, rng.uniform([-0.5, -0.6, 0.0], [0.5, 0.2, 0.5])), size))
+            Convex.of_box(
+                Box(
+                    f"box {k}",
+                    transform(None, rng.uniform([-0.5, -0.6, 0.0], [0.5, 0.2, 0.5])),
+                    size,
+                )
+            )
             for k, size in enumerate(rng.uniform(0.03, 0.09, (5, 3)).tolist())
         )
-        space = ArmSpace(CollisionWorld.build(ROBOT_MODEL, WORKSPACE, obstacles=boxes, margins=MARGINS), WIDTH)
+        space = ArmSpace(
+            CollisionWorld.build(ROBOT_MODEL, WORKSPACE, obstacles=boxes, margins=MARGINS), WIDTH
+        )
         q = rng.uniform(ROBOT_MODEL.lower, ROBOT_MODEL.upper, (40, ROBOT_MODEL.dof))
         goals = q[space.world.free(q, WIDTH)]
-        behind = np.array([g for g in goals if not space.free_between(OBSERVE, g)]).reshape(-1, ROBOT_MODEL.dof)
+        behind = np.array([g for g in goals if not space.free_between(OBSERVE, g)]).reshape(
+            -1, ROBOT_MODEL.dof
+        )
         if space.free(OBSERVE) and len(behind) >= 3:
             return space, OBSERVE, behind[:3]
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_path_begins_at_the_start_ends_at_a_goal_and_keeps_the_margins_at_every_fine_sample(seed: int) -> None:
+def test_a_path_begins_at_the_start_ends_at_a_goal_and_keeps_the_margins_at_every_fine_sample(
+    seed: int,
+) -> None:
     space, start, goals = cluttered(seed)
     found = solve(space, start, goals, "RRTConnect", Effort(20_000, seed, np.inf))
     assert found.waypoints is not None
@@ -74,19 +86,31 @@ CARRIAGE = """<robot name="carriage">
 """A ball on two rails, for which it is plain whether there is a way."""
 
 
-@pytest.mark.parametrize(("gap", "passes"), [(0.04, False), (0.09, False), (0.13, True), (0.3, True)])
-def test_a_ball_of_10_cm_passes_a_gap_that_is_wider_and_no_other(tmp_path: Path, gap: float, passes: bool) -> None:
+@pytest.mark.parametrize(
+    ("gap", "passes"), [(0.04, False), (0.09, False), (0.13, True), (0.3, True)]
+)
+def test_a_ball_of_10_cm_passes_a_gap_that_is_wider_and_no_other(
+    tmp_path: Path, gap: float, passes: bool
+) -> None:
     file = tmp_path / "carriage.urdf"
     file.write_text(CARRIAGE)
     robot = RobotModel.load(file)
     half = (2.0 - gap) / 2.0
     walls = tuple(
-        Convex.of_box(Box(f"wall {side}", transform(None, [0.0, side * (gap / 2.0 + half), 0.0]), (0.01, half, 0.1)))
+        Convex.of_box(
+            Box(
+                f"wall {side}",
+                transform(None, [0.0, side * (gap / 2.0 + half), 0.0]),
+                (0.01, half, 0.1),
+            )
+        )
         for side in (-1, 1)
     )
     world = CollisionWorld.build(robot, obstacles=walls, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
     space = ArmSpace(world, robot.width_max)
-    found = solve(space, np.array([-0.8, 0.6]), np.array([[0.8, 0.6]]), "RRTConnect", Effort(1200, 0, np.inf))
+    found = solve(
+        space, np.array([-0.8, 0.6]), np.array([[0.8, 0.6]]), "RRTConnect", Effort(1200, 0, np.inf)
+    )
     assert (found.waypoints is not None) == passes
     assert not found.out_of_time
     if found.waypoints is None:
@@ -107,4 +131,6 @@ def test_where_two_trees_meet_their_common_posture_stands_once() -> None:
     trees = rrt_connect.room(np.zeros(2), np.array([[9.0, 9.0], [2.0, 2.0]]), 4)
     trees.q[0, 1], trees.parent[0, 1] = [1.0, 1.0], 0
     trees.q[1, 2], trees.parent[1, 2] = [1.0, 1.0], 1
-    np.testing.assert_array_equal(rrt_connect.path_between(trees, 1, 2), [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])
+    np.testing.assert_array_equal(
+        rrt_connect.path_between(trees, 1, 2), [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]
+    )

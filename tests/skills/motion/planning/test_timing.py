@@ -24,7 +24,9 @@ def shares(trajectory: Trajectory, limits: ArmLimits) -> tuple[float, float, flo
     j = np.diff(a, axis=0) / h
     return tuple(
         float((np.abs(x) / limit).max())
-        for x, limit in zip((v, a, j), (limits.velocity, limits.acceleration, limits.jerk), strict=True)
+        for x, limit in zip(
+            (v, a, j), (limits.velocity, limits.acceleration, limits.jerk), strict=True
+        )
     )
 
 
@@ -38,14 +40,18 @@ def distance_to_polyline(q: np.ndarray, waypoints: np.ndarray) -> float:
 
 
 @settings(max_examples=40)
-@given(seed=st.integers(0, 10_000), n=st.integers(2, 7), scale=st.sampled_from([1e-3, 0.05, 0.4, 2.0]))
+@given(
+    seed=st.integers(0, 10_000), n=st.integers(2, 7), scale=st.sampled_from([1e-3, 0.05, 0.4, 2.0])
+)
 def test_a_polyline_is_driven_within_all_limits_from_rest_to_rest(seed, n, scale):
     waypoints = np.random.default_rng(seed).uniform(-scale, scale, (n, 7))
     trajectory = time_polyline(waypoints, LIMITS, period=0.002)
     velocity, acceleration, jerk = shares(trajectory, LIMITS)
     assert velocity <= 1.0 + 1e-6
     assert acceleration <= 1.0 + 1e-4
-    assert jerk <= 1.0 + 1e-2  # finite differences of positions of size 1 at 2 ms resolve jerk to about 1e-7 / 8e-9
+    assert (
+        jerk <= 1.0 + 1e-2
+    )  # finite differences of positions of size 1 at 2 ms resolve jerk to about 1e-7 / 8e-9
     np.testing.assert_allclose(trajectory.q[[0, -1]], waypoints[[0, -1]])
     np.testing.assert_array_equal(trajectory.qd[[0, -1]], 0.0)
 
@@ -58,21 +64,29 @@ def test_velocity_and_acceleration_are_the_derivatives_of_position(seed):
     integral = trajectory.q[0] + np.concatenate(
         [
             np.zeros((1, 7)),
-            np.cumsum((trajectory.qd[1:] + trajectory.qd[:-1]) / 2.0 * np.diff(trajectory.t)[:, None], axis=0),
+            np.cumsum(
+                (trajectory.qd[1:] + trajectory.qd[:-1]) / 2.0 * np.diff(trajectory.t)[:, None],
+                axis=0,
+            ),
         ]
     )
     np.testing.assert_allclose(integral, trajectory.q, atol=2e-5)
     velocity = np.concatenate(
         [
             np.zeros((1, 7)),
-            np.cumsum((trajectory.qdd[1:] + trajectory.qdd[:-1]) / 2.0 * np.diff(trajectory.t)[:, None], axis=0),
+            np.cumsum(
+                (trajectory.qdd[1:] + trajectory.qdd[:-1]) / 2.0 * np.diff(trajectory.t)[:, None],
+                axis=0,
+            ),
         ]
     )
     np.testing.assert_allclose(velocity, trajectory.qd, atol=2e-4)
 
 
 def test_a_straight_segment_stays_straight():
-    waypoints = np.array([[0.1, -0.2, 0.3, 0.0, 0.0, 0.0, 0.0], [1.0, 0.5, -0.7, 0.2, 0.0, 1.0, -2.0]])
+    waypoints = np.array(
+        [[0.1, -0.2, 0.3, 0.0, 0.0, 0.0, 0.0], [1.0, 0.5, -0.7, 0.2, 0.0, 1.0, -2.0]]
+    )
     trajectory = time_polyline(waypoints, LIMITS)
     assert max(distance_to_polyline(q, waypoints) for q in trajectory.q) < 1e-9
 
@@ -104,10 +118,14 @@ def test_repeated_waypoints_are_dropped_and_no_length_means_standing_still():
 def test_a_smooth_curve_is_followed_with_the_wanted_speed():
     s = np.linspace(0.0, 1.0, 40)[:, None]
     points = np.hstack([0.3 * np.sin(s), 0.2 * s, 0.1 * s**2, s * 0.0, s * 0.0, 0.2 * np.cos(s), s])
-    trajectory = time_curve(points, 0.12, LIMITS, speed=0.1, acceleration=0.5, jerk=5.0, period=0.004)
+    trajectory = time_curve(
+        points, 0.12, LIMITS, speed=0.1, acceleration=0.5, jerk=5.0, period=0.004
+    )
     assert trajectory.duration == pytest.approx(0.12 / 0.1 + 0.1 / 0.5 + 0.5 / 5.0, rel=0.1)
     np.testing.assert_allclose(trajectory.q[[0, -1]], points[[0, -1]], atol=1e-9)
-    np.testing.assert_allclose(np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=2e-3)
+    np.testing.assert_allclose(
+        np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=2e-3
+    )
 
 
 SLOW = 0.02
@@ -125,10 +143,17 @@ def test_a_curve_is_slow_where_it_must_be_and_keeps_to_its_acceleration(
     slow: tuple[float, float], acceleration: float
 ) -> None:
     points = np.hstack([0.2 * np.linspace(0.0, 1.0, 40)[:, None]] * 7)
-    how = {"limits": LIMITS, "speed": 0.25, "acceleration": acceleration, "jerk": 10.0 * acceleration}
+    how = {
+        "limits": LIMITS,
+        "speed": 0.25,
+        "acceleration": acceleration,
+        "jerk": 10.0 * acceleration,
+    }
     plain = time_curve(points, 0.12, **how)
     trajectory = time_curve(points, 0.12, **how, most=slow_between(*slow))
-    along, rate, gain = (0.12 / 0.2 * of[:, 0] for of in (trajectory.q, trajectory.qd, trajectory.qdd))
+    along, rate, gain = (
+        0.12 / 0.2 * of[:, 0] for of in (trajectory.q, trajectory.qd, trajectory.qdd)
+    )
     lag = SLOW * 0.1 / 2.0  # the speed follows half a window later
     inside = (along >= slow[0] + lag) & (along <= slow[1] - lag)
     assert inside.sum() > 10
@@ -136,9 +161,13 @@ def test_a_curve_is_slow_where_it_must_be_and_keeps_to_its_acceleration(
     assert rate.max() > 0.15
     assert rate.min() >= -1e-9
     assert np.abs(gain).max() <= acceleration * 1.01
-    assert np.abs(np.diff(gain) / np.diff(trajectory.t)).max() <= 20.0 * acceleration * 1.02  # brakes, then speeds up
+    assert (
+        np.abs(np.diff(gain) / np.diff(trajectory.t)).max() <= 20.0 * acceleration * 1.02
+    )  # brakes, then speeds up
     np.testing.assert_allclose(trajectory.q[[0, -1]], points[[0, -1]], atol=1e-9)
-    np.testing.assert_allclose(np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=2e-3)
+    np.testing.assert_allclose(
+        np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=2e-3
+    )
     assert plain.duration < trajectory.duration < plain.duration + (slow[1] - slow[0]) / SLOW + 0.5
 
 
@@ -153,7 +182,9 @@ def test_a_curve_brakes_with_its_own_deceleration(braking: float):
     assert rate.min() >= -1e-9
     assert np.abs(np.diff(gain) / np.diff(trajectory.t)).max() <= 10.0 * max(0.8, braking) * 1.02
     np.testing.assert_allclose(trajectory.q[[0, -1]], points[[0, -1]], atol=1e-9)
-    np.testing.assert_allclose(np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=5e-3)
+    np.testing.assert_allclose(
+        np.gradient(trajectory.q, trajectory.t, axis=0)[1:-1], trajectory.qd[1:-1], atol=5e-3
+    )
     assert (trajectory.duration < time_curve(points, 0.15, **how).duration) == (braking > 0.8)
 
 
@@ -166,7 +197,9 @@ def test_a_curve_that_is_slow_from_its_beginning_has_one_speed():
 def test_a_curve_that_is_too_quick_for_a_joint_is_slowed_down():
     s = np.linspace(0.0, 1.0, 40)[:, None]
     points = np.hstack([1.5 * np.sin(s), s, s, s, s, s, -2.0 * s])
-    trajectory = time_curve(points, 0.12, LIMITS, speed=1.0, acceleration=20.0, jerk=500.0, period=0.002)
+    trajectory = time_curve(
+        points, 0.12, LIMITS, speed=1.0, acceleration=20.0, jerk=500.0, period=0.002
+    )
     velocity, acceleration, jerk = shares(trajectory, LIMITS)
     assert velocity <= 1.0
     assert acceleration <= 1.0 + 1e-3

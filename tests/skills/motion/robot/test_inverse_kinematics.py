@@ -34,7 +34,9 @@ def test_only_the_sia5f_has_the_closed_form() -> None:
 def test_an_arm_with_a_shifted_wrist_is_not_mistaken_for_the_family(tmp_path: Path) -> None:
     file = shutil.copytree(SIA5F.parent, tmp_path / "robots") / SIA5F.name
     file.write_text(
-        SIA5F.read_text().replace('<body name="link_t" pos="0.134 0 0"', '<body name="link_t" pos="0.134 0.01 0"')
+        SIA5F.read_text().replace(
+            '<body name="link_t" pos="0.134 0 0"', '<body name="link_t" pos="0.134 0.01 0"'
+        )
     )
     robot = RobotModel.load(file)
     assert as_spherical_arm(robot) is None
@@ -62,7 +64,9 @@ def test_near_a_posture_the_closed_form_finds_that_posture(share: list[float]) -
     q = posture(robot, [0.05 + 0.9 * s for s in share])
     found = inverse_kinematics(robot, robot.tcp(q), arm_angles=4, near=q)
     wrist_sees_two_axes = abs(np.sin(q[5])) > 1e-3 and abs(np.sin(q[1])) > 1e-3
-    if wrist_sees_two_axes:  # otherwise two joints turn about one line, and only their sum is determined
+    if (
+        wrist_sees_two_axes
+    ):  # otherwise two joints turn about one line, and only their sum is determined
         assert np.abs(found[0] - q).max() < 1e-5
     assert worst_error(robot, found, robot.tcp(q)) < 1e-9
 
@@ -77,7 +81,9 @@ def test_every_reachable_pose_is_solved_in_closed_form() -> None:
 
 @settings(max_examples=25)
 @given(shares)
-def test_descent_solutions_of_another_arm_reach_the_pose_within_the_limits(share: list[float]) -> None:
+def test_descent_solutions_of_another_arm_reach_the_pose_within_the_limits(
+    share: list[float],
+) -> None:
     robot = RobotModel.load(SIX_AXIS)
     T = robot.tcp(posture(robot, share))
     solutions = inverse_kinematics(robot, T)
@@ -89,7 +95,10 @@ def test_descent_solutions_of_another_arm_reach_the_pose_within_the_limits(share
 def test_descent_solves_nearly_all_reachable_poses_of_another_arm() -> None:
     robot = RobotModel.load(SIX_AXIS)
     rng = np.random.default_rng(4)
-    found = [len(inverse_kinematics(robot, robot.tcp(rng.uniform(robot.lower, robot.upper)))) for _ in range(100)]
+    found = [
+        len(inverse_kinematics(robot, robot.tcp(rng.uniform(robot.lower, robot.upper))))
+        for _ in range(100)
+    ]
     assert np.count_nonzero(found) >= 99
     assert np.median(found) >= 4  # several of the eight postures, and whole turns of joints
 
@@ -101,8 +110,12 @@ def test_closed_form_and_descent_agree_on_the_same_arm() -> None:
     q = np.array([0.4, 0.7, -0.5, 0.9, -0.6, 0.8, 0.3])
     T = robot.tcp(q)
     for found in descend(robot, T, spread_starts(robot, 40)):  # some of them lie on a limit
-        family = arm.solve(T, np.array([arm.arm_angle(found, T)]), robot.lower - 1e-6, robot.upper + 1e-6)
-        turned = np.remainder(family - found + np.pi, 2.0 * np.pi) - np.pi  # -180° and 180° are one posture
+        family = arm.solve(
+            T, np.array([arm.arm_angle(found, T)]), robot.lower - 1e-6, robot.upper + 1e-6
+        )
+        turned = (
+            np.remainder(family - found + np.pi, 2.0 * np.pi) - np.pi
+        )  # -180° and 180° are one posture
         assert np.abs(turned).max(axis=1).min() < 1e-6
 
 
@@ -139,8 +152,12 @@ def test_solutions_are_sorted_by_distance_and_take_whole_turns_towards_the_refer
     assert np.all(np.diff(distances) >= 0.0)
 
 
-@pytest.mark.parametrize("towards", [*np.eye(3), *-np.eye(3)], ids=["x", "y", "z", "-x", "-y", "-z"])
-def test_at_the_limit_of_a_joint_the_other_joints_of_a_redundant_arm_go_on(towards: np.ndarray) -> None:
+@pytest.mark.parametrize(
+    "towards", [*np.eye(3), *-np.eye(3)], ids=["x", "y", "z", "-x", "-y", "-z"]
+)
+def test_at_the_limit_of_a_joint_the_other_joints_of_a_redundant_arm_go_on(
+    towards: np.ndarray,
+) -> None:
     robot = RobotModel.load(SIA5F)
     q = np.array([0.93, robot.lower[1], -0.22, 0.27, 1.99, -0.30, 0.27])
     T = robot.tcp(q)

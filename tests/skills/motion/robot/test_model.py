@@ -10,7 +10,13 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
-from pomona.skills.motion.robot import BadJoints, BadRobotFile, NotAPose, RobotModel, inverse_kinematics
+from pomona.skills.motion.robot import (
+    BadJoints,
+    BadRobotFile,
+    NotAPose,
+    RobotModel,
+    inverse_kinematics,
+)
 
 SIA5F = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"
 SIX_AXIS = Path(__file__).parent / "six_axis.urdf"
@@ -19,10 +25,14 @@ SIX_AXIS = Path(__file__).parent / "six_axis.urdf"
 def test_sia5f_stands_where_the_manufacturers_kinematics_put_it() -> None:
     robot = RobotModel.load(SIA5F)
     assert np.allclose(robot.fk(np.zeros(7))[:3, 3], [0.5, 0.0, 0.64], atol=1e-9)
-    assert np.allclose(robot.fk(np.arange(1, 8) / 10.0)[:3, 3], [0.446461, 0.199077, 0.770157], atol=1e-6)
+    assert np.allclose(
+        robot.fk(np.arange(1, 8) / 10.0)[:3, 3], [0.446461, 0.199077, 0.770157], atol=1e-6
+    )
     assert np.allclose(robot.T_tool_tcp, transform(translation=[0.0, 0.0, 0.168]), atol=1e-12)
     assert robot.joint_names == tuple(f"joint_{letter}" for letter in "sleurbt")
-    assert np.allclose(np.degrees(robot.lower), [-180, -110, -170, -90, -180, -110, -180], atol=1e-6)
+    assert np.allclose(
+        np.degrees(robot.lower), [-180, -110, -170, -90, -180, -110, -180], atol=1e-6
+    )
     assert np.allclose(np.degrees(robot.velocity), [200, 200, 200, 200, 200, 230, 350], atol=1e-5)
 
 
@@ -86,7 +96,10 @@ def test_jacobian_is_the_derivative_of_forward_kinematics(path: Path) -> None:
 
 def test_manipulability_vanishes_with_the_arm_stretched() -> None:
     robot = RobotModel.load(SIX_AXIS)
-    bent, stretched = np.array([0.3, -1.0, 1.2, -0.4, 1.1, 0.2]), np.array([0.3, -1.0, 0.0, -0.4, 1.1, 0.2])
+    bent, stretched = (
+        np.array([0.3, -1.0, 1.2, -0.4, 1.1, 0.2]),
+        np.array([0.3, -1.0, 0.0, -0.4, 1.1, 0.2]),
+    )
     assert robot.manipulability(bent) > 1e-2
     assert robot.manipulability(stretched) < 1e-9
 
@@ -122,7 +135,9 @@ def test_a_file_is_read_once_until_it_changes(tmp_path: Path) -> None:
         ('class="solid" type="capsule" fromto="0 0 -0.10 0 0 0"', 'type="hfield"', "cannot compile"),
     ],
 )  # fmt: skip
-def test_bad_robot_files_are_refused_in_words(tmp_path: Path, old: str, new: str, complaint: str) -> None:
+def test_bad_robot_files_are_refused_in_words(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
     folder = shutil.copytree(SIA5F.parent, tmp_path / "robots")
     for part in folder.glob("*.xml"):
         part.write_text(part.read_text().replace(old, new))
@@ -164,7 +179,9 @@ def test_a_urdf_with_an_impossible_limit_is_refused_with_file_and_joint(
 
 def test_a_robot_without_joints_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "post.xml"
-    file.write_text("<mujoco><worldbody><body name='tool0'><geom size='0.1'/></body></worldbody></mujoco>")
+    file.write_text(
+        "<mujoco><worldbody><body name='tool0'><geom size='0.1'/></body></worldbody></mujoco>"
+    )
     with pytest.raises(BadRobotFile, match="no joint between the base and 'tool0'"):
         RobotModel.load(file)
 
@@ -175,7 +192,8 @@ def test_a_missing_joint_is_noticed_by_the_limits_that_name_it(tmp_path: Path) -
     file = shutil.copytree(SIA5F.parent, tmp_path / "robots") / SIA5F.name
     file.write_text(
         text.replace(text[start : text.index("/>", start) + 2], "").replace(
-            '<position name="arm_e" class="arm" joint="joint_e" kp="5000" kv="104" forcerange="-300 300"/>', ""
+            '<position name="arm_e" class="arm" joint="joint_e" kp="5000" kv="104" forcerange="-300 300"/>',
+            "",
         )
     )
     with pytest.raises(BadRobotFile, match="must hold 6 positive numbers"):
@@ -188,7 +206,15 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "q", [np.zeros(6), np.zeros((7, 1)), np.full(7, np.nan), [0, 0, 0, 0, 0, 0, np.inf], ["a"] * 7, None]
+    "q",
+    [
+        np.zeros(6),
+        np.zeros((7, 1)),
+        np.full(7, np.nan),
+        [0, 0, 0, 0, 0, 0, np.inf],
+        ["a"] * 7,
+        None,
+    ],
 )
 def test_bad_joints_are_refused(q: object) -> None:
     robot = RobotModel.load(SIA5F)
@@ -203,7 +229,9 @@ def test_bad_joints_are_named() -> None:
         RobotModel.load(SIA5F).tcp([0, 0, 0, np.nan, 0, 0, 0])
 
 
-@pytest.mark.parametrize("T", [np.zeros((4, 4)), np.full((4, 4), np.nan), np.eye(3), "pose", np.diag([1, 1, -1, 1])])
+@pytest.mark.parametrize(
+    "T", [np.zeros((4, 4)), np.full((4, 4), np.nan), np.eye(3), "pose", np.diag([1, 1, -1, 1])]
+)
 def test_bad_poses_are_refused(T: object) -> None:
     with pytest.raises(NotAPose):
         inverse_kinematics(RobotModel.load(SIA5F), T)  # type: ignore[arg-type]

@@ -49,7 +49,9 @@ def test_nothing_new_is_reported_though_the_robot_moves_through_the_image() -> N
         assert looking.look(frame(t, *robot_at(q)), T_BASE_CAMERA, q, 0.0, float(t)) is None
 
 
-def test_an_object_that_moves_in_within_reach_stops_the_arm_and_is_reported_with_its_place() -> None:
+def test_an_object_that_moves_in_within_reach_stops_the_arm_and_is_reported_with_its_place() -> (
+    None
+):
     looking = watch()
     assert looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0) is None
     x, y, z = on_the_way(0.5)
@@ -65,7 +67,9 @@ def test_goods_of_a_line_in_their_volume_stop_nothing_and_what_is_higher_does() 
     x, y, z = on_the_way(0.5)
     T = np.eye(4)
     T[:3, 3] = x, y, z - 0.12
-    passing = replace(WORKSPACE, watch=PathWatchSettings(passing=(Box("line", T, (0.2, 0.2, 0.1)),)))
+    passing = replace(
+        WORKSPACE, watch=PathWatchSettings(passing=(Box("line", T, (0.2, 0.2, 0.1)),))
+    )
     for height, stops in ((-0.08, False), (0.10, True)):
         looking = watch(passing)
         looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
@@ -87,7 +91,9 @@ def test_an_object_that_moves_in_far_away_stops_nothing() -> None:
     looking = watch()
     looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
     far = (-0.55, -0.75, 0.0, 0.05)
-    told = looking.look(frame(0.03, *robot_at(OBSERVE), far), T_BASE_CAMERA, OBSERVE, 0.0, PATH.duration - 0.02)
+    told = looking.look(
+        frame(0.03, *robot_at(OBSERVE), far), T_BASE_CAMERA, OBSERVE, 0.0, PATH.duration - 0.02
+    )
     assert told is None
 
 
@@ -113,13 +119,21 @@ def test_objects_of_the_map_or_the_task_are_not_new() -> None:
     cells = np.indices(empty.states.shape).reshape(3, -1).T
     inside = np.linalg.norm(empty.origin + (cells + 0.5) * 0.01 - [x, y, z], axis=1) < 0.03
     empty.states[tuple(cells[inside].T)] = 2
-    shape = np.array([x, y, z]) + 0.03 * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    shape = np.array([x, y, z]) + 0.03 * np.array(
+        [[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
+    )
     convex = Convex.of_points("fruit", shape)
     measured = replace(OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.01), shapes=(convex,))
     for known in ({"map": empty}, {"map": measured}, {"known": [convex]}):
         looking = watch(**known)
-        assert looking.look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2) is None
-    assert watch().look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2) is not None
+        assert (
+            looking.look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2)
+            is None
+        )
+    assert (
+        watch().look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2)
+        is not None
+    )
 
 
 def test_a_held_fruit_is_the_robots_own() -> None:
@@ -194,24 +208,36 @@ def gap(q: Float64, point: Float64) -> float:
 
 def test_an_unmapped_ball_before_the_motion_is_found_standing() -> None:
     x, y, z = on_the_way(0.5)
-    found = watch().standing(frame(0.0, *robot_at(OBSERVE), (x, y - 0.2, z, 0.05)), T_BASE_CAMERA, OBSERVE)
+    found = watch().standing(
+        frame(0.0, *robot_at(OBSERVE), (x, y - 0.2, z, 0.05)), T_BASE_CAMERA, OBSERVE
+    )
     assert len(found) > 3
     assert np.linalg.norm(found - (x, y - 0.2, z), axis=1).max() < 0.1
 
 
 def test_without_an_unmapped_object_the_path_stays_as_it_is() -> None:
     looking = watch()
-    assert looking.slowed(looking.standing(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE), 0.03) is None
+    assert (
+        looking.slowed(
+            looking.standing(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE), 0.03
+        )
+        is None
+    )
 
 
 @pytest.mark.slow
 @settings(max_examples=30, deadline=None)
-@given(st.floats(0.6, 1.5), st.floats(0.0, 2.0 * np.pi), st.floats(0.0, 1.0), st.floats(0.0, TOO_OLD))
+@given(
+    st.floats(0.6, 1.5), st.floats(0.0, 2.0 * np.pi), st.floats(0.0, 1.0), st.floats(0.0, TOO_OLD)
+)
 @example(away=0.82, angle=4.6, share=0.0, age=TOO_OLD)
 def test_the_slower_path_is_the_same_within_its_limits_and_rests_before_an_object_that_sets_off_can_meet_the_arm(
     away: float, angle: float, share: float, age: float
 ) -> None:
-    point, how = on_the_way(share) + away * np.array([np.cos(angle), np.sin(angle), 0.0]), PathWatchSettings()
+    point, how = (
+        on_the_way(share) + away * np.array([np.cos(angle), np.sin(angle), 0.0]),
+        PathWatchSettings(),
+    )
     enough = 0.52  # nearer to the path the slowest pace is too fast [m]
     assume(min(gap(posture(PATH, t), point) for t in np.linspace(0.0, PATH.duration, 20)) > enough)
     assume(gap(OBSERVE, point) > 0.31 + how.speed * age)  # nearer, the slowest start is too fast
@@ -240,11 +266,15 @@ class IdealWatch(PathWatch):
 @pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 1.0), st.integers(0, 10**6))
-def test_while_the_arm_goes_on_a_stop_after_the_next_frame_is_early_enough(share: float, seed: int) -> None:
+def test_while_the_arm_goes_on_a_stop_after_the_next_frame_is_early_enough(
+    share: float, seed: int
+) -> None:
     how, looking = PathWatchSettings(), IdealWatch(SHAPE, PATH, SIA5F_LIMITS, 0.1, WORKSPACE)
     begun, rng = share * PATH.duration, np.random.default_rng(seed)
     braked = min(begun + FRAME_INTERVAL + how.delay, PATH.duration)
-    times = np.linspace(begun, min(braked + Braking(PATH, SIA5F_LIMITS).time(braked), PATH.duration), 8)
+    times = np.linspace(
+        begun, min(braked + Braking(PATH, SIA5F_LIMITS).time(braked), PATH.duration), 8
+    )
     x, y, z, _ = rng.choice(moving_parts(posture(PATH, begun)))
     way = rng.normal(size=3)
     for away in np.arange(0.1, 1.5, 0.01):

@@ -27,7 +27,9 @@ def in_picture(p: np.ndarray) -> np.ndarray:
 @settings(max_examples=100)
 @given(
     PLACE,
-    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 0.2),
+    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(
+        lambda v: np.linalg.norm(v) > 0.2
+    ),
     st.tuples(st.floats(-6, 6), st.floats(-6, 6), st.floats(0.8, 1.25)),
     st.floats(-np.pi, np.pi),
 )
@@ -55,16 +57,22 @@ def test_a_fruit_of_another_size_has_the_label_of_the_cad_sized_one_that_looks_t
 
 
 @pytest.mark.parametrize("p", [(0.0, 0.0, 0.5), (0.2, -0.13, 0.5), (-0.12, 0.06, 0.35)])
-def test_a_ball_is_round_in_the_look_wherever_it_lies_and_as_large_as_its_label_says(p: tuple[float, ...]) -> None:
+def test_a_ball_is_round_in_the_look_wherever_it_lies_and_as_large_as_its_label_says(
+    p: tuple[float, ...],
+) -> None:
     centre, radius = np.array(p), OUTLINE_RADIUS
     v, u = np.mgrid[:480, :640]
-    rays = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u, float)], axis=-1)
+    rays = np.stack(
+        [(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u, float)], axis=-1
+    )
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     along = rays @ centre
     picture = np.where(centre @ centre - along**2 < radius**2, 255, 0).astype(np.uint8)
     look = look_at(K, in_picture(centre), K[0, 0] * REFERENCE_LENGTH / p[2])
     side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
-    view = cv2.warpPerspective(picture, look.picture_from_look, side, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    view = cv2.warpPerspective(
+        picture, look.picture_from_look, side, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
     rows, columns = np.nonzero(view > 127)
     T = np.eye(4)
     T[:3, 3] = centre

@@ -74,7 +74,9 @@ def test_directions_are_within_a_fraction_of_a_degree(result: Evaluation) -> Non
     assert np.median([m.axis for m in clear]) < 20.0
 
 
-def test_ninety_percent_ellipsoids_of_poses_hold_about_ninety_percent_of_the_truths(result: Evaluation) -> None:
+def test_ninety_percent_ellipsoids_of_poses_hold_about_ninety_percent_of_the_truths(
+    result: Evaluation,
+) -> None:
     errors = [m.errors for m in result.matches if m.score >= 0.6 and m.errors is not None]
     assert len(errors) > 40
     for key in ("place", "axis"):
@@ -83,12 +85,20 @@ def test_ninety_percent_ellipsoids_of_poses_hold_about_ninety_percent_of_the_tru
 
 def test_the_table_names_every_way_to_look_at_the_result(result: Evaluation) -> None:
     text = table(result)
-    rows = ("≥ 60 % visible", "85–100 % visible", "clear, at 0.45–0.65 m", "clear, size 60–80 px", "scene table")
+    rows = (
+        "≥ 60 % visible",
+        "85–100 % visible",
+        "clear, at 0.45–0.65 m",
+        "clear, size 60–80 px",
+        "scene table",
+    )
     for row in (*rows, "ellipsoids of 50 % and of 90 %"):
         assert row in text
 
 
-def test_the_same_picture_gives_the_same_poses(detector: CompactDetector, apple: FruitModel) -> None:
+def test_the_same_picture_gives_the_same_poses(
+    detector: CompactDetector, apple: FruitModel
+) -> None:
     frames = Rendered(apple, 1)
     first, second = (find_instances(detector, frames.picture(0, False), K, apple) for _ in range(2))
     assert first
@@ -99,7 +109,9 @@ def test_the_same_picture_gives_the_same_poses(detector: CompactDetector, apple:
 
 
 @pytest.mark.parametrize("size", [(480, 640), (720, 1280), (37, 61), (500, 333)])
-def test_pictures_of_any_size_are_searched(detector: CompactDetector, size: tuple[int, int]) -> None:
+def test_pictures_of_any_size_are_searched(
+    detector: CompactDetector, size: tuple[int, int]
+) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
     assert all(np.isfinite(found.centre).all() for found in detector.find(noise, K))
 
@@ -110,7 +122,10 @@ def test_any_working_width_can_be_asked_for(apple: FruitModel, width: int) -> No
     wide = CompactDetector.load(apple.weights, DetectorOptions(working_width=width))
     picture = np.random.default_rng(1).integers(0, 256, (270, 480, 3), dtype=np.uint8)
     assert wide.maps(picture)[1] == (width, round(270 * width / 480))
-    assert all((place.box[:2] + place.box[2:] <= (480.01, 270.01)).all() for place in wide.places(picture, 0.0))
+    assert all(
+        (place.box[:2] + place.box[2:] <= (480.01, 270.01)).all()
+        for place in wide.places(picture, 0.0)
+    )
 
 
 def test_pictures_of_another_type_are_refused(detector: CompactDetector) -> None:
@@ -132,17 +147,25 @@ def test_any_number_of_looks_finds_the_same_fruit(
     assert apple.weights is not None
     other = CompactDetector.load(apple.weights, DetectorOptions(looks=looks, mirrored=mirrored))
     picture = Rendered(apple, 1).picture(0, False)
-    usual = [fruit for fruit in detector.find(picture, K) if fruit.score >= 0.7 and is_whole(fruit, picture)]
+    usual = [
+        fruit
+        for fruit in detector.find(picture, K)
+        if fruit.score >= 0.7 and is_whole(fruit, picture)
+    ]
     assert usual
     for fruit in usual:
-        nearest = min(other.find(picture, K), key=lambda o: float(np.linalg.norm(o.centre - fruit.centre)))
+        nearest = min(
+            other.find(picture, K), key=lambda o: float(np.linalg.norm(o.centre - fruit.centre))
+        )
         assert np.linalg.norm(nearest.centre - fruit.centre) < 0.1 * fruit.size
         assert nearest.size == pytest.approx(fruit.size, rel=0.1)
 
 
 def test_a_mirrored_picture_gives_mirrored_fruit(apple: FruitModel) -> None:
     assert apple.weights is not None
-    detector = CompactDetector.load(apple.weights, DetectorOptions(looks=1, mirrored=True, working_width=640))
+    detector = CompactDetector.load(
+        apple.weights, DetectorOptions(looks=1, mirrored=True, working_width=640)
+    )
     picture = Rendered(apple, 1).picture(0, False)
     centred = K.copy()
     centred[0, 2] = 0.5 * (picture.shape[1] - 1)
@@ -150,8 +173,12 @@ def test_a_mirrored_picture_gives_mirrored_fruit(apple: FruitModel) -> None:
     (u, v), size = clearest.centre, clearest.size
     (straight,), kinds = detector._look(picture, centred, [(np.array([u, v]), size)], True)
     flipped = np.ascontiguousarray(picture[:, ::-1])
-    (mirrored,), mirrored_kinds = detector._look(flipped, centred, [(np.array([639.0 - u, v]), size)], True)
-    assert mirrored.centre == pytest.approx(np.array([639.0, 0.0]) + (-1.0, 1.0) * straight.centre, abs=0.5)
+    (mirrored,), mirrored_kinds = detector._look(
+        flipped, centred, [(np.array([639.0 - u, v]), size)], True
+    )
+    assert mirrored.centre == pytest.approx(
+        np.array([639.0, 0.0]) + (-1.0, 1.0) * straight.centre, abs=0.5
+    )
     assert mirrored.stem == pytest.approx(straight.stem * (-1.0, 1.0, 1.0), abs=0.1)
     assert mirrored_kinds == pytest.approx(kinds, abs=0.3)
 
@@ -168,7 +195,9 @@ def test_untrained_networks_return_in_bounded_time_and_finite() -> None:
 def test_evaluation_distinguishes_found_missed_and_wrong() -> None:
     T = np.eye(4)
     T[2, 3] = 0.5
-    points = np.vstack([np.array([[x, y] for x in (80.0, 120.0) for y in (80.0, 120.0)] * 2), [[100.0, 100.0]]])
+    points = np.vstack(
+        [np.array([[x, y] for x in (80.0, 120.0) for y in (80.0, 120.0)] * 2), [[100.0, 100.0]]]
+    )
     truth = AnnotatedObject("apple", 0.9, T, points)
     other = AnnotatedObject("apple", 0.7, T, points + 300.0)
     fruit = load_fruit("apple")
@@ -203,20 +232,30 @@ def test_the_same_apples_are_found_however_large_the_picture_is(
     every_width: CompactDetector, apple: FruitModel, factor: float
 ) -> None:
     picture = Rendered(apple, 1).picture(0, False)
-    wanted = [fruit for fruit in every_width.find(picture, K) if fruit.score >= 0.8 and is_whole(fruit, picture)]
+    wanted = [
+        fruit
+        for fruit in every_width.find(picture, K)
+        if fruit.score >= 0.8 and is_whole(fruit, picture)
+    ]
     assert wanted
     size = round(factor * 640), round(factor * 480)
-    other = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC))
+    other = np.asarray(
+        cv2.resize(picture, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
+    )
     scaled = K * np.array([[factor], [factor], [1.0]])
     found = every_width.find(other, scaled)
     for fruit in wanted:
         assert fruit.box is not None
-        overlaps = iou(fruit.box[None] * factor, np.array([one.box for one in found if one.score >= 0.5]))
+        overlaps = iou(
+            fruit.box[None] * factor, np.array([one.box for one in found if one.score >= 0.5])
+        )
         assert overlaps.max() > 0.6
     assert [one.score for one in found] == sorted((one.score for one in found), reverse=True)
 
 
-def test_a_picture_smaller_than_the_finders_cells_is_refused_at_all_widths(every_width: CompactDetector) -> None:
+def test_a_picture_smaller_than_the_finders_cells_is_refused_at_all_widths(
+    every_width: CompactDetector,
+) -> None:
     with pytest.raises(BadFrame, match="at least 32 px"):
         every_width.find(np.zeros((20, 20, 3), np.uint8), K)
 
@@ -227,7 +266,9 @@ def test_the_largest_widths_are_searched_only_where_a_smaller_one_was_sure(
     asked: list[int] = []
     search = CompactDetector.places_at
     monkeypatch.setattr(
-        CompactDetector, "places_at", lambda self, c, side, least: asked.append(side) or search(self, c, side, least)
+        CompactDetector,
+        "places_at",
+        lambda self, c, side, least: asked.append(side) or search(self, c, side, least),
     )
     assert every_width.find(np.full((100, 3000, 3), 90, np.uint8), K) == []
     assert max(asked) == 1792

@@ -52,7 +52,9 @@ def test_everything_in_a_plain_file_is_read_in_si_units(tmp_path: Path) -> None:
 
 
 def test_thresholds_that_are_not_given_are_dopes(tmp_path: Path) -> None:
-    t = load_pose_config(write(tmp_path, "weights: {a: a.pth}\ndimensions: {a: [1, 2, 3]}\n")).thresholds
+    t = load_pose_config(
+        write(tmp_path, "weights: {a: a.pth}\ndimensions: {a: [1, 2, 3]}\n")
+    ).thresholds
     assert (t.thresh_angle, t.thresh_map, t.sigma, t.thresh_points) == (0.5, 0.01, 3.0, 0.1)
 
 
@@ -73,7 +75,11 @@ def test_entries_nested_as_ros_parameters_are_found(tmp_path: Path) -> None:
 def test_flat_sixteen_numbers_are_a_transform(tmp_path: Path) -> None:
     text = "weights: {a: a.pth}\ndimensions: {a: [1, 2, 3]}\n"
     text += "model_transforms: {a: [1,0,0,5, 0,1,0,6, 0,0,1,7, 0,0,0,1]}\n"
-    assert load_pose_config(write(tmp_path, text)).objects["a"].model_transform[:3, 3].tolist() == [5, 6, 7]
+    assert load_pose_config(write(tmp_path, text)).objects["a"].model_transform[:3, 3].tolist() == [
+        5,
+        6,
+        7,
+    ]
 
 
 ONE = "weights: {a: b}\ndimensions: {a: [1, 2, 3]}\n"
@@ -89,7 +95,10 @@ ONE = "weights: {a: b}\ndimensions: {a: [1, 2, 3]}\n"
         ("weights: {a: b}\ndimensions: {c: [1, 2, 3]}\n", "a has weights but no dimensions"),
         ("weights: {a: b}\ndimensions: {a: [1, 2]}\n", "dimensions of a"),
         ("weights: {a: b}\ndimensions: {a: wide}\n", "dimensions of a"),
-        ("weights: {a: b}\ndimensions: {a: [1, 2, 3]}\nsigma: big\n", "sigma must be numbers, not 'big'"),
+        (
+            "weights: {a: b}\ndimensions: {a: [1, 2, 3]}\nsigma: big\n",
+            "sigma must be numbers, not 'big'",
+        ),
         (ONE + "sigma: .nan\n", "sigma must be a finite number, not nan"),
         (ONE + "thresh_map:\n", "thresh_map must be a finite number, not None"),
         (ONE + "downscale_height: .inf\n", "downscale_height must be a finite number"),

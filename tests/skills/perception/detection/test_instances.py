@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH, STEM_AXIS, label_rotation
+from pomona.skills.perception.detection.close_look import (
+    REFERENCE_LENGTH,
+    STEM_AXIS,
+    label_rotation,
+)
 from pomona.skills.perception.detection.instances import (
     CuboidConvention,
     FoundFruit,
@@ -17,7 +21,17 @@ from pomona.skills.perception.detection.instances import (
 )
 from pomona.tools.pytorch.pose import solve_pose
 
-MIRRORED = (1, 0, 3, 2, 5, 4, 7, 6, 8)  # keypoint of each in the mirrored picture (CAMERA convention)
+MIRRORED = (
+    1,
+    0,
+    3,
+    2,
+    5,
+    4,
+    7,
+    6,
+    8,
+)  # keypoint of each in the mirrored picture (CAMERA convention)
 
 
 def test_camera_convention_has_dopes_vertex_order() -> None:
@@ -59,7 +73,9 @@ def seen(T: np.ndarray, visibility: float = 1.0) -> FoundFruit:
     p = T[:3, 3]
     centre = p[:2] / p[2] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])
     size = K[0, 0] * REFERENCE_LENGTH / p[2]
-    return FoundFruit(p, T[:3, :3] @ STEM_AXIS, centre, size, np.array([1.0, 0.02, 0.1]), 0.9, visibility)
+    return FoundFruit(
+        p, T[:3, :3] @ STEM_AXIS, centre, size, np.array([1.0, 0.02, 0.1]), 0.9, visibility
+    )
 
 
 def posed(stem: tuple[float, ...], p: tuple[float, ...]) -> np.ndarray:
@@ -71,16 +87,26 @@ def posed(stem: tuple[float, ...], p: tuple[float, ...]) -> np.ndarray:
 @pytest.mark.slow
 @settings(max_examples=30)
 @given(
-    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 0.2),
+    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(
+        lambda v: np.linalg.norm(v) > 0.2
+    ),
     st.tuples(st.floats(-0.15, 0.15), st.floats(-0.1, 0.1), st.floats(0.3, 0.9)),
 )
-def test_a_perfect_look_gives_the_labels_pose_and_keypoints(stem: tuple[float, ...], p: tuple[float, ...]) -> None:
+def test_a_perfect_look_gives_the_labels_pose_and_keypoints(
+    stem: tuple[float, ...], p: tuple[float, ...]
+) -> None:
     T = posed(stem, p)
     assert np.allclose(pose_of(seen(T)), T, atol=1e-9)
     keypoints = cuboid_in_picture(T, APPLE, K)
     corners = cuboid_keypoints(APPLE) @ T[:3, :3].T + T[:3, 3]
-    assert np.allclose(keypoints, corners[:, :2] / corners[:, 2:] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2]), atol=1e-9)
-    assert np.allclose(solve_pose(keypoints, APPLE, K).T_camera_object, T, atol=1e-3)  # another way to the same pose
+    assert np.allclose(
+        keypoints,
+        corners[:, :2] / corners[:, 2:] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2]),
+        atol=1e-9,
+    )
+    assert np.allclose(
+        solve_pose(keypoints, APPLE, K).T_camera_object, T, atol=1e-3
+    )  # another way to the same pose
 
 
 def test_the_covariance_is_the_scatter_of_the_errors_of_a_look() -> None:

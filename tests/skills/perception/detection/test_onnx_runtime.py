@@ -52,7 +52,9 @@ TASKS = Path("/proc/self/task")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["apple", "lemon"])
-def test_both_engines_find_the_same_fruit_with_the_shipped_parameters(name: str, tmp_path: Path) -> None:
+def test_both_engines_find_the_same_fruit_with_the_shipped_parameters(
+    name: str, tmp_path: Path
+) -> None:
     fruit = load_fruit(name)
     assert fruit.weights is not None
     colour = render_scene(fruit, SceneOptions(kinds=(1, 0, 0, 0)), 31_000_003).colour
@@ -73,17 +75,25 @@ def test_both_engines_find_the_same_fruit_with_the_shipped_parameters(name: str,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["apple", "lemon"])
-def test_layers_in_eight_bits_move_detections_by_less_than_their_errors(name: str, tmp_path: Path) -> None:
+def test_layers_in_eight_bits_move_detections_by_less_than_their_errors(
+    name: str, tmp_path: Path
+) -> None:
     fruit = load_fruit(name)
     assert fruit.weights is not None
     colour = render_scene(fruit, SceneOptions(kinds=(1, 0, 0, 0)), 31_000_003).colour
     save_compact(
-        tmp_path / "float32.weights", *load_compact(fruit.weights)[:2], scores=read_weights(fruit.weights).scores
+        tmp_path / "float32.weights",
+        *load_compact(fruit.weights)[:2],
+        scores=read_weights(fruit.weights).scores,
     )
     expected = CompactDetector.load(tmp_path / "float32.weights").find(colour, K)
     found = CompactDetector.load(fruit.weights).find(colour, K)
     # Of fruit that the border cuts, size is known less well.
-    clear = [one for one in expected if one.score > 0.6 and one.box is not None and (one.box[:2] > 4.0).all()]
+    clear = [
+        one
+        for one in expected
+        if one.score > 0.6 and one.box is not None and (one.box[:2] > 4.0).all()
+    ]
     clear = [one for one in clear if (one.box[:2] + one.box[2:] < (636.0, 476.0)).all()]
     assert len(clear) >= 2
     for one in clear:
@@ -123,10 +133,14 @@ def test_a_network_runs_in_the_callers_thread() -> None:
 
 def test_the_runtime_leaves_no_telemetry_in_the_users_cache(tmp_path: Path) -> None:
     """By default it writes a database there."""
-    environment = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
+    environment = {
+        name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"
+    }
     environment |= {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
     subprocess.run(
-        [sys.executable, "-c", "import pomona.skills.perception.detection.onnx_runtime"], env=environment, check=True
+        [sys.executable, "-c", "import pomona.skills.perception.detection.onnx_runtime"],
+        env=environment,
+        check=True,
     )
     assert list(tmp_path.rglob("*onnxruntime*")) == []
 
@@ -136,8 +150,12 @@ def test_graphs_that_are_none_are_refused_in_words(tmp_path: Path) -> None:
     assert apple.weights is not None
     stored = read_weights(apple.weights)
     path = tmp_path / "cut.weights"
-    write_weights(path, StoredDetector(stored.finder[:1000], stored.close_look, stored.about, stored.scores))
-    with pytest.raises(BadWeights, match=r"cut\.weights: finder\.onnx in it cannot be read as ONNX"):
+    write_weights(
+        path, StoredDetector(stored.finder[:1000], stored.close_look, stored.about, stored.scores)
+    )
+    with pytest.raises(
+        BadWeights, match=r"cut\.weights: finder\.onnx in it cannot be read as ONNX"
+    ):
         CompactDetector.load(path)
     other = stored.finder.replace(b"picture", b"drawing")
     with pytest.raises(BadWeights, match=r"has the inputs \['drawing'\], expected \['picture'\]"):
@@ -149,7 +167,9 @@ SHIPPED = read_weights(SHIPPED_WEIGHTS / "apple.weights")
 
 
 def constant(name: str, value: Any, dtype: Any = np.int64) -> Any:
-    return helper.make_node("Constant", [], [name], value=numpy_helper.from_array(np.asarray(value, dtype)))
+    return helper.make_node(
+        "Constant", [], [name], value=numpy_helper.from_array(np.asarray(value, dtype))
+    )
 
 
 def value(name: str, kind: int = FLOAT, shape: list[int] | None = None) -> Any:
@@ -167,7 +187,10 @@ def network(*nodes: Any, functions: tuple[Any, ...] = ()) -> bytes:
 
 def loop(output: str = "maps") -> Any:
     """A node that never ends."""
-    same = [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Identity", ["x"], ["y"])]
+    same = [
+        helper.make_node("Identity", ["go"], ["on"]),
+        helper.make_node("Identity", ["x"], ["y"]),
+    ]
     inputs = [value("i", TensorProto.INT64, []), value("go", TensorProto.BOOL, []), value("x")]
     body = helper.make_graph(same, "b", inputs, [value("on", TensorProto.BOOL, []), value("y")])
     return helper.make_node("Loop", ["", "true", INPUT], [output], body=body)
@@ -176,13 +199,20 @@ def loop(output: str = "maps") -> Any:
 def choice() -> Any:
     """An `If` around the loop."""
     one = helper.make_graph([loop("q")], "one", [], [value("q")])
-    other = helper.make_graph([helper.make_node("Identity", [INPUT], ["r"])], "other", [], [value("r")])
+    other = helper.make_graph(
+        [helper.make_node("Identity", [INPUT], ["r"])], "other", [], [value("r")]
+    )
     return helper.make_node("If", ["true"], ["maps"], then_branch=one, else_branch=other)
 
 
 TRUE = constant("true", True, np.bool_)
 TWICE = helper.make_function(
-    "own", "twice", ["x"], ["y"], [helper.make_node("Relu", ["x"], ["y"])], [helper.make_opsetid("", 18)]
+    "own",
+    "twice",
+    ["x"],
+    ["y"],
+    [helper.make_node("Relu", ["x"], ["y"])],
+    [helper.make_opsetid("", 18)],
 )
 ENDLESS = {
     "a loop": (network(TRUE, loop()), "has the operator 'Loop'"),
@@ -199,7 +229,9 @@ def test_a_graph_without_an_end_is_refused_before_it_is_loaded(name: str, tmp_pa
         judge_layers(content, INPUT)
     with pytest.raises(BadGraph, match=words):
         judge_model(content)
-    write_weights(tmp_path / "x.weights", StoredDetector(content, SHIPPED.close_look, {}, SHIPPED.scores))
+    write_weights(
+        tmp_path / "x.weights", StoredDetector(content, SHIPPED.close_look, {}, SHIPPED.scores)
+    )
     with pytest.raises(BadWeights, match=rf"x\.weights: finder\.onnx in it {words}"):
         CompactDetector.load(tmp_path / "x.weights")
     (tmp_path / "x.onnx").write_bytes(content)
@@ -245,10 +277,15 @@ def slow() -> bytes:
 
 @pytest.mark.parametrize(
     ("finder", "words"),
-    [(twofold, r"needs more than 512 MB of memory"), (slow, r"takes more than 4 s of processor time")],
+    [
+        (twofold, r"needs more than 512 MB of memory"),
+        (slow, r"takes more than 4 s of processor time"),
+    ],
 )
 @pytest.mark.slow
-def test_a_network_that_is_too_large_ends_in_its_trial(finder: Callable[[], bytes], words: str, tmp_path: Path) -> None:
+def test_a_network_that_is_too_large_ends_in_its_trial(
+    finder: Callable[[], bytes], words: str, tmp_path: Path
+) -> None:
     path = tmp_path / "x.weights"
     write_weights(path, StoredDetector(finder(), SHIPPED.close_look, {}, SHIPPED.scores))
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -256,7 +293,9 @@ def test_a_network_that_is_too_large_ends_in_its_trial(finder: Callable[[], byte
         CompactDetector.load(path)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 10.0
-    assert after.ru_maxrss < max(1_000_000, before.ru_maxrss + 1)  # the largest of all children so far
+    assert after.ru_maxrss < max(
+        1_000_000, before.ru_maxrss + 1
+    )  # the largest of all children so far
 
 
 def test_a_detector_of_boxes_that_is_too_large_ends_in_its_trial(tmp_path: Path) -> None:
@@ -270,7 +309,9 @@ def test_weights_that_unpack_to_more_than_a_detector_has_are_not_unpacked(tmp_pa
     path = tmp_path / "x.weights"
     write_weights(path, StoredDetector(bytes(MOST_BYTES), SHIPPED.close_look, {}, SHIPPED.scores))
     assert path.stat().st_size < 8_000_000
-    with pytest.raises(BadWeights, match=r"x\.weights: unpacks to 72 MB; 67 MB are read at most: no weights"):
+    with pytest.raises(
+        BadWeights, match=r"x\.weights: unpacks to 72 MB; 67 MB are read at most: no weights"
+    ):
         read_weights(path)
 
 
@@ -278,7 +319,9 @@ def test_shipped_weights_start_without_a_trial_and_others_with_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[str] = []
-    monkeypatch.setattr(compact_detector, "trial", lambda *arguments: tried.append(arguments[1]) or "")
+    monkeypatch.setattr(
+        compact_detector, "trial", lambda *arguments: tried.append(arguments[1]) or ""
+    )
     CompactDetector.load(SHIPPED_WEIGHTS / "apple.weights")
     assert tried == []
     write_weights(tmp_path / "mine.weights", SHIPPED)

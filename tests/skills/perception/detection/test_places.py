@@ -46,12 +46,17 @@ def finds(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Boxes, scores and levels of up to a dozen finds, often of the same few fruit."""
     count = draw(st.integers(0, 12))
     unit = st.floats(0.0, 1.0)
-    fruit = [(draw(st.floats(0, 900)), draw(st.floats(0, 900)), draw(st.floats(30, 300))) for _ in range(3)]
+    fruit = [
+        (draw(st.floats(0, 900)), draw(st.floats(0, 900)), draw(st.floats(30, 300)))
+        for _ in range(3)
+    ]
     boxes = []
     for _ in range(count):
         x, y, side = draw(st.sampled_from(fruit))
         shift = 0.6 * side * (draw(unit) - 0.5)
-        boxes.append([x + shift, y + shift, side * (0.4 + 0.8 * draw(unit)), side * (0.4 + 0.8 * draw(unit))])
+        boxes.append(
+            [x + shift, y + shift, side * (0.4 + 0.8 * draw(unit)), side * (0.4 + 0.8 * draw(unit))]
+        )
     scores = np.array([draw(st.floats(0.01, 1.0)) for _ in range(count)])
     levels = np.array([draw(st.integers(0, len(FACTORS) - 1)) for _ in range(count)], np.int64)
     return np.array(boxes).reshape(-1, 4), scores, levels
@@ -80,7 +85,13 @@ def test_fruit_of_every_findable_size_is_searched_at_a_width_that_finds_it(
         assert ((in_inputs >= SURE_SMALLEST) & (in_inputs <= SURE_LARGEST)).any()
 
 
-@given(st.integers(8, 4096), st.integers(8, 4096), st.floats(0, 1), st.floats(0, 1), st.floats(1, LARGEST_FRUIT))
+@given(
+    st.integers(8, 4096),
+    st.integers(8, 4096),
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.floats(1, LARGEST_FRUIT),
+)
 def test_every_fruit_counts_in_one_tile_and_lies_whole_in_it(
     width: int, height: int, across: float, down: float, side: float
 ) -> None:
@@ -117,7 +128,9 @@ def test_merged_places_are_apart_and_each_find_is_at_one_of_them(
         assert (overlap[k, kept[:n]] < SAME).all()
     assert list(scores[kept]) == sorted(scores[kept], reverse=True)
     for k in range(len(boxes)):
-        assert any(overlap[k, j] >= SAME or part_inside(boxes[k], boxes[j]) >= INSIDE - 1e-9 for j in kept)
+        assert any(
+            overlap[k, j] >= SAME or part_inside(boxes[k], boxes[j]) >= INSIDE - 1e-9 for j in kept
+        )
 
 
 @given(finds())
@@ -132,7 +145,9 @@ def test_a_merged_place_lies_among_its_members_of_different_widths(
         mine = boxes[list(place.members)]
         assert len(set(levels[list(place.members)])) == len(place.members)
         assert (place.box[:2] >= mine[:, :2].min(axis=0) - 1e-6).all()
-        assert (place.box[:2] + place.box[2:] <= (mine[:, :2] + mine[:, 2:]).max(axis=0) + 1e-6).all()
+        assert (
+            place.box[:2] + place.box[2:] <= (mine[:, :2] + mine[:, 2:]).max(axis=0) + 1e-6
+        ).all()
 
 
 @given(finds(), st.floats(0.2, 5.0), st.floats(-50, 50))
@@ -140,7 +155,11 @@ def test_a_picture_that_is_moved_and_scaled_gives_places_that_are_moved_and_scal
     given_finds: tuple[np.ndarray, np.ndarray, np.ndarray], scale: float, shift: float
 ) -> None:
     boxes, scores, levels = given_finds
-    assume(all(abs(value - limit) > 1e-6 for value in iou(boxes, boxes).ravel() for limit in (0.5, 0.6)))
+    assume(
+        all(
+            abs(value - limit) > 1e-6 for value in iou(boxes, boxes).ravel() for limit in (0.5, 0.6)
+        )
+    )
     assume(
         all(
             abs(part_inside(a, b) - INSIDE) > 1e-6 for a in boxes for b in boxes
@@ -169,15 +188,21 @@ def test_boxes_of_several_widths_are_averaged_toward_that_of_the_best_size() -> 
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8), st.floats(5.0, 2000.0))
-def test_a_score_is_at_most_the_best_and_one_where_all_widths_are_sure(scores: list[float], size: float) -> None:
+def test_a_score_is_at_most_the_best_and_one_where_all_widths_are_sure(
+    scores: list[float], size: float
+) -> None:
     levels = np.arange(len(scores))
     score = agreed_score(np.array(scores), levels, size, FACTORS)
     assert 0.0 <= score <= max(scores) + 1e-12
-    assert agreed_score(np.ones(len(FACTORS)), np.arange(len(FACTORS)), size, FACTORS) == pytest.approx(1.0)
+    assert agreed_score(
+        np.ones(len(FACTORS)), np.arange(len(FACTORS)), size, FACTORS
+    ) == pytest.approx(1.0)
 
 
 @given(st.integers(0, 7), st.integers(0, 7), st.floats(0.01, 1.0), st.floats(30.0, 1000.0))
-def test_another_width_that_finds_the_fruit_never_lowers_its_score(a: int, b: int, second: float, size: float) -> None:
+def test_another_width_that_finds_the_fruit_never_lowers_its_score(
+    a: int, b: int, second: float, size: float
+) -> None:
     assume(a != b)
     alone = agreed_score(np.array([0.9]), np.array([a]), size, FACTORS)
     assert agreed_score(np.array([0.9, second]), np.array([a, b]), size, FACTORS) >= alone - 1e-12
@@ -187,8 +212,12 @@ def test_a_miss_counts_only_at_widths_where_the_fruit_is_of_a_sure_size() -> Non
     factors = np.array([0.25, 1.0])  # 20 px and 80 px in the inputs
     assert agreed_score(np.array([0.8]), np.array([1]), 80.0, factors) == pytest.approx(0.8)
     factors = np.array([0.5, 1.0])  # 40 px and 80 px
-    assert agreed_score(np.array([0.8]), np.array([1]), 80.0, factors) == pytest.approx(0.8 * np.sqrt(0.5))
-    assert agreed_score(np.array([0.8]), np.array([0]), 26.0, np.array([1.0])) == 0.8  # no width finds it surely
+    assert agreed_score(np.array([0.8]), np.array([1]), 80.0, factors) == pytest.approx(
+        0.8 * np.sqrt(0.5)
+    )
+    assert (
+        agreed_score(np.array([0.8]), np.array([0]), 26.0, np.array([1.0])) == 0.8
+    )  # no width finds it surely
 
 
 def test_the_width_for_a_distance_shows_an_apple_as_large_as_the_finder_learnt_it() -> None:
@@ -222,7 +251,9 @@ def maps_of(boxes: np.ndarray, height: int = 60, width: int = 80) -> np.ndarray:
 
 
 def test_boxes_are_read_as_they_were_drawn() -> None:
-    boxes = np.array([[40.0, 20.0, 50.0, 44.0], [200.0, 100.0, 31.0, 60.0], [300.0, 210.0, 20.0, 30.0]])
+    boxes = np.array(
+        [[40.0, 20.0, 50.0, 44.0], [200.0, 100.0, 31.0, 60.0], [300.0, 210.0, 20.0, 30.0]]
+    )
     found = read_places(maps_of(boxes), 320.0, 240.0)
     assert len(found) == 3
     for box in boxes:

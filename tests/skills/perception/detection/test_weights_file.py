@@ -22,7 +22,11 @@ from pomona.skills.perception.detection.weights_file import (
 from pomona.tools.training.photo_figures import calibration
 
 STORED = StoredDetector(
-    b"finder", b"close look", {"frames": "12"}, PowerScore(ScoreMap(0.7, -0.2)), {"finder": [8, 8, 8, 8]}
+    b"finder",
+    b"close look",
+    {"frames": "12"},
+    PowerScore(ScoreMap(0.7, -0.2)),
+    {"finder": [8, 8, 8, 8]},
 )
 
 
@@ -35,7 +39,9 @@ def about(path: Path, **changes: object) -> None:
             archive.writestr(name, text if name == "about.json" else content)
 
 
-def test_a_file_that_was_written_is_read_alike_and_equal_content_gives_equal_files(tmp_path: Path) -> None:
+def test_a_file_that_was_written_is_read_alike_and_equal_content_gives_equal_files(
+    tmp_path: Path,
+) -> None:
     one, other = tmp_path / "one.weights", tmp_path / "folder" / "other.weights"
     write_weights(one, STORED)
     write_weights(other, STORED)
@@ -67,7 +73,13 @@ def test_a_format_or_a_map_of_scores_that_cannot_be_used_is_named(tmp_path: Path
     about(path, format="pomona compact detector 4")
     with pytest.raises(BadWeights, match="has the format 'pomona compact detector 4', expected"):
         read_weights(path)
-    for wrong in ({"slope": -1.0, "offset": 0.0}, {"slope": "nan", "offset": 0.0}, {"slope": 1.0}, "steep", None):
+    for wrong in (
+        {"slope": -1.0, "offset": 0.0},
+        {"slope": "nan", "offset": 0.0},
+        {"slope": 1.0},
+        "steep",
+        None,
+    ):
         about(path, scores=wrong)
         with pytest.raises(BadWeights, match=r"scores|about\.json"):
             read_weights(path)
@@ -77,7 +89,9 @@ def test_a_map_is_a_line_through_logits_and_keeps_the_order() -> None:
     rng = np.random.default_rng(0)
     scores = rng.uniform(0.01, 0.99, 20_000)
     logit = np.log(scores / (1.0 - scores))
-    right = rng.random(20_000) < 1.0 / (1.0 + np.exp(-(0.6 * logit - 0.8)))  # surer than it should be
+    right = rng.random(20_000) < 1.0 / (
+        1.0 + np.exp(-(0.6 * logit - 0.8))
+    )  # surer than it should be
     line = ScoreMap(0.6, -0.8)
     assert calibration(scores, right)[0] > 0.1
     assert calibration(line.of(scores), right)[0] < 0.02
@@ -88,16 +102,23 @@ def test_a_map_is_a_line_through_logits_and_keeps_the_order() -> None:
 
 def test_a_score_of_powers_is_the_geometric_mean_over_both_looks() -> None:
     belief, first, second = 0.8, 0.6, 0.9
-    features = np.log(np.array([[belief, 0.5, first, second]])) - np.log1p(-np.array([[belief, 0.5, first, second]]))
+    features = np.log(np.array([[belief, 0.5, first, second]])) - np.log1p(
+        -np.array([[belief, 0.5, first, second]])
+    )
     expected = np.sqrt(np.sqrt(belief * first) * np.sqrt(belief * second))
     assert PowerScore().of(features) == pytest.approx([expected])
-    assert PowerScore(ScoreMap(0.7, -0.2)).of(features) == pytest.approx([ScoreMap(0.7, -0.2)(expected)])
+    assert PowerScore(ScoreMap(0.7, -0.2)).of(features) == pytest.approx(
+        [ScoreMap(0.7, -0.2)(expected)]
+    )
     assert PowerScore(ScoreMap(0.7, -0.2)).hopeless == ScoreMap(0.7, -0.2)(HOPELESS)
     assert PowerScore().of(np.full((1, 4), -800.0)) == pytest.approx([0.0])
 
 
 def test_the_score_is_the_nets_own_arithmetic_and_survives_its_file() -> None:
-    hidden, output = np.array([[0.5, 0.0, 1.0, 0.0, -0.2], [0.0, 0.1, 0.0, 2.0, 0.3]]), np.array([1.5, -0.5, 0.25])
+    hidden, output = (
+        np.array([[0.5, 0.0, 1.0, 0.0, -0.2], [0.0, 0.1, 0.0, 2.0, 0.3]]),
+        np.array([1.5, -0.5, 0.25]),
+    )
     score = FusedScore(hidden, output)
     units = np.tanh([0.5 * 2.0 + 1.0 * -1.0 - 0.2, 0.1 * 3.0 + 2.0 * 0.5 + 0.3])
     expected = 1.0 / (1.0 + np.exp(-(1.5 * units[0] - 0.5 * units[1] + 0.25)))

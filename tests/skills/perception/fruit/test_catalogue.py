@@ -12,7 +12,13 @@ import yaml
 from hypothesis import given, settings, strategies as st
 
 from pomona.executive.values.findings import Findings
-from pomona.skills.perception.fruit import BadFruitFile, UnknownFruit, catalogue, known_fruits, load_fruit
+from pomona.skills.perception.fruit import (
+    BadFruitFile,
+    UnknownFruit,
+    catalogue,
+    known_fruits,
+    load_fruit,
+)
 from pomona.skills.perception.fruit.catalogue import CATALOGUE, FRUIT_FILES, damage, judge_fruit
 from pomona.tools.fruit_kinds.kind_head import kinds_beside
 from pomona.tools.training.apple_mesh import AppleShape, apple_mesh, stem_mesh
@@ -63,7 +69,10 @@ def test_unknown_name_lists_the_known_ones() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("dimensions: 0.1 0.1 0.2 m", r"fruit.yaml:4:13.*the mesh measures 100\.00 100\.00 100\.00 mm"),
+        (
+            "dimensions: 0.1 0.1 0.2 m",
+            r"fruit.yaml:4:13.*the mesh measures 100\.00 100\.00 100\.00 mm",
+        ),
         ("dimensions: [0.1, 0.1, 0.1]", "lacks a unit"),
         ("dimensions: 0.1 0.1 m", "a list of 3 numbers"),
         ("dimensions: [1 m, 1 m, .nan]", "is not a length"),
@@ -82,7 +91,9 @@ def test_unknown_name_lists_the_known_ones() -> None:
         ("name: " + "[" * 100 + "]" * 100, "levels deep"),
     ],
 )
-def test_bad_entries_are_refused_with_the_file_and_the_problem(tmp_path: Path, change: str, message: str) -> None:
+def test_bad_entries_are_refused_with_the_file_and_the_problem(
+    tmp_path: Path, change: str, message: str
+) -> None:
     folder = write_fruit(tmp_path, change)
     with pytest.raises(BadFruitFile, match=message):
         load_fruit(folder)
@@ -90,7 +101,9 @@ def test_bad_entries_are_refused_with_the_file_and_the_problem(tmp_path: Path, c
 
 def test_missing_keys_are_named(tmp_path: Path) -> None:
     (tmp_path / "fruit.yaml").write_text("name: plum\n")
-    with pytest.raises(BadFruitFile, match=r"(?s)needs 'mesh'.*needs 'dimensions'.*needs 'symmetry_axis'"):
+    with pytest.raises(
+        BadFruitFile, match=r"(?s)needs 'mesh'.*needs 'dimensions'.*needs 'symmetry_axis'"
+    ):
         load_fruit(tmp_path)
 
 
@@ -165,14 +178,20 @@ def test_damaged_weights_are_found_without_loading_them(tmp_path: Path) -> None:
         assert damage(tmp_path / name)
 
 
-def test_weights_and_meshes_are_looked_through_once_until_they_change(tmp_path: Path, monkeypatch) -> None:
+def test_weights_and_meshes_are_looked_through_once_until_they_change(
+    tmp_path: Path, monkeypatch
+) -> None:
     folder, looked = tmp_path / "apple", []
     shutil.copytree(CATALOGUE / "apple", folder)
     weights, mesh = tmp_path / "w.pt", trimesh.Trimesh
     with ZipFile(weights, "w") as archive:
         archive.writestr("data", b"0")
-    monkeypatch.setattr(trimesh, "Trimesh", lambda *args, **more: looked.append("mesh") or mesh(*args, **more))
-    monkeypatch.setattr(catalogue, "open_archive", lambda path, _: looked.append("weights") or ZipFile(path))
+    monkeypatch.setattr(
+        trimesh, "Trimesh", lambda *args, **more: looked.append("mesh") or mesh(*args, **more)
+    )
+    monkeypatch.setattr(
+        catalogue, "open_archive", lambda path, _: looked.append("weights") or ZipFile(path)
+    )
     for _ in range(3):
         assert load_fruit(folder).name == "apple"
         assert damage(weights) == ""
@@ -182,7 +201,9 @@ def test_weights_and_meshes_are_looked_through_once_until_they_change(tmp_path: 
 
 
 @settings(max_examples=150)
-@given(st.integers(0, 120), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
+@given(
+    st.integers(0, 120), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4)
+)
 def test_a_damaged_fruit_file_has_findings_with_places_or_is_a_fruit(
     tmp_path: Path, at: int, length: int, inserted: str
 ) -> None:
@@ -199,10 +220,17 @@ def write_fruit(folder: Path, change: str = "") -> Path:
     cube = trimesh.creation.box((0.1, 0.1, 0.1))
     cube.export(folder / "cube.ply")
     trimesh.Trimesh(cube.vertices, cube.faces[1:], process=False).export(folder / "open.ply")
-    trimesh.Trimesh(cube.vertices, cube.faces[:, ::-1], process=False).export(folder / "inside_out.ply")
+    trimesh.Trimesh(cube.vertices, cube.faces[:, ::-1], process=False).export(
+        folder / "inside_out.ply"
+    )
     cube.copy().apply_translation((0.0, 0.02, 0.0)).export(folder / "beside.ply")
     (folder / "noise.ply").write_bytes(b"\x00\x01noise")
-    entry = {"name": "cube", "mesh": "cube.ply", "dimensions": "0.1 0.1 0.1 m", "symmetry_axis": "[0, -1, 0]"}
+    entry = {
+        "name": "cube",
+        "mesh": "cube.ply",
+        "dimensions": "0.1 0.1 0.1 m",
+        "symmetry_axis": "[0, -1, 0]",
+    }
     key = change.partition(":")[0]
     lines = [f"{name}: {value}" for name, value in entry.items() if name != key]
     (folder / "fruit.yaml").write_text("\n".join([*lines, change]) + "\n")

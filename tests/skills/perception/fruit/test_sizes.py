@@ -14,11 +14,18 @@ def drawn(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     """Return true sizes, shown sizes, their deviations, and sines, drawn by the module's model."""
     rng = np.random.default_rng(seed)
     ln_width = np.log(KIND.width) + KIND.width_deviation * rng.normal(size=count)
-    ln_ratio = np.log(KIND.height_over_width) + KIND.height_over_width_deviation * rng.normal(size=count)
+    ln_ratio = np.log(KIND.height_over_width) + KIND.height_over_width_deviation * rng.normal(
+        size=count
+    )
     sine, deviation = rng.uniform(0.0, 1.0, count), rng.uniform(0.02, 0.08, count)
     ln_shown = ln_width + 0.5 * sine**2 * (ln_ratio - np.log(MODEL)) + np.log(KIND.looks)
     ln_shown += np.hypot(deviation, KIND.looks_deviation) * rng.normal(size=count)
-    return np.exp(np.column_stack([ln_width, ln_width + ln_ratio])), np.exp(ln_shown), deviation, sine
+    return (
+        np.exp(np.column_stack([ln_width, ln_width + ln_ratio])),
+        np.exp(ln_shown),
+        deviation,
+        sine,
+    )
 
 
 def test_intervals_hold_their_stated_share_and_errors_are_less_than_without_either_source() -> None:
@@ -27,7 +34,9 @@ def test_intervals_hold_their_stated_share_and_errors_are_less_than_without_eith
     error = np.array([size for size, _ in found]) - true
     stated = np.sqrt([np.diag(covariance) for _, covariance in found])
     for share, factor in ((0.5, 0.674), (0.9, 1.645)):
-        assert (np.abs(error) < factor * stated).mean(axis=0) == pytest.approx([share, share], abs=0.02)
+        assert (np.abs(error) < factor * stated).mean(axis=0) == pytest.approx(
+            [share, share], abs=0.02
+        )
     of_kind = np.abs(KIND.width - true[:, 0]).mean()
     of_picture = np.abs(shown / KIND.looks - true[:, 0]).mean()
     assert np.abs(error[:, 0]).mean() < 0.9 * min(of_kind, of_picture)
@@ -49,7 +58,13 @@ def test_an_exact_measurement_along_the_axis_gives_the_width(width: float, ratio
 
 def test_sizes_are_learnt_from_fruit_that_were_measured() -> None:
     learnt = learn_sizes(*drawn(3000, 1), MODEL)
-    for name in ("width", "width_deviation", "height_over_width", "height_over_width_deviation", "looks"):
+    for name in (
+        "width",
+        "width_deviation",
+        "height_over_width",
+        "height_over_width_deviation",
+        "looks",
+    ):
         assert getattr(learnt, name) == pytest.approx(getattr(KIND, name), rel=0.05), name
     assert learnt.looks_deviation == pytest.approx(KIND.looks_deviation, abs=0.01)
 

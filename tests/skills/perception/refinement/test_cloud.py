@@ -7,7 +7,13 @@ import pytest
 
 from benchmarks.synthetic_depth import looking_at
 from pomona.skills.geometry import apply, inverse, rotation_about
-from pomona.skills.perception.refinement.cloud import Plane, connected_to, horizontal_plane, seen_elsewhere, seen_near
+from pomona.skills.perception.refinement.cloud import (
+    Plane,
+    connected_to,
+    horizontal_plane,
+    seen_elsewhere,
+    seen_near,
+)
 
 T_BASE_CAMERA = looking_at((0.0, 0.0, 0.0), 0.6, np.radians(55.0))
 
@@ -23,7 +29,9 @@ def assert_is_the_table(plane: Plane | None) -> None:
     assert plane is not None
     true = horizontal_plane(T_BASE_CAMERA, 0.0)
     assert plane.normal @ true.normal > np.cos(np.radians(1.0))
-    corners = apply(inverse(T_BASE_CAMERA), [[x, y, 0.0] for x in (-0.05, 0.05) for y in (-0.05, 0.05)])
+    corners = apply(
+        inverse(T_BASE_CAMERA), [[x, y, 0.0] for x in (-0.05, 0.05) for y in (-0.05, 0.05)]
+    )
     assert np.abs(plane.height(corners)).max() < 1e-3
 
 
@@ -35,7 +43,9 @@ def test_horizontal_plane_has_its_height_in_the_base_frame():
 
 @pytest.mark.parametrize("shift", [-0.01, 0.0, 0.01])
 def test_a_known_plane_moves_to_where_it_is_seen(shift):
-    assert_is_the_table(seen_near(horizontal_plane(T_BASE_CAMERA, shift), table_points(400, others=100)))
+    assert_is_the_table(
+        seen_near(horizontal_plane(T_BASE_CAMERA, shift), table_points(400, others=100))
+    )
 
 
 def test_a_plane_far_from_the_known_one_is_another_one():
@@ -57,7 +67,9 @@ def test_a_plane_far_from_the_known_one_is_another_one():
         (0.2, 0.0, False),
     ],
 )
-def test_a_plane_away_from_its_stated_place_is_reported(height: float, tilt: float, told: bool) -> None:
+def test_a_plane_away_from_its_stated_place_is_reported(
+    height: float, tilt: float, told: bool
+) -> None:
     known = Plane(np.array([0.0, -0.6, -0.8]), 0.5)
     turned = rotation_about(np.array([1.0, 0.0, 0.0]), np.radians(tilt)) @ known.normal
     rng = np.random.default_rng(0)
@@ -65,7 +77,9 @@ def test_a_plane_away_from_its_stated_place_is_reported(height: float, tilt: flo
     across = np.cross(turned, [1.0, 0.0, 0.0])
     u, v = rng.uniform(-0.1, 0.1, (2, 800))
     points = middle + np.outer(u, [1.0, 0.0, 0.0]) + np.outer(v, across)
-    points = np.vstack([points + 1e-3 * rng.normal(size=points.shape), middle + rng.uniform(-0.1, 0.1, (100, 3))])
+    points = np.vstack(
+        [points + 1e-3 * rng.normal(size=points.shape), middle + rng.uniform(-0.1, 0.1, (100, 3))]
+    )
     found = seen_elsewhere(known, points)
     assert (found is not None) is told
     if found is not None:

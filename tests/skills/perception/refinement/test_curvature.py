@@ -52,7 +52,11 @@ def test_a_wall_and_a_post_are_no_fruit(kind: str) -> None:
         rng = np.random.default_rng(seed)
         z, angle = rng.uniform(0.4, 1.0), rng.uniform(0.0, 2.0 * np.pi)
         about = np.array([np.cos(angle), np.sin(angle), 0.0])
-        depth = plane(z, rng.uniform(0.0, 1.2), about) if kind == "wall" else post(z, rng.uniform(0.03, 0.12), about)
+        depth = (
+            plane(z, rng.uniform(0.0, 1.2), about)
+            if kind == "wall"
+            else post(z, rng.uniform(0.03, 0.12), about)
+        )
         turn = rotation_about(np.array([0.6, 0.0, 0.8]), rng.uniform(0.0, 6.0))
         T = transform(turn, (0.0, 0.0, z * rng.uniform(0.8, 1.25)))
         for method in ("uniform", "shape") if seed < 3 else ("uniform",):
@@ -69,7 +73,9 @@ def test_a_wall_and_a_post_are_no_fruit(kind: str) -> None:
 def test_fruit_is_as_curved_as_its_model_whole_and_half_hidden(hidden: float) -> None:
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        T = transform(rot_x(rng.uniform(-1.5, -0.2)) @ rot_y(rng.uniform(0.0, 6.0)), (0.0, 0.0, 0.5))
+        T = transform(
+            rot_x(rng.uniform(-1.5, -0.2)) @ rot_y(rng.uniform(0.0, 6.0)), (0.0, 0.0, 0.5)
+        )
         stretch = rng.uniform(0.7, 1.0) * np.array([1.0, rng.uniform(0.9, 1.1), 1.0])
         stretched = T.copy()
         stretched[:3, :3] *= stretch
@@ -79,7 +85,9 @@ def test_fruit_is_as_curved_as_its_model_whole_and_half_hidden(hidden: float) ->
         depth[box.slices] = virtual
         depth[:, : round(box.left + hidden * virtual.shape[1])] = 0.42 if hidden else 0.0
         result = refine(look(noisy(depth, rng)), T, APPLE)
-        found = least_curvature(noisy(depth, rng)[result.box.slices], result.virtual_depth, result.inliers, 4e-3, 12.0)
+        found = least_curvature(
+            noisy(depth, rng)[result.box.slices], result.virtual_depth, result.inliers, 4e-3, 12.0
+        )
         assert found is None or found.least + 2.0 * found.deviation > 0.6
 
 

@@ -27,7 +27,9 @@ def test_size_of_the_cuboid(apple):
 
 def test_vertices_that_appear_twice_leave_no_gap():
     """As in files that keep a vertex per face corner."""
-    separate = Shape(BALL.vertices[BALL.faces].reshape(-1, 3), np.arange(3 * len(BALL.faces)).reshape(-1, 3))
+    separate = Shape(
+        BALL.vertices[BALL.faces].reshape(-1, 3), np.arange(3 * len(BALL.faces)).reshape(-1, 3)
+    )
     np.testing.assert_allclose(extents(separate), np.ptp(BALL.vertices, axis=0))
 
 

@@ -11,7 +11,13 @@ from pomona.drivers.depth_model import AZURE_KINECT, D4XX, SIMULATED
 from pomona.skills.geometry import inverse, rot_x, rotation_about, transform
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.fruit.sizes import KindSizes
-from pomona.skills.perception.refinement import DepthLook, FruitContext, Limits, horizontal_plane, refine
+from pomona.skills.perception.refinement import (
+    DepthLook,
+    FruitContext,
+    Limits,
+    horizontal_plane,
+    refine,
+)
 from pomona.skills.perception.refinement.cloud import Plane
 from pomona.skills.perception.refinement.errors import (
     AtBound,
@@ -40,13 +46,22 @@ def measured(scene, apple, using="zbuffer", depth_model=SIMULATED, **options):
 
 @pytest.fixture(scope="module")
 def five_apples(scene):
-    return [scene(size, elevation, seed) for seed, size in enumerate(PAPER_APPLES) for elevation in ELEVATIONS]
+    return [
+        scene(size, elevation, seed)
+        for seed, size in enumerate(PAPER_APPLES)
+        for elevation in ELEVATIONS
+    ]
 
 
 def test_shape_on_the_table_is_right_to_a_millimetre(five_apples, apple):
     results = [measured(s, apple, support=s.table) for s in five_apples]
     assert {r.method for r in results} == {"shape+plane"}
-    errors = np.array([s.errors(r.T_camera_object, r.dimensions) for s, r in zip(five_apples, results, strict=True)])
+    errors = np.array(
+        [
+            s.errors(r.T_camera_object, r.dimensions)
+            for s, r in zip(five_apples, results, strict=True)
+        ]
+    )
     centroid, size = np.median(errors, axis=0)
     assert centroid <= 1.0
     assert size <= 1.0
@@ -56,7 +71,12 @@ def test_shape_on_the_table_is_right_to_a_millimetre(five_apples, apple):
 def test_shape_without_a_known_table_is_right_to_two_millimetres(five_apples, apple):
     results = [measured(s, apple) for s in five_apples]
     assert {r.method for r in results} == {"shape"}
-    errors = np.array([s.errors(r.T_camera_object, r.dimensions) for s, r in zip(five_apples, results, strict=True)])
+    errors = np.array(
+        [
+            s.errors(r.T_camera_object, r.dimensions)
+            for s, r in zip(five_apples, results, strict=True)
+        ]
+    )
     centroid, size = np.median(errors, axis=0)
     assert centroid <= 1.5
     assert size <= 2.0
@@ -80,7 +100,9 @@ def test_covariance_is_honest(five_apples, apple, options):
         given = {**options, **({"support": s.table} if "support" in options else {})}
         r = measured(s, apple, **given)
         deviation = np.sqrt(np.diag(r.covariance))
-        error = np.concatenate([r.T_camera_object[:3, 3] - s.T_camera_true[:3, 3], r.dimensions - s.dimensions])
+        error = np.concatenate(
+            [r.T_camera_object[:3, 3] - s.T_camera_true[:3, 3], r.dimensions - s.dimensions]
+        )
         normalised.append(error / deviation)
         assert np.linalg.eigvalsh(r.covariance).min() > 0.0
     spread = np.sqrt(np.mean(np.square(normalised)))
@@ -95,14 +117,18 @@ def test_a_width_is_not_surer_than_the_pixels_and_the_scale_of_the_depth_allow(s
         r = measured(s, apple, method="uniform", depth_model=model)
         z = r.T_camera_object[2, 3]
         outline, whole = model.outline(z, s.intrinsics.fx), model.of_the_whole(z)
-        assert np.sqrt(r.covariance[3, 3] - 0.9 * sure.covariance[3, 3]) > np.hypot(outline, whole * r.dimensions[0])
+        assert np.sqrt(r.covariance[3, 3] - 0.9 * sure.covariance[3, 3]) > np.hypot(
+            outline, whole * r.dimensions[0]
+        )
         shape, before = (measured(s, apple, depth_model=m).covariance for m in (model, SIMULATED))
         assert np.sqrt(shape[2, 2] - before[2, 2]) > 0.9 * whole * z
 
 
 def test_mixed_pixels_beside_a_step_are_left_out(scene, apple):
     s = scene((89, 81, 89), 50, 0)
-    sharp, mixed = (measured(s, apple, depth_model=replace(SIMULATED, edge=edge)) for edge in (0, 3))
+    sharp, mixed = (
+        measured(s, apple, depth_model=replace(SIMULATED, edge=edge)) for edge in (0, 3)
+    )
     assert 0.0 < np.abs(sharp.dimensions - mixed.dimensions).max() < 3e-3
 
 
@@ -193,7 +219,9 @@ def test_uniform_takes_further_looks_too(scene, apple):
 
 def test_a_look_at_something_else_changes_nothing(scene, apple):
     s = scene((89, 81, 89), 60, 8)
-    elsewhere = DepthLook(s.depth, s.intrinsics, T_camera_look=transform(rot_x(np.pi)), renderer="zbuffer")
+    elsewhere = DepthLook(
+        s.depth, s.intrinsics, T_camera_look=transform(rot_x(np.pi)), renderer="zbuffer"
+    )
     empty = DepthLook(np.zeros_like(s.depth), s.intrinsics, renderer="zbuffer")
     r = measured(s, apple, looks=[elsewhere, empty])
     alone = measured(s, apple)
@@ -229,7 +257,9 @@ def test_a_tilt_of_twenty_degrees_in_the_detection_is_recovered(scene, apple):
     turned = s.T_camera_detected.copy()
     turned[:3, :3] = rotation_about((1.0, 0.0, 0.0), np.radians(20.0)) @ turned[:3, :3]
     r = measured(replace(s, T_camera_detected=turned), apple, support=s.table)
-    tilt = np.degrees(np.arccos(np.clip(r.T_camera_object[:3, 1] @ s.T_camera_true[:3, 1], -1.0, 1.0)))
+    tilt = np.degrees(
+        np.arccos(np.clip(r.T_camera_object[:3, 1] @ s.T_camera_true[:3, 1], -1.0, 1.0))
+    )
     assert tilt < 6.0
     centroid, size = s.errors(r.T_camera_object, r.dimensions)
     assert centroid < 3.0
@@ -247,7 +277,9 @@ def test_few_pixels_give_the_uniform_scale(scene, apple):
 
 def test_both_renderers_measure_the_same(scene, apple):
     s = scene((91, 85, 91), 50, 11)
-    one, other = (measured(s, apple, support=s.table, using=name) for name in ("pyrender", "zbuffer"))
+    one, other = (
+        measured(s, apple, support=s.table, using=name) for name in ("pyrender", "zbuffer")
+    )
     np.testing.assert_allclose(one.dimensions, other.dimensions, atol=1e-6)
     np.testing.assert_allclose(one.T_camera_object, other.T_camera_object, atol=1e-5)
 
@@ -263,7 +295,10 @@ def test_a_scan_with_a_hole_on_an_unseen_side_measures_the_same_however_its_face
     low = (y > 0.25) & (y < 0.45)
     turned = np.random.default_rng(0).random(len(apple.faces)) < 0.3
     faces = np.where(turned[:, None], apple.faces[:, ::-1], apple.faces)
-    for scan in (Mesh(apple.vertices, faces[~low]), Mesh(apple.vertices, np.ascontiguousarray(apple.faces[:, ::-1]))):
+    for scan in (
+        Mesh(apple.vertices, faces[~low]),
+        Mesh(apple.vertices, np.ascontiguousarray(apple.faces[:, ::-1])),
+    ):
         found = measured(s, scan, support=s.table, method=method, using=using)
         assert found.method == closed.method
         assert found.dimensions == pytest.approx(closed.dimensions, abs=1e-3)
@@ -302,7 +337,10 @@ def test_depth_of_something_else_is_refused_by_every_method(scene, apple, method
         measured(replace(s, depth=scattered), apple, method=method)
     with pytest.raises(AtBound):
         measured(
-            replace(s, depth=2.5 * s.depth), apple, method=method, limits=Limits(size=(0.1, 5.0), inlier_band=0.01)
+            replace(s, depth=2.5 * s.depth),
+            apple,
+            method=method,
+            limits=Limits(size=(0.1, 5.0), inlier_band=0.01),
         )
 
 
@@ -349,12 +387,17 @@ def test_with_its_kinds_sizes_one_scale_gives_width_and_height_apart(scene, appl
     """The model is 0.875 as high as wide; a kind that is known to be rounder is not measured with the model's shape."""
     s = scene((84, 81, 84), 30, 3)
     kind = KindSizes(0.084, 0.1, 81 / 84, 0.02)
-    alone, known = (measured(s, apple, method="uniform", size_deviation=0.03, sizes=sizes) for sizes in (None, kind))
+    alone, known = (
+        measured(s, apple, method="uniform", size_deviation=0.03, sizes=sizes)
+        for sizes in (None, kind)
+    )
     wrong, right = (np.abs(r.dimensions - s.dimensions).max() for r in (alone, known))
     assert right < 2.5e-3 < wrong
     assert known.covariance[3, 3] < alone.covariance[3, 3]
     assert np.linalg.eigvalsh(known.covariance).min() > -1e-15
-    front = [np.linalg.norm(r.T_camera_object[:3, 3]) - 0.5 * r.dimensions.mean() for r in (alone, known)]
+    front = [
+        np.linalg.norm(r.T_camera_object[:3, 3]) - 0.5 * r.dimensions.mean() for r in (alone, known)
+    ]
     assert front[0] == pytest.approx(front[1], abs=1e-9)
 
 

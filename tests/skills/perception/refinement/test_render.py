@@ -28,7 +28,11 @@ def test_depth_is_z_at_pixel_centres(camera, using):
     front = T[:3, 3] - 0.5e-3 * normal * np.sign(normal[2])
     v, u = np.nonzero(depth)
     rays = np.column_stack(
-        [(u + box.left - camera.cx) / camera.fx, (v + box.top - camera.cy) / camera.fy, 1.0 + 0.0 * u]
+        [
+            (u + box.left - camera.cx) / camera.fx,
+            (v + box.top - camera.cy) / camera.fy,
+            1.0 + 0.0 * u,
+        ]
     )
     expected = (front @ normal) / (rays @ normal)
     on_front = np.abs(depth[v, u] - expected) < 5e-6
@@ -42,7 +46,12 @@ def test_ball_covers_the_pixels_whose_rays_hit_it(camera, using):
     depth, box = render_depth(ball, transform(translation=centre), camera, using=using)
     v, u = np.indices(box.shape)
     rays = np.stack(
-        [(u + box.left - camera.cx) / camera.fx, (v + box.top - camera.cy) / camera.fy, np.ones(box.shape)], -1
+        [
+            (u + box.left - camera.cx) / camera.fx,
+            (v + box.top - camera.cy) / camera.fy,
+            np.ones(box.shape),
+        ],
+        -1,
     )
     along = rays @ centre / np.sum(rays**2, axis=-1)
     miss = np.linalg.norm(along[..., None] * rays - centre, axis=-1)
@@ -83,7 +92,8 @@ def test_winding_does_not_matter(apple, camera, using):
     corners = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
     sheet = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
     seen = [
-        render_depth(sheet, transform(rot_x(turn), (0.0, 0.0, 0.5)), camera, using=using)[0] for turn in (0.0, np.pi)
+        render_depth(sheet, transform(rot_x(turn), (0.0, 0.0, 0.5)), camera, using=using)[0]
+        for turn in (0.0, np.pi)
     ]
     assert np.count_nonzero(seen[0]) > 10_000
     np.testing.assert_allclose(seen[0], seen[1], atol=1e-6)
@@ -93,7 +103,9 @@ def test_winding_does_not_matter(apple, camera, using):
 def test_box_is_cut_out_of_the_whole_image(apple, camera, using):
     T = transform(rot_x(1.0), (-0.1, 0.05, 0.5))
     part, box = render_depth(apple, T, camera, using=using)
-    whole, _ = render_depth(apple, T, camera, ImageBox(0, 0, camera.width, camera.height), using=using)
+    whole, _ = render_depth(
+        apple, T, camera, ImageBox(0, 0, camera.width, camera.height), using=using
+    )
     np.testing.assert_allclose(whole[box.slices], part, atol=3e-6)
     assert np.count_nonzero(whole) == np.count_nonzero(part)
 
@@ -111,8 +123,12 @@ def test_stretched_model(apple, camera, using):
     T = transform(rot_x(0.7), (0.0, 0.0, 0.6))
     T[:3, :3] *= np.array([0.8, 1.2, 0.9])
     depth, _ = render_depth(apple, T, camera, using=using)
-    stretched = trimesh.Trimesh(apple.vertices * np.array([0.8, 1.2, 0.9]), apple.faces, process=False)
-    expected, _ = render_depth(stretched, transform(rot_x(0.7), (0.0, 0.0, 0.6)), camera, using=using)
+    stretched = trimesh.Trimesh(
+        apple.vertices * np.array([0.8, 1.2, 0.9]), apple.faces, process=False
+    )
+    expected, _ = render_depth(
+        stretched, transform(rot_x(0.7), (0.0, 0.0, 0.6)), camera, using=using
+    )
     np.testing.assert_allclose(depth, expected, atol=1e-6)
 
 
@@ -135,7 +151,10 @@ def test_any_thread_may_render(apple, camera):
     T = transform(translation=(0.0, 0.0, 0.5))
     expected, _ = render_depth(apple, T, camera)
     seen = []
-    threads = [threading.Thread(target=lambda: seen.append(render_depth(apple, T, camera)[0])) for _ in range(4)]
+    threads = [
+        threading.Thread(target=lambda: seen.append(render_depth(apple, T, camera)[0]))
+        for _ in range(4)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -166,13 +185,17 @@ for _ in range(3):
     assert list(GL.glGetIntegerv(GL.GL_VIEWPORT)) == [0, 0, 64, 64]
 print("still current")
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.stdout.strip() == "still current", done.stderr[-2000:]
 
 
 def test_more_sizes_than_buffers_are_kept(camera):
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
-    whole, _ = render_depth(ball, transform(translation=(0.0, 0.0, 0.5)), camera, ImageBox(0, 0, 640, 480))
+    whole, _ = render_depth(
+        ball, transform(translation=(0.0, 0.0, 0.5)), camera, ImageBox(0, 0, 640, 480)
+    )
     for _ in range(2):
         for size in range(40, 440, 40):
             box = ImageBox(320 - size // 2, 240 - size // 2, 320 + size // 2, 240 + size // 2)
@@ -230,7 +253,9 @@ print("both work")
 @pytest.mark.parametrize("order", ["with_pyrender, with_mujoco", "with_mujoco, with_pyrender"])
 def test_lives_beside_mujoco_in_either_order(order):
     program = _BESIDE_MUJOCO.replace("ORDER", f"[{order}, {order}]")
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.stdout.strip() == "both work", done.stderr[-2000:]
     assert done.returncode == 0
 
@@ -238,7 +263,11 @@ def test_lives_beside_mujoco_in_either_order(order):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "says"),
-    [("pyrender", "import of pyrender halted"), ("OpenGL", "pyrender cannot be imported"), ("context", "no display")],
+    [
+        ("pyrender", "import of pyrender halted"),
+        ("OpenGL", "pyrender cannot be imported"),
+        ("context", "no display"),
+    ],
 )
 def test_a_renderer_that_does_not_import_or_open_is_replaced(hidden: str, says: str) -> None:
     """In a process of its own: libraries that were imported before stay."""

@@ -11,7 +11,12 @@ from scipy.optimize import minimize_scalar
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.geometry import rotation_about, transform
 from pomona.skills.perception.refinement import DepthLook, Limits, refine
-from pomona.skills.perception.refinement.errors import BadDepth, DepthNotInMetres, NoDepth, TooFewInliers
+from pomona.skills.perception.refinement.errors import (
+    BadDepth,
+    DepthNotInMetres,
+    NoDepth,
+    TooFewInliers,
+)
 from pomona.skills.perception.refinement.render import image_box, render_depth
 from pomona.skills.perception.refinement.scale_fit import fit_scale, moved_and_scaled, sigma_bound
 
@@ -64,16 +69,22 @@ def test_scale_equals_the_bounded_optimiser_that_renders_anew(name, T, sigma):
         return float(np.mean((depth[both].astype(float) - rendered[both]) ** 2))
 
     bound = 0.8 * T[2, 3]
-    search = minimize_scalar(objective, bounds=(-bound, bound), method="bounded", options={"xatol": 1e-9})
+    search = minimize_scalar(
+        objective, bounds=(-bound, bound), method="bounded", options={"xatol": 1e-9}
+    )
     mu = fit_scale(depth, virtual).mu
     assert mu == pytest.approx(1.0 - search.x / length, abs=1e-6)
     assert mu == pytest.approx(1.0 - sigma / length, abs=1e-6)
 
 
-def _ball_on_background(outliers: float, seed: int, background: float = 0.62) -> tuple[np.ndarray, np.ndarray]:
+def _ball_on_background(
+    outliers: float, seed: int, background: float = 0.62
+) -> tuple[np.ndarray, np.ndarray]:
     """A 92 mm ball at 0.55 m with 1.5 mm noise; a share of its pixels shows the table behind instead."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.046)
-    virtual, _ = render_depth(ball, transform(translation=(0.03, 0.02, 0.55)), CAMERA, using="zbuffer")
+    virtual, _ = render_depth(
+        ball, transform(translation=(0.03, 0.02, 0.55)), CAMERA, using="zbuffer"
+    )
     rng = np.random.default_rng(seed)
     depth = virtual + rng.normal(0.0, 1.5e-3, virtual.shape)
     rows = np.flatnonzero((virtual > 0).any(axis=1))
@@ -85,7 +96,9 @@ def _ball_on_background(outliers: float, seed: int, background: float = 0.62) ->
 @pytest.mark.parametrize("outliers", [0.0, 0.1, 0.2, 0.4])
 @pytest.mark.parametrize("background", [0.62, 0.56, 0.40])
 def test_scale_is_unbiased_with_forty_percent_other_pixels(outliers, background):
-    diameters = [92.0 * fit_scale(*_ball_on_background(outliers, seed, background)).mu for seed in range(5)]
+    diameters = [
+        92.0 * fit_scale(*_ball_on_background(outliers, seed, background)).mu for seed in range(5)
+    ]
     assert abs(np.mean(diameters) - 92.0) < 0.2
 
 
@@ -179,5 +192,7 @@ def test_both_methods_agree_on_noisy_depth(scene, apple, elevation):
         for method in ("uniform", "paper")
     ]
     assert results[0].mu == pytest.approx(results[1].mu, abs=4e-3)
-    assert np.linalg.norm(results[0].T_camera_object[:3, 3] - results[1].T_camera_object[:3, 3]) < 3e-3
+    assert (
+        np.linalg.norm(results[0].T_camera_object[:3, 3] - results[1].T_camera_object[:3, 3]) < 3e-3
+    )
     assert results[1].method == "paper"

@@ -14,9 +14,21 @@ from pomona.drivers.depth_model import DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.skills.geometry import inverse, rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
-from pomona.skills.perception.refinement.cloud import Cloud, Plane, cloud, horizontal_plane, together
+from pomona.skills.perception.refinement.cloud import (
+    Cloud,
+    Plane,
+    cloud,
+    horizontal_plane,
+    together,
+)
 from pomona.skills.perception.refinement.render import DepthLook, render_depth
-from pomona.skills.perception.refinement.shape_fit import RIGID, Form, Priors, fit_shape, step_until_still
+from pomona.skills.perception.refinement.shape_fit import (
+    RIGID,
+    Form,
+    Priors,
+    fit_shape,
+    step_until_still,
+)
 
 APPLE = load_fruit("apple")
 CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)
@@ -55,7 +67,9 @@ def test_finds_the_stretch_and_tilt_of_exact_points(width, aspect, tilt, about):
     start = UPRIGHT.copy()
     start[:3, 3] += [0.002, -0.002, 0.003]
     fit = fit_shape(seen_points(T_true, stretch), APPLE, start, width)
-    np.testing.assert_allclose(fit.stretch * APPLE.dimensions, stretch * APPLE.dimensions, atol=1e-3)
+    np.testing.assert_allclose(
+        fit.stretch * APPLE.dimensions, stretch * APPLE.dimensions, atol=1e-3
+    )
     np.testing.assert_allclose(fit.T_camera_object[:3, 3], T_true[:3, 3], atol=1e-3)
     assert fit.T_camera_object[:3, 1] @ T_true[:3, 1] > np.cos(np.radians(3.0))
     assert fit.share > 0.95
@@ -73,7 +87,9 @@ def test_hidden_height_is_as_uncertain_as_its_prior_says():
     from_above = transform(rot_x(-np.pi / 2), (0.0, 0.0, 0.6))
     cap = seen_points(from_above, np.ones(3))
     cap = cap.chosen(cap.points[:, 2] < 0.58)
-    loose, tight = (fit_shape(cap, APPLE, from_above, 1.0, priors=Priors(aspect=a)) for a in (0.2, 0.02))
+    loose, tight = (
+        fit_shape(cap, APPLE, from_above, 1.0, priors=Priors(aspect=a)) for a in (0.2, 0.02)
+    )
     deviation = [np.sqrt(f.covariance[4, 4]) for f in (loose, tight)]
     assert deviation[0] > 1.4 * deviation[1]
     standing = Plane(np.array([0.0, 0.0, -1.0]), 0.6 + APPLE.dimensions[1] / 2.0)
@@ -97,7 +113,8 @@ def test_a_support_that_the_look_does_not_show_may_be_wrong_by_ten_millimetres(w
     at = inverse(T_base_camera) @ fruit.T_base_object
     depth = true_depth([fruit], T_base_camera, CAMERA, table=False).astype(np.float32)
     points = cloud(
-        DepthLook(depth, CAMERA, DepthModel(disparity=0.08)), render_depth(APPLE, at, CAMERA, using="zbuffer")[1]
+        DepthLook(depth, CAMERA, DepthModel(disparity=0.08)),
+        render_depth(APPLE, at, CAMERA, using="zbuffer")[1],
     )
     fit = fit_shape(points, APPLE, at, 1.0, support=horizontal_plane(T_base_camera, wrong))
     assert fit.on_support
@@ -120,7 +137,9 @@ def test_no_points_leave_the_start():
     nowhere = np.full((200, 3), 9.0)
     fit = fit_shape(seen(nowhere), APPLE, UPRIGHT, 0.9)
     assert fit.share == 0.0
-    np.testing.assert_allclose(fit.T_camera_object, UPRIGHT, atol=1e-3)  # the centre goes to the axis
+    np.testing.assert_allclose(
+        fit.T_camera_object, UPRIGHT, atol=1e-3
+    )  # the centre goes to the axis
     assert np.exp(np.log(fit.stretch).mean()) == pytest.approx(0.9, rel=1e-3)
 
 
@@ -130,7 +149,10 @@ def test_a_camera_whose_depth_errs_more_leaves_the_fruit_less_surely_known():
     depth, box = render_depth(APPLE, at, camera, using="zbuffer")
     whole = np.zeros((camera.height, camera.width), np.float32)
     whole[box.slices] = depth
-    near, far = (cloud(DepthLook(whole, camera, DepthModel(disparity, 0.05)), box) for disparity in (0.08, 0.32))
+    near, far = (
+        cloud(DepthLook(whole, camera, DepthModel(disparity, 0.05)), box)
+        for disparity in (0.08, 0.32)
+    )
     assert far.deviation == pytest.approx(4.0 * near.deviation)
     surely, hardly = (fit_shape(points, APPLE, at, 1.0).covariance for points in (near, far))
     assert np.all(np.sqrt(np.diag(hardly)[:3]) > 1.2 * np.sqrt(np.diag(surely)[:3]))
@@ -165,7 +187,10 @@ def test_a_fruit_that_is_not_round_is_turned_about_its_stem_until_it_fits(turned
 
 
 def test_all_fits_use_one_compilation():
-    points, tilted = seen_points(UPRIGHT, np.ones(3)), np.linalg.qr(np.array([[0.0, 0.5, 0.1]] * 3) + np.eye(3))[0]
+    points, tilted = (
+        seen_points(UPRIGHT, np.ones(3)),
+        np.linalg.qr(np.array([[0.0, 0.5, 0.1]] * 3) + np.eye(3))[0],
+    )
     for normal in (np.array([0.0, 0.0, -1.0]), tilted[:, 0]):
         fit_shape(points, APPLE, UPRIGHT, 1.0, support=Plane(normal, 0.6))
     assert len(step_until_still.signatures) == 1

@@ -39,7 +39,9 @@ def on_fruit(form: Form, model: np.ndarray) -> np.ndarray:
 def placed_apple(about: float, lean: tuple[float, float]) -> PlacedForm:
     R = rotation_about(np.array([0.6, 0.0, 0.8]), about)
     form = Form.scaled(APPLE, 0.9)
-    return PlacedForm(R, np.array([0.1, -0.2, 0.7]), form.stretch * [1.1, 0.9, 1.0], np.array(lean), form.radius)
+    return PlacedForm(
+        R, np.array([0.1, -0.2, 0.7]), form.stretch * [1.1, 0.9, 1.0], np.array(lean), form.radius
+    )
 
 
 @pytest.mark.slow
@@ -54,7 +56,9 @@ def test_the_gap_to_a_support_is_that_of_the_lowest_vertex_and_changes_as_its_ro
     for k in range(11):
         after = PlacedForm(*(part.copy() for part in placed))
         move(after, step * np.eye(11)[k])
-        assert (contact(APPLE.vertices, after, DOWN)[0] - gap) / step == pytest.approx(row[k], abs=1e-5)
+        assert (contact(APPLE.vertices, after, DOWN)[0] - gap) / step == pytest.approx(
+            row[k], abs=1e-5
+        )
 
 
 def test_a_step_turns_about_the_objects_axes_and_is_limited():
@@ -86,7 +90,13 @@ class Object:
 
     def placed(self) -> PlacedForm:
         R = np.ascontiguousarray(self.T[:3, :3])
-        return PlacedForm(R, self.T[:3, 3].copy(), self.form.stretch.copy(), self.form.lean.copy(), self.form.radius)
+        return PlacedForm(
+            R,
+            self.T[:3, 3].copy(),
+            self.form.stretch.copy(),
+            self.form.lean.copy(),
+            self.form.radius,
+        )
 
     def moved(self, x: np.ndarray) -> Object:
         """By a step of the fit's parameters, in the order in which the kernel has them."""
@@ -106,7 +116,9 @@ def felt(thing: Object, point: np.ndarray, nearest: int) -> tuple[np.ndarray, fl
     weight = H[0, 0] + H[1, 1] + H[2, 2]  # the first three of a Jacobian are a unit normal
     distance = float(np.linalg.norm(b[:3]) / weight)
     jacobian = b / (weight * distance)
-    np.testing.assert_allclose(H, weight * np.outer(jacobian, jacobian), rtol=1e-9, atol=1e-9 * weight)
+    np.testing.assert_allclose(
+        H, weight * np.outer(jacobian, jacobian), rtol=1e-9, atol=1e-9 * weight
+    )
     return jacobian, distance, int(index[0])
 
 
@@ -133,13 +145,19 @@ def test_a_distance_changes_as_its_jacobian_says(ln, lean, about, sample):
         assert (distance - after) / step == pytest.approx(by, abs=2e-4)
 
 
-@given(ln=st.tuples(*[st.floats(-0.4, 0.2)] * 3), lean=st.tuples(small, small), face=st.integers(0, 20479))
+@given(
+    ln=st.tuples(*[st.floats(-0.4, 0.2)] * 3),
+    lean=st.tuples(small, small),
+    face=st.integers(0, 20479),
+)
 def test_normals_are_those_of_the_deformed_mesh(ln, lean, face):
     thing = Object(np.array(ln), np.array(lean), np.eye(4))
     deformed = trimesh.Trimesh(on_fruit(thing.form, BALL.vertices), BALL.faces, process=False)
     normal = np.asarray(deformed.face_normals)[face]
     point = deformed.vertices[BALL.faces[face]].mean(axis=0) + 1e-3 * normal
-    assert felt(thing, point, 0)[0][:3] @ normal > np.cos(np.radians(4.0))  # a sample is up to 2 mm beside the point
+    assert felt(thing, point, 0)[0][:3] @ normal > np.cos(
+        np.radians(4.0)
+    )  # a sample is up to 2 mm beside the point
 
 
 @pytest.mark.parametrize("name", ["apple", "lemon"])
@@ -152,7 +170,10 @@ def test_after_a_step_or_from_the_grid_a_walk_ends_where_a_search_tree_does(name
     after_step = tree.query(points + rng.normal(0.0, 6e-3, points.shape))[1]
     assert np.mean(after_step != index) > 0.9
     for starts in (after_step, [start_of_walk(samples, *point) for point in points]):
-        ends = [walk_to_nearest(samples, *point, start) for point, start in zip(points, starts, strict=True)]
+        ends = [
+            walk_to_nearest(samples, *point, start)
+            for point, start in zip(points, starts, strict=True)
+        ]
         too_far = np.linalg.norm(samples.points[ends] - points, axis=1) - nearest
         assert np.mean(too_far > 1e-9) < 1e-3
 
@@ -171,7 +192,9 @@ def test_a_point_weighs_the_same_where_the_surface_is_slanted():
     for slant in (0.0, 0.5, 1.3):
         point = np.array([[0.05 * np.sin(slant), 0.0, 0.6 - 0.05 * np.cos(slant)]])
         one = Points(point, along, deviation, 0.0 * deviation)
-        H, _, share = points_to_surface(one, SAMPLES, thing.placed(), np.full(1, -1), 4e-3, 5e-4, 80.0)
+        H, _, share = points_to_surface(
+            one, SAMPLES, thing.placed(), np.full(1, -1), 4e-3, 5e-4, 80.0
+        )
         assert share == 1.0
         weights.append(np.trace(H[:3, :3]))
     assert weights == pytest.approx([1.0 / (deviation[0] ** 2 + 5e-4**2)] * 3, rel=0.05)
@@ -179,7 +202,9 @@ def test_a_point_weighs_the_same_where_the_surface_is_slanted():
 
 def test_points_that_face_away_or_lie_too_far_do_not_count():
     thing = Object(np.zeros(3), np.zeros(2), transform(translation=(0.0, 0.0, 0.6)))
-    points = np.array([[0.0, 0.0, 0.5495], [0.0, 0.0, 0.6505], [0.0, 0.0, 0.53]])  # the front, the back, before it
+    points = np.array(
+        [[0.0, 0.0, 0.5495], [0.0, 0.0, 0.6505], [0.0, 0.0, 0.53]]
+    )  # the front, the back, before it
     rays = np.tile([0.0, 0.0, 1.0], (3, 1))
     deviation = np.full(3, 1e-3)
     H, b, share = points_to_surface(

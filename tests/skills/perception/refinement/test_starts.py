@@ -37,7 +37,9 @@ def test_a_detection_with_a_wrong_axis_is_recovered_from(scene, apple, degrees, 
     for seed, size in enumerate(((93, 73, 93), (62, 47, 62), (89, 81, 89))):
         seen = scene(size, 50, seed)
         T = seen.T_camera_detected.copy()
-        T[:3, :3] = T[:3, :3] @ rotation_about((np.sqrt(0.5), 0.0, np.sqrt(0.5)), np.radians(degrees))
+        T[:3, :3] = T[:3, :3] @ rotation_about(
+            (np.sqrt(0.5), 0.0, np.sqrt(0.5)), np.radians(degrees)
+        )
         seen = replace(seen, T_camera_detected=T)
         support = seen.table if on_table else None
         look = DepthLook(seen.depth, seen.intrinsics, SIMULATED, renderer="zbuffer")

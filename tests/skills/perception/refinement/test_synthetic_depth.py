@@ -11,7 +11,9 @@ from pomona.skills.geometry import apply
 
 @pytest.mark.parametrize("tilt", [0.0, 0.2])
 def test_fruit_stands_on_the_table_with_its_true_size(apple, tilt):
-    fruit = standing(apple, (0.07, 0.06, 0.07), (0.1, -0.2), tilt, 1.0, dents=0.01, rng=np.random.default_rng(0))
+    fruit = standing(
+        apple, (0.07, 0.06, 0.07), (0.1, -0.2), tilt, 1.0, dents=0.01, rng=np.random.default_rng(0)
+    )
     np.testing.assert_allclose(np.ptp(fruit.vertices, axis=0), [0.07, 0.06, 0.07])
     in_base = apply(fruit.T_base_object, fruit.vertices)
     assert in_base[:, 2].min() == pytest.approx(0.0, abs=1e-12)
@@ -47,5 +49,6 @@ def test_grazing_surfaces_and_points_that_one_imager_sees_have_no_depth(apple):
     row = int(np.nonzero(alone.any(axis=1))[0].mean())
     left, right = columns[0] - 6, columns[-1] + 6
     assert (
-        lost[row - 10 : row + 10, left : columns[0] + 2].mean() > lost[row - 10 : row + 10, columns[-1] : right].mean()
+        lost[row - 10 : row + 10, left : columns[0] + 2].mean()
+        > lost[row - 10 : row + 10, columns[-1] : right].mean()
     )

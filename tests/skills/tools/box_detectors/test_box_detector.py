@@ -54,11 +54,15 @@ def detect(scene: RenderedFrame, model: Path, with_depth: bool = True, **inputs:
 def boxes_of(scene: RenderedFrame, path: Path) -> Path:
     """A torchvision-style model that gives the true boxes, in its input of half the picture's width."""
     x, y, w, h = (0.5 * np.array([truth.box for truth in scene.fruit], float)).T
-    return write(path, {"boxes": np.column_stack([x, y, x + w, y + h]), "scores": [0.9, 0.8]}, [3, 240, 320])
+    return write(
+        path, {"boxes": np.column_stack([x, y, x + w, y + h]), "scores": [0.9, 0.8]}, [3, 240, 320]
+    )
 
 
 @pytest.mark.parametrize("pose", ["close_look", "depth"])
-def test_fruit_in_anyones_boxes_is_posed_where_it_is(scene: RenderedFrame, tmp_path: Path, pose: str) -> None:
+def test_fruit_in_anyones_boxes_is_posed_where_it_is(
+    scene: RenderedFrame, tmp_path: Path, pose: str
+) -> None:
     model = boxes_of(scene, tmp_path / "model.onnx")
     for index, truth in enumerate(scene.fruit):
         outcome = detect(scene, model, pose_from=pose, index=index)
@@ -76,32 +80,46 @@ def test_fruit_in_anyones_boxes_is_posed_where_it_is(scene: RenderedFrame, tmp_p
 
 
 def test_a_box_without_depth_has_no_pose(scene: RenderedFrame, tmp_path: Path) -> None:
-    outcome = detect(scene, boxes_of(scene, tmp_path / "model.onnx"), with_depth=False, pose_from="depth")
+    outcome = detect(
+        scene, boxes_of(scene, tmp_path / "model.onnx"), with_depth=False, pose_from="depth"
+    )
     assert outcome.reason is not None
     assert outcome.reason.code == "POSE_UNSOLVED"
     assert outcome.reason.message == "the frame has no depth, which pose_from: depth needs"
 
 
 def test_a_box_on_the_table_is_no_fruit(scene: RenderedFrame, tmp_path: Path) -> None:
-    model = write(tmp_path / "model.onnx", {"boxes": [[0, 150, 320, 240]], "scores": [0.9]}, [3, 240, 320])
+    model = write(
+        tmp_path / "model.onnx", {"boxes": [[0, 150, 320, 240]], "scores": [0.9]}, [3, 240, 320]
+    )
     outcome = detect(scene, model, pose_from="depth")
     assert outcome.reason is not None
     assert outcome.reason.code == "POSE_UNSOLVED"
     assert "expected" in outcome.reason.message
 
 
-def test_a_model_that_cannot_be_used_is_a_failure_in_one_line(scene: RenderedFrame, tmp_path: Path) -> None:
+def test_a_model_that_cannot_be_used_is_a_failure_in_one_line(
+    scene: RenderedFrame, tmp_path: Path
+) -> None:
     model = write(tmp_path / "model.onnx", {"logits": [[1.0]]})
     outcome = detect(scene, model)
     assert outcome.reason is not None
     assert outcome.reason.code == "NO_WEIGHTS"
-    assert "model.onnx: has the outputs logits (1, 1), expected boxes (n, 4)" in outcome.reason.message
+    assert (
+        "model.onnx: has the outputs logits (1, 1), expected boxes (n, 4)" in outcome.reason.message
+    )
 
 
 def test_check_names_wrong_wires(tmp_path: Path) -> None:
     config = tmp_path / "config_pose.yaml"
     config.write_text("dimensions: {apple: [9.756, 8.539, 9.590]}\n")
-    known = {"fruit": "apple", "boxes": "none.onnx", "config": str(config), "weights": "", "pose_from": "depth"}
+    known = {
+        "fruit": "apple",
+        "boxes": "none.onnx",
+        "config": str(config),
+        "weights": "",
+        "pose_from": "depth",
+    }
     problems = {problem.key: problem.message for problem in Detect.judge(known, None)}
     assert problems["boxes"] == "there is no file none.onnx"
     assert problems["config"] == "it goes with DOPE's weights, not with boxes: none.onnx"
@@ -125,7 +143,9 @@ def ball(centre: np.ndarray, radius: float, behind: float = 0.9) -> np.ndarray:
     rays = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(u.shape)], axis=2)
     a, b = (rays**2).sum(axis=2), rays @ centre
     inside = b**2 - a * (centre @ centre - radius**2)
-    return np.where(inside > 0.0, (b - np.sqrt(np.maximum(inside, 0.0))) / a, behind).astype(np.float32)
+    return np.where(inside > 0.0, (b - np.sqrt(np.maximum(inside, 0.0))) / a, behind).astype(
+        np.float32
+    )
 
 
 def box_of(depth: np.ndarray, behind: float = 0.9) -> np.ndarray:
@@ -135,9 +155,13 @@ def box_of(depth: np.ndarray, behind: float = 0.9) -> np.ndarray:
 
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.5), (0.15, -0.1, 0.4), (-0.2, 0.12, 0.7)])
 @pytest.mark.parametrize("radius", [0.025, 0.045])
-def test_a_sphere_in_sight_is_found_to_a_millimetre(centre: tuple[float, float, float], radius: float) -> None:
+def test_a_sphere_in_sight_is_found_to_a_millimetre(
+    centre: tuple[float, float, float], radius: float
+) -> None:
     depth = ball(np.array(centre), radius)
-    noisy = depth * (1.0 + np.random.default_rng(0).normal(0.0, 2e-3, depth.shape)).astype(np.float32)
+    noisy = depth * (1.0 + np.random.default_rng(0).normal(0.0, 2e-3, depth.shape)).astype(
+        np.float32
+    )
     found = sphere_in_box(noisy, K, box_of(depth), RADII)
     assert np.linalg.norm(found.centre - centre) < 2e-3
     assert found.radius == pytest.approx(radius, rel=0.05)
@@ -160,7 +184,10 @@ def test_holes_in_the_depth_are_left_out(missing: float) -> None:
     centre = np.array([0.0, 0.0, 0.5])
     depth = ball(centre, 0.045)
     depth[::2] = missing
-    assert np.linalg.norm(sphere_in_box(depth, K, box_of(ball(centre, 0.045)), RADII).centre - centre) < 2e-3
+    assert (
+        np.linalg.norm(sphere_in_box(depth, K, box_of(ball(centre, 0.045)), RADII).centre - centre)
+        < 2e-3
+    )
 
 
 def test_an_implausible_shape_is_refused_with_both_values() -> None:
@@ -172,10 +199,14 @@ def test_an_implausible_shape_is_refused_with_both_values() -> None:
     with pytest.raises(NoSphere, match=r"% of the depth in the box is a sphere's, expected 50 %"):
         sphere_in_box(steps, K, box, RADII)
     depth = ball(np.array([0.0, 0.0, 0.5]), 0.045)
-    with pytest.raises(NoSphere, match=r"a sphere (89|90|91) mm wide in the box, expected 20 to 60 mm"):
+    with pytest.raises(
+        NoSphere, match=r"a sphere (89|90|91) mm wide in the box, expected 20 to 60 mm"
+    ):
         sphere_in_box(depth, K, box_of(depth), (0.01, 0.03))
 
 
 def test_a_box_beyond_the_border_has_no_depth() -> None:
     with pytest.raises(NoSphere, match="depth at 0 pixels"):
-        sphere_in_box(np.full((480, 640), 0.5, np.float32), K, np.array([700.0, 10.0, 30.0, 30.0]), RADII)
+        sphere_in_box(
+            np.full((480, 640), 0.5, np.float32), K, np.array([700.0, 10.0, 30.0, 30.0]), RADII
+        )

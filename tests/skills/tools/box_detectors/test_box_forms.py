@@ -19,8 +19,15 @@ SQUARE, FREE = [1, 3, 640, 640], [1, 3, "h", "w"]
 PICTURE = np.zeros((480, 640, 3), np.uint8)  # lies at 80 px from above in a square input
 BOX = (400.0, 120.0, 120.0, 80.0)  # of the apple, x, y, w, h [px of the picture]
 LETTERBOXED = (400.0, 200.0, 520.0, 280.0)  # its corners in a square input
-STRETCHED = np.array([460.0, 160.0 * 640 / 480, 120.0, 80.0 * 640 / 480]) / 640  # middle and size, as shares
-ULTRALYTICS = {"description": "Ultralytics YOLO11n model", "task": "detect", "stride": "32", "imgsz": "[640, 640]"}
+STRETCHED = (
+    np.array([460.0, 160.0 * 640 / 480, 120.0, 80.0 * 640 / 480]) / 640
+)  # middle and size, as shares
+ULTRALYTICS = {
+    "description": "Ultralytics YOLO11n model",
+    "task": "detect",
+    "stride": "32",
+    "imgsz": "[640, 640]",
+}
 
 
 def rows(places: int = 8400, extra: int = 0) -> Values:
@@ -58,8 +65,14 @@ def logits(columns: int, apple: int) -> tuple[Values, Values]:
 def lists(batch: bool = False, stretched: bool = False) -> tuple[Any, Any, Any]:
     corners = np.array(LETTERBOXED)
     if stretched:
-        corners = 640 * np.concatenate([STRETCHED[:2] - STRETCHED[2:] / 2, STRETCHED[:2] + STRETCHED[2:] / 2])
-    boxes, labels, scores = np.array([(5, 85, 90, 190), corners]), np.array([0, 1]), np.array([0.95, 0.75])
+        corners = 640 * np.concatenate(
+            [STRETCHED[:2] - STRETCHED[2:] / 2, STRETCHED[:2] + STRETCHED[2:] / 2]
+        )
+    boxes, labels, scores = (
+        np.array([(5, 85, 90, 190), corners]),
+        np.array([0, 1]),
+        np.array([0.95, 0.75]),
+    )
     return (boxes[None], labels[None], scores[None]) if batch else (boxes, labels, scores)
 
 
@@ -68,14 +81,25 @@ def named(*names: str, values: tuple[Any, ...]) -> dict[str, Any]:
 
 
 MASKS = np.zeros((1, 32, 8, 8))
-NUMBERED = dict(zip(("2775", "labels", "2776"), lists(), strict=True))  # `labels` makes the test's file hold int64
+NUMBERED = dict(
+    zip(("2775", "labels", "2776"), lists(), strict=True)
+)  # `labels` makes the test's file hold int64
 FORMS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "YOLO without NMS": ({"output0": rows()}, {"metadata": ULTRALYTICS}),
     "YOLO without NMS, any size": ({"output0": rows()}, {"metadata": ULTRALYTICS, "shape": FREE}),
     "YOLO with NMS": ({"output0": chosen()}, {"metadata": ULTRALYTICS}),
-    "YOLO, masks": ({"output0": rows(8400, 32), "output1": MASKS}, {"metadata": {"task": "segment"}}),
-    "YOLO, points": ({"output0": rows(8400, 51)}, {"metadata": {"task": "pose", "kpt_shape": "[17, 3]"}}),
-    "YOLO, masks, with NMS": ({"output0": chosen(32), "output1": MASKS}, {"metadata": {"task": "segment"}}),
+    "YOLO, masks": (
+        {"output0": rows(8400, 32), "output1": MASKS},
+        {"metadata": {"task": "segment"}},
+    ),
+    "YOLO, points": (
+        {"output0": rows(8400, 51)},
+        {"metadata": {"task": "pose", "kpt_shape": "[17, 3]"}},
+    ),
+    "YOLO, masks, with NMS": (
+        {"output0": chosen(32), "output1": MASKS},
+        {"metadata": {"task": "segment"}},
+    ),
     "YOLO as shares": ({"output0": rows() / np.array([640] * 4 + [1] * 3)[:, None]}, {}),
     "YOLO without metadata": ({"output0": rows()}, {}),
     "RT-DETR of Ultralytics": ({"output0": queries()}, {"metadata": ULTRALYTICS}),
@@ -106,7 +130,9 @@ def test_each_exporters_form_gives_the_apple_and_not_the_pear(tmp_path: Path, fo
 @pytest.mark.parametrize("form", FORMS)
 def test_each_form_is_refused_if_it_disagrees_with_the_names(tmp_path: Path, form: str) -> None:
     outputs, options = FORMS[form]
-    path = write(tmp_path / "model.onnx", outputs, **{"shape": SQUARE, **options, "names": "['apple']"})
+    path = write(
+        tmp_path / "model.onnx", outputs, **{"shape": SQUARE, **options, "names": "['apple']"}
+    )
     with pytest.raises(
         BadWeights, match=r"(rows|columns) of scores for 1 named classes|gives a box of class 1"
     ) as caught:
@@ -115,7 +141,13 @@ def test_each_form_is_refused_if_it_disagrees_with_the_names(tmp_path: Path, for
 
 
 def test_points_without_their_number_disagree_with_the_names(tmp_path: Path) -> None:
-    path = write(tmp_path / "model.onnx", {"output0": rows(8400, 51)}, SQUARE, NAMES, metadata={"task": "pose"})
+    path = write(
+        tmp_path / "model.onnx",
+        {"output0": rows(8400, 51)},
+        SQUARE,
+        NAMES,
+        metadata={"task": "pose"},
+    )
     with pytest.raises(BadWeights, match="gives 54 rows of scores for 3 named classes"):
         BoxModel(path, "apple")
 
@@ -150,7 +182,9 @@ def test_shares_of_chosen_boxes_are_read_when_the_file_beside_says_so(tmp_path: 
 
 
 @pytest.mark.parametrize("row", [2, 5])
-def test_one_value_of_8_400_that_is_not_finite_is_refused_where_it_counts(tmp_path: Path, row: int) -> None:
+def test_one_value_of_8_400_that_is_not_finite_is_refused_where_it_counts(
+    tmp_path: Path, row: int
+) -> None:
     values = rows()
     values[0, row, 1] = np.nan  # of the apple: its width, its score
     path = write(tmp_path / "model.onnx", {"output0": values}, SQUARE, NAMES)

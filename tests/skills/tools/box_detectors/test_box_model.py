@@ -12,10 +12,18 @@ from onnx import TensorProto, helper
 
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.tools.box_detectors.box_model import BoxModel
-from tests.skills.tools.box_detectors.onnx_boxes import FLOAT, colour_model, red_square_model, save, write
+from tests.skills.tools.box_detectors.onnx_boxes import (
+    FLOAT,
+    colour_model,
+    red_square_model,
+    save,
+    write,
+)
 
 
-@pytest.mark.parametrize("shape", [[1, 3, 320, 320], [1, 3, 240, 320], [1, 3, 192, 640], [1, 3, "h", "w"]])
+@pytest.mark.parametrize(
+    "shape", [[1, 3, 320, 320], [1, 3, 240, 320], [1, 3, 192, 640], [1, 3, "h", "w"]]
+)
 def test_a_box_is_in_pixels_of_the_picture_whatever_the_size_of_the_input(
     tmp_path: Path, shape: list[int | str]
 ) -> None:
@@ -45,16 +53,32 @@ BY_MIDDLE[0, 0] = 200, 200, 60, 60, 0.9, 0
 @pytest.mark.parametrize(
     ("outputs", "options", "message"),
     [
-        ({"logits": [[1.0, 2.0]]}, {}, r"has the outputs logits \(1, 2\), expected boxes \(n, 4\) and scores"),
+        (
+            {"logits": [[1.0, 2.0]]},
+            {},
+            r"has the outputs logits \(1, 2\), expected boxes \(n, 4\) and scores",
+        ),
         ({"a": [[[1.0]]], "b": [1.0]}, {}, r"has the outputs a \(1, 1, 1\), b \(1\)"),
-        ({"output0": np.zeros((1, 100, 6))}, {}, "has several classes without names: write names: {0: apple}"),
+        (
+            {"output0": np.zeros((1, 100, 6))},
+            {},
+            "has several classes without names: write names: {0: apple}",
+        ),
         ({"output0": np.zeros((2, 5, 100))}, {}, r"has the outputs output0 \(2, 5, 100\)"),
-        ({"dets": np.zeros((1, 9, 5)), "labels": np.zeros((1, 9))}, {}, r"dets \(1, 9, 5\), labels \(1, 9\), expected"),
+        (
+            {"dets": np.zeros((1, 9, 5)), "labels": np.zeros((1, 9))},
+            {},
+            r"dets \(1, 9, 5\), labels \(1, 9\), expected",
+        ),
         ({"boxes": [[1, 2, 3]], "scores": [0.5]}, {}, r"boxes \(1, 3\), scores \(1\)"),
         ({"output0": np.full((1, 5, 3), 7.0)}, {}, "gives scores from 7 to 7, expected 0 to 1"),
         ({"output0": np.zeros((1, 6, 9))}, {}, "has several classes without names"),
         ({**ONE, "labels": [1]}, {}, "has several classes without names"),
-        ({"output0": np.zeros((1, 6, 9))}, {"names": "['pear', 'plum']"}, "classes pear, plum: none of them is apple"),
+        (
+            {"output0": np.zeros((1, 6, 9))},
+            {"names": "['pear', 'plum']"},
+            "classes pear, plum: none of them is apple",
+        ),
         (
             {"output0": np.zeros((1, 6, 9))},
             {"names": "{0: 'pear', 7: 'apple'}"},
@@ -65,19 +89,47 @@ BY_MIDDLE[0, 0] = 200, 200, 60, 60, 0.9, 0
             {"names": "['apple', 'pear']"},
             "gives 3 rows of scores for 2 named classes",
         ),
-        ({"output0": np.zeros((1, 6, 9))}, {"names": "['apple', 'pear', 'leaf']"}, "gives 2 rows of scores for 3"),
-        ({"output0": np.zeros((1, 5, 9))}, {"names": "['pineapple']"}, "classes pineapple: none of them is apple"),
-        ({"output0": np.zeros((1, 5, 9))}, {"names": "['apple', 'pear']"}, "gives 1 rows of scores for 2"),
-        ({"output0": np.full((1, 300, 7), 0.5)}, {"names": "['apple', 'pear']"}, "3 columns of scores for 2 named"),
-        ({"output0": np.zeros((1, 6, 9))}, {"names": "{1: 'apple', 2: 'pear'}"}, r"2 named classes \(1, 2\)"),
-        ({"output0": BY_MIDDLE}, {"names": "['apple']"}, "gives a box whose right end lies left of its left one"),
+        (
+            {"output0": np.zeros((1, 6, 9))},
+            {"names": "['apple', 'pear', 'leaf']"},
+            "gives 2 rows of scores for 3",
+        ),
+        (
+            {"output0": np.zeros((1, 5, 9))},
+            {"names": "['pineapple']"},
+            "classes pineapple: none of them is apple",
+        ),
+        (
+            {"output0": np.zeros((1, 5, 9))},
+            {"names": "['apple', 'pear']"},
+            "gives 1 rows of scores for 2",
+        ),
+        (
+            {"output0": np.full((1, 300, 7), 0.5)},
+            {"names": "['apple', 'pear']"},
+            "3 columns of scores for 2 named",
+        ),
+        (
+            {"output0": np.zeros((1, 6, 9))},
+            {"names": "{1: 'apple', 2: 'pear'}"},
+            r"2 named classes \(1, 2\)",
+        ),
+        (
+            {"output0": BY_MIDDLE},
+            {"names": "['apple']"},
+            "gives a box whose right end lies left of its left one",
+        ),
         (
             {"output0": np.full((1, 5, 9), np.nan)},
             {"names": "['apple']"},
             "values that are not finite, in 9 of 9 boxes",
         ),
         (ONE, {"shape": ["b", "h", "w", 3]}, r"has the input \(b, h, w, 3\)"),
-        ({"output0": STRAY}, {"names": "['apple', 'pear']"}, "gives a box of class 2, and names the classes 0 to 1"),
+        (
+            {"output0": STRAY},
+            {"names": "['apple', 'pear']"},
+            "gives a box of class 2, and names the classes 0 to 1",
+        ),
         (
             {"output0": SHARES},
             {"names": "['apple']"},
@@ -95,8 +147,16 @@ BY_MIDDLE[0, 0] = 200, 200, 60, 60, 0.9, 0
             {"metadata": {"task": "obb"}},
             "has metadata task 'obb', expected detect or",
         ),
-        ({"output0": np.zeros((1, 6, 9))}, {"names": "apple, pear"}, "has metadata names 'apple, pear'"),
-        (ONE, {"shape": [1, 240, 320, 3]}, r"has the input \(1, 240, 320, 3\) of tensor\(float\), expected one input"),
+        (
+            {"output0": np.zeros((1, 6, 9))},
+            {"names": "apple, pear"},
+            "has metadata names 'apple, pear'",
+        ),
+        (
+            ONE,
+            {"shape": [1, 240, 320, 3]},
+            r"has the input \(1, 240, 320, 3\) of tensor\(float\), expected one input",
+        ),
         (ONE, {"shape": [4, 3, 240, 320]}, r"has the input \(4, 3, 240, 320\)"),
         (ONE, {"shape": [240, 320]}, r"has the input \(240, 320\)"),
         (ONE, {"kind": TensorProto.UINT8}, r"of tensor\(uint8\), expected one input"),
@@ -135,7 +195,12 @@ def test_files_that_are_no_models_are_refused(tmp_path: Path) -> None:
         BoxModel(tmp_path / "text.onnx", "apple")
     inputs = [helper.make_tensor_value_info(name, FLOAT, [1, 3, 64, 64]) for name in ("a", "b")]
     nodes = [helper.make_node("Add", ["a", "b"], ["boxes"])]
-    two = save(tmp_path / "two.onnx", nodes, inputs, [helper.make_tensor_value_info("boxes", FLOAT, [1, 3, 64, 64])])
+    two = save(
+        tmp_path / "two.onnx",
+        nodes,
+        inputs,
+        [helper.make_tensor_value_info("boxes", FLOAT, [1, 3, 64, 64])],
+    )
     with pytest.raises(BadWeights, match="has 2 inputs, expected one input"):
         BoxModel(two, "apple")
 
@@ -151,17 +216,26 @@ def test_a_stretched_picture_fills_the_input(tmp_path: Path) -> None:
 
 def test_an_input_of_free_size_has_the_size_that_the_file_names(tmp_path: Path) -> None:
     boxes = {"boxes": [[0, 80, 640, 560]], "scores": [0.9]}
-    path = write(tmp_path / "free.onnx", boxes, [1, 3, "h", "w"], metadata={"imgsz": "[640, 640]", "stride": "32"})
+    path = write(
+        tmp_path / "free.onnx",
+        boxes,
+        [1, 3, "h", "w"],
+        metadata={"imgsz": "[640, 640]", "stride": "32"},
+    )
     (found,) = BoxModel(path, "apple", working_width=320).find(np.zeros((240, 320, 3), np.uint8))
     assert np.allclose(found.box, (0, 0, 320, 240))
 
 
 @pytest.mark.parametrize("beside", [True, False])
-def test_colours_are_normalised_by_the_metadata_or_by_the_file_beside_it(tmp_path: Path, beside: bool) -> None:
+def test_colours_are_normalised_by_the_metadata_or_by_the_file_beside_it(
+    tmp_path: Path, beside: bool
+) -> None:
     values = {"mean": "[0.2, 0.3, 0.4]", "std": "[0.5, 1.0, 2.0]"}
     path = colour_model(tmp_path / "red.onnx", **({} if beside else values))
     if beside:
-        (tmp_path / "red.onnx.yaml").write_text("".join(f"{key}: {value}\n" for key, value in values.items()))
+        (tmp_path / "red.onnx.yaml").write_text(
+            "".join(f"{key}: {value}\n" for key, value in values.items())
+        )
     # Of an empty picture the score is -0.4, which no network gives: the trial refuses it.
     with pytest.raises(BadWeights, match=r"gives scores from -0\.4 to -0\.4"):
         BoxModel(path, "apple")
@@ -182,10 +256,16 @@ def test_colours_are_normalised_by_the_metadata_or_by_the_file_beside_it(tmp_pat
     ],
 )
 def test_colours_are_in_the_order_and_range_that_the_network_learnt_from(
-    tmp_path: Path, beside: bool, settings: dict[str, str], colour: tuple[int, int, int], score: float
+    tmp_path: Path,
+    beside: bool,
+    settings: dict[str, str],
+    colour: tuple[int, int, int],
+    score: float,
 ) -> None:
     path = colour_model(tmp_path / "first.onnx", **({} if beside else settings))
     if beside:
-        (tmp_path / "first.onnx.yaml").write_text("".join(f"{key}: {value}\n" for key, value in settings.items()))
+        (tmp_path / "first.onnx.yaml").write_text(
+            "".join(f"{key}: {value}\n" for key, value in settings.items())
+        )
     (found,) = BoxModel(path, "apple").find(np.full((240, 320, 3), colour, np.uint8))
     assert found.score == pytest.approx(score, abs=1e-4)

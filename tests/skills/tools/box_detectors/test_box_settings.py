@@ -7,7 +7,12 @@ from pathlib import Path
 import pytest
 
 from pomona.skills.perception.detection.errors import BadWeights
-from pomona.tools.box_detectors.box_settings import BoxSettings, ClassUnknown, class_of, read_settings
+from pomona.tools.box_detectors.box_settings import (
+    BoxSettings,
+    ClassUnknown,
+    class_of,
+    read_settings,
+)
 
 ULTRALYTICS = {
     "description": "Ultralytics YOLO11n model trained on apples.yaml",
@@ -26,7 +31,9 @@ def test_ultralytics_metadata_is_read(tmp_path: Path) -> None:
 
 
 def test_the_file_beside_the_model_overrides_the_metadata(tmp_path: Path) -> None:
-    (tmp_path / "model.onnx.yaml").write_text("names: [pear, apple]\nimgsz: 320\nmean: [0.5, 0.5, 0.5]\n")
+    (tmp_path / "model.onnx.yaml").write_text(
+        "names: [pear, apple]\nimgsz: 320\nmean: [0.5, 0.5, 0.5]\n"
+    )
     settings = read_settings(tmp_path / "model.onnx", ULTRALYTICS)
     assert (settings.names, settings.imgsz) == ({0: "pear", 1: "apple"}, (320, 320))
     assert settings.mean == (0.5, 0.5, 0.5)
@@ -112,7 +119,8 @@ def test_several_that_could_be_the_fruit_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fruit", "name"), [("cherry tomato", "Cherry-Tomatoes"), ("peach", "peaches"), ("berry", "berries")]
+    ("fruit", "name"),
+    [("cherry tomato", "Cherry-Tomatoes"), ("peach", "peaches"), ("berry", "berries")],
 )
 def test_fruit_of_two_words_and_plurals_are_words(fruit: str, name: str) -> None:
     assert class_of({0: "other", 1: name, 2: "tomato sauce"}, fruit) == 1

@@ -16,7 +16,11 @@ CELL = "name: sim\n"
 
 
 def write_run(
-    folder: Path, *touches: dict[str, Any], cell: str = CELL, name: str = "sim", topic: str = "touches"
+    folder: Path,
+    *touches: dict[str, Any],
+    cell: str = CELL,
+    name: str = "sim",
+    topic: str = "touches",
 ) -> Path:
     """Record a run with the touches of its picks."""
     folder.mkdir(parents=True)

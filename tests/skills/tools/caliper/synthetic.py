@@ -52,7 +52,9 @@ def made_fruit(
     first = side * moved + 0.5 * (size + zero) + noise * TOUCH * rng.normal()
     if plain:
         side, first, wider = 0, np.nan, np.nan
-    pick = Pick(name, axis, place, across, side, first, wider, np.eye(4), True, np.array([0.0, 0.0, -1.0]))
+    pick = Pick(
+        name, axis, place, across, side, first, wider, np.eye(4), True, np.array([0.0, 0.0, -1.0])
+    )
     return pick, across + size - bias
 
 
@@ -92,20 +94,28 @@ def doubted(error: np.ndarray, name: str = "look") -> dict:
     return {"type": "DoubtedLook", "table": table, "T_mount_camera": T, "on_arm": True}
 
 
-def made_landing(rng: np.random.Generator, error: np.ndarray, *, noise: float = 1.0, name: str = "landing") -> Pick:
+def made_landing(
+    rng: np.random.Generator, error: np.ndarray, *, noise: float = 1.0, name: str = "landing"
+) -> Pick:
     """A finger that lands on a fruit from above, somewhere between its top and its side."""
     down, turn = rng.uniform(0.3, 1.2), rng.uniform(0.0, 2.0 * np.pi)
     axis = np.array([np.cos(turn) * np.sin(down), np.sin(turn) * np.sin(down), -np.cos(down)])
     pick, _ = made_fruit(rng, error, name=name)
     moved = error[:3] + np.cross(error[3:6], pick.place) + error[6] * pick.place
-    first = float(axis @ moved) + 0.5 * SHOWN * error[6] * pick.across + noise * LANDED * rng.normal()
+    first = (
+        float(axis @ moved) + 0.5 * SHOWN * error[6] * pick.across + noise * LANDED * rng.normal()
+    )
     return replace(pick, axis=axis, side=1, first=first, wider=np.nan, landed=True)
 
 
-def recorded(shift: float = 0.0, *, wider: float = 0.0, x: float = 0.0, yaw: float = 0.0, y: float = -0.5) -> dict:
+def recorded(
+    shift: float = 0.0, *, wider: float = 0.0, x: float = 0.0, yaw: float = 0.0, y: float = -0.5
+) -> dict:
     """`PickTouches` as a record has it: an 80 mm fruit that lies `shift` [m] towards the left finger."""
     c, s = np.cos(yaw), np.sin(yaw)
-    T_base_tcp = np.array([[s, c, 0.0, x], [-c, s, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    T_base_tcp = np.array(
+        [[s, c, 0.0, x], [-c, s, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    )
     T_base_fruit, T_base_camera = np.eye(4), np.eye(4)
     T_base_fruit[:3, 3] = x, y, 0.0
     T_base_camera[:3, :3] = np.diag([1.0, -1.0, -1.0])

@@ -33,7 +33,9 @@ MOUNTED = "{driver: realsense, hand_eye: hand_eye.json}"
 class Lab:
     """A cell file, and records of its picks."""
 
-    def __init__(self, folder: Path, options: str = "", camera: str = "{driver: mock-camera}") -> None:
+    def __init__(
+        self, folder: Path, options: str = "", camera: str = "{driver: mock-camera}"
+    ) -> None:
         self.folder, self.runs = folder, folder / "runs"
         self.runs.mkdir()
         self.pose = folder / "hand_eye.json"
@@ -73,7 +75,8 @@ def test_first_picks_are_slow_and_three_good_ones_end_that(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("shift", "speed", "warned"), [(4e-3, 1.0, True), (7e-3, 0.3, True), (9e-3, 0.1, True), (0.0, 1.0, False)]
+    ("shift", "speed", "warned"),
+    [(4e-3, 1.0, True), (7e-3, 0.3, True), (9e-3, 0.1, True), (0.0, 1.0, False)],
 )
 def test_a_camera_that_is_off_is_warned_of_and_then_makes_runs_slow(
     tmp_path: Path, shift: float, speed: float, warned: bool, caplog: pytest.LogCaptureFixture
@@ -114,7 +117,12 @@ def test_picks_of_another_cell_file_or_of_another_pose_count_for_nothing(tmp_pat
 def test_runs_of_another_cell_in_between_hide_nothing(tmp_path: Path):
     lab = Lab(tmp_path)
     lab.pick(14e-3)
-    write_run(lab.runs / "2026-02-01_10-00-00_pick", picks_of(0.0, 1)[0], cell="name: other\n", name="other")
+    write_run(
+        lab.runs / "2026-02-01_10-00-00_pick",
+        picks_of(0.0, 1)[0],
+        cell="name: other\n",
+        name="other",
+    )
     with pytest.raises(UsageError, match="--cleared"):
         lab.admit()
 
@@ -144,7 +152,9 @@ def test_a_cell_whose_pose_file_is_a_link_runs_and_is_corrected(tmp_path: Path):
     assert len(json.loads((tmp_path / "of_may.json").read_text())["runs"]) == 12
 
 
-def test_apply_beyond_its_bound_writes_nothing_and_the_limits_hold(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+def test_apply_beyond_its_bound_writes_nothing_and_the_limits_hold(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
     lab = Lab(tmp_path, ", self_calibration: apply, most: 5 mm", MOUNTED)
     lab.pick(14e-3)
     with caplog.at_level(logging.WARNING), pytest.raises(UsageError, match="--cleared"):
@@ -167,11 +177,20 @@ def test_looks_that_show_a_turn_alone_prove_no_place_and_the_run_stays_slow(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ):
     lab = Lab(tmp_path)
-    error = np.array([*[0.0] * 3, *np.radians([1.7, 0.0, 0.0]), *[0.0] * 2])  # 4.5 mm at 0.15 m, below `slow`
+    error = np.array(
+        [*[0.0] * 3, *np.radians([1.7, 0.0, 0.0]), *[0.0] * 2]
+    )  # 4.5 mm at 0.15 m, below `slow`
     looks = [doubted(error + 1e-7 * i) for i in range(3)]
-    write_run(lab.runs / "2026-01-01_10-00-00_pick", *looks, cell=lab.path.read_text(), topic="doubted_look")
+    write_run(
+        lab.runs / "2026-01-01_10-00-00_pick",
+        *looks,
+        cell=lab.path.read_text(),
+        topic="doubted_look",
+    )
     with caplog.at_level(logging.WARNING):
-        assert lab.admit().speed == 0.1  # at full speed, the fingers of such a cell pressed with 27 N
+        assert (
+            lab.admit().speed == 0.1
+        )  # at full speed, the fingers of such a cell pressed with 27 N
     assert "is turned by 1.7 ± 0." in caplog.text
     assert "10 % (`first_speed`)" in caplog.text
 
@@ -205,6 +224,8 @@ def test_a_note_that_was_edited_is_not_used(tmp_path: Path):
     lab.admit()
     for k, run in enumerate(lab.runs.iterdir()):
         note = json.loads((run / NOTED).read_text())
-        edited = {"touches": 5} if k == 0 else {"touches": [["pick", 5]]} if k == 1 else {"touches": []}
+        edited = (
+            {"touches": 5} if k == 0 else {"touches": [["pick", 5]]} if k == 1 else {"touches": []}
+        )
         (run / NOTED).write_text(json.dumps(note | edited))
     assert lab.admit().speed == 0.3

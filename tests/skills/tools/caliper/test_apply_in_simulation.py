@@ -23,10 +23,18 @@ class Cell:
     """The simulated cell with a pose file for its camera, and records of its runs."""
 
     def __init__(self, folder: Path) -> None:
-        self.runs, self.pose, self.path = folder / "runs", folder / "hand_eye.json", folder / "cell.yaml"
+        self.runs, self.pose, self.path = (
+            folder / "runs",
+            folder / "hand_eye.json",
+            folder / "cell.yaml",
+        )
         trees, text = find_cell("sim").parents[1], find_cell("sim").read_text("utf-8")
-        text = text.replace("{include: shared/", f"{{include: {trees}/cells/shared/").replace("../", f"{trees}/")
-        text = text.replace("driver: sim-camera\n", "driver: sim-camera\n    hand_eye: hand_eye.json\n")
+        text = text.replace("{include: shared/", f"{{include: {trees}/cells/shared/").replace(
+            "../", f"{trees}/"
+        )
+        text = text.replace(
+            "driver: sim-camera\n", "driver: sim-camera\n    hand_eye: hand_eye.json\n"
+        )
         section = "caliper: {driver: caliper, self_calibration: apply, first_speed: 1}"
         self.path.write_text(f"{text}  {section}\n", "utf-8")
         self.write(np.eye(4))
@@ -40,8 +48,18 @@ class Cell:
     def pick(self, number: int) -> tuple[int, float]:
         """Pick one fruit; return the exit status and the distance of the first touch from the measured skin [m]."""
         settings = (f"fruit=apple_{(1, 4, 5)[number % 3]}", f"place={1 + number % 5}")
-        where = ["--cell", str(self.path), "--record", str(self.runs), "--seed", str(number), "--json"]
-        status = main(["run", "pick_apple", *where, *(word for one in settings for word in ("--set", one))])
+        where = [
+            "--cell",
+            str(self.path),
+            "--record",
+            str(self.runs),
+            "--seed",
+            str(number),
+            "--json",
+        ]
+        status = main(
+            ["run", "pick_apple", *where, *(word for one in settings for word in ("--set", one))]
+        )
         read = Picks()
         read.add(max(path.parent for path in self.runs.glob(f"*/{EVENTS_FILE}")))
         firsts = [abs(pick.first) for pick in read.picks if pick.side and not pick.landed]
@@ -68,4 +86,6 @@ def test_a_cell_that_is_8_mm_off_corrects_itself_picks_better_and_takes_it_back(
     assert main(["calibrate", "undo-picks", str(cell.pose)]) == 0
     np.testing.assert_allclose(cell.stated(), wrong, atol=1e-12)
     cell.pick(MOST_RUNS + AFTER)
-    np.testing.assert_allclose(cell.stated(), wrong, atol=1e-12)  # the same runs never lead to it again
+    np.testing.assert_allclose(
+        cell.stated(), wrong, atol=1e-12
+    )  # the same runs never lead to it again

@@ -31,7 +31,11 @@ def test_limits_stand_in_the_cell_file_with_defaults(tmp_path: Path):
     cell = read_cell_file(written(tmp_path, DEVICES + "  caliper: {driver: caliper, warn: 1 mm}\n"))
     said = caliper_of(cell)
     assert said is not None
-    assert (said.values.warn, said.values.refuse, said.values.self_calibration) == (1e-3, 0.02, "off")
+    assert (said.values.warn, said.values.refuse, said.values.self_calibration) == (
+        1e-3,
+        0.02,
+        "off",
+    )
     assert caliper_of(read_cell_file(written(tmp_path, DEVICES))) is None
 
 
@@ -49,25 +53,35 @@ def test_limits_stand_in_the_cell_file_with_defaults(tmp_path: Path):
 )
 def test_a_wrong_limit_is_refused_at_its_place(tmp_path: Path, options: str, why: str):
     with pytest.raises(CellFileError, match=why) as caught:
-        read_cell_file(written(tmp_path, DEVICES + f"  caliper:\n    driver: caliper\n    {options}\n"))
+        read_cell_file(
+            written(tmp_path, DEVICES + f"  caliper:\n    driver: caliper\n    {options}\n")
+        )
     assert caught.value.line == 11
     assert caught.value.column >= 5
 
 
 def test_a_second_section_is_refused(tmp_path: Path):
     with pytest.raises(CellFileError, match="a cell has one caliper"):
-        read_cell_file(written(tmp_path, DEVICES + "  one: {driver: caliper}\n  two: {driver: caliper}\n"))
+        read_cell_file(
+            written(tmp_path, DEVICES + "  one: {driver: caliper}\n  two: {driver: caliper}\n")
+        )
 
 
 def test_a_pose_is_corrected_only_in_a_file(tmp_path: Path):
-    with pytest.raises(CellFileError, match="'apply' corrects the file that a camera's `hand_eye` names"):
-        read_cell_file(written(tmp_path, DEVICES + "  caliper: {driver: caliper, self_calibration: apply}\n"))
+    with pytest.raises(
+        CellFileError, match="'apply' corrects the file that a camera's `hand_eye` names"
+    ):
+        read_cell_file(
+            written(tmp_path, DEVICES + "  caliper: {driver: caliper, self_calibration: apply}\n")
+        )
 
 
 @pytest.mark.parametrize(
     ("lacking", "name"), [("gripper", "gripper"), ("camera", "camera"), ("fingers", "force finger")]
 )
 def test_a_cell_without_looks_or_fingers_cannot_have_it(tmp_path: Path, lacking: str, name: str):
-    text = "".join(line for line in DEVICES.splitlines(keepends=True) if f"  {lacking}:" not in line)
+    text = "".join(
+        line for line in DEVICES.splitlines(keepends=True) if f"  {lacking}:" not in line
+    )
     with pytest.raises(CellFileError, match=f"needs a {name} above it"):
         read_cell_file(written(tmp_path, text + "  caliper: {driver: caliper}\n"))

@@ -70,7 +70,10 @@ def test_a_record_that_cannot_be_trusted_is_left_out(tmp_path: Path):
 
 
 def test_a_gripper_without_a_width_leaves_the_camera_unknown_with_the_reason(tmp_path: Path):
-    write_run(tmp_path / "2026-01-02_10-00-00_pick", recorded() | {"left": None, "right": None, "closed": NO_WIDTH})
+    write_run(
+        tmp_path / "2026-01-02_10-00-00_pick",
+        recorded() | {"left": None, "right": None, "closed": NO_WIDTH},
+    )
     (line,) = check(records(tmp_path))
     assert line.absent
     assert "the gripper reports no width" in line.found

@@ -55,9 +55,13 @@ def test_directions_are_orthonormal_and_say_what_the_covariance_says(seed: int, 
 def test_the_missing_direction_names_the_grasps_that_would_show_it():
     picks = found(10, azimuth=0.0).used
     assert "turned by 90° about the vertical" in further_picks(np.array([0.0, 1.0, 0.0]), picks)
-    assert "turned by 40° about" in further_picks(np.array([np.cos(0.75), np.sin(0.75), 0.0]), picks)
+    assert "turned by 40° about" in further_picks(
+        np.array([np.cos(0.75), np.sin(0.75), 0.0]), picks
+    )
     assert "tilted by 30°" in further_picks(np.array([0.0, 0.0, 1.0]), picks)
     assert "more picks" in further_picks(np.array([1.0, 0.0, 0.0]), picks)
     assert "feel the touch" in further_picks(np.array([1.0, 0.0, 0.0]), found(3, plain=True).used)
     landings = estimate([made_landing(np.random.default_rng(0), NO_ERROR)]).used
-    assert "no finger lands on the fruit before" in further_picks(np.array([1.0, 0.0, 0.0]), landings)
+    assert "no finger lands on the fruit before" in further_picks(
+        np.array([1.0, 0.0, 0.0]), landings
+    )

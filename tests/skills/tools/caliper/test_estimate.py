@@ -8,7 +8,13 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.tools.caliper.estimate import PRIOR, estimate, table_left, touch_left
 from pomona.tools.caliper.pick import pick_from
-from tests.skills.tools.caliper.synthetic import doubted, looked, made_landing, made_pick, made_picks
+from tests.skills.tools.caliper.synthetic import (
+    doubted,
+    looked,
+    made_landing,
+    made_pick,
+    made_picks,
+)
 
 WITHIN_90 = 1.645  # of a normal distribution, standard deviations
 
@@ -42,7 +48,10 @@ def test_ninety_percent_intervals_hold_for_85_to_95_percent(count: int, noise: f
 def test_a_fruit_that_was_pushed_away_is_left_out():
     rng = np.random.default_rng(1)
     error = np.array([6e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    picks = [*made_picks(rng, error, 15), made_pick(rng, error + np.array([0, 0, 0, 0, 0, 0, 0, 9e-3]), name="pushed")]
+    picks = [
+        *made_picks(rng, error, 15),
+        made_pick(rng, error + np.array([0, 0, 0, 0, 0, 0, 0, 9e-3]), name="pushed"),
+    ]
     found = estimate(picks)
     assert found.left_out == ("pushed",)
     assert len(found.used) == 15
@@ -82,7 +91,8 @@ def test_a_plain_gripper_alone_shows_nothing_and_its_looks_show_the_table():
 def test_more_scatter_than_assumed_widens_the_intervals():
     error = np.zeros(8)
     calm, rough = (
-        estimate(made_picks(np.random.default_rng(4), error, 30, noise=noise)).shift[1][0, 0] for noise in (1.0, 3.0)
+        estimate(made_picks(np.random.default_rng(4), error, 30, noise=noise)).shift[1][0, 0]
+        for noise in (1.0, 3.0)
     )
     assert rough > 4.0 * calm
 

@@ -44,7 +44,10 @@ def test_a_camera_in_its_place_gives_no_false_alarm():
 
 def test_quantities_that_no_pick_shows_are_named_with_the_picks_that_would():
     sentences = list(hidden(shifted(0.0)))
-    assert any("place along the view (± 2" in sentence and "grasps tilted by 30°" in sentence for sentence in sentences)
+    assert any(
+        "place along the view (± 2" in sentence and "grasps tilted by 30°" in sentence
+        for sentence in sentences
+    )
     assert not any("across the picture" in sentence for sentence in sentences)
 
 
@@ -58,7 +61,9 @@ def test_a_turn_is_reported_about_its_axis():
 
 def test_known_and_hidden_directions_together_are_all_of_them():
     for seed in range(5):
-        found = estimate(made_picks(np.random.default_rng(seed), np.zeros(8), 4 + 10 * seed, tilt=0.5))
+        found = estimate(
+            made_picks(np.random.default_rng(seed), np.zeros(8), 4 + 10 * seed, tilt=0.5)
+        )
         assert len(list(known(found))) + len(list(hidden(found))) == 8
 
 

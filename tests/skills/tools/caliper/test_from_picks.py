@@ -30,7 +30,10 @@ def test_the_proposal_puts_the_camera_where_the_fingers_felt_the_fruit(tmp_path,
     assert "4 picks kept apart: first touch off by" in told
     assert "not known: place along the view" in told
     assert "; grasps tilted by 30° and more" in told
-    assert "known: place across the picture ± 0." in told or "known: place along the picture's height ± 0." in told
+    assert (
+        "known: place across the picture ± 0." in told
+        or "known: place along the picture's height ± 0." in told
+    )
     content = json.loads(out.read_text())
     assert content["kept_apart"]["after_mm"] < 0.3 * content["kept_apart"]["before_mm"]
     T = read_hand_eye(out)
@@ -41,7 +44,11 @@ def test_the_proposal_puts_the_camera_where_the_fingers_felt_the_fruit(tmp_path,
 def test_doubted_looks_alone_propose_height_and_tilts(tmp_path, capsys):
     error = np.array([0.0, 0.0, 12e-3, *np.radians([2.5, 0.0, 0.0]), 0.0, 0.0])
     for i in range(6):
-        write_run(tmp_path / "runs" / f"2026-01-01_10-00-{i:02d}_pick", doubted(error + 1e-7 * i), topic="doubted_look")
+        write_run(
+            tmp_path / "runs" / f"2026-01-01_10-00-{i:02d}_pick",
+            doubted(error + 1e-7 * i),
+            topic="doubted_look",
+        )
     out = tmp_path / "calibration.yaml"
     assert call(tmp_path / "runs", "--out", out) == 0
     told = capsys.readouterr().out
@@ -55,7 +62,9 @@ def test_doubted_looks_alone_propose_height_and_tilts(tmp_path, capsys):
 def test_copies_of_a_record_count_once(tmp_path, capsys):
     runs_of(tmp_path / "runs", 6e-3, count=5)
     for k in range(3):
-        shutil.copytree(tmp_path / "runs" / "2026-01-01_10-00-00_pick", tmp_path / "runs" / f"copy_{k}")
+        shutil.copytree(
+            tmp_path / "runs" / "2026-01-01_10-00-00_pick", tmp_path / "runs" / f"copy_{k}"
+        )
     assert call(tmp_path / "runs", "--out", tmp_path / "calibration.yaml") == 2
     told = capsys.readouterr().err
     assert "usable picks: 5, in runs: 8; needed are 6 picks" in told
@@ -95,7 +104,9 @@ def test_runs_of_another_cell_or_calibration_are_refused(tmp_path, capsys, other
 
 
 def test_too_few_picks_are_refused_and_unusable_touches_named(tmp_path, capsys):
-    run = write_run(tmp_path / "run", *picks_of(6e-3, 4), recorded(wider=-0.06), recorded(wider=0.03))
+    run = write_run(
+        tmp_path / "run", *picks_of(6e-3, 4), recorded(wider=-0.06), recorded(wider=0.03)
+    )
     assert call(run, "--out", tmp_path / "c.yaml") == 2
     told = capsys.readouterr().err
     assert "usable picks: 4, in runs: 1; needed are 6 picks" in told
@@ -123,7 +134,9 @@ def test_a_record_that_was_cut_at_its_beginning_is_named(tmp_path, capsys):
     runs = runs_of(tmp_path / "runs", 6e-3)
     events_file(max(runs.iterdir())).write_bytes(b"")
     assert call(runs, "--out", tmp_path / "c.yaml") == 2
-    assert f"{max(runs.iterdir())}: the record holds no beginning of a run" in capsys.readouterr().err
+    assert (
+        f"{max(runs.iterdir())}: the record holds no beginning of a run" in capsys.readouterr().err
+    )
     assert explain(max(runs.iterdir())) == ""
 
 
@@ -142,13 +155,18 @@ def test_explain_reports_the_camera_from_this_run_and_those_before_it(tmp_path, 
 
 def test_explain_says_why_no_pick_can_be_used(tmp_path):
     no_width = {"type": "PadTouch", "stamp": 1.0, "width": None, "force": 0.5}
-    unknown = write_run(tmp_path / "run", recorded() | {"left": None, "right": None, "closed": no_width})
+    unknown = write_run(
+        tmp_path / "run", recorded() | {"left": None, "right": None, "closed": no_width}
+    )
     assert explain(unknown).startswith("No word about the camera: ")
     assert explain(write_run(tmp_path / "other" / "run")) == ""
 
 
 def test_the_widths_of_a_run_with_many_picks_fit_one_sentence(tmp_path):
-    few, many = (write_run(tmp_path / name / "run", *picks_of(0.0, count)) for name, count in (("3", 3), ("9", 9)))
+    few, many = (
+        write_run(tmp_path / name / "run", *picks_of(0.0, count))
+        for name, count in (("3", 3), ("9", 9))
+    )
     assert "Widths of 3 fruit between the fingers: 80." in explain(few)
     assert "(camera alone: 80.0, 80.0, 80.0)." in explain(few)
     assert "Widths of 9 fruit between the fingers: 80." in explain(many)
@@ -159,11 +177,15 @@ def test_a_run_without_touches_gets_no_sentence(tmp_path):
     assert explain(write_run(tmp_path / "run")) == ""
 
 
-def test_a_sentence_that_cannot_be_added_does_not_stop_the_explanation(tmp_path, capsys, monkeypatch):
+def test_a_sentence_that_cannot_be_added_does_not_stop_the_explanation(
+    tmp_path, capsys, monkeypatch
+):
     def broken(group: str) -> list[EntryPoint]:
         return [EntryPoint("broken", "pomona.nowhere:explain", group)]
 
     monkeypatch.setattr("pomona.executive.commands.explain.entry_points", broken)
     run = write_run(tmp_path / "run", recorded())
     assert main(["explain", str(run)]) == 0
-    assert "broken: nothing can be added: No module named 'pomona.nowhere'" in " ".join(capsys.readouterr().out.split())
+    assert "broken: nothing can be added: No module named 'pomona.nowhere'" in " ".join(
+        capsys.readouterr().out.split()
+    )

@@ -23,7 +23,9 @@ def test_a_good_cell_is_never_reported_in_thirty_looks():
         assert not any(is_off(picks[:count]) for count in range(1, 31))
 
 
-@pytest.mark.parametrize("error", [np.array([0, 0, 0, 0, 0, 0, 0.02, 0.0]), np.array([0, 0, 0, 0, 0, 0, 0.0, 1e-3])])
+@pytest.mark.parametrize(
+    "error", [np.array([0, 0, 0, 0, 0, 0, 0.02, 0.0]), np.array([0, 0, 0, 0, 0, 0, 0.0, 1e-3])]
+)
 def test_a_wrong_scale_or_zero_of_the_fingers_is_no_wrong_pose(error: np.ndarray):
     assert not is_off(made_picks(np.random.default_rng(0), error, 20))
 

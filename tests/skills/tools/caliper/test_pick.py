@@ -41,7 +41,9 @@ def plain(width: float | None) -> dict[str, Any]:
     return recorded() | {"left": None, "right": None, "closed": {"width": width}}
 
 
-@pytest.mark.parametrize("width", [0.083, 0.080, 0.069, 0.055])  # a Hand-E squeezed apples by 4 to 11 mm
+@pytest.mark.parametrize(
+    "width", [0.083, 0.080, 0.069, 0.055]
+)  # a Hand-E squeezed apples by 4 to 11 mm
 def test_a_plain_gripper_presses_and_measures_neither_place_nor_width(width: float):
     pick = pick_from(plain(width), "run")
     assert pick.side == 0
@@ -84,7 +86,10 @@ def moved(z: float) -> list[list[float]]:
         (recorded() | {"T_base_tcp": np.zeros((4, 4)).tolist()}, "no rigid transform"),
         (recorded() | {"T_base_camera": [[1.0, None]]}, "malformed"),
         (recorded() | {"left": {"width": None}}, "the gripper reports no width"),
-        (recorded() | {"T_base_fruit": moved(0.2)}, "200 mm from the fingers: they closed on another"),
+        (
+            recorded() | {"T_base_fruit": moved(0.2)},
+            "200 mm from the fingers: they closed on another",
+        ),
         (recorded() | {"left": {"width": 1e30}}, "malformed"),
         (recorded() | {"left": [1.0]}, "malformed"),
         ({}, "malformed"),
@@ -93,7 +98,10 @@ def moved(z: float) -> list[list[float]]:
         (recorded() | {"landed": "low"}, "malformed"),
         ({"type": "DoubtedLook"}, "malformed"),
         (doubted(np.zeros(8)) | {"table": None}, "no table"),
-        (doubted(np.zeros(8)) | {"table": [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.5]]}, "no table"),
+        (
+            doubted(np.zeros(8)) | {"table": [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.5]]},
+            "no table",
+        ),
     ],
 )
 def test_touches_of_another_thing_are_refused_with_the_reason(value: dict[str, Any], why: str):

@@ -55,7 +55,9 @@ def noted(root: Path) -> Path:
     return root
 
 
-def test_the_terminal_and_the_page_get_the_sentence_after_each_pick(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_the_terminal_and_the_page_get_the_sentence_after_each_pick(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     page = watch(tmp_path, *picks_of(6e-3, 8))
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 8
@@ -68,7 +70,9 @@ def test_the_terminal_and_the_page_get_the_sentence_after_each_pick(tmp_path: Pa
     assert [table.rows[0][0] for table in tables] == lines
 
 
-def test_picks_of_earlier_runs_count_once_they_are_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_picks_of_earlier_runs_count_once_they_are_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     runs = runs_of(tmp_path / "runs", 6e-3, 6)
     watch(runs, *picks_of(6e-3, 1, seed=3))
     assert "(1 pick)" in capsys.readouterr().out
@@ -77,7 +81,9 @@ def test_picks_of_earlier_runs_count_once_they_are_noted(tmp_path: Path, capsys:
     assert "(7 picks)" in capsys.readouterr().out
 
 
-def test_a_recovery_before_the_task_has_its_own_picks(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_recovery_before_the_task_has_its_own_picks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     runs, view = runs_of(tmp_path / "runs", 6e-3, 2), TouchesView()
     before, after = (run.name for run in sorted(runs.iterdir()))
     assert view.open(argparse.Namespace(dry=None), ViewedRun(Screen(width=1000), runs, ()))
@@ -113,7 +119,9 @@ def test_touches_are_noted_beside_the_record_at_the_end(tmp_path: Path):
     assert [value for _, value in note["touches"]] == touches
 
 
-def test_a_run_without_touches_or_without_a_cell_has_no_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_run_without_touches_or_without_a_cell_has_no_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     watch(tmp_path)
     watch(tmp_path, recorded(), dry="")
     assert capsys.readouterr().out == ""

@@ -73,7 +73,9 @@ def test_a_file_that_was_calibrated_anew_is_not_taken_back_to_a_pose_of_old(tmp_
     place = pose_file(tmp_path)
     apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
     place.write_text("\ufeff" + json.dumps({"T_mount_camera": moved(0.02)}), encoding="utf-8")
-    with pytest.raises(UsageError, match=r"another calibration .* hand_eye.json.before is not of this one"):
+    with pytest.raises(
+        UsageError, match=r"another calibration .* hand_eye.json.before is not of this one"
+    ):
         undo(place)
     assert (x_of(place), x_of(before_of(place))) == (0.02, 0.0)
 
@@ -120,18 +122,28 @@ def test_a_read_only_file_is_neither_corrected_nor_taken_back(tmp_path: Path):
         ("[1, 2", "holds no 'T_mount_camera'"),
         (json.dumps({"T_mount_camera": moved(0.0), "undone": 5}), "holds no"),
         (json.dumps({"T_mount_camera": moved(0.0), "runs": 5}), "holds no"),
-        (json.dumps({"T_mount_camera": moved(0.0), "T_mount_camera_first": [[2.0]]}), "_first' in .* is no rigid"),
+        (
+            json.dumps({"T_mount_camera": moved(0.0), "T_mount_camera_first": [[2.0]]}),
+            "_first' in .* is no rigid",
+        ),
         (json.dumps({"T_mount_camera": [[1.0] * 4] * 4}), "is no rigid"),
-        (json.dumps({"T_mount_camera": moved(0.0), "T_mount_camera_before": 1}), "_before' in .* is no rigid"),
+        (
+            json.dumps({"T_mount_camera": moved(0.0), "T_mount_camera_before": 1}),
+            "_before' in .* is no rigid",
+        ),
     ],
 )
-def test_a_file_that_is_missing_or_was_edited_is_refused_with_the_reason(tmp_path: Path, content: str | None, why: str):
+def test_a_file_that_is_missing_or_was_edited_is_refused_with_the_reason(
+    tmp_path: Path, content: str | None, why: str
+):
     place = tmp_path / "hand_eye.json"
     if content is not None:
         place.write_text(content)
     with pytest.raises(UsageError, match=why):
         apply(place, proposal(0.0, 0.006, "run 1"), MOST, TURNED)
-    assert [path.name for path in tmp_path.iterdir()] == ([] if content is None else ["hand_eye.json"])
+    assert [path.name for path in tmp_path.iterdir()] == (
+        [] if content is None else ["hand_eye.json"]
+    )
 
 
 def test_the_command_takes_back_and_refuses_a_file_without_a_correction(

@@ -15,7 +15,9 @@ STEEP = 20.0  # logit of a kind for one unit of its colour
 
 def colour_network(rows: int = 3) -> bytes:
     """Logits of red, green and blue in the middle of a picture, of which this number is given."""
-    weight = numpy_helper.from_array((STEEP * np.eye(3)[:rows]).reshape(rows, 3, 1, 1).astype(np.float32), "weight")
+    weight = numpy_helper.from_array(
+        (STEEP * np.eye(3)[:rows]).reshape(rows, 3, 1, 1).astype(np.float32), "weight"
+    )
     sides = numpy_helper.from_array(np.array([2, 3]), "sides")
     nodes = [
         helper.make_node("ReduceMean", [INPUT, "sides"], ["mean"], keepdims=1),
@@ -30,7 +32,12 @@ def colour_network(rows: int = 3) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def colour_kinds(path: Path, kinds: tuple[str, ...] = ("apple", "lime", NONE), rows: int = 3) -> Path:
+def colour_kinds(
+    path: Path, kinds: tuple[str, ...] = ("apple", "lime", NONE), rows: int = 3
+) -> Path:
     """A file whose first kind is red, whose second is green, and whose third is blue."""
-    write_kinds(path, StoredKinds(colour_network(rows), kinds, KindScore(1.0, 1.0, 0.0), {"made": "for tests"}))
+    write_kinds(
+        path,
+        StoredKinds(colour_network(rows), kinds, KindScore(1.0, 1.0, 0.0), {"made": "for tests"}),
+    )
     return path

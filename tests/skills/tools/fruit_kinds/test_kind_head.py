@@ -45,7 +45,9 @@ def halves() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
 
 
 def test_a_written_file_is_read_again(tmp_path: Path) -> None:
-    stored = StoredKinds(colour_network(), ("apple", "pear", NONE), KindScore(0.5, 2.0, -1.0), {"pictures": "7"})
+    stored = StoredKinds(
+        colour_network(), ("apple", "pear", NONE), KindScore(0.5, 2.0, -1.0), {"pictures": "7"}
+    )
     write_kinds(tmp_path / "a.kinds", stored)
     assert read_kinds(tmp_path / "a.kinds") == stored
 
@@ -122,7 +124,9 @@ def test_files_of_another_form_are_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(BadWeights, match="cannot be read as kinds of fruit: BadZipFile"):
         KindHead.load(path)
     for kinds in (("apple", "pear"), (NONE,), ("apple", "apple", NONE)):
-        with pytest.raises(BadWeights, match=r"has the kinds .*: expected names, the last of them none"):
+        with pytest.raises(
+            BadWeights, match=r"has the kinds .*: expected names, the last of them none"
+        ):
             KindHead.load(colour_kinds(path, kinds))
     with pytest.raises(BadWeights, match=r"kinds\.onnx in it does not give 3 finite logits"):
         KindHead.load(colour_kinds(path, rows=2))
@@ -131,13 +135,21 @@ def test_files_of_another_form_are_refused_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "pomona kinds of fruit 9"}, "has the format 'pomona kinds of fruit 9', expected"),
+        (
+            {"format": "pomona kinds of fruit 9"},
+            "has the format 'pomona kinds of fruit 9', expected",
+        ),
         ({"score": {"found": -1.0, "kind": 1.0, "offset": 0.0}}, "has a score that does not rise"),
-        ({"score": {"found": 1.0, "kind": 1.0, "offset": float("nan")}}, "has a score that does not rise"),
+        (
+            {"score": {"found": 1.0, "kind": 1.0, "offset": float("nan")}},
+            "has a score that does not rise",
+        ),
         ({"score": {}}, "cannot be read as kinds of fruit: KeyError"),
     ],
 )
-def test_a_damaged_description_is_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:
+def test_a_damaged_description_is_refused(
+    tmp_path: Path, change: dict[str, object], message: str
+) -> None:
     with ZipFile(colour_kinds(tmp_path / "a.kinds")) as archive:
         about = json.loads(archive.read(ABOUT)) | change
     with ZipFile(tmp_path / "a.kinds", "w") as archive:

@@ -39,6 +39,14 @@ def push(lever: float, force: float, seed: int = 0, noise: float = 0.05) -> tupl
 
 @lru_cache(maxsize=1)
 def all_pushes() -> tuple[tuple[Push, ...], Push]:
-    tasks = [(0.0, 2.0), (0.0, 5.0), (0.008, 2.0), (0.008, 4.0), (0.008, 8.0), (0.015, 3.0), (0.015, 7.0)]
+    tasks = [
+        (0.0, 2.0),
+        (0.0, 5.0),
+        (0.008, 2.0),
+        (0.008, 4.0),
+        (0.008, 8.0),
+        (0.015, 3.0),
+        (0.015, 7.0),
+    ]
     made = [push(lever, force, seed) for seed, (lever, force) in enumerate(tasks)]
     return tuple(p for _, p in made), made[4][0]

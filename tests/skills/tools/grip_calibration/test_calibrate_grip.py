@@ -50,11 +50,15 @@ def mock_cell() -> tuple[Cell, Person]:
 
 
 @pytest.mark.slow
-def test_a_recording_becomes_a_parameter_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_becomes_a_parameter_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pushes, squeeze = all_pushes()
     write_pushes(list(pushes), tmp_path / "pushes.npz", squeeze)
     out = tmp_path / "grip.yaml"
-    status = pomona(["calibrate", "grip", str(tmp_path / "pushes.npz"), "--out", str(out), "--fruit", "apple"])
+    status = pomona(
+        ["calibrate", "grip", str(tmp_path / "pushes.npz"), "--out", str(out), "--fruit", "apple"]
+    )
     assert status == 0
     assert f"written to {out}" in capsys.readouterr().out
     written = yaml.safe_load(out.read_text())
@@ -63,13 +67,21 @@ def test_a_recording_becomes_a_parameter_file(tmp_path: Path, capsys: pytest.Cap
     assert written["quality"]["slides"] == 2 * len(pushes)
 
 
-def test_the_ports_of_the_file_fit_a_tree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_ports_of_the_file_fit_a_tree(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pushes, squeeze = all_pushes()
     write_pushes(list(pushes), tmp_path / "pushes.npz", squeeze)
-    pomona(["calibrate", "grip", str(tmp_path / "pushes.npz"), "--out", str(tmp_path / "grip.yaml")])
+    pomona(
+        ["calibrate", "grip", str(tmp_path / "pushes.npz"), "--out", str(tmp_path / "grip.yaml")]
+    )
     ports = yaml.safe_load((tmp_path / "grip.yaml").read_text())["ports"]
     tree = tmp_path / "hold.yaml"
-    tree.write_text(yaml.safe_dump({"pomona": 1, "tree": "hold", "root": {"SlipAvoidGrasp": ports}}, sort_keys=False))
+    tree.write_text(
+        yaml.safe_dump(
+            {"pomona": 1, "tree": "hold", "root": {"SlipAvoidGrasp": ports}}, sort_keys=False
+        )
+    )
     assert pomona(["check", str(tree)]) == 0, capsys.readouterr().out
 
 
@@ -97,7 +109,12 @@ def guide_of(cell: Cell, ask: Callable[[str], object] = lambda sentence: None) -
     clock = cell.clock
     assert isinstance(clock, MockClock)
     return GuidedPushes(
-        gripper, sensor, clock.now, clock.advance, lambda sentence: None, lambda s, task: ask(s) and None
+        gripper,
+        sensor,
+        clock.now,
+        clock.advance,
+        lambda sentence: None,
+        lambda s, task: ask(s) and None,
     )
 
 
@@ -144,7 +161,10 @@ def test_recordings_that_cannot_be_used_are_refused_in_words(
     arrays: dict[str, np.ndarray], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     np.savez(tmp_path / "bad.npz", **arrays)  # type: ignore[arg-type]
-    assert pomona(["calibrate", "grip", str(tmp_path / "bad.npz"), "--out", str(tmp_path / "x.yaml")]) == 2
+    assert (
+        pomona(["calibrate", "grip", str(tmp_path / "bad.npz"), "--out", str(tmp_path / "x.yaml")])
+        == 2
+    )
     assert words in capsys.readouterr().err
     assert not (tmp_path / "x.yaml").exists()
 
@@ -168,10 +188,22 @@ def test_a_wrong_command_line_is_refused_in_words(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("calibrate", "grip", "--out", "x", "--forces", "5"), "'5' lacks a unit: a force is given in N, mN"),
-        (("calibrate", "grip", "--out", "x", "--forces", "40 N"), "it is 40 N, but must be between 0.6 N and 15 N"),
-        (("calibrate", "grip", "--out", "x", "--time", "0 s"), "it is 0 s, but must be between 100 ms and 2 min"),
-        (("calibrate", "hand-eye", "looks", "--out", "x", "--square", "24.5"), "'24.5' lacks a unit"),
+        (
+            ("calibrate", "grip", "--out", "x", "--forces", "5"),
+            "'5' lacks a unit: a force is given in N, mN",
+        ),
+        (
+            ("calibrate", "grip", "--out", "x", "--forces", "40 N"),
+            "it is 40 N, but must be between 0.6 N and 15 N",
+        ),
+        (
+            ("calibrate", "grip", "--out", "x", "--time", "0 s"),
+            "it is 0 s, but must be between 100 ms and 2 min",
+        ),
+        (
+            ("calibrate", "hand-eye", "looks", "--out", "x", "--square", "24.5"),
+            "'24.5' lacks a unit",
+        ),
         (("emulate", "wsg", "--obstacle", "30"), "'30' lacks a unit"),
         (("emulate", "suntouch", "--press", "3"), "'3' lacks a unit"),
         (("emulate", "motoman", "--queue", "1"), "'1' lacks a unit"),
@@ -187,16 +219,28 @@ def test_a_quantity_without_its_unit_is_refused(
 
 
 @pytest.mark.parametrize("option", ["--out", "--keep"])
-def test_no_file_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str) -> None:
+def test_no_file_is_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
     mine = tmp_path / "mine"
     mine.write_text("mine")
     more = () if option == "--out" else ("--out", str(tmp_path / "new.yaml"))
-    assert pomona(["calibrate", "grip", "--cell", "nothing", option, str(mine), *more, "--fruit", "apple"]) == 2
+    assert (
+        pomona(
+            ["calibrate", "grip", "--cell", "nothing", option, str(mine), *more, "--fruit", "apple"]
+        )
+        == 2
+    )
     assert "mine is there already: name another file" in capsys.readouterr().err
     assert mine.read_text() == "mine"
 
 
-def test_a_file_that_is_no_recording_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_no_recording_is_refused_in_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "bad.npz").write_text("hello")
-    assert pomona(["calibrate", "grip", str(tmp_path / "bad.npz"), "--out", str(tmp_path / "x.yaml")]) == 2
+    assert (
+        pomona(["calibrate", "grip", str(tmp_path / "bad.npz"), "--out", str(tmp_path / "x.yaml")])
+        == 2
+    )
     assert "not a readable .npz file" in capsys.readouterr().err

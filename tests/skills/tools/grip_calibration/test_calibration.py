@@ -26,7 +26,9 @@ def test_friction_and_stiffness_are_found_again() -> None:
     pushes, squeeze = all_pushes()
     found = calibrate_grip(list(pushes), squeeze)
     assert found.contact.mu == pytest.approx(TRUE.mu, rel=0.05)
-    assert found.contact.torsion * 2.0**TRUE.gamma == pytest.approx(TRUE.torsion * 2.0**TRUE.gamma, rel=0.10)
+    assert found.contact.torsion * 2.0**TRUE.gamma == pytest.approx(
+        TRUE.torsion * 2.0**TRUE.gamma, rel=0.10
+    )
     assert found.contact.gamma == pytest.approx(TRUE.gamma, abs=0.10)
     assert found.stiffness == pytest.approx(2000.0, rel=0.03)
     assert found.residual < 0.05
@@ -92,7 +94,9 @@ def test_a_live_stream_becomes_a_push_without_its_bias() -> None:
         PushRecorder().push()
 
 
-def test_one_twist_does_not_show_how_the_contact_grows_and_no_contact_is_larger_than_the_pads() -> None:
+def test_one_twist_does_not_show_how_the_contact_grows_and_no_contact_is_larger_than_the_pads() -> (
+    None
+):
     def slide(f_n: float, f_t: float, tau_n: float) -> Push:
         wrenches = np.zeros((500, 2, 6))
         wrenches[:, :, 2] = -f_n

@@ -39,9 +39,7 @@ def link(name: str, radius: float, end: tuple[float, float, float], mass: str = 
     pitch, length = np.arctan2(np.hypot(*end[:2]), end[2]), np.linalg.norm(end)
     middle = " ".join(f"{x / 2:g}" for x in end)
     turn = f"0 {pitch:g} {np.arctan2(end[1], end[0]):g}"
-    weight = (
-        f'<inertial><mass value="{mass}"/><inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial>'
-    )
+    weight = f'<inertial><mass value="{mass}"/><inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial>'
     shape = f'<geometry><cylinder radius="{radius}" length="{length:g}"/></geometry>'
     return (
         f'<link name="{name}">{weight if mass else ""}'
@@ -100,7 +98,9 @@ def test_the_hand_stands_where_that_of_the_shipped_arm_does(cell):
     for name, q in written.workspace.poses.items():
         T, wanted = arm.fk(q), shipped.fk(sim.workspace.poses[name])
         assert np.allclose(T[:3, 3], wanted[:3, 3], atol=1e-3), name
-        assert name == "home" or np.allclose(T, wanted, atol=1e-3), name  # a rest pose may be turned
+        assert name == "home" or np.allclose(T, wanted, atol=1e-3), (
+            name
+        )  # a rest pose may be turned
 
 
 def test_the_poses_are_free_and_within_the_limits(cell):
@@ -134,7 +134,9 @@ def hits_itself(path: Path, q: np.ndarray, angle: float) -> bool:
         for turn in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
             ray = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
             ray = eye.xmat.reshape(3, 3) @ ray
-            far = mujoco.mj_ray(model, data, eye.xpos, ray, None, 1, model.site("camera").bodyid[0], found)
+            far = mujoco.mj_ray(
+                model, data, eye.xpos, ray, None, 1, model.site("camera").bodyid[0], found
+            )
             if far >= 0.0 and model.body(model.geom_bodyid[found[0]]).name in links:
                 return True
     return False
@@ -188,14 +190,22 @@ def test_every_part_is_weightless_in_the_drives_so_the_arm_stays_at_home(cell):
 @pytest.mark.slow
 def test_another_shipped_hand_is_bolted_on(tmp_path):
     (tmp_path / "arm.urdf").write_text(urdf())
-    assert main(["new", "arm", str(tmp_path / "arm.urdf"), "--into", str(tmp_path), "--hand", "hand-e"]) == 0
+    assert (
+        main(
+            ["new", "arm", str(tmp_path / "arm.urdf"), "--into", str(tmp_path), "--hand", "hand-e"]
+        )
+        == 0
+    )
     assert main(["check", "pick_apple", "--cell", str(tmp_path / "arm" / "cell.yaml")]) == 0
     assert "force_max: 50 N" in (tmp_path / "arm" / "cell.yaml").read_text()
 
 
 def test_a_second_time_nothing_is_overwritten(cell, capsys):
     before = cell.read_bytes()
-    assert main(["new", "arm", str(cell.parents[1] / "My-Arm.urdf"), "--into", str(cell.parents[1])]) == 2
+    assert (
+        main(["new", "arm", str(cell.parents[1] / "My-Arm.urdf"), "--into", str(cell.parents[1])])
+        == 2
+    )
     said = capsys.readouterr().err
     assert "there already. Nothing was written" in said
     assert "reading" not in said
@@ -212,22 +222,37 @@ def test_a_second_time_nothing_is_overwritten(cell, capsys):
             "<limit> has words of xacro: first `xacro FILE > arm.urdf`",
         ),
         (urdf().replace('upper="6.28"', 'upper="-9"', 1), "'pan' needs a range"),
-        (urdf().replace("<collision>", "<visual>", 1).replace("</collision>", "</visual>", 1), "no collision geometry"),
+        (
+            urdf().replace("<collision>", "<visual>", 1).replace("</collision>", "</visual>", 1),
+            "no collision geometry",
+        ),
         (
             re.sub('mass value="[^"]*"', 'mass value="-2"', urdf(), count=1),
             "a link has the mass -2 kg: correct",
         ),
-        (re.sub('mass value="[^"]*"', 'mass value="1e20"', urdf(), count=1), "a link has the mass 1e20 kg: correct"),
+        (
+            re.sub('mass value="[^"]*"', 'mass value="1e20"', urdf(), count=1),
+            "a link has the mass 1e20 kg: correct",
+        ),
         (urdf(kind="fixed"), "--flange LINK names its end"),
         (urdf().replace('name="pan" type="revolute"', 'name="pan" type="fixed"'), "5 joints lead"),
-        (urdf().replace('velocity="3" effort="150"/>', 'velocity="3" effort="150"/><mimic joint="pan"/>', 2), "joints"),
         (
-            re.sub('(name="elbow".*?)</joint>', r'\1<mimic joint="pan"/></joint>', urdf(), flags=re.S),
+            urdf().replace(
+                'velocity="3" effort="150"/>', 'velocity="3" effort="150"/><mimic joint="pan"/>', 2
+            ),
+            "joints",
+        ),
+        (
+            re.sub(
+                '(name="elbow".*?)</joint>', r'\1<mimic joint="pan"/></joint>', urdf(), flags=re.S
+            ),
             "among them: 'elbow' follows 'pan'",
         ),
     ],
 )
-def test_a_file_that_cannot_be_used_is_refused_with_the_reason_and_nothing_is_written(text, words, tmp_path, capsys):
+def test_a_file_that_cannot_be_used_is_refused_with_the_reason_and_nothing_is_written(
+    text, words, tmp_path, capsys
+):
     (tmp_path / "arm.urdf").write_text(text)
     assert main(["new", "arm", str(tmp_path / "arm.urdf"), "--into", str(tmp_path)]) == 2
     assert words in capsys.readouterr().err
@@ -255,14 +280,17 @@ def test_wrong_options_are_refused(words, said, tmp_path, monkeypatch, capsys):
 
 FINGERS = "".join(
     f'<link name="{side}"/>'
-    + joint(side, "prismatic", "palm", side, '<limit lower="0" upper="0.04" velocity="1" effort="9"/>')
+    + joint(
+        side, "prismatic", "palm", side, '<limit lower="0" upper="0.04" velocity="1" effort="9"/>'
+    )
     for side in ("left", "right")
 )
 PALM = '<link name="palm"/>' + joint("palm", "fixed", "{flange}", "palm", "") + FINGERS
 
 
 @pytest.mark.parametrize(
-    ("flange", "chosen"), [("tool0", "tool0"), ("panda_link8", "panda_link8"), ("plate", "roll_link")]
+    ("flange", "chosen"),
+    [("tool0", "tool0"), ("panda_link8", "panda_link8"), ("plate", "roll_link")],
 )
 def test_the_hand_of_the_file_is_left_off_at_its_flange(flange, chosen, tmp_path):
     path = tmp_path / "arm.urdf"

@@ -37,7 +37,9 @@ def tables(folder: Path) -> Path:
     rows = [f"{name},{name[0]},{GROUP[name[0]]}" for name in TRUTH]
     (folder / "images").mkdir(parents=True)
     (folder / "images.csv").write_text("\n".join(["image,tree,split", *rows]) + "\n")
-    lines = [f"{name},{x},{y},{w},{h}" for name, discs in TRUTH.items() for x, y, w, h in boxes_of(discs)]
+    lines = [
+        f"{name},{x},{y},{w},{h}" for name, discs in TRUTH.items() for x, y, w, h in boxes_of(discs)
+    ]
     (folder / "fruit.csv").write_text("\n".join(["image,x,y,w,h", *lines]) + "\n")
     for name, discs in TRUTH.items():
         draw(folder / "images" / name, discs)
@@ -48,7 +50,10 @@ def yolo(folder: Path) -> Path:
     for name, discs in TRUTH.items():
         split = GROUP[name[0]]
         draw(folder / split / "images" / name, discs)
-        lines = [f"1 {(x + w / 2) / SIDE} {(y + h / 2) / SIDE} {w / SIDE} {h / SIDE}" for x, y, w, h in boxes_of(discs)]
+        lines = [
+            f"1 {(x + w / 2) / SIDE} {(y + h / 2) / SIDE} {w / SIDE} {h / SIDE}"
+            for x, y, w, h in boxes_of(discs)
+        ]
         text = folder / split / "labels" / f"{name[:-4]}.txt"
         text.parent.mkdir(parents=True, exist_ok=True)
         text.write_text("\n".join([*lines, "0 0.5 0.5 0.1 0.1"]) + "\n")  # a leaf in every picture
@@ -59,7 +64,10 @@ def yolo(folder: Path) -> Path:
 def coco(folder: Path) -> Path:
     for split in ("train", "val"):
         names = [name for name in TRUTH if GROUP[name[0]] == split]
-        images = [{"id": k, "file_name": name, "width": SIDE, "height": SIDE} for k, name in enumerate(names)]
+        images = [
+            {"id": k, "file_name": name, "width": SIDE, "height": SIDE}
+            for k, name in enumerate(names)
+        ]
         annotations = [
             {"image_id": k, "category_id": 7, "bbox": box, "iscrowd": 0}
             for k, name in enumerate(names)

@@ -28,8 +28,16 @@ def test_overlap_is_the_common_area_over_the_whole() -> None:
 
 def test_a_label_is_found_once_and_by_the_surest() -> None:
     found = boxes((0, 0, 10, 10), (0, 0, 10, 9), (50, 50, 10, 10))
-    assert match_boxes(found, np.array([0.5, 0.9, 0.7]), boxes((0, 0, 10, 10)), 0.5).tolist() == [False, True, False]
-    assert match_boxes(found, np.array([0.5, 0.9, 0.7]), boxes((0, 0, 10, 10)), 0.95).tolist() == [True, False, False]
+    assert match_boxes(found, np.array([0.5, 0.9, 0.7]), boxes((0, 0, 10, 10)), 0.5).tolist() == [
+        False,
+        True,
+        False,
+    ]
+    assert match_boxes(found, np.array([0.5, 0.9, 0.7]), boxes((0, 0, 10, 10)), 0.95).tolist() == [
+        True,
+        False,
+        False,
+    ]
     assert match_boxes(found, np.ones(3), boxes(), 0.5).tolist() == [False] * 3
 
 
@@ -51,14 +59,20 @@ def test_recall_and_score_at_a_precision_are_those_counted_by_hand() -> None:
 
 def test_nothing_found_is_recall_zero_and_no_score() -> None:
     result = curve([(boxes(), np.empty(0), boxes((0, 0, 1, 1)))])
-    assert (result.recall_at(0.5), result.score_for(0.5), result.average_precision) == (0.0, None, 0.0)
+    assert (result.recall_at(0.5), result.score_for(0.5), result.average_precision) == (
+        0.0,
+        None,
+        0.0,
+    )
 
 
 def drawn_pictures(seed: int) -> list[JudgedPicture]:
     rng, pictures = np.random.default_rng(seed), []
     for number in range(60):
         count = int(rng.integers(0, 12))
-        labelled = np.column_stack([rng.uniform(0, 500, (count, 2)), rng.uniform(20, 120, (count, 2))])
+        labelled = np.column_stack(
+            [rng.uniform(0, 500, (count, 2)), rng.uniform(20, 120, (count, 2))]
+        )
         kept = labelled[rng.random(count) < 0.8]
         near, extra = kept + rng.normal(0, 6, kept.shape), int(rng.integers(0, 6))
         wrong = np.column_stack([rng.uniform(0, 500, (extra, 2)), rng.uniform(20, 120, (extra, 2))])
@@ -72,7 +86,9 @@ def drawn_pictures(seed: int) -> list[JudgedPicture]:
     ("seed", "ap", "ap50", "ap75"),
     [(0, 0.12917275, 0.33848277, 0.0536711), (3, 0.15871059, 0.42289406, 0.08260612)],
 )
-def test_average_precisions_are_those_of_pycocotools(seed: int, ap: float, ap50: float, ap75: float) -> None:
+def test_average_precisions_are_those_of_pycocotools(
+    seed: int, ap: float, ap50: float, ap75: float
+) -> None:
     # Expected: COCOeval.stats[:3] of pycocotools 2.0 for the same boxes.
     figures = box_figures(drawn_pictures(seed))
     assert (figures.ap, figures.ap50, figures.ap75) == pytest.approx((ap, ap50, ap75), abs=1e-7)
@@ -105,9 +121,14 @@ def test_figures_of_no_detection_are_zero() -> None:
 
 def test_recall_and_precision_count_finds_from_the_score_on() -> None:
     found = boxes((0, 0, 10, 10), (50, 50, 10, 10), (20, 0, 10, 10))
-    picture = judge(found, np.array([0.9, 0.8, 0.3]), boxes((0, 0, 10, 10), (20, 0, 10, 10), (80, 0, 10, 10)))
+    picture = judge(
+        found, np.array([0.9, 0.8, 0.3]), boxes((0, 0, 10, 10), (20, 0, 10, 10), (80, 0, 10, 10))
+    )
     assert recall_and_precision([picture], 0.5) == (pytest.approx(1 / 3), 0.5)
-    assert recall_and_precision([picture, picture], 0.2) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
+    assert recall_and_precision([picture, picture], 0.2) == (
+        pytest.approx(2 / 3),
+        pytest.approx(2 / 3),
+    )
     nothing = judge(boxes(), np.empty(0), boxes())
     assert np.isnan(recall_and_precision([nothing], 0.5)).all()
 
@@ -121,7 +142,9 @@ def test_a_range_of_sizes_ignores_other_labels_and_finds_of_other_sizes() -> Non
     assert picture.scores.tolist() == [0.9, 0.7]
     assert picture.right[0].tolist() == [True, False]
     assert judge_size(found, scores, boxes(small, large), 32, np.inf).scores.tolist() == [0.8, 0.6]
-    assert judge_size(boxes(), np.empty(0), boxes(large), 12, 50).labelled == 0, "the upper limit is left out"
+    assert judge_size(boxes(), np.empty(0), boxes(large), 12, 50).labelled == 0, (
+        "the upper limit is left out"
+    )
 
 
 def test_intervals_are_of_groups_and_wide_where_these_differ() -> None:

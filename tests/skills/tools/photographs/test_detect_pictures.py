@@ -42,7 +42,9 @@ def run(*arguments: object) -> int:
 
 def found(x: float, score: float) -> FoundFruit:
     box = np.array([x, 20.0, 30.0, 32.0])
-    return FoundFruit(np.zeros(3), np.array([0.0, -1.0, 0.0]), box[:2] + 15.0, 30.0, np.ones(3), score, 0.9, box)
+    return FoundFruit(
+        np.zeros(3), np.array([0.0, -1.0, 0.0]), box[:2] + 15.0, 30.0, np.ones(3), score, 0.9, box
+    )
 
 
 @pytest.fixture
@@ -53,7 +55,9 @@ def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("a.png", "b.jpg"):
         cv2.imwrite(str(folder / name), np.full((120, 160, 3), 90, np.uint8))
     monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, *_: None))
-    monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [found(10.0, 0.93), found(80.0, 0.31)])
+    monkeypatch.setattr(
+        detect_pictures, "find_fruit", lambda *_: [found(10.0, 0.93), found(80.0, 0.31)]
+    )
     return folder
 
 
@@ -80,13 +84,20 @@ def test_a_folder_of_pictures_becomes_a_table_and_pictures_with_boxes(
     assert [(Path(row["picture"]).name, row["fruit"], row["score"]) for row in rows] == [
         ("a.png", "1", "0.930"), ("b.jpg", "1", "0.930"),
     ]  # fmt: skip
-    assert [float(rows[0][key]) for key in ("left_px", "top_px", "width_px", "height_px")] == [10.0, 20.0, 30.0, 32.0]
+    assert [float(rows[0][key]) for key in ("left_px", "top_px", "width_px", "height_px")] == [
+        10.0,
+        20.0,
+        30.0,
+        32.0,
+    ]
     drawn = cv2.imread(str(out / "0001_a.jpg"))
     assert abs(drawn.astype(int) - 90).max() > 60
     assert "2 fruit in 2 pictures" in capsys.readouterr().out
 
 
-def test_depth_images_and_hidden_files_of_a_mac_are_no_pictures(pictures: Path, tmp_path: Path) -> None:
+def test_depth_images_and_hidden_files_of_a_mac_are_no_pictures(
+    pictures: Path, tmp_path: Path
+) -> None:
     cv2.imwrite(str(pictures / "a_depth_mm.png"), np.full((120, 160), 900, np.uint16))
     (pictures / "._a.png").write_bytes(b"Mac OS X")
     assert run(pictures, "--out", tmp_path / "out") == 0
@@ -95,7 +106,10 @@ def test_depth_images_and_hidden_files_of_a_mac_are_no_pictures(pictures: Path, 
 
 
 def test_ctrl_c_that_a_library_swallowed_ends_it_after_that_picture_and_keeps_its_rows(
-    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    pictures: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """As a compiled loop does that calls back while it is loaded: without this a thousand pictures went on."""
 
@@ -118,7 +132,9 @@ def test_other_weights_are_a_file_or_the_name_of_shipped_ones(
     pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded: list[Path] = []
-    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path)))
+    monkeypatch.setattr(
+        CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path))
+    )
     own = tmp_path / "own.weights"
     own.touch()
     for number, name in enumerate((own, "apple.weights")):
@@ -130,14 +146,18 @@ def test_weights_for_photographs_are_taken_where_the_fruit_has_them(
     pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded: list[str] = []
-    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path.name)))
+    monkeypatch.setattr(
+        CompactDetector, "load", classmethod(lambda cls, path, *_: loaded.append(path.name))
+    )
     for fruit in ("apple", "lemon"):
         assert run(pictures, "--fruit", fruit, "--out", tmp_path / fruit) == 0
     assert loaded == ["apple_photographs.weights", "lemon.weights"]
     assert (load_fruit("apple").weights or Path()).name == "apple.weights"  # a run keeps these
 
 
-def test_a_detector_of_boxes_takes_the_place_of_weights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_detector_of_boxes_takes_the_place_of_weights(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     picture = np.full((480, 640, 3), 40, np.uint8)
     picture[120:200, 400:520] = (20, 20, 250)
     cv2.imwrite(str(tmp_path / "red.png"), picture)
@@ -147,13 +167,26 @@ def test_a_detector_of_boxes_takes_the_place_of_weights(tmp_path: Path, capsys: 
     box = [float(row[key]) for key in ("left_px", "top_px", "width_px", "height_px")]
     assert np.allclose(box, (400, 120, 120, 80), atol=4.0)
     assert row["visible"] == ""
-    assert run(tmp_path / "red.png", "--boxes", model, "--weights", "apple.weights", "--out", tmp_path / "two") == 2
+    assert (
+        run(
+            tmp_path / "red.png",
+            "--boxes",
+            model,
+            "--weights",
+            "apple.weights",
+            "--out",
+            tmp_path / "two",
+        )
+        == 2
+    )
     assert "--boxes and --weights: name one of them" in capsys.readouterr().err
     assert not (tmp_path / "two").exists()
 
 
 def test_the_shipped_weights_for_photographs_find_an_apple_and_none_where_there_is_none() -> None:
-    detector = CompactDetector.load(SHIPPED_WEIGHTS / "apple_photographs.weights", DetectorOptions(working_width=320))
+    detector = CompactDetector.load(
+        SHIPPED_WEIGHTS / "apple_photographs.weights", DetectorOptions(working_width=320)
+    )
     table = render_scene(load_fruit("apple"), SceneOptions(kinds=(1, 0, 0, 0)), 31_000_000).colour
     assert any(fruit.score >= 0.5 for fruit in find_fruit(detector, table))
     assert not any(fruit.score >= 0.5 for fruit in find_fruit(detector, np.full_like(table, 90)))
@@ -169,10 +202,17 @@ def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
 ) -> None:
     (pictures / "broken.png").write_bytes(b"not a picture")
     (pictures / "empty.png").touch()
-    cut = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8))[1].tobytes()
+    cut = cv2.imencode(
+        ".jpg", np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8)
+    )[1].tobytes()
     (pictures / "cut.jpg").write_bytes(cut[: len(cut) // 2])
-    parts = ((b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(bytes(1000))))
-    huge = b"".join(struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
+    parts = (
+        (b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)),
+        (b"IDAT", zlib.compress(bytes(1000))),
+    )
+    huge = b"".join(
+        struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts
+    )
     (pictures / "huge.png").write_bytes(b"\x89PNG\r\n\x1a\n" + huge)
     assert run(pictures, "--out", tmp_path / "out") == 2
     said = capsys.readouterr()
@@ -197,7 +237,9 @@ def test_a_thumbnail_and_a_format_that_is_not_read_are_named_and_the_others_are_
 
 
 @pytest.mark.skipif(os.name != "posix", reason="names of other systems are no bytes")
-@pytest.mark.parametrize(("name", "shown"), [(b"\xc4pfel", r"\xc4pfel"), (b"two\nlines", r"two\nlines")])
+@pytest.mark.parametrize(
+    ("name", "shown"), [(b"\xc4pfel", r"\xc4pfel"), (b"two\nlines", r"two\nlines")]
+)
 def test_a_picture_whose_name_is_not_utf8_or_has_a_new_line_is_searched(
     pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: bytes, shown: str
 ) -> None:
@@ -214,7 +256,10 @@ def test_a_picture_whose_name_is_not_utf8_or_has_a_new_line_is_searched(
     [
         (("--width", "20"), "--width must lie in"),
         (("--fruit", "plum"), "plum"),
-        (("--weights", "none.weights"), "none.weights: is neither a file nor the name of shipped weights"),
+        (
+            ("--weights", "none.weights"),
+            "none.weights: is neither a file nor the name of shipped weights",
+        ),
         (("missing.jpg",), "missing.jpg: there is no such file"),
         (("--out", "."), "is there already"),
     ],
@@ -266,10 +311,15 @@ def test_the_detector_is_asked_with_a_camera_as_wide_as_the_picture() -> None:
 
 
 def test_several_widths_are_searched_unless_one_is_given(
-    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    pictures: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     asked: list[tuple[int | None, int]] = []
-    take = classmethod(lambda cls, _path, options: asked.append((options.working_width, options.looks)))
+    take = classmethod(
+        lambda cls, _path, options: asked.append((options.working_width, options.looks))
+    )
     monkeypatch.setattr(CompactDetector, "load", take)
     assert run(pictures, "--out", tmp_path / "several") == 0
     assert "160 × 120 px: searched at 64, 96, 128, 160 px" in capsys.readouterr().out
@@ -302,10 +352,20 @@ def test_the_contact_sheet_shows_ten_pictures_of_all(
 
 
 def test_sizes_at_the_edge_of_the_range_are_reported(
-    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    pictures: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     small = FoundFruit(
-        np.zeros(3), np.array([0.0, -1.0, 0.0]), np.zeros(2), 20.0, np.ones(3), 0.9, 0.9, np.array([5.0, 5, 26, 25])
+        np.zeros(3),
+        np.array([0.0, -1.0, 0.0]),
+        np.zeros(2),
+        20.0,
+        np.ones(3),
+        0.9,
+        0.9,
+        np.array([5.0, 5, 26, 25]),
     )
     monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [small])
     assert run(pictures, "--out", tmp_path / "small") == 0
@@ -349,12 +409,20 @@ def test_own_labels_give_recall_precision_and_average_precision_by_size(
 
 
 def test_a_picture_without_labels_is_named_and_left_out_of_the_figures(
-    labelled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    labelled: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [])
     cv2.imwrite(str(labelled / "images" / "other.png"), np.full((60, 80, 3), 90, np.uint8))
     cv2.imwrite(str(tmp_path / "a_0.jpg"), np.full((60, 80, 3), 90, np.uint8))
-    assert run(labelled / "images", tmp_path / "a_0.jpg", "--eval", labelled, "--out", tmp_path / "out") == 0
+    assert (
+        run(
+            labelled / "images", tmp_path / "a_0.jpg", "--eval", labelled, "--out", tmp_path / "out"
+        )
+        == 0
+    )
     said = capsys.readouterr()
     assert "other.png has no labels, and is left out of the figures" in said.err
     assert "a_0.jpg is 80 × 60, but" in said.err
@@ -394,18 +462,27 @@ def test_boxes_are_written_as_yolos_labels_and_read_back(
 
 
 def test_own_labels_give_the_score_for_a_precision(
-    labelled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    labelled: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     order = iter(sorted(TRUTH))
 
     def find(*_: object) -> list[FoundFruit]:
         boxes = [*boxes_of(TRUTH[next(order)]), (200.0, 10.0, 30.0, 30.0)]
         plain = (np.zeros(3), np.array([0.0, -1.0, 0.0]), np.zeros(2), 30.0, np.ones(3))
-        return [FoundFruit(*plain, 0.4 if x == 200.0 else 0.8, 1.0, np.array((x, *box))) for x, *box in boxes]
+        return [
+            FoundFruit(*plain, 0.4 if x == 200.0 else 0.8, 1.0, np.array((x, *box)))
+            for x, *box in boxes
+        ]
 
     monkeypatch.setattr(detect_pictures, "find_fruit", find)
     assert run(labelled / "images", "--eval", labelled, "--out", tmp_path / "out") == 0
-    assert "On these labels, --score 0.80 gives precision 1.00 and recall 1.00." in capsys.readouterr().out
+    assert (
+        "On these labels, --score 0.80 gives precision 1.00 and recall 1.00."
+        in capsys.readouterr().out
+    )
 
 
 def test_pictures_of_one_group_have_no_interval(
@@ -423,7 +500,9 @@ def test_many_sizes_of_pictures_are_announced_in_a_few_lines(
     pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for number in range(12):
-        cv2.imwrite(str(pictures / f"c{number:02d}.png"), np.full((60 + number, 80, 3), 90, np.uint8))
+        cv2.imwrite(
+            str(pictures / f"c{number:02d}.png"), np.full((60 + number, 80, 3), 90, np.uint8)
+        )
     assert run(pictures, "--out", tmp_path / "out") == 0
     said = capsys.readouterr().out
     assert said.count("searched at") == 5
@@ -444,12 +523,20 @@ def test_sizes_are_reported_for_a_detector_of_boxes_without_a_range(
 
 
 def test_a_kind_that_the_photo_weights_tell_apart_needs_no_fruit_file(
-    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    pictures: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     asked: list[DetectorOptions] = []
-    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, _, options: asked.append(options)))
+    monkeypatch.setattr(
+        CompactDetector, "load", classmethod(lambda cls, _, options: asked.append(options))
+    )
     assert run(pictures, "--fruit", "tomato", "--out", tmp_path / "tomato") == 0
-    assert "scores are those of tomato, not of apple, orange, lemon, pear, peach\n" in capsys.readouterr().out
+    assert (
+        "scores are those of tomato, not of apple, orange, lemon, pear, peach\n"
+        in capsys.readouterr().out
+    )
     assert run(pictures, "--out", tmp_path / "apple") == 0
     assert "; from 0.5 on, 0.90 of the finds were apple" in capsys.readouterr().out
     assert [options.kind for options in asked] == ["tomato", "apple"]

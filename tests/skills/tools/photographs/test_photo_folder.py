@@ -12,16 +12,28 @@ from PIL import Image
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.tools.photographs import photographs
 from pomona.tools.photographs.photo_folder import read_labels, read_photographs
-from tests.skills.tools.photographs.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
+from tests.skills.tools.photographs.photo_folders import (
+    SIDE,
+    TRUTH,
+    boxes_of,
+    coco,
+    draw,
+    tables,
+    yolo,
+)
 
 
 @pytest.mark.parametrize("layout", [tables, yolo, coco])
-def test_every_layout_gives_the_same_photographs_and_boxes(layout: Callable[[Path], Path], tmp_path: Path) -> None:
+def test_every_layout_gives_the_same_photographs_and_boxes(
+    layout: Callable[[Path], Path], tmp_path: Path
+) -> None:
     photographs = read_photographs(layout(tmp_path))
     assert [photo.name for photo in photographs.train] == ["a_0.jpg", "a_1.jpg"]
     assert [photo.name for photo in photographs.val] == ["b_0.jpg", "b_1.jpg"]
     for photo in (*photographs.train, *photographs.val):
-        assert np.allclose(photo.boxes, np.array(boxes_of(TRUTH[photo.name])).reshape(-1, 4), atol=1e-6)
+        assert np.allclose(
+            photo.boxes, np.array(boxes_of(TRUTH[photo.name])).reshape(-1, 4), atol=1e-6
+        )
         assert (photo.width, photo.height, photo.picture().shape) == (SIDE, SIDE, (SIDE, SIDE, 3))
 
 
@@ -34,7 +46,9 @@ def test_photographs_of_different_sizes_are_read_side_by_side(tmp_path: Path) ->
 def test_outlines_in_yolo_files_become_their_boxes(tmp_path: Path) -> None:
     folder = yolo(tmp_path)
     (folder / "train" / "labels" / "a_0.txt").write_text("1 0.1 0.2 0.4 0.2 0.4 0.6 0.1 0.5\n")
-    assert np.allclose(read_photographs(folder).train[0].boxes, SIDE * np.array([[0.1, 0.2, 0.3, 0.4]]))
+    assert np.allclose(
+        read_photographs(folder).train[0].boxes, SIDE * np.array([[0.1, 0.2, 0.3, 0.4]])
+    )
 
 
 def one_square(folder: Path, texts: Path, count: int = 8) -> None:
@@ -48,7 +62,9 @@ def one_square(folder: Path, texts: Path, count: int = 8) -> None:
 def test_label_studios_export_is_read_in_spite_of_its_notes(tmp_path: Path) -> None:
     one_square(tmp_path / "images", tmp_path / "labels")
     (tmp_path / "classes.txt").write_text("leaf\napple\n")
-    (tmp_path / "notes.json").write_text('{"categories": [{"id": 1, "name": "apple"}], "info": {"version": "1.0"}}')
+    (tmp_path / "notes.json").write_text(
+        '{"categories": [{"id": 1, "name": "apple"}], "info": {"version": "1.0"}}'
+    )
     photographs = read_photographs(tmp_path)
     assert (len(photographs.train), len(photographs.val)) == (7, 1)
     assert np.allclose(photographs.train[0].boxes, [[90.0, 90.0, 60.0, 60.0]])
@@ -66,13 +82,19 @@ def test_roboflows_splits_are_folders_with_a_coco_file_each(tmp_path: Path) -> N
     for split, count in (("train", 4), ("valid", 2), ("test", 1)):
         for k in range(count):
             draw(tmp_path / split / f"p{k}.jpg", [(120.0, 120.0, 30.0)])
-        images = [{"id": k, "file_name": f"p{k}.jpg", "width": SIDE, "height": SIDE} for k in range(count)]
-        boxes = [{"image_id": k, "category_id": "1", "bbox": [90, 90, 60, 60]} for k in range(count)]
+        images = [
+            {"id": k, "file_name": f"p{k}.jpg", "width": SIDE, "height": SIDE} for k in range(count)
+        ]
+        boxes = [
+            {"image_id": k, "category_id": "1", "bbox": [90, 90, 60, 60]} for k in range(count)
+        ]
         names = [{"id": 0, "name": "apples", "supercategory": "none"}, {"id": 1, "name": "apple"}]
         content = {"images": images, "annotations": boxes, "categories": names}
         (tmp_path / split / "_annotations.coco.json").write_text(json.dumps(content))
     photographs = read_photographs(tmp_path)
-    assert [(len(s), {p.path.parent.name for p in s}) for s in (photographs.train, photographs.val)] == [
+    assert [
+        (len(s), {p.path.parent.name for p in s}) for s in (photographs.train, photographs.val)
+    ] == [
         (4, {"train"}),
         (2, {"valid"}),
     ]
@@ -99,7 +121,9 @@ def test_without_a_split_the_last_by_name_are_measured_on(tmp_path: Path) -> Non
     assert [photo.name for photo in photographs.val] == ["14.png", "15.png"]
 
 
-def turned(folder: Path, orientation: int, box: tuple[int, int, int, int], size: tuple[int, int]) -> Path:
+def turned(
+    folder: Path, orientation: int, box: tuple[int, int, int, int], size: tuple[int, int]
+) -> Path:
     """Photographs as a phone stores them: a disc at (80, 60) of the stored pixels, and labels of a tool."""
     stored = np.full((240, 320, 3), 40, np.uint8)
     cv2.circle(stored, (80, 60), 20, (220, 40, 40), -1)
@@ -132,7 +156,10 @@ def test_labels_and_pixels_of_a_turned_photograph_are_both_upright(
 
 
 def test_labels_of_stored_pixels_are_refused_with_the_reason(tmp_path: Path) -> None:
-    with pytest.raises(BadPhotographs, match=r"is 240 × 320, .* says 320 × 240: labels hold for pictures as they are"):
+    with pytest.raises(
+        BadPhotographs,
+        match=r"is 240 × 320, .* says 320 × 240: labels hold for pictures as they are",
+    ):
         read_photographs(turned(tmp_path, 6, (60, 40, 40, 40), (320, 240)))
 
 
@@ -211,7 +238,9 @@ def _lines(folder: Path, *lines: str) -> Path:
 def test_keypoints_that_nothing_states_are_refused(tmp_path: Path, points: str) -> None:
     (tmp_path / "labels").mkdir()
     folder = _lines(tmp_path, *[f"0 0.5 0.5 0.25 0.25 {points}\n0 0.3 0.3 0.2 0.2\n"] * 3)
-    with pytest.raises(BadPhotographs, match="numbers after each class: outlines, or boxes with keypoints"):
+    with pytest.raises(
+        BadPhotographs, match="numbers after each class: outlines, or boxes with keypoints"
+    ):
         read_photographs(folder)
 
 
@@ -221,14 +250,19 @@ def test_outlines_that_could_be_keypoints_are_read_once_that_is_stated(tmp_path:
     with pytest.raises(BadPhotographs, match=r"data\.yaml `kpt_shape: .*, \[0, 0\] for outlines"):
         read_photographs(folder)
     (folder / "data.yaml").write_text("names: [apple]\nkpt_shape: [0, 0]\n")
-    assert np.allclose(read_photographs(folder).train[0].boxes, SIDE * np.array([[0.4, 0.4, 0.2, 0.2]]))
+    assert np.allclose(
+        read_photographs(folder).train[0].boxes, SIDE * np.array([[0.4, 0.4, 0.2, 0.2]])
+    )
 
 
-def test_one_outline_that_is_no_box_with_keypoints_makes_all_of_them_outlines(tmp_path: Path) -> None:
+def test_one_outline_that_is_no_box_with_keypoints_makes_all_of_them_outlines(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "labels").mkdir()
     lines = "0 0.4 0.4 0.6 0.4 0.6 0.6 0.4 0.6\n", "0 0.1 0.1 0.2 0.4 0.3 0.4 0.3 0.1\n"
     assert np.allclose(
-        read_photographs(_lines(tmp_path, *lines)).train[0].boxes, SIDE * np.array([[0.4, 0.4, 0.2, 0.2]])
+        read_photographs(_lines(tmp_path, *lines)).train[0].boxes,
+        SIDE * np.array([[0.4, 0.4, 0.2, 0.2]]),
     )
 
 
@@ -253,29 +287,69 @@ MISTAKES = [
         lambda folder: _keypoints(folder, "[3, 2]"),
         r"line 1: expected class, x, y, w, h and 6 numbers of",
     ),
-    (yolo, lambda folder: _keypoints(folder, "17"), r"data\.yaml: kpt_shape is not \[keypoints, numbers of each\]"),
-    (yolo, _append("train/labels/a_0.txt", "1 0.5 0.5 inf inf\n"), r"a_0\.txt: line 4: a box without width or height"),
+    (
+        yolo,
+        lambda folder: _keypoints(folder, "17"),
+        r"data\.yaml: kpt_shape is not \[keypoints, numbers of each\]",
+    ),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "1 0.5 0.5 inf inf\n"),
+        r"a_0\.txt: line 4: a box without width or height",
+    ),
     (tables, _remove("fruit.csv"), r"fruit\.csv: no such file"),
     (tables, _remove("images.csv"), r"images\.csv: no such file"),
-    (tables, _remove("images/a_1.jpg"), r"a_1\.jpg: is labelled in .*fruit\.csv, but there is no such picture"),
-    (tables, _append("fruit.csv", "c.jpg,1,1,9,9\n"), r"fruit\.csv: line 7: c\.jpg is not in images\.csv"),
+    (
+        tables,
+        _remove("images/a_1.jpg"),
+        r"a_1\.jpg: is labelled in .*fruit\.csv, but there is no such picture",
+    ),
+    (
+        tables,
+        _append("fruit.csv", "c.jpg,1,1,9,9\n"),
+        r"fruit\.csv: line 7: c\.jpg is not in images\.csv",
+    ),
     (
         tables,
         _append("fruit.csv", "a_0.jpg,200,200,99,20\n"),
         r"line 7: the box at 200, 200 of 99 × 20 px does not lie in",
     ),
-    (tables, _append("fruit.csv", "a_0.jpg,20,20,0,20\n"), r"line 7: a box without width or height"),
-    (tables, _append("fruit.csv", "a_0.jpg,nan,20,10,20\n"), r"line 7: a box without width or height"),
-    (tables, _append("fruit.csv", "a_0.jpg,20,20,ten,20\n"), r"line 7: x, y, w and h must be numbers"),
+    (
+        tables,
+        _append("fruit.csv", "a_0.jpg,20,20,0,20\n"),
+        r"line 7: a box without width or height",
+    ),
+    (
+        tables,
+        _append("fruit.csv", "a_0.jpg,nan,20,10,20\n"),
+        r"line 7: a box without width or height",
+    ),
+    (
+        tables,
+        _append("fruit.csv", "a_0.jpg,20,20,ten,20\n"),
+        r"line 7: x, y, w and h must be numbers",
+    ),
     (tables, _append("fruit.csv", "a_0.jpg,20\n"), r"line 7: too few columns"),
     (tables, _append("images.csv", "a_0.jpg,a,train\n"), r"line 6: a_0\.jpg is listed twice"),
     (tables, _write("images.csv", "image,tree\n"), r"images\.csv: has no column split"),
-    (tables, _write("images.csv", "image,split\na_0.jpg,half\n"), r"fruit\.csv: line 4: a_1\.jpg is not in images"),
+    (
+        tables,
+        _write("images.csv", "image,split\na_0.jpg,half\n"),
+        r"fruit\.csv: line 4: a_1\.jpg is not in images",
+    ),
     (tables, _append("images.csv", "b_2.jpg,a,val\n"), r"b_2\.jpg: is labelled in"),
     (tables, _write("images/a_0.jpg", ""), r"a_0\.jpg: cannot be read as a picture"),
     (tables, _write("images/a_0.jpg", "no picture"), r"a_0\.jpg: cannot be read as a picture"),
-    (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: its end is missing"),
-    (tables, _animate, r"a_0\.jpg: holds 2 pictures: store each that is wanted in a file of its own"),
+    (
+        tables,
+        _cut("images/a_0.jpg", -2),
+        r"a_0\.jpg: cannot be read as a picture: its end is missing",
+    ),
+    (
+        tables,
+        _animate,
+        r"a_0\.jpg: holds 2 pictures: store each that is wanted in a file of its own",
+    ),
     (tables, _write("fruit.csv", "image,x,y,w,h\n"), r"no photograph of its train split has a box"),
     (
         yolo,
@@ -284,15 +358,31 @@ MISTAKES = [
     ),
     (yolo, _write("data.yaml", "names: [red apple, green apple]\n"), r"2 of them could be apple"),
     (yolo, _write("data.yaml", "nc: 2\n"), r"data\.yaml: does not name the classes"),
-    (yolo, _write("data.yaml", "names: [leaf, apple]\nnc: 1\n"), r"data\.yaml: names 2 classes, and nc is 1"),
-    (yolo, lambda folder: _renumber(folder, 7), r"its labels have class 7, and no data\.yaml or classes\.txt gives"),
-    (yolo, _remove("data.yaml"), r"its labels have 2 classes, and no data\.yaml or classes\.txt names the one"),
+    (
+        yolo,
+        _write("data.yaml", "names: [leaf, apple]\nnc: 1\n"),
+        r"data\.yaml: names 2 classes, and nc is 1",
+    ),
+    (
+        yolo,
+        lambda folder: _renumber(folder, 7),
+        r"its labels have class 7, and no data\.yaml or classes\.txt gives",
+    ),
+    (
+        yolo,
+        _remove("data.yaml"),
+        r"its labels have 2 classes, and no data\.yaml or classes\.txt names the one",
+    ),
     (
         yolo,
         _remove("train/labels/a_0.txt"),
         r"images: has 1 without a file in labels/: a_0 \(an empty file: no fruit\)",
     ),
-    (yolo, _remove("train/images/a_0.jpg"), r"labels: has 1 without a picture in images/: a_0\.txt"),
+    (
+        yolo,
+        _remove("train/images/a_0.jpg"),
+        r"labels: has 1 without a picture in images/: a_0\.txt",
+    ),
     (
         yolo,
         _append("train/labels/a_0.txt", "1 0.9 0.5 0.5 0.1\n"),
@@ -303,46 +393,116 @@ MISTAKES = [
         _append("train/labels/a_0.txt", "1 0.9 0.5\n"),
         r"a_0\.txt: line 4: expected class, x, y, w, h, not 3 numbers",
     ),
-    (yolo, _append("train/labels/a_0.txt", "apple 1 1 1 1\n"), r"a_0\.txt: line 4: expected numbers"),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "apple 1 1 1 1\n"),
+        r"a_0\.txt: line 4: expected numbers",
+    ),
     (yolo, _append("train/labels/a_0.txt", "\n\n1 0.9 0.5\n"), r"a_0\.txt: line 6: expected class"),
-    (yolo, _append("train/labels/a_0.txt", "nan 0.5 0.5 0.1 0.1\n"), r"line 4: the class nan is no whole number"),
-    (yolo, _append("train/labels/a_0.txt", "0.7 0.5 0.5 0.1 0.1\n"), r"line 4: the class 0\.7 is no whole number"),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "nan 0.5 0.5 0.1 0.1\n"),
+        r"line 4: the class nan is no whole number",
+    ),
+    (
+        yolo,
+        _append("train/labels/a_0.txt", "0.7 0.5 0.5 0.1 0.1\n"),
+        r"line 4: the class 0\.7 is no whole number",
+    ),
     (
         yolo,
         _append("train/labels/a_0.txt", "9 0.5 0.5 0.1 0.1\n"),
         r"a_0\.txt: line 4: the class 9 has no name in .*data\.yaml",
     ),
-    (yolo, _write("classes.txt", "apple\nleaf\n"), r"classes\.txt: names other classes than .*data\.yaml"),
-    (yolo, _write("data.yaml", "names: [apple\n"), r"data\.yaml: cannot be read: no YAML, at line 2"),
-    (yolo, _encode("data.yaml", "utf-16"), r"data\.yaml: cannot be read: it is UTF-16; save it as UTF-8"),
-    (yolo, _encode("train/labels/a_0.txt", "utf-16"), r"a_0\.txt: is no text: it is UTF-16; save it as UTF-8"),
-    (tables, _append("fruit.csv", "a_0.jpg,0.2,0.2,0.1,0.1\n"), r"line 7: the box is in parts of the picture"),
-    (coco, _write("annotations/instances_val.json", "{"), r"instances_val\.json: is no JSON: Expecting"),
-    (coco, _write("annotations/instances_val.json", '{"images": []}'), r"has no list of categories, expected COCO's"),
+    (
+        yolo,
+        _write("classes.txt", "apple\nleaf\n"),
+        r"classes\.txt: names other classes than .*data\.yaml",
+    ),
+    (
+        yolo,
+        _write("data.yaml", "names: [apple\n"),
+        r"data\.yaml: cannot be read: no YAML, at line 2",
+    ),
+    (
+        yolo,
+        _encode("data.yaml", "utf-16"),
+        r"data\.yaml: cannot be read: it is UTF-16; save it as UTF-8",
+    ),
+    (
+        yolo,
+        _encode("train/labels/a_0.txt", "utf-16"),
+        r"a_0\.txt: is no text: it is UTF-16; save it as UTF-8",
+    ),
+    (
+        tables,
+        _append("fruit.csv", "a_0.jpg,0.2,0.2,0.1,0.1\n"),
+        r"line 7: the box is in parts of the picture",
+    ),
+    (
+        coco,
+        _write("annotations/instances_val.json", "{"),
+        r"instances_val\.json: is no JSON: Expecting",
+    ),
+    (
+        coco,
+        _write("annotations/instances_val.json", '{"images": []}'),
+        r"has no list of categories, expected COCO's",
+    ),
     (coco, _twice, r"copy\.json: labels a_0\.jpg, as .*instances_train\.json does"),
-    (coco, _change("annotations", bbox=[0.1, 0.1, 0.2, 0.2]), r"annotation 0: the box is in parts of the picture"),
-    (coco, _change("annotations", bbox=[1, 2, 3]), r"annotation 0: has no bbox of four numbers: x, y, w, h"),
+    (
+        coco,
+        _change("annotations", bbox=[0.1, 0.1, 0.2, 0.2]),
+        r"annotation 0: the box is in parts of the picture",
+    ),
+    (
+        coco,
+        _change("annotations", bbox=[1, 2, 3]),
+        r"annotation 0: has no bbox of four numbers: x, y, w, h",
+    ),
     (coco, _change("annotations", bbox=None), r"annotation 0: has no bbox of four numbers"),
-    (coco, _change("annotations", category_id=99), r"annotation 0: its category 99 is not in categories"),
+    (
+        coco,
+        _change("annotations", category_id=99),
+        r"annotation 0: its category 99 is not in categories",
+    ),
     (coco, _change("annotations", image_id=99), r"annotation 0: its picture 99 is not in images"),
     (coco, _change("annotations", image_id=None), r"annotation 0: has no image_id"),
     (coco, _change("images", 1, id=0), r"image 1: another picture has the id 0"),
     (coco, _change("images", width="wide"), r"image 0: its width is no whole number"),
     (coco, _change("categories", name=None), r"category 0: has no name"),
     (coco, _change("categories", 1, id=3), r"category 1: another category has the id 3"),
-    (coco, _change("annotations", image_id=0.0), r"annotation 0: its image_id is no text and no whole number"),
-    (yolo, _write("data.yaml", "names: apple\n"), r"data\.yaml: does not name the classes: names: \[apple\]"),
+    (
+        coco,
+        _change("annotations", image_id=0.0),
+        r"annotation 0: its image_id is no text and no whole number",
+    ),
+    (
+        yolo,
+        _write("data.yaml", "names: apple\n"),
+        r"data\.yaml: does not name the classes: names: \[apple\]",
+    ),
     (
         yolo,
         _append("train/labels/a_0.txt", "1 1e308 0.5 0.1 0.1\n"),
         r"a_0\.txt: line 4: a box without width or height",
     ),
-    (coco, _remove("images/b_0.jpg"), r"b_0\.jpg: is labelled in .*instances_val\.json, but there is no such picture"),
-    (coco, lambda folder: draw(folder / "images" / "b_0.jpg", [], 300), r"b_0\.jpg: is 300 × 300, .*says 240 × 240"),
+    (
+        coco,
+        _remove("images/b_0.jpg"),
+        r"b_0\.jpg: is labelled in .*instances_val\.json, but there is no such picture",
+    ),
+    (
+        coco,
+        lambda folder: draw(folder / "images" / "b_0.jpg", [], 300),
+        r"b_0\.jpg: is 300 × 300, .*says 240 × 240",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("layout", "mistake", "says"), MISTAKES, ids=[says for _, _, says in MISTAKES])
+@pytest.mark.parametrize(
+    ("layout", "mistake", "says"), MISTAKES, ids=[says for _, _, says in MISTAKES]
+)
 def test_a_mistake_is_named_in_one_line(
     layout: Callable[[Path], Path], mistake: Callable[[Path], object], says: str, tmp_path: Path
 ) -> None:
@@ -355,12 +515,16 @@ def test_a_mistake_is_named_in_one_line(
 
 def test_one_place_is_never_both_learnt_from_and_measured_on(tmp_path: Path) -> None:
     folder = tables(tmp_path)
-    (folder / "images.csv").write_text((folder / "images.csv").read_text().replace("b_0.jpg,b,val", "b_0.jpg,a,val"))
+    (folder / "images.csv").write_text(
+        (folder / "images.csv").read_text().replace("b_0.jpg,b,val", "b_0.jpg,a,val")
+    )
     with pytest.raises(BadPhotographs, match="a is in both train and val"):
         read_photographs(folder)
 
 
-def test_folders_that_are_none_or_hold_too_much_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folders_that_are_none_or_hold_too_much_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(BadPhotographs, match="no such folder"):
         read_photographs(tmp_path / "elsewhere")
     draw(tmp_path / "empty" / "a.jpg", [])
@@ -372,7 +536,9 @@ def test_folders_that_are_none_or_hold_too_much_are_refused(tmp_path: Path, monk
 
 
 @pytest.mark.parametrize("layout", [tables, yolo, coco])
-def test_labels_are_read_whatever_their_split(layout: Callable[[Path], Path], tmp_path: Path) -> None:
+def test_labels_are_read_whatever_their_split(
+    layout: Callable[[Path], Path], tmp_path: Path
+) -> None:
     read = {photo.name: len(photo.boxes) for photo in read_labels(layout(tmp_path / "set"))}
     assert read == {name: len(discs) for name, discs in TRUTH.items()}
 
@@ -388,10 +554,16 @@ def test_one_coco_file_is_read_alone(tmp_path: Path) -> None:
 
 CORNERS = [(20.0, 30.0, 60.0, 80.0), (70.0, 40.0, 110.0, 90.0)]
 """Two fruit of one picture of 240 px; read as sizes they are larger boxes, which lie in it, too."""
-PAIRS = {"tables": CORNERS, "coco": CORNERS, "yolo": [(100.0, 110.0, 140.0, 150.0), (60.0, 70.0, 100.0, 110.0)]}
+PAIRS = {
+    "tables": CORNERS,
+    "coco": CORNERS,
+    "yolo": [(100.0, 110.0, 140.0, 150.0), (60.0, 70.0, 100.0, 110.0)],
+}
 
 
-def labels_of(layout: str, folder: Path, boxes: list[tuple[float, float, float, float]], **more: float) -> Path:
+def labels_of(
+    layout: str, folder: Path, boxes: list[tuple[float, float, float, float]], **more: float
+) -> Path:
     """A picture with these four numbers as its boxes, as each layout writes them."""
     draw(folder / "images" / "p.jpg", [(40.0, 55.0, 20.0), (90.0, 65.0, 20.0)])
     if layout == "yolo":
@@ -405,14 +577,20 @@ def labels_of(layout: str, folder: Path, boxes: list[tuple[float, float, float, 
     else:
         image = {"id": 1, "file_name": "p.jpg", "width": SIDE, "height": SIDE}
         found = [{"image_id": 1, "category_id": 1, "bbox": box, **more} for box in boxes]
-        content = {"images": [image], "annotations": found, "categories": [{"id": 1, "name": "apple"}]}
+        content = {
+            "images": [image],
+            "annotations": found,
+            "categories": [{"id": 1, "name": "apple"}],
+        }
         (folder / "labels.json").write_text(json.dumps(content))
     return folder
 
 
 @pytest.mark.parametrize("layout", ["tables", "coco", "yolo"])
 def test_corners_in_place_of_sizes_are_refused(layout: str, tmp_path: Path) -> None:
-    with pytest.raises(BadPhotographs, match=r"corners x1, y1, x2, y2, expected .*x, y, w, h: all 2 .* up to 2"):
+    with pytest.raises(
+        BadPhotographs, match=r"corners x1, y1, x2, y2, expected .*x, y, w, h: all 2 .* up to 2"
+    ):
         read_labels(labels_of(layout, tmp_path, PAIRS[layout]))
 
 
@@ -429,7 +607,9 @@ def test_a_close_up_is_no_pair_of_corners(tmp_path: Path) -> None:
 
 def test_the_area_of_a_single_box_says_that_it_is_of_corners(tmp_path: Path) -> None:
     box = CORNERS[:1]
-    with pytest.raises(BadPhotographs, match=r"annotation 0: .* 20, 30, 60, 80 .* have 4800 px², its area is 2000"):
+    with pytest.raises(
+        BadPhotographs, match=r"annotation 0: .* 20, 30, 60, 80 .* have 4800 px², its area is 2000"
+    ):
         read_labels(labels_of("coco", tmp_path, box, area=2000.0))
 
 
@@ -439,19 +619,25 @@ def test_an_area_of_the_box_or_of_the_fruit_in_it_is_no_doubt(area: float, tmp_p
 
 
 def test_a_box_that_lies_in_the_picture_as_corners_only_is_named_so(tmp_path: Path) -> None:
-    with pytest.raises(BadPhotographs, match=r"does not lie in .*; as corners x1, y1, x2, y2 it would"):
+    with pytest.raises(
+        BadPhotographs, match=r"does not lie in .*; as corners x1, y1, x2, y2 it would"
+    ):
         read_labels(labels_of("tables", tmp_path, [(120.0, 130.0, 160.0, 180.0)]))
 
 
 def test_pixels_where_yolo_has_parts_of_the_picture_are_named_so(tmp_path: Path) -> None:
     one_square(tmp_path / "images", tmp_path / "labels", 1)
     (tmp_path / "labels" / "p0.txt").write_text("0 120 120 60 60\n")
-    with pytest.raises(BadPhotographs, match="line 1: the box is in pixels, expected parts of the picture"):
+    with pytest.raises(
+        BadPhotographs, match="line 1: the box is in pixels, expected parts of the picture"
+    ):
         read_labels(tmp_path)
 
 
 @pytest.mark.parametrize(("width", "right"), [(240.0, True), (240.5, False), (float("inf"), False)])
-def test_a_whole_number_may_be_written_with_a_point(width: float, right: bool, tmp_path: Path) -> None:
+def test_a_whole_number_may_be_written_with_a_point(
+    width: float, right: bool, tmp_path: Path
+) -> None:
     path = labels_of("coco", tmp_path, [(20.0, 30.0, 60.0, 60.0)]) / "labels.json"
     content = json.loads(path.read_text())
     content["images"][0]["width"] = width
@@ -459,5 +645,7 @@ def test_a_whole_number_may_be_written_with_a_point(width: float, right: bool, t
     if right:
         assert read_labels(tmp_path)[0].width == SIDE
     else:
-        with pytest.raises(BadPhotographs, match="image 0: its width is no text and no whole number"):
+        with pytest.raises(
+            BadPhotographs, match="image 0: its width is no text and no whole number"
+        ):
             read_labels(tmp_path)

@@ -9,7 +9,15 @@ import pytest
 
 from pomona.skills.perception.detection.errors import BadPhotographs
 from pomona.tools.photographs.photo_folder import read_empty, read_photographs
-from tests.skills.tools.photographs.photo_folders import SIDE, TRUTH, boxes_of, draw, kfuji, minneapple, tables
+from tests.skills.tools.photographs.photo_folders import (
+    SIDE,
+    TRUTH,
+    boxes_of,
+    draw,
+    kfuji,
+    minneapple,
+    tables,
+)
 
 
 def test_a_folder_without_fruit_is_read_and_one_without_pictures_refused(tmp_path: Path) -> None:
@@ -54,23 +62,51 @@ def test_kfujis_boxes_and_sets_are_read_from_the_folder_above(tmp_path: Path) ->
 
 MASKS, PLACE = "detection/train/masks", "KFuji_RGB-DS_dataset/preprocessed data"
 MISTAKES = [
-    (minneapple, lambda f: (f / MASKS / "2015_17a_image0.png").unlink(), r"image0\.png: has no mask in masks/, like 0"),
-    (minneapple, lambda f: (f / "detection/train/images/2015_17a_image0.png").unlink(), r"has no picture in images/"),
-    (minneapple, lambda f: (f / MASKS / "2015_17a_image0.png").write_bytes(b"no"), r"cannot be read as a picture"),
-    (minneapple, lambda f: draw(f / MASKS / "2015_17a_image0.png", []), r"has 3 channels, expected one"),
+    (
+        minneapple,
+        lambda f: (f / MASKS / "2015_17a_image0.png").unlink(),
+        r"image0\.png: has no mask in masks/, like 0",
+    ),
+    (
+        minneapple,
+        lambda f: (f / "detection/train/images/2015_17a_image0.png").unlink(),
+        r"has no picture in images/",
+    ),
+    (
+        minneapple,
+        lambda f: (f / MASKS / "2015_17a_image0.png").write_bytes(b"no"),
+        r"cannot be read as a picture",
+    ),
+    (
+        minneapple,
+        lambda f: draw(f / MASKS / "2015_17a_image0.png", []),
+        r"has 3 channels, expected one",
+    ),
     (
         minneapple,
         lambda f: cv2.imwrite(str(f / MASKS / "2015_17a_image0.png"), np.ones((99, 99), np.uint8)),
         r"is 240 × 240, .*image0\.png says 99 × 99",
     ),
-    (kfuji, lambda f: (f / PLACE / "sets/val.txt").unlink(), r"val\.txt: cannot be read, expected a name per line"),
+    (
+        kfuji,
+        lambda f: (f / PLACE / "sets/val.txt").unlink(),
+        r"val\.txt: cannot be read, expected a name per line",
+    ),
     (
         kfuji,
         lambda f: (f / PLACE / "images/a_0hr.jpg").unlink(),
         r"a_0hr\.jpg: is labelled in .*a_0\.xml, but there is no",
     ),
-    (kfuji, lambda f: (f / PLACE / "square_annotations1/a_0.xml").unlink(), r"a_0\.xml: is no annotation of KFuji"),
-    (kfuji, lambda f: (f / PLACE / "square_annotations1/a_0.xml").write_text("<a><b>"), r"is no annotation of KFuji"),
+    (
+        kfuji,
+        lambda f: (f / PLACE / "square_annotations1/a_0.xml").unlink(),
+        r"a_0\.xml: is no annotation of KFuji",
+    ),
+    (
+        kfuji,
+        lambda f: (f / PLACE / "square_annotations1/a_0.xml").write_text("<a><b>"),
+        r"is no annotation of KFuji",
+    ),
     (
         kfuji,
         lambda f: (f / PLACE / "square_annotations1/a_0.xml").write_text("<!DOCTYPE a><a/>"),
@@ -78,7 +114,9 @@ MISTAKES = [
     ),
     (
         kfuji,
-        lambda f: (f / PLACE / "square_annotations1/a_0.xml").write_text("<a><bbox><xmin>1</xmin></bbox></a>"),
+        lambda f: (f / PLACE / "square_annotations1/a_0.xml").write_text(
+            "<a><bbox><xmin>1</xmin></bbox></a>"
+        ),
         r"is no annotation of KFuji's: could not convert string to float",
     ),
     (
@@ -91,7 +129,9 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("layout", "mistake", "says"), MISTAKES, ids=[says for _, _, says in MISTAKES])
+@pytest.mark.parametrize(
+    ("layout", "mistake", "says"), MISTAKES, ids=[says for _, _, says in MISTAKES]
+)
 def test_a_mistake_is_named_in_one_line(
     layout: Callable[[Path], Path], mistake: Callable[[Path], object], says: str, tmp_path: Path
 ) -> None:

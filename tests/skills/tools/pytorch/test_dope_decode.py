@@ -12,10 +12,15 @@ from pomona.skills.perception.detection.errors import BadMaps
 from pomona.tools.pytorch.dope_decode import DecodedObject, decode_maps
 
 
-def draw_maps(objects: list[np.ndarray], height: int = 50, width: int = 60) -> tuple[np.ndarray, np.ndarray]:
+def draw_maps(
+    objects: list[np.ndarray], height: int = 50, width: int = 60
+) -> tuple[np.ndarray, np.ndarray]:
     """Belief and affinity of objects given as (9, 2) keypoints in cells."""
     v, u = np.mgrid[0:height, 0:width]
-    belief, affinity = np.zeros((9, height, width), np.float32), np.zeros((16, height, width), np.float32)
+    belief, affinity = (
+        np.zeros((9, height, width), np.float32),
+        np.zeros((16, height, width), np.float32),
+    )
     for points in objects:
         for k, (a, b) in enumerate(points):
             blob = np.exp(-((u - a) ** 2 + (v - b) ** 2) / (2 * 1.5**2))
@@ -33,7 +38,9 @@ def random_object(rng: np.random.Generator, centre: tuple[float, float]) -> np.n
     return np.vstack([corners, [centre]])
 
 
-def slow_decode(belief: np.ndarray, affinity: np.ndarray, t: DecodeThresholds) -> list[tuple[np.ndarray, float]]:
+def slow_decode(
+    belief: np.ndarray, affinity: np.ndarray, t: DecodeThresholds
+) -> list[tuple[np.ndarray, float]]:
     """Peak by peak and candidate by candidate, as the post-processing is described."""
     height, width = belief.shape[1:]
     peaks: list[list[tuple[float, float, float]]] = []
@@ -59,7 +66,11 @@ def slow_decode(belief: np.ndarray, affinity: np.ndarray, t: DecodeThresholds) -
                 mean_y = sum(c[1] * c[2] for c in cells) / total if total else y
                 found.append((mean_x + 0.4395, mean_y + 0.4395, float(one[y, x])))
         peaks.append(found)
-    objects = [(np.full((9, 2), np.nan), score, (x, y)) for x, y, score in peaks[8] if score > t.thresh_points]
+    objects = [
+        (np.full((9, 2), np.nan), score, (x, y))
+        for x, y, score in peaks[8]
+        if score > t.thresh_points
+    ]
     for points, _, centre in objects:
         points[8] = np.array(centre) * 8
     nearest = [[np.inf] * 8 for _ in objects]
@@ -72,7 +83,10 @@ def slow_decode(belief: np.ndarray, affinity: np.ndarray, t: DecodeThresholds) -
             for i, (_, _, centre) in enumerate(objects):
                 away = np.array(centre) - (x, y)
                 norm = np.linalg.norm(field)
-                if norm == 0 or np.linalg.norm(away / np.linalg.norm(away) - field / norm) >= t.thresh_angle:
+                if (
+                    norm == 0
+                    or np.linalg.norm(away / np.linalg.norm(away) - field / norm) >= t.thresh_angle
+                ):
                     continue
                 if np.linalg.norm(away) < best:
                     best, owner = float(np.linalg.norm(away)), i
@@ -104,10 +118,14 @@ def test_decoder_agrees_with_a_slow_one_on_crowded_noisy_maps() -> None:
     for _ in range(4):
         objects = [random_object(rng, tuple(rng.uniform((5, 5), (55, 45)))) for _ in range(4)]
         belief, affinity = draw_maps(objects)
-        belief = (belief * rng.uniform(0.3, 1.0) + rng.normal(0, 0.02, belief.shape)).astype(np.float32)
+        belief = (belief * rng.uniform(0.3, 1.0) + rng.normal(0, 0.02, belief.shape)).astype(
+            np.float32
+        )
         affinity = (affinity + rng.normal(0, 0.2, affinity.shape)).astype(np.float32)
         thresholds = DecodeThresholds(sigma=1.0 if rng.random() < 0.5 else 3.0)
-        assert_same(decode_maps(belief, affinity, thresholds), slow_decode(belief, affinity, thresholds))
+        assert_same(
+            decode_maps(belief, affinity, thresholds), slow_decode(belief, affinity, thresholds)
+        )
 
 
 @settings(max_examples=25)
@@ -117,7 +135,9 @@ def test_decoder_agrees_with_a_slow_one_on_arbitrary_maps(seed: int) -> None:
     belief = rng.uniform(-0.1, 0.6, (9, 12, 14)).astype(np.float32)
     affinity = rng.uniform(-1, 1, (16, 12, 14)).astype(np.float32)
     thresholds = DecodeThresholds(sigma=float(rng.uniform(0.5, 2.0)))
-    assert_same(decode_maps(belief, affinity, thresholds), slow_decode(belief, affinity, thresholds))
+    assert_same(
+        decode_maps(belief, affinity, thresholds), slow_decode(belief, affinity, thresholds)
+    )
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0, np.nan, np.inf, -1.0])
@@ -140,6 +160,8 @@ def test_hundreds_of_peaks_return_in_bounded_time() -> None:
     ("belief", "affinity"),
     [((8, 5, 5), (16, 5, 5)), ((9, 5, 5), (16, 5, 6)), ((9, 5), (16, 5)), ((9, 0, 0), (16, 0, 0))],
 )
-def test_maps_of_other_shapes_are_refused(belief: tuple[int, ...], affinity: tuple[int, ...]) -> None:
+def test_maps_of_other_shapes_are_refused(
+    belief: tuple[int, ...], affinity: tuple[int, ...]
+) -> None:
     with pytest.raises(BadMaps, match="belief"):
         decode_maps(np.zeros(belief), np.zeros(affinity))

@@ -49,7 +49,10 @@ class Drawn(DopeNetwork):
 
 @pytest.mark.slow
 def test_a_cuboid_is_found_where_it_is_at_the_configs_scale(tmp_path: Path) -> None:
-    T = transform(rotation_about((0.0, 1.0, 0.0), 0.4) @ rotation_about((1.0, 0.0, 0.0), 0.6), (0.03, -0.02, 0.35))
+    T = transform(
+        rotation_about((0.0, 1.0, 0.0), 0.4) @ rotation_about((1.0, 0.0, 0.0), 0.6),
+        (0.03, -0.02, 0.35),
+    )
     corners = cuboid_keypoints(APPLE) @ T[:3, :3].T + T[:3, 3]
     keypoints = corners[:, :2] / corners[:, 2:] * (K[0, 0], K[1, 1]) + K[:2, 2]
     network = Drawn(keypoints)
@@ -97,7 +100,9 @@ def test_detect_poses_a_fruit_with_a_users_checkpoint_and_config(
 def test_a_checkpoint_is_loaded_with_the_config_that_goes_with_it(tmp_path: Path) -> None:
     torch.manual_seed(0)
     weights = tmp_path / "epoch_60.pth"
-    torch.save({f"module.{key}": value for key, value in DopeNetwork().state_dict().items()}, weights)
+    torch.save(
+        {f"module.{key}": value for key, value in DopeNetwork().state_dict().items()}, weights
+    )
     detector = DopeDetector.load(DopeFiles(weights, write_config(tmp_path)), "apple", None, APPLE)
     instances = detector.find_instances(np.zeros((64, 96, 3), np.uint8), K)
     assert all(0.0 <= one.score <= 1.0 and np.isfinite(one.keypoints).all() for one in instances)
@@ -107,8 +112,13 @@ def test_files_that_do_not_fit_are_refused_in_words(tmp_path: Path) -> None:
     config = write_config(tmp_path)
     with pytest.raises(BadWeights, match=r"none\.pth: no such file"):
         DopeDetector.load(DopeFiles(tmp_path / "none.pth", config), "apple", None, APPLE)
-    with pytest.raises(BadPoseConfig, match=r"apple is 9\.8 × 8\.5 × 9\.6 cm, the mesh of lemon 9\.0 × 6\.0 × 6\.0 cm"):
-        DopeDetector.load(DopeFiles(tmp_path / "none.pth", config), "lemon", None, (0.09, 0.06, 0.06))
+    with pytest.raises(
+        BadPoseConfig,
+        match=r"apple is 9\.8 × 8\.5 × 9\.6 cm, the mesh of lemon 9\.0 × 6\.0 × 6\.0 cm",
+    ):
+        DopeDetector.load(
+            DopeFiles(tmp_path / "none.pth", config), "lemon", None, (0.09, 0.06, 0.06)
+        )
     two = tmp_path / "two.yaml"
     two.write_text("weights: {a: a.pth, b: b.pth}\ndimensions: {a: [1, 2, 3], b: [1, 2, 3]}\n")
     with pytest.raises(BadPoseConfig, match="configures a, b, not apple"):

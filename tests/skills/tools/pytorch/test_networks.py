@@ -50,7 +50,9 @@ def test_a_trained_trunk_keeps_its_statistics_and_first_blocks() -> None:
 def test_more_of_a_trained_trunk_can_be_kept() -> None:
     network = FinderNetwork()
     network.keep_trunk(8)
-    assert [block.project.conv.weight.requires_grad for block in network.trunk.blocks] == [False] * 8 + [True] * 7
+    assert [block.project.conv.weight.requires_grad for block in network.trunk.blocks] == [
+        False
+    ] * 8 + [True] * 7
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +65,15 @@ def test_parameters_and_keys_are_those_of_published_checkpoints(network: DopeNet
     assert sum(p.numel() for p in network.parameters()) == 50_267_350
     keys = set(network.state_dict())
     assert len(keys) == 184
-    expected = {f"vgg.{i}.{p}" for i in (0, 2, 5, 7, 10, 12, 14, 16, 19, 21, 23, 25) for p in ("weight", "bias")}
-    for stage, layers in [(1, (0, 2, 4, 6, 8)), *[(k, (0, 2, 4, 6, 8, 10, 12)) for k in range(2, 7)]]:
+    expected = {
+        f"vgg.{i}.{p}"
+        for i in (0, 2, 5, 7, 10, 12, 14, 16, 19, 21, 23, 25)
+        for p in ("weight", "bias")
+    }
+    for stage, layers in [
+        (1, (0, 2, 4, 6, 8)),
+        *[(k, (0, 2, 4, 6, 8, 10, 12)) for k in range(2, 7)],
+    ]:
         for branch in (1, 2):
             expected |= {f"m{stage}_{branch}.{i}.{p}" for i in layers for p in ("weight", "bias")}
     assert keys == expected
@@ -87,10 +96,14 @@ def test_maps_equal_those_of_plain_functional_calls(network: DopeNetwork) -> Non
     """The first two stages, written out again from the published description."""
     tensors = network.state_dict()
 
-    def chain(x: torch.Tensor, prefix: str, indices: tuple[int, ...], last_relu: bool = False) -> torch.Tensor:
+    def chain(
+        x: torch.Tensor, prefix: str, indices: tuple[int, ...], last_relu: bool = False
+    ) -> torch.Tensor:
         for i in indices:
             weight = tensors[f"{prefix}.{i}.weight"]
-            x = nn.functional.conv2d(x, weight, tensors[f"{prefix}.{i}.bias"], padding=weight.shape[2] // 2)
+            x = nn.functional.conv2d(
+                x, weight, tensors[f"{prefix}.{i}.bias"], padding=weight.shape[2] // 2
+            )
             if prefix == "vgg":
                 x = torch.relu(x)
                 if i in (2, 7, 16):
@@ -102,7 +115,10 @@ def test_maps_equal_those_of_plain_functional_calls(network: DopeNetwork) -> Non
     picture = torch.randn(1, 3, 48, 48, generator=torch.Generator().manual_seed(1))
     with torch.inference_mode():
         features = chain(picture, "vgg", (0, 2, 5, 7, 10, 12, 14, 16, 19, 21, 23, 25))
-        belief, affinity = chain(features, "m1_2", (0, 2, 4, 6, 8)), chain(features, "m1_1", (0, 2, 4, 6, 8))
+        belief, affinity = (
+            chain(features, "m1_2", (0, 2, 4, 6, 8)),
+            chain(features, "m1_1", (0, 2, 4, 6, 8)),
+        )
         joined = torch.cat([belief, affinity, features], 1)
         second = chain(joined, "m2_2", (0, 2, 4, 6, 8, 10, 12))
         beliefs, affinities = network(picture)
@@ -113,12 +129,15 @@ def test_maps_equal_those_of_plain_functional_calls(network: DopeNetwork) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("prefix", ["", "module."])
-def test_checkpoints_load_with_and_without_prefix(network: DopeNetwork, tmp_path: Path, prefix: str) -> None:
+def test_checkpoints_load_with_and_without_prefix(
+    network: DopeNetwork, tmp_path: Path, prefix: str
+) -> None:
     path = tmp_path / "net.pth"
     torch.save({prefix + key: value for key, value in network.state_dict().items()}, path)
     loaded = load_weights(path)
     assert all(
-        torch.equal(a, b) for a, b in zip(loaded.state_dict().values(), network.state_dict().values(), strict=True)
+        torch.equal(a, b)
+        for a, b in zip(loaded.state_dict().values(), network.state_dict().values(), strict=True)
     )
     assert not loaded.training
 
@@ -128,7 +147,9 @@ def test_wrong_keys_and_shapes_are_named(network: DopeNetwork, tmp_path: Path) -
     tensors = dict(network.state_dict())
     removed = tensors.pop("vgg.0.bias")
     torch.save({**tensors, "vgg.1.bias": removed}, path)
-    with pytest.raises(BadWeights, match=r"1 missing \(vgg.0.bias\), 1 not expected \(vgg.1.bias\)"):
+    with pytest.raises(
+        BadWeights, match=r"1 missing \(vgg.0.bias\), 1 not expected \(vgg.1.bias\)"
+    ):
         load_weights(path)
     torch.save({**tensors, "vgg.0.bias": torch.zeros(3)}, path)
     with pytest.raises(BadWeights, match=r"vgg.0.bias has shape \(3,\), expected \(64,\)"):
@@ -152,7 +173,8 @@ def test_input_is_normalised_and_shrunk_to_400_rows() -> None:
     assert tuple(tensor.shape) == (1, 3, 400, 533)
     assert np.isclose(factor, 400 / 480)
     assert torch.allclose(
-        tensor[0, :, 0, 0], (1 - torch.tensor([0.485, 0.456, 0.406])) / torch.tensor([0.229, 0.224, 0.225])
+        tensor[0, :, 0, 0],
+        (1 - torch.tensor([0.485, 0.456, 0.406])) / torch.tensor([0.229, 0.224, 0.225]),
     )
     small, unchanged = dope_input(white[:320])
     assert (tuple(small.shape), unchanged) == ((1, 3, 320, 640), 1.0)

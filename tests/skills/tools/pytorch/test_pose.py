@@ -64,7 +64,9 @@ def test_an_unsure_keypoint_hardly_moves_the_pose() -> None:
     keypoints[3] += 40.0
     spreads[3] = 200.0
     trusting = np.linalg.norm(solve_pose(keypoints, APPLE, K).T_camera_object[:3, 3] - T[:3, 3])
-    weighing = np.linalg.norm(solve_pose(keypoints, APPLE, K, spreads=spreads).T_camera_object[:3, 3] - T[:3, 3])
+    weighing = np.linalg.norm(
+        solve_pose(keypoints, APPLE, K, spreads=spreads).T_camera_object[:3, 3] - T[:3, 3]
+    )
     assert weighing < 0.05 * trusting
 
 
@@ -105,7 +107,9 @@ def test_hopeless_keypoints_are_refused(keypoints: np.ndarray) -> None:
 
 @settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(-2000, 2000), st.floats(-2000, 2000)), min_size=9, max_size=9))
-def test_any_keypoints_give_a_pose_before_the_camera_or_a_typed_error(points: list[tuple[float, float]]) -> None:
+def test_any_keypoints_give_a_pose_before_the_camera_or_a_typed_error(
+    points: list[tuple[float, float]],
+) -> None:
     try:
         solved = solve_pose(np.array(points), APPLE, K)
     except PoseUnsolved:

@@ -17,7 +17,9 @@ MODEL = cuboid_keypoints(np.array([0.08, 0.07, 0.08]))
 def pose(seed: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     rotation = np.asarray(cv2.Rodrigues(rng.normal(size=3))[0], np.float64)
-    return rotation, np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.15, 0.15), rng.uniform(0.3, 1.2)])
+    return rotation, np.array(
+        [rng.uniform(-0.2, 0.2), rng.uniform(-0.15, 0.15), rng.uniform(0.3, 1.2)]
+    )
 
 
 def picture(R: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -33,7 +35,9 @@ def moved(R: np.ndarray, t: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, n
 @pytest.fixture(scope="module", autouse=True)
 def _compiled() -> None:
     """Else the first example of the first property would be slower than hypothesis allows."""
-    refine_pose(np.eye(3), np.array([0.0, 0.0, 1.0]), np.eye(4, 3), np.zeros((4, 2)), np.eye(3), np.ones(8))
+    refine_pose(
+        np.eye(3), np.array([0.0, 0.0, 1.0]), np.eye(4, 3), np.zeros((4, 2)), np.eye(3), np.ones(8)
+    )
 
 
 @given(st.integers(0, 10_000))
@@ -53,7 +57,9 @@ def test_the_derivative_is_that_of_the_residual(seed: int) -> None:
 @given(st.integers(0, 10_000))
 def test_a_pose_near_the_true_one_becomes_it(seed: int) -> None:
     R, t = pose(seed)
-    start = moved(R, t, np.random.default_rng(seed).normal(0.0, 1.0, 6) * [0.1, 0.1, 0.1, 0.01, 0.01, 0.02])
+    start = moved(
+        R, t, np.random.default_rng(seed).normal(0.0, 1.0, 6) * [0.1, 0.1, 0.1, 0.01, 0.01, 0.02]
+    )
     found_R, found_t = refine_pose(*start, MODEL, picture(R, t), K, np.ones(18))
     assert np.allclose(found_t, t, atol=1e-5)
     assert np.allclose(found_R, R, atol=1e-4)
@@ -64,7 +70,10 @@ def test_a_pose_near_the_true_one_becomes_it(seed: int) -> None:
 def test_the_cost_never_rises(seed: int, noise: float) -> None:
     R, t = pose(seed)
     rng = np.random.default_rng(seed)
-    seen, scale = picture(*pose(seed)) + rng.normal(0.0, noise, (9, 2)), rng.uniform(0.1, 2.0, 9).repeat(2)
+    seen, scale = (
+        picture(*pose(seed)) + rng.normal(0.0, noise, (9, 2)),
+        rng.uniform(0.1, 2.0, 9).repeat(2),
+    )
     start = moved(R, t, rng.normal(0.0, 0.02, 6))
     before, _ = linearise(*start, MODEL, seen, K)
     after, _ = linearise(*refine_pose(*start, MODEL, seen, K, scale), MODEL, seen, K)

@@ -21,11 +21,18 @@ def save_with_torch(
     path: Path, finder: BeliefFinder, close_look: CloseLookNetwork, **more: object
 ) -> dict[str, dict[str, torch.Tensor]]:
     """Write a file as earlier versions did, and return its content."""
-    content: dict[str, object] = {"format": TORCH_FORMAT, "about": {"fruit": "apple"}, "widths": {}, **more}
+    content: dict[str, object] = {
+        "format": TORCH_FORMAT,
+        "about": {"fruit": "apple"},
+        "widths": {},
+        **more,
+    }
     for name, network in (("finder", finder), ("close_look", close_look)):
         content["widths"][name] = list(network.widths)
         content[name] = {
-            key: value.half() for key, value in network.state_dict().items() if not key.endswith("num_batches_tracked")
+            key: value.half()
+            for key, value in network.state_dict().items()
+            if not key.endswith("num_batches_tracked")
         }
     torch.save(content, path)
     return content
@@ -77,7 +84,9 @@ def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> 
     large = BeliefFinder((8, 8, 8, 8))
     with torch.no_grad():
         large.at_4.norm.bias[0] = 1e6
-    with pytest.raises(BadWeights, match=r"at_4\.norm\.bias holds values that are not finite in half precision"):
+    with pytest.raises(
+        BadWeights, match=r"at_4\.norm\.bias holds values that are not finite in half precision"
+    ):
         save_compact(tmp_path / "large.weights", large, CloseLookNetwork((8, 8, 8, 8, 8)))
     assert not (tmp_path / "large.weights").exists()
 
@@ -103,7 +112,9 @@ def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_pa
     torch.manual_seed(0)
     networks = BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8))
     save_with_torch(tmp_path / "old.pt", *networks, scores=[0.7, -0.2])
-    save_compact(tmp_path / "new.weights", *networks, {"fruit": "apple"}, PowerScore(ScoreMap(0.7, -0.2)))
+    save_compact(
+        tmp_path / "new.weights", *networks, {"fruit": "apple"}, PowerScore(ScoreMap(0.7, -0.2))
+    )
     assert read_stored(tmp_path / "old.pt") == read_stored(tmp_path / "new.weights")
     picture = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
     old, new = (CompactDetector.load(tmp_path / name) for name in ("old.pt", "new.weights"))
@@ -118,9 +129,13 @@ def test_a_file_of_an_earlier_version_finds_the_same_and_keeps_its_scores(tmp_pa
 def test_a_file_of_an_earlier_version_without_pytorch_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    save_with_torch(tmp_path / "old.pt", BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)))
+    save_with_torch(
+        tmp_path / "old.pt", BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8))
+    )
     monkeypatch.setitem(sys.modules, "pomona.tools.pytorch.weights", None)
-    with pytest.raises(MissingPackage, match=r"torch reads \S*old\.pt.*" + re.escape(install_extra("torch"))):
+    with pytest.raises(
+        MissingPackage, match=r"torch reads \S*old\.pt.*" + re.escape(install_extra("torch"))
+    ):
         CompactDetector.load(tmp_path / "old.pt")
 
 
@@ -133,4 +148,6 @@ def test_a_close_look_of_an_earlier_version_loses_its_box(tmp_path: Path) -> Non
     torch.save(content, tmp_path / "old.pt")
     _, loaded, _ = load_compact(tmp_path / "old.pt")
     assert loaded(torch.zeros(1, 3, 96, 96)).shape == (1, CLOSE_LOOK_OUTPUTS)
-    assert torch.equal(loaded.state_dict()["head.3.bias"], last["head.3.bias"][:CLOSE_LOOK_OUTPUTS].float())
+    assert torch.equal(
+        loaded.state_dict()["head.3.bias"], last["head.3.bias"][:CLOSE_LOOK_OUTPUTS].float()
+    )

@@ -61,18 +61,24 @@ def test_weights_that_find_fruit_are(started, monkeypatch, tmp_path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fruit", ["apple", "lemon"])
-def test_a_quick_training_starts_from_a_finder_that_can_be_learnt_on(fruit, started, monkeypatch, tmp_path) -> None:
+def test_a_quick_training_starts_from_a_finder_that_can_be_learnt_on(
+    fruit, started, monkeypatch, tmp_path
+) -> None:
     measured(monkeypatch, score=0.9)
     command_detector.train_main(options(fruit=fruit, work=tmp_path))
     assert started == [load_fruit("apple").photo_weights]
 
 
 def test_weights_that_cannot_be_learnt_on_are_refused_with_others(started) -> None:
-    with pytest.raises(BadTraining, match=r"cannot be learnt on, that of .*apple_photographs.weights can"):
+    with pytest.raises(
+        BadTraining, match=r"cannot be learnt on, that of .*apple_photographs.weights can"
+    ):
         command_detector._start(options(start_from=load_fruit("apple").weights))
 
 
-def test_many_scales_are_learnt_from_photographs_alone(started, monkeypatch, tmp_path, capsys) -> None:
+def test_many_scales_are_learnt_from_photographs_alone(
+    started, monkeypatch, tmp_path, capsys
+) -> None:
     assert command_detector.train_main(options(scales=True, work=tmp_path)) == 2
     assert "--scales goes with --photos" in capsys.readouterr().err
     recipes: list[Any] = []
@@ -105,13 +111,34 @@ def test_a_tomato_of_a_quick_training_is_found_and_picked(
     """Without photographs; takes a quarter of an hour to an hour."""
     monkeypatch.chdir(tmp_path)
     about = shutil.copytree(CATALOGUE / "tomato", tmp_path / "tomato") / "fruit.yaml"
-    about.write_text(re.sub(r"^weights: .*$", "weights: tomato.weights", about.read_text(), flags=re.MULTILINE))
+    about.write_text(
+        re.sub(r"^weights: .*$", "weights: tomato.weights", about.read_text(), flags=re.MULTILINE)
+    )
     (tmp_path / "table.yaml").write_text(TABLE)
-    order = ["train", "detect", "--fruit", "./tomato", "--quick", "--workers", "1", "--work", "work"]
+    order = [
+        "train",
+        "detect",
+        "--fruit",
+        "./tomato",
+        "--quick",
+        "--workers",
+        "1",
+        "--work",
+        "work",
+    ]
     assert pomona([*order, "--out", "tomato/tomato.weights"]) == 0
     (finder,) = re.findall(r"rendered AP50 ([\d.]+)", " ".join(capsys.readouterr().out.split()))
     assert float(finder) >= 0.85
     for seed in "123":
-        pick = ["run", "pick_apple", "--cell", "table.yaml", "--set", "kind=./tomato", "--seed", seed]
+        pick = [
+            "run",
+            "pick_apple",
+            "--cell",
+            "table.yaml",
+            "--set",
+            "kind=./tomato",
+            "--seed",
+            seed,
+        ]
         assert pomona(pick) == 0
         assert "lifted: yes" in capsys.readouterr().out

@@ -24,7 +24,10 @@ def write_folder(folder: Path, side: int = 900, fruit: int = 90) -> Path:
         cv2.circle(picture, (200 + 40 * k, 200), fruit // 2, (230, 30, 30), -1)
         write_picture(folder / "images" / f"p{k}.png", picture)
         images.append(f"p{k}.png,place{k},{'train' if k < 4 else 'val'}")
-        boxes += [f"p{k}.png,{200 + 40 * k - fruit / 2},{200 - fruit / 2},{fruit},{fruit},0", f"p{k}.png,5,5,30,20,1"]
+        boxes += [
+            f"p{k}.png,{200 + 40 * k - fruit / 2},{200 - fruit / 2},{fruit},{fruit},0",
+            f"p{k}.png,5,5,30,20,1",
+        ]
     (folder / "images.csv").write_text("\n".join(images) + "\n")
     (folder / "fruit.csv").write_text("\n".join(boxes) + "\n")
     return folder
@@ -55,7 +58,16 @@ def test_a_pack_is_read_as_the_folder_is_only_smaller(tmp_path: Path) -> None:
 
 
 def test_a_small_picture_is_not_enlarged(tmp_path: Path) -> None:
-    assert run(str(write_folder(tmp_path / "photos")), "--out", str(tmp_path / "pack"), "--side", "2000") == 0
+    assert (
+        run(
+            str(write_folder(tmp_path / "photos")),
+            "--out",
+            str(tmp_path / "pack"),
+            "--side",
+            "2000",
+        )
+        == 0
+    )
     assert read_photographs(tmp_path / "pack" / "part_1").train[0].width == 900
 
 
@@ -72,7 +84,9 @@ def test_parts_keep_to_their_size_and_each_has_both_splits(tmp_path: Path) -> No
 
 
 def test_sets_that_are_joined_keep_their_scales(tmp_path: Path) -> None:
-    sets = [read_photographs(write_folder(tmp_path / str(fruit), fruit=fruit)) for fruit in (60, 120)]
+    sets = [
+        read_photographs(write_folder(tmp_path / str(fruit), fruit=fruit)) for fruit in (60, 120)
+    ]
     assert {round(photo.scale, 6) for photo in joined(sets).train} == {
         round(FRUIT_IN_INPUT / median, 6)
         for median in (45.0, 75.0)  # of a disc and a doubtful box of 30 px
@@ -94,11 +108,16 @@ def test_impossible_options_write_nothing(
     (tmp_path / "full" / "a").write_text("a")
     filled = [word.format(full=tmp_path / "full") for word in arguments]
     folder = write_folder(tmp_path / "photos")
-    assert run(str(folder), *([] if "--out" in filled else ["--out", str(tmp_path / "pack")]), *filled) == 2
+    assert (
+        run(str(folder), *([] if "--out" in filled else ["--out", str(tmp_path / "pack")]), *filled)
+        == 2
+    )
     assert message in capsys.readouterr().err
     assert not (tmp_path / "pack").exists()
 
 
-def test_a_folder_without_labels_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_labels_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(str(tmp_path), "--out", str(tmp_path / "pack")) == 2
     assert "has no labels" in capsys.readouterr().err

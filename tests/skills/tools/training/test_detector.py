@@ -35,8 +35,21 @@ def run(*arguments: str) -> int:
     return code
 
 
-def test_data_renders_frames_and_keeps_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ("data", "detect", "--out", str(tmp_path), "--frames", "2", "--workers", "1", "--width", "320")
+def test_data_renders_frames_and_keeps_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = (
+        "data",
+        "detect",
+        "--out",
+        str(tmp_path),
+        "--frames",
+        "2",
+        "--workers",
+        "1",
+        "--width",
+        "320",
+    )
     assert run(*arguments) == 0
     assert run(*arguments) == 0
     assert "0 frames rendered, 2 kept" in " ".join(capsys.readouterr().out.split())
@@ -45,7 +58,9 @@ def test_data_renders_frames_and_keeps_them(tmp_path: Path, capsys: pytest.Captu
     assert annotation.camera[0] == pytest.approx(305.3)
 
 
-def test_data_renders_the_kinds_that_are_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_data_renders_the_kinds_that_are_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = (
         "data",
         "detect",
@@ -83,11 +98,23 @@ def test_train_makes_weights_and_a_report_with_pictures(
     sets = (FrameSet(8, 5), FrameSet(4, 6, (0.0, 0.0, 0.0, 1.0)))
     monkeypatch.setattr(recipe, "SHIPPED", Recipe(sets, FrameSet(2, 7), stages, (FrameSet(2, 8),)))
     out = tmp_path / "apple.weights"
-    arguments = ("--out", str(out), "--work", str(tmp_path / "work"), "--workers", "1", "--frames", "3")
+    arguments = (
+        "--out",
+        str(out),
+        "--work",
+        str(tmp_path / "work"),
+        "--workers",
+        "1",
+        "--frames",
+        "3",
+    )
     assert run("train", "detect", *arguments) == 0
     rendered = [len(list((tmp_path / "work" / f"frames_{k}").glob("*.json"))) for k in range(2)]
     assert rendered == [2, 1]
-    assert {p.name for p in (tmp_path / "work").glob("places*")} == {"places_0_1.npz", "places_2_2.npz"}
+    assert {p.name for p in (tmp_path / "work").glob("places*")} == {
+        "places_0_1.npz",
+        "places_2_2.npz",
+    }
     _, _, about = load_compact(out)
     assert about["fruit"] == "apple"
     report = (tmp_path / "work" / "report" / "report.md").read_text()
@@ -112,7 +139,16 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def photo_arguments(folder: Path, work: Path) -> tuple[str, ...]:
-    return ("--photos", str(folder), "--work", str(work), "--out", str(work / "apple.weights"), "--workers", "0")
+    return (
+        "--photos",
+        str(folder),
+        "--work",
+        str(work),
+        "--out",
+        str(work / "apple.weights"),
+        "--workers",
+        "0",
+    )
 
 
 @pytest.mark.long
@@ -122,7 +158,9 @@ def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
     folder = tables(tmp_path / "photographs")
     assert run("train", "detect", *photo_arguments(folder, tmp_path / "whole")) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "2 photographs with 4 boxes to learn from, 2 photographs with 1 boxes to measure on" in said
+    assert (
+        "2 photographs with 4 boxes to learn from, 2 photographs with 1 boxes to measure on" in said
+    )
     assert "recall at precision 0.90" in said
     report = (tmp_path / "whole" / "report" / "report.md").read_text()
     assert "2 photographs with 1 boxes" in report
@@ -147,7 +185,10 @@ def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
         for a, b in zip(network.state_dict().values(), again.state_dict().values(), strict=True):
             assert torch.equal(a, b)
     assert whole[2]["photographs"] == "2 with 4 boxes"
-    assert len({read_weights(tmp_path / name / "apple.weights").scores for name in ("whole", "cut")}) == 1
+    assert (
+        len({read_weights(tmp_path / name / "apple.weights").scores for name in ("whole", "cut")})
+        == 1
+    )
 
 
 def test_training_on_bad_input_prints_one_line_and_touches_nothing(
@@ -161,15 +202,27 @@ def test_training_on_bad_input_prints_one_line_and_touches_nothing(
     table = (folder / "fruit.csv").read_text()
     for arguments, says in (
         (photo_arguments(tmp_path / "elsewhere", work), "elsewhere: no such folder"),
-        ((*photo_arguments(folder, work), "--start-from", str(old)), "old.pt: is not a 'pomona compact detector 2'"),
+        (
+            (*photo_arguments(folder, work), "--start-from", str(old)),
+            "old.pt: is not a 'pomona compact detector 2'",
+        ),
         (
             (*photo_arguments(folder, work), "--start-from", str(tmp_path / "none.weights")),
             "none.weights: no such file",
         ),
         ((*photo_arguments(folder, work), "--fruit", "durian"), "durian"),
-        ((*photo_arguments(folder, work), "--empty", str(tmp_path / "bare")), "bare: no such folder"),
-        ((*photo_arguments(folder, work), "--trunk", str(tmp_path / "none.pth")), "none.pth: no such file"),
-        ((*photo_arguments(folder, work), "--trunk", str(old)), "old.pt: holds no _conv_stem.weight"),
+        (
+            (*photo_arguments(folder, work), "--empty", str(tmp_path / "bare")),
+            "bare: no such folder",
+        ),
+        (
+            (*photo_arguments(folder, work), "--trunk", str(tmp_path / "none.pth")),
+            "none.pth: no such file",
+        ),
+        (
+            (*photo_arguments(folder, work), "--trunk", str(old)),
+            "old.pt: holds no _conv_stem.weight",
+        ),
         (("--empty", str(folder)), "--empty goes with --photos"),
     ):
         assert run("train", "detect", *arguments) == 2
@@ -187,12 +240,20 @@ def test_weights_are_exported_in_one_command_and_others_are_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small = tmp_path / "small.weights"
-    save_compact(small, BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)), {"fruit": "apple"})
+    save_compact(
+        small, BeliefFinder((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)), {"fruit": "apple"}
+    )
     out = tmp_path / "onnx"
     assert run("export-weights", "--onnx", "--weights", str(small), "--out", str(out)) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["about.json", "close_look.onnx", "finder.onnx"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "about.json",
+        "close_look.onnx",
+        "finder.onnx",
+    ]
     assert json.loads((out / "about.json").read_text())["about"] == {"fruit": "apple"}
-    assert run("export-weights", "--weights", str(small), "--out", str(tmp_path / "copy.weights")) == 0
+    assert (
+        run("export-weights", "--weights", str(small), "--out", str(tmp_path / "copy.weights")) == 0
+    )
     assert read_weights(tmp_path / "copy.weights") == read_weights(small)
     capsys.readouterr()
     for arguments, says in (
@@ -209,5 +270,8 @@ def test_weights_are_exported_in_one_command_and_others_are_refused_in_one_line(
 
 def test_training_without_pytorch_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(UsageError, match=re.escape(f"pomona train needs the extra 'torch': {install_extra('torch')}")):
+    with pytest.raises(
+        UsageError,
+        match=re.escape(f"pomona train needs the extra 'torch': {install_extra('torch')}"),
+    ):
         run("train", "detect")

@@ -52,8 +52,15 @@ def test_parameters_stay_in_the_file_as_they_were(both: Both) -> None:
 @pytest.mark.slow
 def test_ends_keep_float32(both: Both) -> None:
     _, _, after = both
-    for content, last in ((after.finder, 2), (after.close_look, 0)):  # the close look's last two are no convolutions
-        layers = [node for node in onnx.load_model_from_string(content).graph.node if node.op_type == "Conv"]
+    for content, last in (
+        (after.finder, 2),
+        (after.close_look, 0),
+    ):  # the close look's last two are no convolutions
+        layers = [
+            node
+            for node in onnx.load_model_from_string(content).graph.node
+            if node.op_type == "Conv"
+        ]
         rounded = [node.input[1].endswith(".rounded") for node in layers]
         assert rounded == [False] + [True] * (len(layers) - 1 - last) + [False] * last
 
@@ -63,7 +70,13 @@ def test_weights_have_seven_bits(both: Both) -> None:
     """Sums of two products of an unsigned byte and a weight stay in 16 bits, without saturation."""
     _, _, after = both
     model = onnx.load_model_from_string(after.close_look)
-    integers = [node.output[0] for node in model.graph.node if node.op_type == "QuantizeLinear" and node.attribute]
+    integers = [
+        node.output[0]
+        for node in model.graph.node
+        if node.op_type == "QuantizeLinear" and node.attribute
+    ]
     model.graph.output.extend(onnx.helper.make_empty_tensor_value_info(name) for name in integers)
-    values = onnx_network(model.SerializeToString(), "", "")(np.zeros((1, 3, 96, 96), np.float32))[1:]
+    values = onnx_network(model.SerializeToString(), "", "")(np.zeros((1, 3, 96, 96), np.float32))[
+        1:
+    ]
     assert max(int(np.abs(value.astype(int)).max()) for value in values) == 64

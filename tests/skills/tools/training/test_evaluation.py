@@ -13,8 +13,12 @@ SCORES = st.lists(st.floats(0.01, 1.0), max_size=20)
 def outcome(found: list[float], missed: int, wrong: list[float]) -> Evaluation:
     """So many fruit in full view, found with these scores or missed."""
     numbers = dict.fromkeys(Match.__dataclass_fields__, 0.0)
-    matches = tuple(Match(**{**numbers, "visibility": 1.0, "scene": "table", "score": s}) for s in found)  # type: ignore[arg-type]
-    return Evaluation(1, matches, ((1.0, 0.5, 60.0, "table"),) * (len(found) + missed), tuple(wrong), (0.0,))
+    matches = tuple(
+        Match(**{**numbers, "visibility": 1.0, "scene": "table", "score": s}) for s in found
+    )  # type: ignore[arg-type]
+    return Evaluation(
+        1, matches, ((1.0, 0.5, 60.0, "table"),) * (len(found) + missed), tuple(wrong), (0.0,)
+    )
 
 
 @given(SCORES, st.integers(0, 5), SCORES, st.floats(0.05, 1.0))

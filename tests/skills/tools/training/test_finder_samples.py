@@ -39,12 +39,21 @@ def frames(tmp_path: Path) -> FrameFolder:
     cv2.circle(picture, (300, 200), 60, (40, 40, 200), -1)
     cv2.imwrite(str(tmp_path / "000000.jpg"), picture)
     points = [[300.0, 200.0]] * 9
-    fruit = {"class": "apple", "projected_cuboid": points, "location": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]}
+    fruit = {
+        "class": "apple",
+        "projected_cuboid": points,
+        "location": [0, 0, 0.5],
+        "quaternion_xyzw": [0, 0, 0, 1],
+    }
     objects = [
         fruit | {"visibility": 1.0, "bounding_box": [240, 140, 121, 121]},
         fruit | {"visibility": 0.1, "bounding_box": [480, 380, 40, 40]},
     ]
-    camera = {"width": 640, "height": 480, "intrinsics": {"fx": 600, "fy": 600, "cx": 320, "cy": 240}}
+    camera = {
+        "width": 640,
+        "height": 480,
+        "intrinsics": {"fx": 600, "fy": 600, "cx": 320, "cy": 240},
+    }
     (tmp_path / "000000.json").write_text(json.dumps({"camera_data": camera, "objects": objects}))
     return FrameFolder([tmp_path])
 
@@ -65,10 +74,16 @@ def test_peaks_of_photographs_lie_on_the_discs_and_boxes_around_them(photographs
             seen, right = seen + 1, right + is_red(picture, 4 * u + 2, 4 * v + 2)
     assert seen > 30
     assert right > 0.9 * seen  # changed colours may turn a disc brown
-    assert photographs.train[0].scale == fruit_scale(photographs.train) == pytest.approx(FRUIT_IN_INPUT / 53.0, rel=0.1)
+    assert (
+        photographs.train[0].scale
+        == fruit_scale(photographs.train)
+        == pytest.approx(FRUIT_IN_INPUT / 53.0, rel=0.1)
+    )
 
 
-def test_many_scales_teach_fruit_of_the_sizes_that_a_search_at_several_widths_keeps(photographs: PhotoSet) -> None:
+def test_many_scales_teach_fruit_of_the_sizes_that_a_search_at_several_widths_keeps(
+    photographs: PhotoSet,
+) -> None:
     rng, sizes, ignored = np.random.default_rng(3), [], 0
     windows = PhotoWindows(photographs.train, OVER_SCALES)
     for _ in range(60):
@@ -76,7 +91,9 @@ def test_many_scales_teach_fruit_of_the_sizes_that_a_search_at_several_widths_ke
         ignored += int((maps[WEIGHT] == 0.0).any())
         for v, u in np.argwhere(maps[PEAK] > 0):
             left, up, side, down = 4.0 * maps[REACHES, v, u]
-            if min(4 * u - left, 4 * v - up) > 2 and max(4 * u + side, 4 * v + down) < SIDE - 6:  # whole
+            if (
+                min(4 * u - left, 4 * v - up) > 2 and max(4 * u + side, 4 * v + down) < SIDE - 6
+            ):  # whole
                 sizes.append(max(left + side, up + down))
     assert TAUGHT[0] <= min(sizes) < 28.0
     assert 90.0 < max(sizes) <= TAUGHT[1]
@@ -88,7 +105,9 @@ def test_each_folder_counts_alike(photographs: PhotoSet) -> None:
     windows, drawn = PhotoWindows([*photographs.train, few]), []
     for photo in (few, *photographs.train):
         blank = np.zeros((640, 640, 3), np.uint8)
-        object.__setattr__(photo, "picture", lambda photo=photo, blank=blank: drawn.append(photo) or blank)
+        object.__setattr__(
+            photo, "picture", lambda photo=photo, blank=blank: drawn.append(photo) or blank
+        )
     rng = np.random.default_rng(0)
     for _ in range(60):
         windows.draw(rng)
@@ -96,7 +115,9 @@ def test_each_folder_counts_alike(photographs: PhotoSet) -> None:
     assert 20 < sum(photo is few for photo in drawn) < 40
 
 
-def test_a_rendered_fruit_keeps_its_box_and_hidden_fruit_does_not_count(frames: FrameFolder) -> None:
+def test_a_rendered_fruit_keeps_its_box_and_hidden_fruit_does_not_count(
+    frames: FrameFolder,
+) -> None:
     rng, peaks, ignored = np.random.default_rng(1), 0, 0
     for _ in range(20):
         _, maps = FrameWindows(frames).draw(rng)
@@ -111,10 +132,14 @@ def test_a_rendered_fruit_keeps_its_box_and_hidden_fruit_does_not_count(frames: 
     assert ignored >= 12
 
 
-def test_a_frame_of_several_pictures_is_refused_by_its_name(frames: FrameFolder, tmp_path: Path) -> None:
+def test_a_frame_of_several_pictures_is_refused_by_its_name(
+    frames: FrameFolder, tmp_path: Path
+) -> None:
     pages = [Image.new("RGB", (640, 480), (10 * k, 90, 90)) for k in range(2)]
     pages[0].save(tmp_path / "000000.jpg", "WEBP", save_all=True, append_images=pages[1:])
-    with pytest.raises(BadTraining, match=r"000000\.jpg holds 2 pictures: store each that is wanted"):
+    with pytest.raises(
+        BadTraining, match=r"000000\.jpg holds 2 pictures: store each that is wanted"
+    ):
         frames.picture(0, halved=False)
 
 

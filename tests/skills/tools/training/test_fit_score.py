@@ -39,5 +39,10 @@ def test_places_that_are_all_fruit_or_too_few_fit_nothing() -> None:
     rng = np.random.default_rng(2)
     good = domain(rng, 100, 0)
     assert fit_score([]) is None
-    assert fit_score([good, JudgedPlaces(np.zeros((5, 4)), np.array([True, False, True, False, True]))]) is None
+    assert (
+        fit_score(
+            [good, JudgedPlaces(np.zeros((5, 4)), np.array([True, False, True, False, True]))]
+        )
+        is None
+    )
     assert fit_score([JudgedPlaces(np.zeros((20, 4)), np.ones(20, np.bool_))]) is None

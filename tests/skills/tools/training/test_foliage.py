@@ -15,9 +15,13 @@ from pomona.tools.training.scene import render_scene
 
 def seen(kinds: tuple[float, float, float, float], frames: int = 12) -> np.ndarray:
     """Visibility of all fruit of some frames."""
-    options = SceneOptions(width=320, height=240, camera=(305.3, 305.3, 158.6, 118.8), kinds=kinds, distractors=0)
+    options = SceneOptions(
+        width=320, height=240, camera=(305.3, 305.3, 158.6, 118.8), kinds=kinds, distractors=0
+    )
     fruit = load_fruit("apple")
-    return np.array([t.visibility for seed in range(frames) for t in render_scene(fruit, options, seed).fruit])
+    return np.array(
+        [t.visibility for seed in range(frames) for t in render_scene(fruit, options, seed).fruit]
+    )
 
 
 @pytest.mark.slow

@@ -59,7 +59,9 @@ def coloured(pictures: list[KindPicture]) -> KindFinds:
     """One find of each picture, in the colour of its kind."""
     rng = np.random.default_rng(0)
     shown = np.array([COLOURS[picture.kind] for picture in pictures], float)[:, None, None]
-    noisy = np.clip(shown + rng.normal(0.0, 25.0, (len(pictures), SIDE, SIDE, 3)), 0, 255).astype(np.uint8)
+    noisy = np.clip(shown + rng.normal(0.0, 25.0, (len(pictures), SIDE, SIDE, 3)), 0, 255).astype(
+        np.uint8
+    )
     kinds = np.array([NAMES.index(picture.kind) for picture in pictures])
     count = len(pictures)
     return KindFinds(noisy, rng.uniform(0.4, 0.9, count), kinds, np.ones(count), np.arange(count))
@@ -96,7 +98,9 @@ def test_colours_are_learnt_and_finds_of_other_pictures_are_told_apart(
 
 
 @pytest.mark.slow
-def test_features_go_on_where_an_earlier_call_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_features_go_on_where_an_earlier_call_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pictures = pictures_of(1)
     finds = coloured(pictures)
     network = KindNetwork(len(NAMES)).eval()
@@ -143,14 +147,22 @@ def test_the_fitted_line_follows_the_kind_that_decides() -> None:
 def test_a_view_keeps_the_middle_of_a_find(seed: int | None) -> None:
     picture = np.zeros((SIDE, SIDE, 3), np.uint8)
     picture[52:76, 52:76] = 255
-    shown = view(picture, None if seed is None else np.random.default_rng(seed)).astype(float).mean(axis=2)
+    shown = (
+        view(picture, None if seed is None else np.random.default_rng(seed))
+        .astype(float)
+        .mean(axis=2)
+    )
     weights = np.clip(shown - np.median(shown) - 30.0, 0.0, None)
     assert (weights.sum(axis=0) @ np.arange(96) / weights.sum()) == pytest.approx(47.5, abs=14.0)
 
 
 def test_finds_at_labels_are_apples_and_sure_finds_beside_them_are_left_out() -> None:
-    picture = KindPicture(Path("a.jpg"), "apple", "train", "s", boxes=np.array([[10.0, 10.0, 20.0, 20.0]]))
-    boxes = np.array([[11, 10, 20, 20], [60, 60, 20, 20], [60, 10, 20, 20], [18, 18, 20, 20]], float)
+    picture = KindPicture(
+        Path("a.jpg"), "apple", "train", "s", boxes=np.array([[10.0, 10.0, 20.0, 20.0]])
+    )
+    boxes = np.array(
+        [[11, 10, 20, 20], [60, 60, 20, 20], [60, 10, 20, 20], [18, 18, 20, 20]], float
+    )
     kinds, weights = _judged(picture, np.array([0.1, 0.9, 0.1, 0.1]), boxes, KINDS)
     assert kinds.tolist() == [0, UNKNOWN, NAMES.index(NONE), UNKNOWN]
     assert weights.tolist() == [1.0, 1.0, 0.3, 1.0]
@@ -164,7 +176,12 @@ def write_table(folder: Path, text: str) -> Path:
 
 def test_a_table_of_pictures_is_read(tmp_path: Path) -> None:
     (picture,) = read_kind_table(write_table(tmp_path, "a.png,orange,val"), KINDS)
-    assert (picture.path, picture.kind, picture.split, picture.boxes) == (tmp_path / "a.png", "orange", "val", None)
+    assert (picture.path, picture.kind, picture.split, picture.boxes) == (
+        tmp_path / "a.png",
+        "orange",
+        "val",
+        None,
+    )
 
 
 @pytest.mark.parametrize(
@@ -184,17 +201,27 @@ def test_a_picture_that_cannot_be_used_is_named(tmp_path: Path) -> None:
     pictures = read_kind_table(write_table(tmp_path, "a.png,orange,val"), KINDS)
     pages = [Image.new("RGB", (40, 40), (10 * k, 90, 90)) for k in range(2)]
     pages[0].save(tmp_path / "a.png", save_all=True, append_images=pages[1:])
-    with pytest.raises(BadPhotographs, match=r"a\.png: holds 2 pictures: store each that is wanted"):
+    with pytest.raises(
+        BadPhotographs, match=r"a\.png: holds 2 pictures: store each that is wanted"
+    ):
         collect(None, pictures, KINDS, tmp_path / "work")  # type: ignore[arg-type]
 
 
 def test_groups_of_val_are_shared_between_fit_and_test(tmp_path: Path) -> None:
     (tmp_path / "images").mkdir()
-    rows = [(f"{tree}{k}.png", tree, "train" if tree == "a" else "val") for tree in "abcde" for k in range(2)]
+    rows = [
+        (f"{tree}{k}.png", tree, "train" if tree == "a" else "val")
+        for tree in "abcde"
+        for k in range(2)
+    ]
     for name, _, _ in rows:
         cv2.imwrite(str(tmp_path / "images" / name), np.full((60, 60, 3), 90, np.uint8))
-    (tmp_path / "images.csv").write_text("image,tree,split\n" + "".join(f"{','.join(row)}\n" for row in rows))
-    (tmp_path / "fruit.csv").write_text("image,x,y,w,h\n" + "".join(f"{name},5,5,20,20\n" for name, _, _ in rows))
+    (tmp_path / "images.csv").write_text(
+        "image,tree,split\n" + "".join(f"{','.join(row)}\n" for row in rows)
+    )
+    (tmp_path / "fruit.csv").write_text(
+        "image,x,y,w,h\n" + "".join(f"{name},5,5,20,20\n" for name, _, _ in rows)
+    )
     found = {(picture.group, picture.split) for picture in labelled_pictures(tmp_path, 90)}
     assert found == {("a", "train"), ("b", "val"), ("c", "test"), ("d", "val"), ("e", "test")}
     assert len(labelled_pictures(tmp_path, 3)) == 5
@@ -204,7 +231,10 @@ def test_groups_of_val_are_shared_between_fit_and_test(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("--out", "a.weights"), r"--out a\.weights: its name must end in \.kinds"),
-        (("--out", "a.kinds", "--kinds", "apple,none"), "--kinds apple,none: expected different names, without none"),
+        (
+            ("--out", "a.kinds", "--kinds", "apple,none"),
+            "--kinds apple,none: expected different names, without none",
+        ),
         (("--out", "a.kinds"), "line 2: the kind 'pea' is not one of apple"),
     ],
 )
@@ -213,7 +243,15 @@ def test_impossible_options_are_refused_in_one_line(
 ) -> None:
     parser = argparse.ArgumentParser()
     add_train(parser.add_subparsers(required=True))
-    given = ["train", "kinds", "--table", str(write_table(tmp_path, "a.png,pea,val")), "--trunk", "t.pth", *arguments]
+    given = [
+        "train",
+        "kinds",
+        "--table",
+        str(write_table(tmp_path, "a.png,pea,val")),
+        "--trunk",
+        "t.pth",
+        *arguments,
+    ]
     options = parser.parse_args(given)
     assert options.main(options) == 2
     text = capsys.readouterr().err

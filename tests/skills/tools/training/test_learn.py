@@ -26,9 +26,22 @@ def run(*arguments: object) -> int:
 def started() -> Event:
     nodes = ({"path": "pick/Lift", "type": "Lift"}, {"path": "pick/Detect", "type": "Detect"})
     words: dict[str, Any] = dict.fromkeys(
-        ("run", "tree", "tree_path", "tree_text", "tree_hash", "cell", "cell_kind", "cell_path", "cell_text"), ""
+        (
+            "run",
+            "tree",
+            "tree_path",
+            "tree_text",
+            "tree_hash",
+            "cell",
+            "cell_kind",
+            "cell_path",
+            "cell_text",
+        ),
+        "",
     )
-    return RunStarted(0.0, 0, **words, seed=0, parameters={}, nodes=nodes, versions={}, wall_time=0.0, period=0.01)
+    return RunStarted(
+        0.0, 0, **words, seed=0, parameters={}, nodes=nodes, versions={}, wall_time=0.0, period=0.01
+    )
 
 
 def shown(chosen: tuple[float, float] | None, depth: bool = True) -> Event:
@@ -37,7 +50,12 @@ def shown(chosen: tuple[float, float] | None, depth: bool = True) -> Event:
         corners = np.array(chosen) + np.array([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]])
         lines.insert(0, Line2(np.tile(corners, (4, 1)), "0: 0.90", "found"))
     measured = np.ones((48, 64), np.float32) if depth else None
-    view = ImageView(np.zeros((48, 64, 3), np.uint8), tuple(lines), depth=measured, pinhole=Pinhole(60, 61, 32, 24))
+    view = ImageView(
+        np.zeros((48, 64, 3), np.uint8),
+        tuple(lines),
+        depth=measured,
+        pinhole=Pinhole(60, 61, 32, 24),
+    )
     return Published(1.0, 100, "pick/Detect", "detection", view)
 
 
@@ -50,7 +68,9 @@ def looks_of(monkeypatch: pytest.MonkeyPatch, *events: Event) -> list[RecordedLo
     return list(learn.recorded_looks(Path("runs/pick_1")))
 
 
-def test_the_chosen_fruit_of_a_look_is_picked_when_it_was_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_chosen_fruit_of_a_look_is_picked_when_it_was_lifted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     first, second, third = looks_of(
         monkeypatch,
         shown((20.0, 30.0)),
@@ -65,7 +85,11 @@ def test_the_chosen_fruit_of_a_look_is_picked_when_it_was_lifted(monkeypatch: py
     assert (len(first.picked), len(third.picked)) == (0, 0)
     assert np.allclose(second.picked, [[40.0, 10.0]])
     assert np.allclose(second.K, [[60.0, 0.0, 32.0], [0.0, 61.0, 24.0], [0.0, 0.0, 1.0]])
-    assert (second.run, second.colour.shape, second.depth.shape) == ("pick_1", (48, 64, 3), (48, 64))
+    assert (second.run, second.colour.shape, second.depth.shape) == (
+        "pick_1",
+        (48, 64, 3),
+        (48, 64),
+    )
 
 
 def test_frames_without_depth_teach_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

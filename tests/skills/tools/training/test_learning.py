@@ -64,7 +64,9 @@ def test_weights_that_are_no_worse_are_kept_with_both_benches_in_the_card(
     assert about["bench after"] in out.with_suffix(".md").read_text()
 
 
-@pytest.mark.parametrize("name", ["rendered_recall", "rendered_precision", "photo_recall", "photo_ap50"])
+@pytest.mark.parametrize(
+    "name", ["rendered_recall", "rendered_precision", "photo_recall", "photo_ap50"]
+)
 @pytest.mark.slow
 def test_weights_with_any_figure_that_is_worse_are_not_written(
     photographs: PhotoSet, start: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
@@ -80,7 +82,12 @@ def test_weights_with_any_figure_that_is_worse_are_not_written(
 @pytest.mark.slow
 def test_a_finder_of_an_earlier_kind_is_refused(photographs: PhotoSet, tmp_path: Path) -> None:
     with pytest.raises(BadTraining, match=r"the finder of apple\.weights is of an older kind"):
-        learn(tmp_path / "learnt.weights", tmp_path / "work", photographs, SHIPPED_WEIGHTS / "apple.weights")
+        learn(
+            tmp_path / "learnt.weights",
+            tmp_path / "work",
+            photographs,
+            SHIPPED_WEIGHTS / "apple.weights",
+        )
 
 
 @pytest.mark.slow
@@ -90,9 +97,16 @@ def test_too_few_labels_are_refused_before_anything_is_learnt(
     monkeypatch.setattr(learning, "LEAST_LABELS", 3)
     with pytest.raises(BadTraining, match="1 labels to measure on, expected at least 3"):
         learn(tmp_path / "learnt.weights", tmp_path / "work", photographs, start)
-    doubtful = [replace(photo, crowd=np.ones(len(photo.boxes), np.bool_)) for photo in photographs.train]
+    doubtful = [
+        replace(photo, crowd=np.ones(len(photo.boxes), np.bool_)) for photo in photographs.train
+    ]
     with pytest.raises(BadTraining, match="0 labels to learn from"):
-        learn(tmp_path / "learnt.weights", tmp_path / "work", replace(photographs, train=tuple(doubtful)), start)
+        learn(
+            tmp_path / "learnt.weights",
+            tmp_path / "work",
+            replace(photographs, train=tuple(doubtful)),
+            start,
+        )
     assert not (tmp_path / "work").exists()
 
 
@@ -104,7 +118,9 @@ def test_a_short_run_learns_measures_both_and_writes_only_its_result(
     stage = TrainingStage("finder", 2, 1e-4, (1,), photos=1, average=0.9, method="adam")
     recipe = Recipe((FrameSet(2, 5),), FrameSet(1, 7), (stage,), (FrameSet(2, 8),))
     out, start = tmp_path / "learnt.weights", SHIPPED_WEIGHTS / "apple_photographs.weights"
-    learnt = learn(out, tmp_path / "work", photographs, start, recipe=recipe, bench=FrameSet(2, 9), workers=0)
+    learnt = learn(
+        out, tmp_path / "work", photographs, start, recipe=recipe, bench=FrameSet(2, 9), workers=0
+    )
     assert 0.0 < learnt.before.rendered_recall <= 1.0
     assert out.exists() == learnt.is_kept
     assert read_weights(tmp_path / "work" / "new.weights").about["photographs"] == "2 with 4 boxes"

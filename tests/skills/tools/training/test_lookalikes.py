@@ -8,7 +8,9 @@ from pomona.tools.training.lookalikes import draw_lookalike
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 
-SMALL = SceneOptions(width=160, height=120, camera=(152.6, 152.6, 79.0, 59.2), kinds=(1.0, 0.0, 0.0, 0.0))
+SMALL = SceneOptions(
+    width=160, height=120, camera=(152.6, 152.6, 79.0, 59.2), kinds=(1.0, 0.0, 0.0, 0.0)
+)
 
 
 def test_they_are_as_large_as_things_on_a_table_and_painted_within_bounds() -> None:
@@ -24,7 +26,9 @@ def test_they_are_as_large_as_things_on_a_table_and_painted_within_bounds() -> N
 
 
 def test_a_scene_without_fruit_labels_everything_as_no_fruit() -> None:
-    options = SceneOptions(SMALL.width, SMALL.height, SMALL.camera, (0, 0), 0, kinds=SMALL.kinds, lookalikes=8)
+    options = SceneOptions(
+        SMALL.width, SMALL.height, SMALL.camera, (0, 0), 0, kinds=SMALL.kinds, lookalikes=8
+    )
     apple = load_fruit("apple")
     frames = [render_scene(apple, options, seed) for seed in range(2)]
     assert not any(frame.fruit for frame in frames)
@@ -37,7 +41,9 @@ def test_fruit_is_the_same_whether_anything_stands_beside_it(lookalikes: int) ->
     apple = load_fruit("apple")
     alone = render_scene(apple, SMALL, 11)
     beside = render_scene(apple, SceneOptions(*SMALL_WITHOUT_LOOKALIKES, lookalikes=lookalikes), 11)
-    assert [truth.dimensions.tolist() for truth in beside.fruit] == [t.dimensions.tolist() for t in alone.fruit]
+    assert [truth.dimensions.tolist() for truth in beside.fruit] == [
+        t.dimensions.tolist() for t in alone.fruit
+    ]
 
 
 SMALL_WITHOUT_LOOKALIKES = (

@@ -15,7 +15,12 @@ from pomona.tools.training.photo_figures import (
 )
 
 LABELS = np.array(
-    [[0.0, 10.0, 20.0, 20.0], [40.0, 40.0, 20.0, 20.0], [80.5, 10.0, 19.5, 20.0], [10.0, 79.5, 9.0, 20.0]]
+    [
+        [0.0, 10.0, 20.0, 20.0],
+        [40.0, 40.0, 20.0, 20.0],
+        [80.5, 10.0, 19.5, 20.0],
+        [10.0, 79.5, 9.0, 20.0],
+    ]
 )
 
 
@@ -32,7 +37,9 @@ def test_boxes_that_end_at_the_border_are_cut() -> None:
 
 
 def test_recall_at_the_border_counts_cut_boxes_alone() -> None:
-    found = finds([[1, 10, 19, 20], [40, 40, 20, 20], [82, 10, 18, 20], [10, 80, 9, 20]], [0.9, 0.9, 0.4, 0.9])
+    found = finds(
+        [[1, 10, 19, 20], [40, 40, 20, 20], [82, 10, 18, 20], [10, 80, 9, 20]], [0.9, 0.9, 0.4, 0.9]
+    )
     assert recall_at_border([found], [photo()], 0.5) == (2, 3)
     assert recall_at_border([found, found], [photo(), photo()], 0.3) == (6, 6)
     assert recall_at_border([finds([[60, 60, 9, 9]], [0.9])], [photo()], 0.5) == (0, 3)
@@ -44,7 +51,9 @@ def test_calibration_is_the_mean_distance_of_score_and_ratio() -> None:
     error, points = calibration(scores[:4], right[:4])
     assert points == [(0.15, 0.0, 2), (0.95, 0.5, 2)]
     assert error == pytest.approx(0.5 * 0.15 + 0.5 * 0.45)
-    assert calibration_error(scores, right) == pytest.approx(error)  # scores below 0.05 are left out
+    assert calibration_error(scores, right) == pytest.approx(
+        error
+    )  # scores below 0.05 are left out
     assert calibration_error(np.empty(0), np.empty(0, np.bool_)) == 0.0
 
 

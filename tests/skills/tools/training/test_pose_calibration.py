@@ -31,7 +31,9 @@ def drawn(seed: int, wider: float = 1.0) -> list[PoseErrors]:
         axis = off[:3] / angle
         skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
         turn = np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
-        truth = AnnotatedObject("apple", 1.0, transform(turn @ T[:3, :3], T[:3, 3] + off[3:]), POINTS)
+        truth = AnnotatedObject(
+            "apple", 1.0, transform(turn @ T[:3, :3], T[:3, 3] + off[3:]), POINTS
+        )
         found = pose_errors(Instance(POINTS, 0.9, 1.0, T, COVARIANCE), truth)
         assert found is not None
         errors.append(found)
@@ -53,7 +55,9 @@ def test_a_covariance_that_is_too_small_is_found() -> None:
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.0, 1.3])
-def test_a_fruit_of_another_size_is_expected_where_a_perfect_look_puts_a_cad_sized_one(scale: float) -> None:
+def test_a_fruit_of_another_size_is_expected_where_a_perfect_look_puts_a_cad_sized_one(
+    scale: float,
+) -> None:
     truth = AnnotatedObject("apple", 1.0, T, POINTS, scale)
     look = look_at(K, T[:2, 3] / T[2, 3] * 610.6 + K[:2, 2], 100.0)
     p_camera, _ = look.place(look.label(T, scale))

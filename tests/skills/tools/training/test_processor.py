@@ -9,7 +9,11 @@ from pomona.tools.training import loop
 
 @pytest.mark.parametrize(
     ("flags", "expected"),
-    [("fpu avx512f avx512_bf16 amx_bf16 amx_tile", True), ("fpu avx512f avx512_bf16", False), ("fpu avx2", False)],
+    [
+        ("fpu avx512f avx512_bf16 amx_bf16 amx_tile", True),
+        ("fpu avx512f avx512_bf16", False),
+        ("fpu avx2", False),
+    ],
 )
 def test_bfloat16_is_taken_only_where_it_is_faster(
     flags: str, expected: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

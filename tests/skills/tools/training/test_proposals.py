@@ -32,7 +32,10 @@ class Scripted:
 
     def find(self, colour: np.ndarray, K: np.ndarray) -> list[FoundFruit]:
         up = np.array([0.0, -1.0, 0.0])
-        return [FoundFruit(np.zeros(3), up, box[:2], 30.0, np.ones(3), score, 0.9, box) for box, score in self._found]
+        return [
+            FoundFruit(np.zeros(3), up, box[:2], 30.0, np.ones(3), score, 0.9, box)
+            for box, score in self._found
+        ]
 
 
 @pytest.fixture
@@ -42,12 +45,16 @@ def scene() -> tuple[np.ndarray, list[np.ndarray]]:
     return np.minimum.reduce(depths), [box_of(depth) for depth in depths]
 
 
-def a_look(depth: np.ndarray, picked: tuple[float, float] | None = None, run: str = "a") -> RecordedLook:
+def a_look(
+    depth: np.ndarray, picked: tuple[float, float] | None = None, run: str = "a"
+) -> RecordedLook:
     places = np.empty((0, 2)) if picked is None else np.array([picked])
     return RecordedLook(run, np.zeros((480, 640, 3), np.uint8), depth, K, places)
 
 
-def test_a_label_needs_a_score_and_the_depth_of_a_fruit(scene: tuple[np.ndarray, list[np.ndarray]]) -> None:
+def test_a_label_needs_a_score_and_the_depth_of_a_fruit(
+    scene: tuple[np.ndarray, list[np.ndarray]],
+) -> None:
     depth, boxes = scene
     flat = depth.copy()
     x, y, w, h = boxes[2].astype(int)
@@ -58,7 +65,9 @@ def test_a_label_needs_a_score_and_the_depth_of_a_fruit(scene: tuple[np.ndarray,
     assert np.array_equal(proposed.boxes, np.stack(boxes))
 
 
-def test_a_fruit_that_was_picked_is_a_label_whatever_its_score(scene: tuple[np.ndarray, list[np.ndarray]]) -> None:
+def test_a_fruit_that_was_picked_is_a_label_whatever_its_score(
+    scene: tuple[np.ndarray, list[np.ndarray]],
+) -> None:
     depth, boxes = scene
     middle = boxes[1][:2] + 0.5 * boxes[1][2:]
     look = a_look(np.zeros_like(depth), (float(middle[0]), float(middle[1])))

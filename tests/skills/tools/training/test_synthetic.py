@@ -24,7 +24,10 @@ def apple() -> FruitModel:
 def test_a_seed_gives_the_same_frame_again(apple: FruitModel) -> None:
     first, second = render_scene(apple, SMALL, 5), render_scene(apple, SMALL, 5)
     assert np.array_equal(first.colour, second.colour)
-    assert all(np.array_equal(a.keypoints, b.keypoints) for a, b in zip(first.fruit, second.fruit, strict=True))
+    assert all(
+        np.array_equal(a.keypoints, b.keypoints)
+        for a, b in zip(first.fruit, second.fruit, strict=True)
+    )
     assert not np.array_equal(first.colour, render_scene(apple, SMALL, 6).colour)
 
 
@@ -40,23 +43,44 @@ def test_truth_agrees_with_the_picture(apple: FruitModel, kind: SceneKind) -> No
         for truth in frame.fruit:
             T = truth.T_camera_object
             corners = cuboid(truth.scale * apple.dimensions) @ T[:3, :3].T + T[:3, 3]
-            assert np.allclose(truth.keypoints[:8], corners[:, :2] / corners[:, 2:] * (fx, fy) + (cx, cy), atol=1e-6)
-            assert np.allclose(T[:3, :3], label_rotation(T[:3, :3] @ STEM_AXIS, T[:3, 3]), atol=1e-6)
+            assert np.allclose(
+                truth.keypoints[:8],
+                corners[:, :2] / corners[:, 2:] * (fx, fy) + (cx, cy),
+                atol=1e-6,
+            )
+            assert np.allclose(
+                T[:3, :3], label_rotation(T[:3, :3] @ STEM_AXIS, T[:3, 3]), atol=1e-6
+            )
             x, y, w, h = truth.box
             if truth.visibility < 0.97 or x == 0 or y == 0 or x + w == 320 or y + h == 240:
                 continue
             # A whole fruit's pixels are centred on its centroid and as wide as its outline.
             seen += 1
-            assert np.hypot(x + w / 2 - truth.keypoints[8, 0], y + h / 2 - truth.keypoints[8, 1]) < 0.12 * max(w, h)
+            assert np.hypot(
+                x + w / 2 - truth.keypoints[8, 0], y + h / 2 - truth.keypoints[8, 1]
+            ) < 0.12 * max(w, h)
             largest = fx * truth.dimensions.max() / T[2, 3]
             assert 0.75 * largest < max(w, h) < 1.25 * largest
             u, v = np.round(truth.keypoints[8]).astype(int)
-            assert 0.2 * truth.dimensions.min() < T[2, 3] - frame.depth[v, u] < 0.6 * truth.dimensions.max()
+            assert (
+                0.2 * truth.dimensions.min()
+                < T[2, 3] - frame.depth[v, u]
+                < 0.6 * truth.dimensions.max()
+            )
     assert seen >= 3
 
 
 def cuboid(dimensions: np.ndarray) -> np.ndarray:
-    signs = [(1, -1, 1), (-1, -1, 1), (-1, 1, 1), (1, 1, 1), (1, -1, -1), (-1, -1, -1), (-1, 1, -1), (1, 1, -1)]
+    signs = [
+        (1, -1, 1),
+        (-1, -1, 1),
+        (-1, 1, 1),
+        (1, 1, 1),
+        (1, -1, -1),
+        (-1, -1, -1),
+        (-1, 1, -1),
+        (1, 1, -1),
+    ]
     return np.array(signs) * dimensions / 2
 
 
@@ -94,7 +118,9 @@ def test_frames_hold_the_promised_fruit_and_distractors(apple: FruitModel) -> No
 def test_data_sets_do_not_depend_on_workers_and_go_on_where_they_stopped(tmp_path: Path) -> None:
     alone, together = tmp_path / "alone", tmp_path / "together"
     reported: list[tuple[int, int]] = []
-    report = render_dataset(alone, 3, seed=4, options=SMALL, workers=1, progress=lambda a, b: reported.append((a, b)))
+    report = render_dataset(
+        alone, 3, seed=4, options=SMALL, workers=1, progress=lambda a, b: reported.append((a, b))
+    )
     assert (report.rendered, report.kept) == (3, 0)
     assert reported[-1] == (3, 3)
     picture, annotation = frame_paths(alone, 1)

@@ -27,7 +27,17 @@ from pomona.tools.training.targets import finder_targets
 from pomona.tools.training.torch_engine import torch_detector
 from pomona.tools.training.train import Part, TrainingRun, train_part
 
-MIRRORED = (1, 0, 3, 2, 5, 4, 7, 6, 8)  # keypoint of each in the mirrored picture (CAMERA convention)
+MIRRORED = (
+    1,
+    0,
+    3,
+    2,
+    5,
+    4,
+    7,
+    6,
+    8,
+)  # keypoint of each in the mirrored picture (CAMERA convention)
 
 pytestmark = pytest.mark.slow
 
@@ -158,13 +168,17 @@ def test_a_checkpoint_of_another_schedule_is_refused(frames: Path, tmp_path: Pat
         train_part(run(frames, tmp_path, "close_look", 3, rate=1e-4))
 
 
-def test_a_late_fall_may_be_put_off_while_the_rate_is_still_high(frames: Path, tmp_path: Path) -> None:
+def test_a_late_fall_may_be_put_off_while_the_rate_is_still_high(
+    frames: Path, tmp_path: Path
+) -> None:
     short = Schedule(100, 1e-3, "late", warm_up=5)
     assert [short.rate_at(k) for k in (0, 4, 5, 59)] == [2e-4, 1e-3, 1e-3, 1e-3]
     assert np.allclose([short.rate_at(k) for k in (60, 80, 99)], [1e-3, 5e-4, 2.5e-5])
 
     def late(steps: int) -> TrainingRun:
-        changed = dataclasses.replace(run(frames, tmp_path, "close_look", 1).schedule, steps=steps, fall="late")
+        changed = dataclasses.replace(
+            run(frames, tmp_path, "close_look", 1).schedule, steps=steps, fall="late"
+        )
         return dataclasses.replace(run(frames, tmp_path, "close_look", 1), schedule=changed)
 
     train_part(late(4))
@@ -180,7 +194,9 @@ def test_a_late_fall_may_be_put_off_while_the_rate_is_still_high(frames: Path, t
 
 def test_progress_shows_loss_rate_and_held_out_figures(frames: Path, tmp_path: Path) -> None:
     said: list[Progress] = []
-    plan = TrainingRun("close_look", ((frames, 4),), frames, tmp_path, Schedule(2, validate_every=2), workers=0)
+    plan = TrainingRun(
+        "close_look", ((frames, 4),), frames, tmp_path, Schedule(2, validate_every=2), workers=0
+    )
     train_part(plan, said.append)
     assert said[-1].step == said[-1].steps == 2
     assert said[-1].validation is not None
@@ -200,23 +216,31 @@ def test_batches_depend_on_seed_and_step_alone(frames: Path) -> None:
 
 
 def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None:
-    pictures, target, kind, visibility = CloseLookBatches(FrameFolder([frames]), 40, 0, 1, augment=False)[0]
+    pictures, target, kind, visibility = CloseLookBatches(
+        FrameFolder([frames]), 40, 0, 1, augment=False
+    )[0]
     fruit = kind > 0.5
     assert 8 <= int(fruit.sum()) < 40
     assert pictures.shape == (40, 96, 96, 3)
     assert float(target[fruit][:, :2].abs().max()) < 0.4
     assert float(target[fruit][:, 2].abs().max()) < 0.8
-    assert torch.allclose(target[fruit][:, 3:6].norm(dim=1), torch.ones(int(fruit.sum())), atol=1e-4)
+    assert torch.allclose(
+        target[fruit][:, 3:6].norm(dim=1), torch.ones(int(fruit.sum())), atol=1e-4
+    )
     assert float(visibility[~fruit].abs().max()) == 0.0
 
 
-def test_places_are_kept_and_false_finds_are_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
+def test_places_are_kept_and_false_finds_are_taught_as_no_fruit(
+    frames: Path, tmp_path: Path
+) -> None:
     folder = FrameFolder([frames])
     torch.manual_seed(0)
     found = find_places(torch_detector(FinderNetwork(), CloseLookNetwork()), folder)
     assert set(found) == {folder.name(k) for k in range(4)}
     fruit = folder.annotation(0).objects[0]
-    deceiving = {folder.name(k): np.array([[*np.array([600.0, 20.0]), 30.0, 0.9]] * 30) for k in range(4)}
+    deceiving = {
+        folder.name(k): np.array([[*np.array([600.0, 20.0]), 30.0, 0.9]] * 30) for k in range(4)
+    }
     deceiving[folder.name(0)] = np.array([[*fruit.keypoints[8], 50.0, 0.9]])
     save_places(tmp_path / "places.npz", deceiving)
     again = load_places(tmp_path / "places.npz")
@@ -279,7 +303,9 @@ def test_the_finders_loss_is_least_at_the_target_and_counts_no_doubtful_cell() -
 
 
 def test_the_quality_learns_the_overlap_that_the_box_has() -> None:
-    truth = torch.from_numpy(finder_targets(np.array([[8.0, 8.0, 8.0, 8.0]]), np.array([True]), 24, 24))[None]
+    truth = torch.from_numpy(
+        finder_targets(np.array([[8.0, 8.0, 8.0, 8.0]]), np.array([True]), 24, 24)
+    )[None]
     maps = torch.zeros(1, 6, 24, 24)
     # A box of twice the area around the target's own: an IoU of one half everywhere.
     maps[:, REACHES] = torch.log(truth[:, targets.REACHES].clamp(min=0.1))
@@ -293,7 +319,11 @@ def test_the_quality_learns_the_overlap_that_the_box_has() -> None:
 
 def test_losses_of_looks_and_belief_maps_are_least_at_the_target() -> None:
     torch.manual_seed(0)
-    target, kind, seen = torch.rand(3, 6), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
+    target, kind, seen = (
+        torch.rand(3, 6),
+        torch.tensor([1.0, 1.0, 0.0]),
+        torch.tensor([1.0, 0.5, 0.0]),
+    )
     output = torch.zeros(3, 11)
     output[:, :6] = target
     base = close_look_loss(output, target, kind, seen)
@@ -326,6 +356,8 @@ def test_a_frame_that_does_not_say_its_size_has_its_pictures_and_none_without_a_
     folder = FrameFolder([tmp_path])
     annotation = folder.annotation(0)
     assert (annotation.width, annotation.height) == (640, 480)
-    assert float(FinderBatches([(FrameWindows(folder), 2)], 0, 1)[0][1][:, targets.HEAT].max()) > 0.9
+    assert (
+        float(FinderBatches([(FrameWindows(folder), 2)], 0, 1)[0][1][:, targets.HEAT].max()) > 0.9
+    )
     with pytest.raises(BadAnnotation, match=r"a\.json: names no camera"):
         CloseLookBatches(folder, 4, 0, 1)[0]

@@ -2,7 +2,13 @@
 
 from pomona.skills.motion.collision.distance_field import Convex, DistanceField, fruit_points
 from pomona.skills.motion.collision.robot_shape import RobotShape
-from pomona.skills.motion.collision.world import Collision, CollisionError, CollisionWorld, Margins, UnknownObstacle
+from pomona.skills.motion.collision.world import (
+    Collision,
+    CollisionError,
+    CollisionWorld,
+    Margins,
+    UnknownObstacle,
+)
 
 __all__ = [
     "Collision",

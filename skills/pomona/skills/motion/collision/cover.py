@@ -39,7 +39,12 @@ def cover(geom: Geom) -> Cover:
     """Cover one collision shape; spheres protrude by at most 2 mm (thin parts) to 8 mm (thick ones)."""
     size = geom.size
     if geom.kind == "sphere":
-        return Cover(np.array([[0.0, 0.0, 0.0, size[0]]]), np.array([size[0]]), np.zeros((1, 3)), float(size[0]))
+        return Cover(
+            np.array([[0.0, 0.0, 0.0, size[0]]]),
+            np.array([size[0]]),
+            np.zeros((1, 3)),
+            float(size[0]),
+        )
     if geom.kind == "capsule":
         return _cover_capsule(float(size[0]), float(size[1]))
     if geom.kind == "box":
@@ -48,7 +53,9 @@ def cover(geom: Geom) -> Cover:
         return _cover_cylinder(float(size[0]), float(size[1]))
     if geom.kind == "ellipsoid":
         directions = fibonacci_sphere(200)
-        directions /= 0.99 * np.min(np.max(directions @ fibonacci_sphere(2000).T, axis=0))  # around the unit ball
+        directions /= 0.99 * np.min(
+            np.max(directions @ fibonacci_sphere(2000).T, axis=0)
+        )  # around the unit ball
 
         def ellipsoid_depth(p: Float64) -> Float64:
             deep: Float64 = (1.0 - np.linalg.norm(p / size[:3], axis=1)) * size[:3].min()
@@ -72,7 +79,9 @@ def cover_points(points: Float64) -> Cover:
         deep: Float64 = -np.max(p @ normals.T + offsets, axis=1)
         return deep
 
-    return _cover_of(_cover_in_slices((upper - lower) / 2.0, (upper + lower) / 2.0, depth), depth, corners)
+    return _cover_of(
+        _cover_in_slices((upper - lower) / 2.0, (upper + lower) / 2.0, depth), depth, corners
+    )
 
 
 def fibonacci_sphere(count: int) -> Float64:
@@ -95,7 +104,9 @@ def _cover_capsule(radius: float, half: float) -> Cover:
     z = np.linspace(-half, half, count)
     covering = np.hypot(radius, half / (count - 1)) if half > 0.0 else radius
     spheres = np.stack((np.zeros(count), np.zeros(count), z, np.full(count, covering)), axis=1)
-    return Cover(spheres, np.full(count, radius), np.array([[0.0, 0.0, half], [0.0, 0.0, -half]]), radius)
+    return Cover(
+        spheres, np.full(count, radius), np.array([[0.0, 0.0, half], [0.0, 0.0, -half]]), radius
+    )
 
 
 def _cover_box(half: Float64) -> Cover:

@@ -17,8 +17,12 @@ from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.motion.collision.cover import fibonacci_sphere
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
-_CUBE = np.array([[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 0.0, 1.0)])
-_CUBE_DIRECTIONS = np.delete(_CUBE, 13, axis=0) / np.linalg.norm(np.delete(_CUBE, 13, axis=0), axis=1, keepdims=True)
+_CUBE = np.array(
+    [[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 0.0, 1.0)]
+)
+_CUBE_DIRECTIONS = np.delete(_CUBE, 13, axis=0) / np.linalg.norm(
+    np.delete(_CUBE, 13, axis=0), axis=1, keepdims=True
+)
 _RIM_DIRECTIONS = 24
 _ROUND_DIRECTIONS = 162
 _ROUND = fibonacci_sphere(_ROUND_DIRECTIONS)
@@ -43,7 +47,11 @@ class Convex:
         normals = fibonacci_sphere(_ROUND_DIRECTIONS) if directions is None else directions
         centre = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
         radius = np.linalg.norm(corners - centre, axis=1).max()
-        return Convex(name, np.column_stack((normals, (corners @ normals.T).max(axis=0))), np.append(centre, radius))
+        return Convex(
+            name,
+            np.column_stack((normals, (corners @ normals.T).max(axis=0))),
+            np.append(centre, radius),
+        )
 
     @staticmethod
     def of_box(box: Box) -> Convex:
@@ -62,7 +70,9 @@ class Convex:
         slanted = np.vstack((ring + up, ring - up)) / np.sqrt(2.0)
         corners = np.vstack((rim + up * length / 2.0, rim - up * length / 2.0))
         R, p = T_base_cylinder[:3, :3], T_base_cylinder[:3, 3]
-        return Convex.of_points(name, corners @ R.T + p, np.vstack((ring, slanted, up[None], -up[None])) @ R.T)
+        return Convex.of_points(
+            name, corners @ R.T + p, np.vstack((ring, slanted, up[None], -up[None])) @ R.T
+        )
 
     @staticmethod
     def of_fruit(measured: MeasuredFruit, name: str = "target") -> Convex:
@@ -72,7 +82,9 @@ class Convex:
     @staticmethod
     def of_hull(hull: Hull) -> Convex:
         """Return a part of a mesh: its own faces, and planes all around."""
-        return Convex.of_points(hull.name, hull.points, np.vstack((hull.normals, _CUBE_DIRECTIONS, _ROUND)))
+        return Convex.of_points(
+            hull.name, hull.points, np.vstack((hull.normals, _CUBE_DIRECTIONS, _ROUND))
+        )
 
     def distance(self, points: ArrayLike) -> Float64:
         """Lower bound of the distance of points, shape (n, 3), in the base frame; negative inside. Shape (n,) [m]."""
@@ -105,14 +117,20 @@ class DistanceField(ReadOnly):
     origin: Float64  # position of corner (0, 0, 0) in the base frame, shape (3,) [m]
     resolution: float  # edge of a cell [m]
     limit: float  # larger distances are given as this [m]
-    shapes: tuple[Convex, ...] = ()  # obstacles that the map has as shapes; `distance` leaves them out
+    shapes: tuple[
+        Convex, ...
+    ] = ()  # obstacles that the map has as shapes; `distance` leaves them out
 
     @staticmethod
-    def of_blocked(blocked: NDArray[np.bool_], origin: Float64, resolution: float, limit: float) -> DistanceField:
+    def of_blocked(
+        blocked: NDArray[np.bool_], origin: Float64, resolution: float, limit: float
+    ) -> DistanceField:
         """Return the field of a grid of cells, shape (nx, ny, nz)."""
         values = np.empty(tuple(n + 1 for n in blocked.shape), dtype=np.float32)
         _squared_distances(blocked, (limit / resolution) ** 2, values)
-        return DistanceField(np.sqrt(values, out=values) * np.float32(resolution), origin, resolution, limit)
+        return DistanceField(
+            np.sqrt(values, out=values) * np.float32(resolution), origin, resolution, limit
+        )
 
     @staticmethod
     def nothing_blocked() -> DistanceField:
@@ -127,9 +145,15 @@ class DistanceField(ReadOnly):
 
 
 @njit(cache=True, nogil=True)
-def lookup(values: Float32, origin: Float64, resolution: float, x: float, y: float, z: float) -> float:
+def lookup(
+    values: Float32, origin: Float64, resolution: float, x: float, y: float, z: float
+) -> float:
     """Return the distance at a point of the base frame [m], by trilinear interpolation minus its greatest error."""
-    u, v, w = (x - origin[0]) / resolution, (y - origin[1]) / resolution, (z - origin[2]) / resolution
+    u, v, w = (
+        (x - origin[0]) / resolution,
+        (y - origin[1]) / resolution,
+        (z - origin[2]) / resolution,
+    )
     u = min(max(u, 0.0), values.shape[0] - 1.000001)
     v = min(max(v, 0.0), values.shape[1] - 1.000001)
     w = min(max(w, 0.0), values.shape[2] - 1.000001)
@@ -155,7 +179,9 @@ def _distances(values: Float32, origin: Float64, resolution: float, points: Floa
 
 
 @njit(cache=True, nogil=True)
-def _lower_envelope(f: Float32, limit: float, vertex: NDArray[np.int64], cut: Float64, out: Float32) -> None:
+def _lower_envelope(
+    f: Float32, limit: float, vertex: NDArray[np.int64], cut: Float64, out: Float32
+) -> None:
     """out[i] = min over j of f[j] + (i - j)², capped at limit (Felzenszwalb and Huttenlocher 2012)."""
     n = f.shape[0]
     k = -1
@@ -164,7 +190,9 @@ def _lower_envelope(f: Float32, limit: float, vertex: NDArray[np.int64], cut: Fl
             continue
         crossing = -1e18
         while k >= 0:
-            crossing = (f[j] + j * j - f[vertex[k]] - vertex[k] * vertex[k]) / (2.0 * (j - vertex[k]))
+            crossing = (f[j] + j * j - f[vertex[k]] - vertex[k] * vertex[k]) / (
+                2.0 * (j - vertex[k])
+            )
             if crossing > cut[k]:
                 break
             k -= 1

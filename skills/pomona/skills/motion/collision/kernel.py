@@ -27,7 +27,9 @@ class WorldArrays(NamedTuple):
     field: Float32  # field, origin, resolution: a distance field, see `pomona.skills.motion.collision.distance_field`
     origin: Float64
     resolution: float
-    planes: Float64  # faces of all convex obstacles, shape (n, 4), and `plane_start`, shape (c + 1,)
+    planes: (
+        Float64  # faces of all convex obstacles, shape (n, 4), and `plane_start`, shape (c + 1,)
+    )
     plane_start: Int64
     bounds: Float64  # a sphere around each convex obstacle, shape (c, 4)
     half_spaces: Float64  # normal n and offset d: free where n·p > d, shape (h, 4)
@@ -38,7 +40,14 @@ class WorldArrays(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def place_spheres(
-    spheres: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float, placed: Float64
+    spheres: Float64,
+    begin: int,
+    end: int,
+    T: Float64,
+    sx: float,
+    sy: float,
+    sz: float,
+    placed: Float64,
 ) -> None:
     """Write the centres of a geom's spheres, shifted by s in the link's frame, in the base frame."""
     for s in range(begin, end):
@@ -49,18 +58,34 @@ def place_spheres(
 
 @njit(cache=True, nogil=True)
 def _map_distance(
-    field: Float32, origin: Float64, resolution: float, spheres: Float64, begin: int, end: int, placed: Float64
+    field: Float32,
+    origin: Float64,
+    resolution: float,
+    spheres: Float64,
+    begin: int,
+    end: int,
+    placed: Float64,
 ) -> float:
     distance: float = 1e9
     for s in range(begin, end):
-        away = lookup(field, origin, resolution, placed[s, 0], placed[s, 1], placed[s, 2]) - spheres[s, 3]
+        away = (
+            lookup(field, origin, resolution, placed[s, 0], placed[s, 1], placed[s, 2])
+            - spheres[s, 3]
+        )
         distance = min(distance, away)
     return distance
 
 
 @njit(cache=True, nogil=True)
 def _convex_distance(
-    planes: Float64, first: int, last: int, bound: Float64, spheres: Float64, begin: int, end: int, placed: Float64
+    planes: Float64,
+    first: int,
+    last: int,
+    bound: Float64,
+    spheres: Float64,
+    begin: int,
+    end: int,
+    placed: Float64,
 ) -> float:
     distance: float = 1e9
     for s in range(begin, end):
@@ -78,7 +103,14 @@ def _convex_distance(
 
 @njit(cache=True, nogil=True)
 def _half_space_distance(
-    plane: Float64, support: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float
+    plane: Float64,
+    support: Float64,
+    begin: int,
+    end: int,
+    T: Float64,
+    sx: float,
+    sy: float,
+    sz: float,
 ) -> float:
     """Return the distance of a geom, shifted by s in the link's frame, from a half space; exact."""
     nx, ny, nz = plane[0], plane[1], plane[2]
@@ -87,7 +119,9 @@ def _half_space_distance(
     c = nx * T[0, 2] + ny * T[1, 2] + nz * T[2, 2]
     distance: float = 1e9
     for s in range(begin, end):
-        distance = min(distance, a * support[s, 0] + b * support[s, 1] + c * support[s, 2] - support[s, 3])
+        distance = min(
+            distance, a * support[s, 0] + b * support[s, 1] + c * support[s, 2] - support[s, 3]
+        )
     distance += nx * T[0, 3] + ny * T[1, 3] + nz * T[2, 3] - plane[3] + a * sx + b * sy + c * sz
     return distance
 
@@ -108,7 +142,10 @@ def _pair_distance(
     for s in range(begin, end):
         x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
         limit = distance + radius + around
-        if limit <= 0.0 or (x - other[0]) ** 2 + (y - other[1]) ** 2 + (z - other[2]) ** 2 >= limit * limit:
+        if (
+            limit <= 0.0
+            or (x - other[0]) ** 2 + (y - other[1]) ** 2 + (z - other[2]) ** 2 >= limit * limit
+        ):
             continue
         for t in range(other_begin, other_end):
             limit = distance + radius + spheres[t, 3]
@@ -148,7 +185,11 @@ def check_states(
         clearances[n], closest[n, 0], closest[n, 1] = enough, -1, -1
         if worst >= 0 and found[worst] < enough:
             clearances[n] = found[worst]
-            geom = worst if worst < robot.links.shape[0] else robot.pairs[worst - robot.links.shape[0], 1]
+            geom = (
+                worst
+                if worst < robot.links.shape[0]
+                else robot.pairs[worst - robot.links.shape[0], 1]
+            )
             closest[n, 0], closest[n, 1] = geom, which[worst]
 
 
@@ -185,7 +226,12 @@ def place(robot: RobotArrays, q: Float64, width: float, scratch: Scratch) -> Non
         y = bounds[g, 1] + opening * slides[g, 1]
         z = bounds[g, 2] + opening * slides[g, 2]
         for row in range(3):
-            centres[g, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
+            centres[g, row] = (
+                links[n, row, 0] * x
+                + links[n, row, 1] * y
+                + links[n, row, 2] * z
+                + links[n, row, 3]
+            )
         ready[g] = False
 
 
@@ -209,7 +255,13 @@ def evaluate_clearances(
     """
     # `slack` is no bool, since numba compiles all of this once for True and once for False.
     # Local names: reading an array out of a tuple counts references, which costs more than the arithmetic.
-    of_geom, slides, bounds, spheres, start = robot.links, robot.slides, robot.bounds, robot.spheres, robot.sphere_start
+    of_geom, slides, bounds, spheres, start = (
+        robot.links,
+        robot.slides,
+        robot.bounds,
+        robot.spheres,
+        robot.sphere_start,
+    )
     support, support_start, pairs = robot.support, robot.support_start, robot.pairs
     links, centres, placed, ready = scratch.links, scratch.centres, scratch.placed, scratch.ready
     field, origin, resolution, planes, plane_start = (
@@ -219,8 +271,18 @@ def evaluate_clearances(
         world.planes,
         world.plane_start,
     )
-    convex, half_spaces, margins, ignored = world.bounds, world.half_spaces, world.margins, world.ignored
-    self_margin, opening, geoms, obstacles = world.self_margin, width - robot.closed, of_geom.shape[0], convex.shape[0]
+    convex, half_spaces, margins, ignored = (
+        world.bounds,
+        world.half_spaces,
+        world.margins,
+        world.ignored,
+    )
+    self_margin, opening, geoms, obstacles = (
+        world.self_margin,
+        width - robot.closed,
+        of_geom.shape[0],
+        convex.shape[0],
+    )
     worst: int = -1
     smallest: float = 1e9
     for g in range(geoms - 1, -1, -1):  # the gripper collides most often
@@ -237,16 +299,30 @@ def evaluate_clearances(
             if nearest < enough:
                 place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                 ready[g] = True
-                nearest = _map_distance(field, origin, resolution, spheres, begin, end, placed) - margin
+                nearest = (
+                    _map_distance(field, origin, resolution, spheres, begin, end, placed) - margin
+                )
         for h in range(half_spaces.shape[0]):
             if ignored[1 + obstacles + h, g]:
                 continue
             margin = margins[1 + obstacles + h, g]
-            away = half_spaces[h, 0] * x + half_spaces[h, 1] * y + half_spaces[h, 2] * z - half_spaces[h, 3]
+            away = (
+                half_spaces[h, 0] * x
+                + half_spaces[h, 1] * y
+                + half_spaces[h, 2] * z
+                - half_spaces[h, 3]
+            )
             away -= radius + margin
             if away < min(enough, nearest):
                 away = _half_space_distance(
-                    half_spaces[h], support, support_start[g], support_start[g + 1], links[n], sx, sy, sz
+                    half_spaces[h],
+                    support,
+                    support_start[g],
+                    support_start[g + 1],
+                    links[n],
+                    sx,
+                    sy,
+                    sz,
                 )
                 away -= margin
             if away < nearest:
@@ -262,7 +338,10 @@ def evaluate_clearances(
                     place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                     ready[g] = True
                 first, last = plane_start[k], plane_start[k + 1]
-                away = _convex_distance(planes, first, last, convex[k], spheres, begin, end, placed) - margin
+                away = (
+                    _convex_distance(planes, first, last, convex[k], spheres, begin, end, placed)
+                    - margin
+                )
             if away < nearest:
                 nearest, nearest_is = away, 1 + k
         found[g], which[g] = nearest, nearest_is
@@ -297,7 +376,14 @@ def evaluate_clearances(
                     )
                     ready[g] = True
             away = _pair_distance(
-                spheres, start[i], start[i + 1], start[j], start[j + 1], centres[j], bounds[j, 3], placed
+                spheres,
+                start[i],
+                start[i + 1],
+                start[j],
+                start[j + 1],
+                centres[j],
+                bounds[j, 3],
+                placed,
             )
             away -= self_margin
         elif slack == 0.0:

@@ -62,7 +62,9 @@ class RobotShape(ReadOnly):
     def spheres(self, q: ArrayLike, width: float) -> Float64:
         """Covering spheres of the whole robot in the base frame, shape (n, 4) [m]."""
         links = self.model.link_poses(q)
-        return np.vstack([self._spheres(geom, links, width) for geom in range(len(self.geom_names))])
+        return np.vstack(
+            [self._spheres(geom, links, width) for geom in range(len(self.geom_names))]
+        )
 
     def _spheres(self, geom: int, links: Float64, width: float) -> Float64:
         arrays = self.arrays
@@ -130,7 +132,9 @@ def _shape_of(model: RobotModel) -> RobotShape:
         support=np.vstack([_support_of(c) for c in covers]),
         support_start=np.cumsum([0] + [len(c.support) for c in covers]),
         pairs=_without_overlapping(model, bodies, covers, pairs),
-        reach=np.column_stack([_reach(model, b.link, s) for b, s in zip(bodies, swept, strict=True)]),
+        reach=np.column_stack(
+            [_reach(model, b.link, s) for b, s in zip(bodies, swept, strict=True)]
+        ),
         closed=model.width_min,
     )
     return RobotShape(
@@ -182,7 +186,9 @@ def _bounding_sphere(spheres: Float64) -> Float64:
     lower = (spheres[:, :3] - spheres[:, 3:]).min(axis=0)
     upper = (spheres[:, :3] + spheres[:, 3:]).max(axis=0)
     centre = (lower + upper) / 2.0
-    return np.append(centre, np.max(np.linalg.norm(spheres[:, :3] - centre, axis=1) + spheres[:, 3]))
+    return np.append(
+        centre, np.max(np.linalg.norm(spheres[:, :3] - centre, axis=1) + spheres[:, 3])
+    )
 
 
 def _support_of(shape: Cover) -> Float64:
@@ -200,7 +206,9 @@ def _reach(model: RobotModel, link: int, spheres: Float64) -> Float64:
     for joint in range(link - 1, -1, -1):
         reach[joint] = 1.0 if model.sliding[joint] else from_axis
         step = model.steps[joint][:, 3]
-        stroke = max(abs(model.lower[joint]), abs(model.upper[joint])) if model.sliding[joint] else 0.0
+        stroke = (
+            max(abs(model.lower[joint]), abs(model.upper[joint])) if model.sliding[joint] else 0.0
+        )
         from_axis = float(np.hypot(step[0], step[1])) + from_origin + stroke
         from_origin = float(np.linalg.norm(step)) + from_origin + stroke
     return reach
@@ -224,7 +232,9 @@ def _without_overlapping(
     """
     rng = np.random.default_rng(0)
     # random postures in which a pair of bodies must overlap, every time, to count as always overlapping
-    postures = np.vstack((np.zeros(model.dof), rng.uniform(model.lower, model.upper, (64, model.dof))))
+    postures = np.vstack(
+        (np.zeros(model.dof), rng.uniform(model.lower, model.upper, (64, model.dof)))
+    )
     by_bodies: dict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
     for i, j in pairs:
         by_bodies[bodies[i].name, bodies[j].name].append((i, j))
@@ -236,13 +246,16 @@ def _without_overlapping(
         for key in sorted(overlapping):
             if not any(_inner_overlap(links, bodies, covers, i, j) for i, j in by_bodies[key]):
                 overlapping.discard(key)
-    kept = [pair for key, members in by_bodies.items() if key not in overlapping for pair in members]
+    kept = [
+        pair for key, members in by_bodies.items() if key not in overlapping for pair in members
+    ]
     return np.array(kept, dtype=np.int64).reshape(-1, 2)
 
 
 def _inner_overlap(links: Float64, bodies: list[Body], covers: list[Cover], i: int, j: int) -> bool:
     centres = [
-        covers[g].spheres[:, :3] @ links[bodies[g].link][:3, :3].T + links[bodies[g].link][:3, 3] for g in (i, j)
+        covers[g].spheres[:, :3] @ links[bodies[g].link][:3, :3].T + links[bodies[g].link][:3, 3]
+        for g in (i, j)
     ]
     distances = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=2)
     return bool(np.any(distances < covers[i].inner[:, None] + covers[j].inner[None]))

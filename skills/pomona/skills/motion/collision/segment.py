@@ -26,7 +26,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.motion.collision.kernel import WorldArrays, evaluate_clearances, make_scratch, place
+from pomona.skills.motion.collision.kernel import (
+    WorldArrays,
+    evaluate_clearances,
+    make_scratch,
+    place,
+)
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 
 SLACK = 5e-4  # by how much a margin may be undershot between two looks [m]
@@ -34,7 +39,12 @@ SLACK = 5e-4  # by how much a margin may be undershot between two looks [m]
 
 @njit(cache=True, nogil=True)
 def check_segment(
-    robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, tolerance: float
+    robot: RobotArrays,
+    world: WorldArrays,
+    start: Float64,
+    end: Float64,
+    width: float,
+    tolerance: float,
 ) -> tuple[float, float, int, int]:
     """Prove a segment free; nothing comes closer than its margin minus `tolerance + SLACK`.
 
@@ -46,7 +56,11 @@ def check_segment(
     scratch = make_scratch(robot)
     step = end - start
     turns, shifts = np.zeros((dof + 1, 3)), np.zeros((dof + 1, 3))
-    rates, bends, speeds = np.zeros(numbers), np.zeros(numbers), np.zeros(numbers)  # [m] per unit of the segment
+    rates, bends, speeds = (
+        np.zeros(numbers),
+        np.zeros(numbers),
+        np.zeros(numbers),
+    )  # [m] per unit of the segment
     safe_until = np.zeros(numbers)
     active = np.empty(numbers, np.bool_)
     wanted, found = np.empty(numbers), np.empty(numbers)
@@ -58,7 +72,9 @@ def check_segment(
                 safe_until[n] = 2.0
         else:
             pair = n - geoms
-            rates[n], bends[n] = bounds_of_motion(robot.reach, step, of_geom[pairs[pair, 0]], pairs[pair, 1])
+            rates[n], bends[n] = bounds_of_motion(
+                robot.reach, step, of_geom[pairs[pair, 0]], pairs[pair, 1]
+            )
     smallest, geom, other = 1e9, -1, -1
     q = np.empty(dof)
     while True:
@@ -73,13 +89,24 @@ def check_segment(
         for n in range(numbers):
             active[n] = safe_until[n] <= t
             if active[n]:
-                inner, outer = (0, n) if n < geoms else (of_geom[pairs[n - geoms, 0]], pairs[n - geoms, 1])
+                inner, outer = (
+                    (0, n) if n < geoms else (of_geom[pairs[n - geoms, 0]], pairs[n - geoms, 1])
+                )
                 speeds[n] = speed_of_ball(
-                    turns, shifts, inner, of_geom[outer], scratch.centres[outer], robot.bounds[outer, 3]
+                    turns,
+                    shifts,
+                    inner,
+                    of_geom[outer],
+                    scratch.centres[outer],
+                    robot.bounds[outer, 3],
                 )
                 motion = min(rates[n] * rest, (speeds[n] + 0.5 * bends[n] * rest) * rest)
-                wanted[n] = min(motion, 0.15) + 1e-9  # clearances beyond this are not resolved further while moving [m]
-        worst = evaluate_clearances(robot, world, width, active, wanted, np.inf, scratch, found, which)
+                wanted[n] = (
+                    min(motion, 0.15) + 1e-9
+                )  # clearances beyond this are not resolved further while moving [m]
+        worst = evaluate_clearances(
+            robot, world, width, active, wanted, np.inf, scratch, found, which
+        )
         if found[worst] < smallest:
             geom = worst if worst < geoms else pairs[worst - geoms, 1]
             smallest, other = found[worst], which[worst]
@@ -120,10 +147,16 @@ def bounds_of_motion(reach: Float64, step: Float64, first: int, geom: int) -> tu
 
 
 @njit(cache=True, nogil=True)
-def write_twists(sliding: NDArray[np.bool_], links: Float64, step: Float64, turns: Float64, shifts: Float64) -> None:
+def write_twists(
+    sliding: NDArray[np.bool_], links: Float64, step: Float64, turns: Float64, shifts: Float64
+) -> None:
     """Write how every link moves: a point p that is carried by link n moves by turns[n] x p + shifts[n]."""
     for j in range(step.shape[0]):
-        zx, zy, zz = step[j] * links[j + 1, 0, 2], step[j] * links[j + 1, 1, 2], step[j] * links[j + 1, 2, 2]
+        zx, zy, zz = (
+            step[j] * links[j + 1, 0, 2],
+            step[j] * links[j + 1, 1, 2],
+            step[j] * links[j + 1, 2, 2],
+        )
         if sliding[j]:
             for axis in range(3):
                 turns[j + 1, axis] = turns[j, axis]
@@ -141,9 +174,15 @@ def write_twists(sliding: NDArray[np.bool_], links: Float64, step: Float64, turn
 
 
 @njit(cache=True, nogil=True)
-def speed_of_ball(turns: Float64, shifts: Float64, inner: int, outer: int, centre: Float64, radius: float) -> float:
+def speed_of_ball(
+    turns: Float64, shifts: Float64, inner: int, outer: int, centre: Float64, radius: float
+) -> float:
     """Return the largest speed of a ball carried by link `outer`, in the frame of link `inner`."""
-    wx, wy, wz = turns[outer, 0] - turns[inner, 0], turns[outer, 1] - turns[inner, 1], turns[outer, 2] - turns[inner, 2]
+    wx, wy, wz = (
+        turns[outer, 0] - turns[inner, 0],
+        turns[outer, 1] - turns[inner, 1],
+        turns[outer, 2] - turns[inner, 2],
+    )
     x, y, z = centre[0], centre[1], centre[2]
     vx = wy * z - wz * y + shifts[outer, 0] - shifts[inner, 0]
     vy = wz * x - wx * z + shifts[outer, 1] - shifts[inner, 1]

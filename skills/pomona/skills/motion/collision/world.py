@@ -36,7 +36,9 @@ class Margins:
 
     def scaled(self, factor: float) -> Margins:
         """Return all margins times a factor, for example of a fallback in the tree."""
-        return Margins(*(factor * m for m in (self.arm, self.gripper, self.fingers, self.held, self.itself)))
+        return Margins(
+            *(factor * m for m in (self.arm, self.gripper, self.fingers, self.held, self.itself))
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +61,9 @@ class Collision:
         gap = self.margin - self.depth
         how = f"touches {what}" if gap <= 0.0 else f"comes within {1e3 * gap:.1f} mm of {what}"
         kept = (
-            f"{1e3 * self.margin:.0f} mm are to be kept" if self.margin >= 0.0 else "it may be left, not pressed more"
+            f"{1e3 * self.margin:.0f} mm are to be kept"
+            if self.margin >= 0.0
+            else "it may be left, not pressed more"
         )
         return f"{self.body} {how} at ({x:.3f}, {y:.3f}, {z:.3f}) m; {kept}"
 
@@ -104,7 +108,14 @@ class CollisionWorld:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Leave the arrays out: another process makes its own, of the kinds for which functions are compiled."""
-        return _assemble, (self.shape, self.field, self.obstacles, self.margins, self.table_z, self.ignored)
+        return _assemble, (
+            self.shape,
+            self.field,
+            self.obstacles,
+            self.margins,
+            self.table_z,
+            self.ignored,
+        )
 
     @staticmethod
     def build(
@@ -170,15 +181,25 @@ class CollisionWorld:
         """
         joints, arrays = self.shape.model.checked(q)[None], self.arrays
         robot = read_only(self.shape.arrays._replace(pairs=np.empty((0, 2), np.int64)))
-        margins, clearances, closest = arrays.margins.copy(), np.empty(1), np.empty((1, 2), np.int64)
+        margins, clearances, closest = (
+            arrays.margins.copy(),
+            np.empty(1),
+            np.empty((1, 2), np.int64),
+        )
         for other, geom in np.argwhere(~arrays.ignored):
             if self.shape.geom_groups[geom] not in groups:
                 continue
             alone = np.ones_like(arrays.ignored)
             alone[other, geom] = False
-            kernel.check_states(robot, arrays._replace(ignored=alone), joints, width, _FAR, clearances, closest)
+            kernel.check_states(
+                robot, arrays._replace(ignored=alone), joints, width, _FAR, clearances, closest
+            )
             distance = clearances[0] + margins[other, geom]
-            if -(DEEPEST_IN_MAP if other == kernel.MAP else DEEPEST) < distance < margins[other, geom]:
+            if (
+                -(DEEPEST_IN_MAP if other == kernel.MAP else DEEPEST)
+                < distance
+                < margins[other, geom]
+            ):
                 margins[other, geom] = distance - GIVES
         return replace(self, arrays=arrays._replace(margins=margins))
 
@@ -204,7 +225,9 @@ class CollisionWorld:
         clearances, closest = self._judge(joints[None], width, _FAR)
         if clearances[0] >= 0.0:
             return None
-        return self._collision(joints, width, float(clearances[0]), int(closest[0, 0]), int(closest[0, 1]), 0.0)
+        return self._collision(
+            joints, width, float(clearances[0]), int(closest[0, 0]), int(closest[0, 1]), 0.0
+        )
 
     def clearance(self, q: ArrayLike, width: float) -> float:
         """Return the distance beyond the margins [m], negative in collision, at most 0.25; BadJoints: no posture."""
@@ -239,7 +262,9 @@ class CollisionWorld:
             BadJoints: a waypoint is no posture of this robot.
         """
         path = self._checked_many(waypoints)
-        number, at, away, geom, other = check_path(self.shape.arrays, self.arrays, path, width, SLACK)
+        number, at, away, geom, other = check_path(
+            self.shape.arrays, self.arrays, path, width, SLACK
+        )
         if number < 0:
             return None
         start, end = path[number], path[min(number + 1, len(path) - 1)]
@@ -262,7 +287,8 @@ class CollisionWorld:
         """
         model = self.shape.model
         check_trajectory(
-            trajectory, ArmLimits(model.lower, model.upper, model.velocity, model.acceleration, model.jerk)
+            trajectory,
+            ArmLimits(model.lower, model.upper, model.velocity, model.acceleration, model.jerk),
         )
         q, qdd = trajectory.q, np.abs(trajectory.qdd)
         bow = np.maximum(qdd[:-1], qdd[1:]) * np.diff(trajectory.t)[:, None] ** 2 / 8.0
@@ -291,10 +317,14 @@ class CollisionWorld:
 
     def _grown(self, distance: float) -> WorldArrays:
         arrays = self.arrays
-        return arrays._replace(margins=arrays.margins + distance, self_margin=arrays.self_margin + 2.0 * distance)
+        return arrays._replace(
+            margins=arrays.margins + distance, self_margin=arrays.self_margin + 2.0 * distance
+        )
 
     def _checked_many(self, Q: ArrayLike) -> Float64:
-        postures = np.array(Q, dtype=np.float64, order="C")  # writable: read-only arrays compile all kernels again
+        postures = np.array(
+            Q, dtype=np.float64, order="C"
+        )  # writable: read-only arrays compile all kernels again
         if postures.ndim != 2:
             self.shape.model.checked(postures)
             postures = postures[None]
@@ -308,7 +338,9 @@ class CollisionWorld:
         kernel.check_states(self.shape.arrays, self.arrays, Q, width, enough, clearances, closest)
         return clearances, closest
 
-    def _collision(self, q: Float64, width: float, away: float, geom: int, other: int, at: float) -> Collision:
+    def _collision(
+        self, q: Float64, width: float, away: float, geom: int, other: int, at: float
+    ) -> Collision:
         itself = other < 0
         return Collision(
             geom=self.shape.geom_names[geom],
@@ -328,7 +360,9 @@ class CollisionWorld:
         centres, radii = spheres[:, :3], spheres[:, 3]
         if other < 0:
             others = self.shape.spheres_of(-1 - other, q, width)
-            apart = np.linalg.norm(centres[:, None] - others[None, :, :3], axis=2) - others[None, :, 3]
+            apart = (
+                np.linalg.norm(centres[:, None] - others[None, :, :3], axis=2) - others[None, :, 3]
+            )
             away = apart.min(axis=1)
         elif other == kernel.MAP:
             away = self.field.distance(centres)
@@ -356,7 +390,12 @@ def _assemble(
 ) -> CollisionWorld:
     groups = shape.geom_groups
     names = (MAP, *(o.name for o in obstacles), *(() if table_z is None else (TABLE,)))
-    by_group = {"arm": margins.arm, "gripper": margins.gripper, "fingers": margins.fingers, "held": margins.held}
+    by_group = {
+        "arm": margins.arm,
+        "gripper": margins.gripper,
+        "fingers": margins.fingers,
+        "held": margins.held,
+    }
     arrays = WorldArrays(
         field=field.values,
         origin=field.origin,

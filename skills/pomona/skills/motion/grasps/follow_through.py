@@ -11,7 +11,12 @@ from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
 from pomona.skills.motion.lines import REACHED, track_poses
 
-GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = 3, 0, 1, 2  # how far a solution came; GOOD ones came all the way
+GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = (
+    3,
+    0,
+    1,
+    2,
+)  # how far a solution came; GOOD ones came all the way
 
 
 @njit(cache=True, nogil=True)
@@ -61,7 +66,15 @@ def follow_through(
         line = lines[n]
         verdicts[n] = LINE_BROKEN
         ended, _ = track_poses(
-            robot.steps, robot.sliding, T_last_tcp, lower, upper, solutions[n], poses, largest_step, line
+            robot.steps,
+            robot.sliding,
+            T_last_tcp,
+            lower,
+            upper,
+            solutions[n],
+            poses,
+            largest_step,
+            line,
         )
         if ended != REACHED:
             continue

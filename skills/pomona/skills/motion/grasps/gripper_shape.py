@@ -54,7 +54,9 @@ class GripperShape:
             own = np.array([name == body for name in self.bodies])
             around = self.radii[own, None]
             lower, upper = (corners[own] - around).min(axis=0), (corners[own] + around).max(axis=0)
-            beside = (np.abs(points_tcp - (lower + upper) / 2.0) <= (upper - lower) / 2.0 + error)[:, :2].all(axis=1)
+            beside = (np.abs(points_tcp - (lower + upper) / 2.0) <= (upper - lower) / 2.0 + error)[
+                :, :2
+            ].all(axis=1)
             before[beside] = np.maximum(before[beside], upper[2] - points_tcp[beside, 2])
         return before
 
@@ -106,9 +108,13 @@ def outline(geom: Geom) -> tuple[Float64, float]:
     if geom.kind == "cylinder":  # a regular polygon around the circle
         angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
         around = size[0] / np.cos(np.pi / 16.0)
-        ends = [(around * np.cos(a), around * np.sin(a), z) for z in (-size[1], size[1]) for a in angle]
+        ends = [
+            (around * np.cos(a), around * np.sin(a), z) for z in (-size[1], size[1]) for a in angle
+        ]
         return np.array(ends), 0.0
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T  # a box, or around an ellipsoid
+    signs = (
+        np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    )  # a box, or around an ellipsoid
     corners: Float64 = signs * size[:3]
     return corners, 0.0
 
@@ -124,7 +130,9 @@ class CrossSection:
     # angle between the sliding direction and the skin's normal where the pads meet it [rad], of the ellipsoid with the
     # fruit's dimensions: pads that meet it obliquely turn the fruit
     oblique: float
-    behind: float  # how far the fruit reaches from `p_base` against the approach, towards the palm [m]
+    behind: (
+        float  # how far the fruit reaches from `p_base` against the approach, towards the palm [m]
+    )
     # sigma_width, sigma_across, sigma_height: standard deviations of the width, of the position along the sliding
     # direction and of the position's height in the base frame [m]
     sigma_width: float
@@ -132,22 +140,32 @@ class CrossSection:
     sigma_height: float
 
 
-def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: Float64) -> CrossSection:
+def fruit_section(
+    measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: Float64
+) -> CrossSection:
     """Measure a refined fruit along the TCP's axes R_base_tcp, shape (3, 3): z approach, y sliding.
 
     `vertices_base`, shape (n, 3) [m], is its refined shape, handed in because one shape serves many grasps.
     """
     widest = np.empty(3)
     # points within this distance of the outermost one belong to the widest section [m]
-    low, high, top = extent(vertices_base, measured.T_base_fruit.copy()[:3, 3], R_base_tcp, 1e-3, widest)
+    low, high, top = extent(
+        vertices_base, measured.T_base_fruit.copy()[:3, 3], R_base_tcp, 1e-3, widest
+    )
     axis = R_base_tcp.T @ measured.T_base_fruit[:3, :3] @ measured.fruit.symmetry_axis
-    centre = (widest @ axis) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
+    centre = (
+        widest @ axis
+    ) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
     centre[1] = (low + high) / 2.0
     sliding = R_base_tcp[:, 1]
-    in_object = measured.T_base_fruit[:3, :3].T @ sliding  # the width is a mix of the three dimensions
+    in_object = (
+        measured.T_base_fruit[:3, :3].T @ sliding
+    )  # the width is a mix of the three dimensions
     half = measured.dimensions * in_object
     mix = half * in_object / max(float(np.linalg.norm(half)), 1e-9)
-    touched = measured.dimensions * half  # points from the ellipsoid's centre to where a pad meets it
+    touched = (
+        measured.dimensions * half
+    )  # points from the ellipsoid's centre to where a pad meets it
     oblique = np.arctan2(np.linalg.norm(np.cross(in_object, touched)), in_object @ touched)
     position, size = measured.covariance[:3, :3], measured.covariance[3:, 3:]
     return CrossSection(

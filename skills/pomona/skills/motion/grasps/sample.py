@@ -16,8 +16,19 @@ from pomona.executive.values.arrays import Float64, Int64
 from pomona.skills.geometry import inverse, transform
 from pomona.skills.motion.collision import CollisionWorld, fruit_points
 from pomona.skills.motion.grasp import Grasp, RuledOut
-from pomona.skills.motion.grasps.follow_through import GOOD, LINE_BROKEN, START_BLOCKED, follow_through
-from pomona.skills.motion.grasps.gripper_shape import CrossSection, GripperShape, extent, fruit_section, gripper_shape
+from pomona.skills.motion.grasps.follow_through import (
+    GOOD,
+    LINE_BROKEN,
+    START_BLOCKED,
+    follow_through,
+)
+from pomona.skills.motion.grasps.gripper_shape import (
+    CrossSection,
+    GripperShape,
+    extent,
+    fruit_section,
+    gripper_shape,
+)
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_orientations
 from pomona.skills.motion.lines import LARGEST_RATE
 from pomona.skills.motion.planning.arm_space import ArmSpace
@@ -36,10 +47,14 @@ class GraspRules:
     side: tuple[float, float] = (6e-3, 2e-3)
     table: float = 3e-3  # air between finger tips and table at the grasp [m]
     sigmas: float = 2.0  # how many standard deviations of the measurement are kept on top of both
-    raise_up_to: float = 5e-3  # how far the grasp may be drawn back from the widest section to clear the table [m]
+    raise_up_to: float = (
+        5e-3  # how far the grasp may be drawn back from the widest section to clear the table [m]
+    )
     palm: float = 5e-3  # air between fruit and palm [m]
     solutions: int = 2  # joint solutions that are kept of each candidate
-    tried_solutions: int = 8  # number of joint solutions to check, nearest to the present joints first
+    tried_solutions: int = (
+        8  # number of joint solutions to check, nearest to the present joints first
+    )
     arm_angles: int = 18  # how finely a redundant arm's solutions are sampled
     # follow every candidate through; without it only the joint solutions are sought (the paper's way)
     check: bool = True
@@ -147,25 +162,40 @@ def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
     return 1.0 * tight + 1.0 * oblique + 1.0 * wide + 0.5 * tilted + 0.5 * stiff + 0.5 * far
 
 
-def judge_candidate(setting: GraspSetting, index: int, theta: float, alpha: float, R_base_tcp: Float64) -> Grasp:
+def judge_candidate(
+    setting: GraspSetting, index: int, theta: float, alpha: float, R_base_tcp: Float64
+) -> Grasp:
     """Follow one candidate through. Raises CandidateRejected: at the first step that fails for all joint solutions."""
     section = fruit_section(setting.measured, setting.vertices_base, R_base_tcp)
     width = _opening(setting, section)
-    T_base_grasp = transform(R_base_tcp, section.p_base - setting.shape.forward(section.width) * R_base_tcp[:, 2])
+    T_base_grasp = transform(
+        R_base_tcp, section.p_base - setting.shape.forward(section.width) * R_base_tcp[:, 2]
+    )
     if setting.rules.check:
         _clear_palm(setting, section)
         T_base_grasp = _above_table(setting, section, T_base_grasp, width)
     T_base_pre_grasp = T_base_grasp.copy()
     T_base_pre_grasp[:3, 3] -= setting.sphere.radius * R_base_tcp[:, 2]
     angles = setting.rules.arm_angles
-    solutions = inverse_kinematics(setting.robot, T_base_pre_grasp, arm_angles=angles, near=setting.q_now)
+    solutions = inverse_kinematics(
+        setting.robot, T_base_pre_grasp, arm_angles=angles, near=setting.q_now
+    )
     if len(solutions) == 0:
         raise CandidateRejected("UNREACHABLE", "the arm does not reach the pre-grasp")
     kept, clearance = solutions[: setting.rules.solutions], np.inf
     if setting.rules.check:
         kept, clearance = _approachable(setting, solutions, T_base_grasp, width, section.width)
     return Grasp(
-        index, theta, alpha, T_base_pre_grasp, T_base_grasp, width, kept, clearance, section.oblique, setting.measured
+        index,
+        theta,
+        alpha,
+        T_base_pre_grasp,
+        T_base_grasp,
+        width,
+        kept,
+        clearance,
+        section.oblique,
+        setting.measured,
     )
 
 
@@ -188,7 +218,9 @@ def _clear_palm(setting: GraspSetting, section: CrossSection) -> None:
         raise CandidateRejected("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
 
 
-def _above_table(setting: GraspSetting, section: CrossSection, T_base_grasp: Float64, width: float) -> Float64:
+def _above_table(
+    setting: GraspSetting, section: CrossSection, T_base_grasp: Float64, width: float
+) -> Float64:
     """Return the grasp, drawn back along the approach until the finger tips clear the table."""
     if setting.table_z is None:
         return T_base_grasp
@@ -199,7 +231,11 @@ def _above_table(setting: GraspSetting, section: CrossSection, T_base_grasp: Flo
         return T_base_grasp
     back = missing / max(-float(T_base_grasp[2, 2]), 1e-6)
     if back > setting.rules.raise_up_to:
-        name = body.replace("_", " ").replace("finger left", "left finger").replace("finger right", "right finger")
+        name = (
+            body.replace("_", " ")
+            .replace("finger left", "left finger")
+            .replace("finger right", "right finger")
+        )
         where = f"{-1e3 * air:.0f} mm inside" if air < 0.0 else f"only {1e3 * air:.0f} mm above"
         raise CandidateRejected("TABLE", f"the {name} would be {where} the table")
     raised = T_base_grasp.copy()
@@ -208,7 +244,11 @@ def _above_table(setting: GraspSetting, section: CrossSection, T_base_grasp: Flo
 
 
 def _approachable(
-    setting: GraspSetting, solutions: Float64, T_base_grasp: Float64, width: float, closed_width: float
+    setting: GraspSetting,
+    solutions: Float64,
+    T_base_grasp: Float64,
+    width: float,
+    closed_width: float,
 ) -> tuple[Float64, float]:
     """Joint solutions whose pre-grasp and whole approach are free, and the least distance kept on the first one's.
 
@@ -218,18 +258,29 @@ def _approachable(
     tried = np.ascontiguousarray(solutions[: rules.tried_solutions])
     poses = np.repeat(T_base_grasp[None, :3], len(setting.back), axis=0)
     poses[:, :, 3] -= setting.back[:, None] * T_base_grasp[:3, 2]
-    lines, verdicts, witnesses = _judge(robot, space, tried, poses, setting.T_last_tcp, rules.solutions)
+    lines, verdicts, witnesses = _judge(
+        robot, space, tried, poses, setting.T_last_tcp, rules.solutions
+    )
     good = np.flatnonzero(verdicts == GOOD)
     if len(good) == 0:
         raise _why_not(space, verdicts, witnesses)
     closed, q_grasp = space.at_width(closed_width), lines[good[0], -1]
-    if closed.clearances(q_grasp[None])[0] < -closed.world.margins.fingers:  # in something, not only near it
-        raise CandidateRejected("IN_COLLISION", f"as the fingers close {closed.explain(q_grasp)[0]}")
+    if (
+        closed.clearances(q_grasp[None])[0] < -closed.world.margins.fingers
+    ):  # in something, not only near it
+        raise CandidateRejected(
+            "IN_COLLISION", f"as the fingers close {closed.explain(q_grasp)[0]}"
+        )
     return tried[good], float(space.clearances(lines[good[0]]).min())
 
 
 def _judge(
-    robot: RobotModel, space: ArmSpace, solutions: Float64, poses: Float64, T_last_tcp: Float64, wanted: int
+    robot: RobotModel,
+    space: ArmSpace,
+    solutions: Float64,
+    poses: Float64,
+    T_last_tcp: Float64,
+    wanted: int,
 ) -> tuple[Float64, Int64, Float64]:
     """Follow the approach along `poses` through for joint solutions; results as in `follow_through`."""
     apart = float(np.linalg.norm(poses[1, :, 3] - poses[0, :, 3]))
@@ -260,8 +311,15 @@ def support_below(workspace: Workspace, p_base: Float64) -> float | None:
     """
     heights = [-np.inf if workspace.table_z is None else workspace.table_z]
     for box in workspace.obstacles:
-        p_box, half = inverse(box.T_base_box)[:3] @ np.append(p_base, 1.0), np.array(box.half_extents)
-        if box.T_base_box[2, 2] > 0.999 and (np.abs(p_box[:2]) < half[:2]).all() and p_box[2] > half[2]:
+        p_box, half = (
+            inverse(box.T_base_box)[:3] @ np.append(p_base, 1.0),
+            np.array(box.half_extents),
+        )
+        if (
+            box.T_base_box[2, 2] > 0.999
+            and (np.abs(p_box[:2]) < half[:2]).all()
+            and p_box[2] > half[2]
+        ):
             heights.append(float(box.T_base_box[2, 3] + half[2]))
     return max(heights) if np.isfinite(max(heights)) else None
 
@@ -271,7 +329,9 @@ def warm_up(robot: RobotModel) -> None:
     q = (robot.lower + robot.upper) / 2.0
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
     poses = np.tile(robot.tcp(q)[:3], (2, 1, 1))
-    extent(np.zeros((1, 3)), robot.tcp(q)[:3, 3], pre_grasp_orientations(Sphere())[0], 1.0, np.empty(3))
+    extent(
+        np.zeros((1, 3)), robot.tcp(q)[:3, 3], pre_grasp_orientations(Sphere())[0], 1.0, np.empty(3)
+    )
     space.world.field.distance(np.zeros((1, 3)))
     space.clearances(q[None])
     inverse_kinematics(robot, robot.tcp(q), near=q)
@@ -282,6 +342,8 @@ def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> CandidateR
     """Return the reason of the solution that came furthest."""
     furthest = int(verdicts.argmax())
     if verdicts[furthest] == LINE_BROKEN:
-        return CandidateRejected("UNREACHABLE", "the arm cannot go straight from the pre-grasp to the grasp")
+        return CandidateRejected(
+            "UNREACHABLE", "the arm cannot go straight from the pre-grasp to the grasp"
+        )
     where = "at the pre-grasp" if verdicts[furthest] == START_BLOCKED else "on the approach"
     return CandidateRejected("IN_COLLISION", f"{where} {space.explain(witnesses[furthest])[0]}")

@@ -23,12 +23,16 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
 
-Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(np.pi)  # turns the approach vector down the world's z, shape (3, 3)
+Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(
+    np.pi
+)  # turns the approach vector down the world's z, shape (3, 3)
 
 
 def pre_grasp_position(p_fruit: Float64, r_o: float, theta: float, alpha: float) -> Float64:
     """Eq. (pre-grasp position attempt): a point (3,) on the sphere with radius r_o [m] around the fruit, base frame."""
-    direction = np.array([np.sin(theta) * np.sin(alpha), np.sin(theta) * np.cos(alpha), np.cos(theta)])
+    direction = np.array(
+        [np.sin(theta) * np.sin(alpha), np.sin(theta) * np.cos(alpha), np.cos(theta)]
+    )
     return p_fruit + r_o * direction
 
 
@@ -38,9 +42,14 @@ def pre_grasp_orientation(theta: float, alpha: float, camera_above: bool = True)
     return R_base_tcp @ rot_z(np.pi) if camera_above else R_base_tcp
 
 
-def pre_grasp_pose(p_fruit: Float64, r_o: float, theta: float, alpha: float, camera_above: bool = True) -> Float64:
+def pre_grasp_pose(
+    p_fruit: Float64, r_o: float, theta: float, alpha: float, camera_above: bool = True
+) -> Float64:
     """T_base_tcp (4, 4) [m] of one attempt; at r_o = 0, the pose with the TCP in `p_fruit`."""
-    return transform(pre_grasp_orientation(theta, alpha, camera_above), pre_grasp_position(p_fruit, r_o, theta, alpha))
+    return transform(
+        pre_grasp_orientation(theta, alpha, camera_above),
+        pre_grasp_position(p_fruit, r_o, theta, alpha),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +86,8 @@ class Sphere:
 @lru_cache(maxsize=16)
 def pre_grasp_orientations(sphere: Sphere) -> Float64:
     """`pre_grasp_orientation` of all attempts of a sphere, shape (n, 3, 3), read-only: the same for every fruit."""
-    rotations = np.array([pre_grasp_orientation(theta, alpha) for theta, alpha in sphere.attempts()])
+    rotations = np.array(
+        [pre_grasp_orientation(theta, alpha) for theta, alpha in sphere.attempts()]
+    )
     rotations.setflags(write=False)
     return rotations

@@ -1,6 +1,12 @@
 """Occupancy map from depth frames: free, occupied and hidden cells, ages, distance to blocked cells."""
 
-from pomona.skills.motion.occupancy.integrate import Sensing, check_camera_pose, excess_green, integrate, pose_of_camera
+from pomona.skills.motion.occupancy.integrate import (
+    Sensing,
+    check_camera_pose,
+    excess_green,
+    integrate,
+    pose_of_camera,
+)
 from pomona.skills.motion.occupancy.occupancy_map import (
     FREE,
     HIDDEN,

@@ -43,7 +43,9 @@ def pose_of_camera(frame: Frame, model: RobotModel) -> Float64:
     return T
 
 
-def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, arm: ArmState) -> None:
+def check_camera_pose(
+    frame: Frame, T_base_camera: Float64, model: RobotModel, arm: ArmState
+) -> None:
     """Compare a camera pose with the frame's joints, and these with an arm that stands still.
 
     Raises CameraPoseMismatch, BadJoints: they contradict each other, or are none of this arm.
@@ -60,8 +62,12 @@ def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, a
     if frame.q is None or arm.moving or abs(arm.stamp - frame.stamp) > 0.05:  # [s]
         return
     off = float(np.max(np.abs(model.checked(frame.q) - arm.q)))
-    if not off <= 0.02:  # between the joints at the exposure and those of an arm that stands still [rad]
-        raise CameraPoseMismatch(f"the frame's joints are {off:.3f} rad from those of the resting arm")
+    if (
+        not off <= 0.02
+    ):  # between the joints at the exposure and those of an arm that stands still [rad]
+        raise CameraPoseMismatch(
+            f"the frame's joints are {off:.3f} rad from those of the resting arm"
+        )
 
 
 _INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT, _FOLIAGE = 0, 1, 2, 3, 4, 5
@@ -80,8 +86,12 @@ class Sensing:
     shadow: float = 0.10  # depth behind a surface that counts as the hidden part of the object [m]: the size of a fruit
     table: float = 0.008  # height above the table below which a point is the table's [m]
     robot_padding: float = 0.02  # added to the robot's spheres for the self-filter [m]
-    target_margin: float = 0.010  # points of this look closer to the target's refined shape than this belong to it [m]
-    other_margin: float = 0.010  # the same of neighbours, and of the target's cells in earlier looks, if larger [m]
+    target_margin: float = (
+        0.010  # points of this look closer to the target's refined shape than this belong to it [m]
+    )
+    other_margin: float = (
+        0.010  # the same of neighbours, and of the target's cells in earlier looks, if larger [m]
+    )
     # excess green from which a pixel is a leaf, which may be touched: it neither blocks nor hides; above 2 none is
     foliage: float = 2.0
 
@@ -111,7 +121,9 @@ def integrate(
     how = sensing or Sensing()
     if frame.depth is None:
         raise NothingMeasured(frame.label, 0, 0)
-    depth = np.require(frame.depth, np.float32, ["C", "W"])  # read-only arrays would be compiled for once more
+    depth = np.require(
+        frame.depth, np.float32, ["C", "W"]
+    )  # read-only arrays would be compiled for once more
     states, last_look = previous.states.copy(), previous.last_look.copy()
     look = len(previous.stamps)
     T, origin = np.array(T_base_camera[:3]), np.array(previous.origin)
@@ -119,7 +131,9 @@ def integrate(
     points = np.zeros(states.shape, np.uint16)
     own = np.zeros(states.shape, np.bool_)
     if robot is not None and len(robot):
-        mark_spheres(np.ascontiguousarray(robot), how.robot_padding, origin, previous.resolution, own)
+        mark_spheres(
+            np.ascontiguousarray(robot), how.robot_padding, origin, previous.resolution, own
+        )
     shapes, fixed = (*(() if target is None else (target,)), *previous.shapes), standing(workspace)
     other = max(how.target_margin, how.other_margin)
     margins = np.array([other] * len(shapes) + [how.table] * len(fixed))
@@ -129,7 +143,11 @@ def integrate(
     planes = np.vstack([np.empty((0, 4)), *(shape.planes for shape in left_out)])
     start = np.cumsum([0] + [len(shape.planes) for shape in left_out])
     bounds = np.array([shape.bound for shape in left_out]).reshape(-1, 4)
-    leaves = excess_green(frame.colour) > how.foliage if how.foliage < 2.0 else np.zeros(depth.shape, np.bool_)
+    leaves = (
+        excess_green(frame.colour) > how.foliage
+        if how.foliage < 2.0
+        else np.zeros(depth.shape, np.bool_)
+    )
     lens = frame.intrinsics
     camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
     table_z = -np.inf if workspace.table_z is None else workspace.table_z
@@ -138,7 +156,9 @@ def integrate(
         how.table, own, planes, start, bounds, margins, leaves, labels, points,
     )  # fmt: skip
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
-        raise CameraPoseMismatch(f"{below} of {below + inside} points would lie more than 30 mm below the table")
+        raise CameraPoseMismatch(
+            f"{below} of {below + inside} points would lie more than 30 mm below the table"
+        )
     if inside == 0:
         raise NothingMeasured(frame.label, valid, inside)
     T_camera_base = np.ascontiguousarray(inverse(T_base_camera)[:3])
@@ -152,7 +172,9 @@ def integrate(
     states[occupied], last_look[occupied] = OCCUPIED, look
     for shape, margin in zip(left_out, margins, strict=True):
         _clear_shape(states, previous, shape, float(margin))
-    return replace(previous, states=states, last_look=last_look, stamps=(*previous.stamps, frame.stamp))
+    return replace(
+        previous, states=states, last_look=last_look, stamps=(*previous.stamps, frame.stamp)
+    )
 
 
 def excess_green(colour: UInt8) -> Float32:
@@ -164,7 +186,9 @@ def excess_green(colour: UInt8) -> Float32:
         colour: RGB, shape (h, w, 3).
     """
     total = colour.sum(axis=2, dtype=np.float32)
-    index: Float32 = np.where(total > 0.0, 3.0 * colour[..., 1] / np.maximum(total, 1.0) - 1.0, 0.0).astype(np.float32)
+    index: Float32 = np.where(
+        total > 0.0, 3.0 * colour[..., 1] / np.maximum(total, 1.0) - 1.0, 0.0
+    ).astype(np.float32)
     return index
 
 
@@ -198,11 +222,18 @@ def mark_spheres(
     for s in range(spheres.shape[0]):
         radius = spheres[s, 3] + padding
         x, y, z = spheres[s, 0] - origin[0], spheres[s, 1] - origin[1], spheres[s, 2] - origin[2]
-        for i in range(max(int((x - radius) / resolution), 0), min(int((x + radius) / resolution) + 1, nx)):
+        for i in range(
+            max(int((x - radius) / resolution), 0), min(int((x + radius) / resolution) + 1, nx)
+        ):
             dx = (i + 0.5) * resolution - x
-            for j in range(max(int((y - radius) / resolution), 0), min(int((y + radius) / resolution) + 1, ny)):
+            for j in range(
+                max(int((y - radius) / resolution), 0), min(int((y + radius) / resolution) + 1, ny)
+            ):
                 dy = (j + 0.5) * resolution - y
-                for k in range(max(int((z - radius) / resolution), 0), min(int((z + radius) / resolution) + 1, nz)):
+                for k in range(
+                    max(int((z - radius) / resolution), 0),
+                    min(int((z + radius) / resolution) + 1, nz),
+                ):
                     dz = (k + 0.5) * resolution - z
                     if dx * dx + dy * dy + dz * dz < radius * radius:
                         marked[i, j, k] = True
@@ -230,7 +261,10 @@ def _label_pixels(
             y = d * (T[1, 0] * rx + T[1, 1] * ry + T[1, 2]) + T[1, 3]
             z = d * (T[2, 0] * rx + T[2, 1] * ry + T[2, 2]) + T[2, 3]
             labels[v, u] = _SURFACE
-            i, j = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
+            i, j = (
+                int(np.floor((x - origin[0]) / resolution)),
+                int(np.floor((y - origin[1]) / resolution)),
+            )
             if i < 0 or j < 0 or i >= nx or j >= ny:
                 if z < table_z + table:
                     labels[v, u] = _TABLE
@@ -250,11 +284,19 @@ def _label_pixels(
                 labels[v, u] = _ROBOT
                 continue
             for n in range(bounds.shape[0]):
-                ax, ay, az, near = x - bounds[n, 0], y - bounds[n, 1], z - bounds[n, 2], bounds[n, 3] + margins[n]
+                ax, ay, az, near = (
+                    x - bounds[n, 0],
+                    y - bounds[n, 1],
+                    z - bounds[n, 2],
+                    bounds[n, 3] + margins[n],
+                )
                 if ax * ax + ay * ay + az * az < near * near:
                     outside = -1e9
                     for f in range(start[n], start[n + 1]):
-                        outside = max(outside, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
+                        outside = max(
+                            outside,
+                            planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3],
+                        )
                         if outside >= margins[n]:
                             break
                     if outside < margins[n]:
@@ -306,7 +348,12 @@ def _carve(
                     continue
                 if z < d - (0.25 * resolution if labels[v, u] == _TABLE else clear):
                     states[i, j, k], last_look[i, j, k] = FREE, look
-                elif labels[v, u] == _SURFACE and z > d and z < d + shadow and states[i, j, k] != FREE:
+                elif (
+                    labels[v, u] == _SURFACE
+                    and z > d
+                    and z < d + shadow
+                    and states[i, j, k] != FREE
+                ):
                     if states[i, j, k] == UNKNOWN:
                         states[i, j, k] = HIDDEN
                     last_look[i, j, k] = look
@@ -321,4 +368,6 @@ def warm_up() -> None:
     grid = OccupancyMap.empty(workspace.lower, workspace.upper, 0.02)
     robot = np.array([[0.0, 0.0, -1.0, 0.01]])
     target = Convex.of_points("target", np.eye(3))
-    _ = integrate(grid, frame, np.eye(4), workspace, robot=robot, target=target, sensing=Sensing()).field
+    _ = integrate(
+        grid, frame, np.eye(4), workspace, robot=robot, target=target, sensing=Sensing()
+    ).field

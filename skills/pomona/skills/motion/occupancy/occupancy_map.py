@@ -61,10 +61,17 @@ class MapStale(OccupancyError):
 
     def __init__(self, age: float, max_age: float) -> None:
         self.age, self.max_age = age, max_age
-        super().__init__(f"the newest look of the occupancy map is {age:.2f} s old, {max_age:.2f} s are allowed")
+        super().__init__(
+            f"the newest look of the occupancy map is {age:.2f} s old, {max_age:.2f} s are allowed"
+        )
 
 
-UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3  # states of a cell; HIDDEN: close behind a seen surface
+UNKNOWN, FREE, OCCUPIED, HIDDEN = (
+    0,
+    1,
+    2,
+    3,
+)  # states of a cell; HIDDEN: close behind a seen surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +100,11 @@ class OccupancyMap:
         counts = np.ceil((np.asarray(upper) - np.asarray(lower)) / resolution - 1e-9).astype(int)
         shape = (int(counts[0]), int(counts[1]), int(counts[2]))
         return OccupancyMap(
-            np.array(lower, dtype=np.float64), resolution, np.zeros(shape, np.uint8), np.full(shape, -1, np.int16), ()
+            np.array(lower, dtype=np.float64),
+            resolution,
+            np.zeros(shape, np.uint8),
+            np.full(shape, -1, np.int16),
+            (),
         )
 
     @property
@@ -117,7 +128,9 @@ class OccupancyMap:
     def field(self) -> DistanceField:
         """Distance to blocked cells, with the measured shapes; computed once."""
         # distances are known up to this [m]
-        field = DistanceField.of_blocked(self.states >= OCCUPIED, self.origin, self.resolution, 0.30)
+        field = DistanceField.of_blocked(
+            self.states >= OCCUPIED, self.origin, self.resolution, 0.30
+        )
         return replace(field, shapes=self.shapes)
 
     def usable_field(self, now: float, max_age: float) -> DistanceField:
@@ -157,9 +170,11 @@ def write_bt(map: OccupancyMap, path: Path) -> None:
 def to_bt(map: OccupancyMap) -> bytes:
     """Return the contents of a `.bt` file; see `write_bt`."""
     known = np.argwhere(map.states != UNKNOWN)
-    codes = np.where(map.states[tuple(known.T)] >= OCCUPIED, octree.OCCUPIED, octree.FREE).astype(np.uint8)
-    data, nodes = octree.octree(known + np.round(map.origin / map.resolution).astype(np.int64), codes)
-    header = (
-        f"# Octomap OcTree binary file\n# written by Pomona\nid OcTree\nsize {nodes}\nres {map.resolution:.9g}\ndata\n"
+    codes = np.where(map.states[tuple(known.T)] >= OCCUPIED, octree.OCCUPIED, octree.FREE).astype(
+        np.uint8
     )
+    data, nodes = octree.octree(
+        known + np.round(map.origin / map.resolution).astype(np.int64), codes
+    )
+    header = f"# Octomap OcTree binary file\n# written by Pomona\nid OcTree\nsize {nodes}\nres {map.resolution:.9g}\ndata\n"
     return header.encode() + data

@@ -74,9 +74,15 @@ class ArmSpace:
 
     def free_between(self, q_a: Float64, q_b: Float64) -> bool:
         """Return True if the straight joint segment keeps all margins, at every point of it."""
-        return bool(rrt_connect.free_between(self.world.shape.arrays, self.world.arrays, self.width, q_a, q_b))
+        return bool(
+            rrt_connect.free_between(
+                self.world.shape.arrays, self.world.arrays, self.width, q_a, q_b
+            )
+        )
 
-    def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
+    def connect(
+        self, q_start: Float64, q_goals: Float64, iterations: int, seed: int
+    ) -> tuple[Float64 | None, int]:
         """Waypoints (n, dof) [rad] from a free start to a free goal by RRT-Connect, and the iterations taken."""
         trees = rrt_connect.room(q_start, q_goals, iterations)
         at_start, at_goal, used = rrt_connect.grow(
@@ -148,7 +154,9 @@ def arm_space(
     return ArmSpace(world, width)
 
 
-SLACK = np.radians(0.25)  # tolerance of the bound between two checks [rad]; for a path before its execution twice that
+SLACK = np.radians(
+    0.25
+)  # tolerance of the bound between two checks [rad]; for a path before its execution twice that
 STEP = 0.3  # longest step of a tree [rad]
 COST = 20  # cost of a step of these trees in steps without a bound, which are compiled: budgets stay in seconds
 
@@ -199,7 +207,11 @@ class UprightSpace:
 
     def tilt(self, q: Float64) -> float:
         """How far it is tilted in a posture, shape (dof,) [rad]."""
-        return float(np.arccos(np.clip((self.space.world.shape.model.tcp(q)[:3, :3] @ self.up)[2], -1.0, 1.0)))
+        return float(
+            np.arccos(
+                np.clip((self.space.world.shape.model.tcp(q)[:3, :3] @ self.up)[2], -1.0, 1.0)
+            )
+        )
 
     def free(self, q: Float64) -> bool:
         """Return True if a configuration keeps all margins and the bound."""
@@ -213,7 +225,9 @@ class UprightSpace:
         """Return the number of the first segment of a polyline, shape (n, dof), that violates a margin, or None."""
         blocked = self.space.first_blocked(path)
         until = len(path) - 1 if blocked is None else blocked
-        return next((k for k in range(until) if self._tilted_between(path[k], path[k + 1], SLACK)), blocked)
+        return next(
+            (k for k in range(until) if self._tilted_between(path[k], path[k + 1], SLACK)), blocked
+        )
 
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
         """Why a configuration is not free: half a sentence, and data."""
@@ -223,7 +237,9 @@ class UprightSpace:
         words = f"the held fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(self.most):.0f}° are allowed"
         return words, {"tilt_rad": tilt, "allowed_rad": self.most}
 
-    def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
+    def connect(
+        self, q_start: Float64, q_goals: Float64, iterations: int, seed: int
+    ) -> tuple[Float64 | None, int]:
         """Waypoints (n, dof) [rad] from a free start to a free goal, and the iterations taken: see `COST`."""
         rng = np.random.default_rng(seed)
         trees = _Tree([q_start], [-1]), _Tree(list(q_goals), [-1] * len(q_goals))
@@ -271,7 +287,9 @@ class UprightSpace:
                 return None
             row = axis / length @ model.jacobian(q)[3:]
             # steps are pulled back to this share of the bound, so that the way between two of them stays within it
-            q = np.clip(q + row * (tilt - 0.7 * self.most) / (row @ row + 1e-6), self.lower, self.upper)
+            q = np.clip(
+                q + row * (tilt - 0.7 * self.most) / (row @ row + 1e-6), self.lower, self.upper
+            )
         return None
 
     def _tilted_between(self, q_a: Float64, q_b: Float64, tolerance: float) -> bool:

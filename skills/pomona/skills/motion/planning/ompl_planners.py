@@ -33,7 +33,9 @@ class _Validity(base.MotionValidator):  # type: ignore[misc]
         return bool(self._space.free_between(_read(a, self._dof), _read(b, self._dof)))
 
 
-def solve_by_ompl(space: Space, q_start: Float64, q_goals: Float64, planner: str, effort: Effort) -> Solution:
+def solve_by_ompl(
+    space: Space, q_start: Float64, q_goals: Float64, planner: str, effort: Effort
+) -> Solution:
     """Run one planner, a class in `ompl.geometric`; the other arguments are those of `planners.solve`."""
     util.RNG.setSeed(int(effort.seed % 2**31) + 1)
     dof = len(q_start)

@@ -69,7 +69,9 @@ PLANNERS: dict[str, PlannerKind] = {
 }
 
 
-def solve(space: Space, q_start: Float64, q_goals: Float64, planner: str, effort: Effort) -> Solution:
+def solve(
+    space: Space, q_start: Float64, q_goals: Float64, planner: str, effort: Effort
+) -> Solution:
     """Run one planner, a name in `PLANNERS`, from a start, shape (dof,), to goals, shape (n >= 1, dof) [rad], all free.
 
     Raises:
@@ -77,11 +79,15 @@ def solve(space: Space, q_start: Float64, q_goals: Float64, planner: str, effort
     """
     offered = PLANNERS[planner]
     if offered.ompl:
-        wanted = effort if offered.kind is BudgetUse.OPTIMISING else replace(effort, good_enough=None)
+        wanted = (
+            effort if offered.kind is BudgetUse.OPTIMISING else replace(effort, good_enough=None)
+        )
         try:
             from pomona.skills.motion.planning.ompl_planners import solve_by_ompl
         except ModuleNotFoundError as error:  # no wheel for this system: trees are still checked
-            raise BadRequest(f"the planner {planner} needs OMPL, which is not installed ({error})") from error
+            raise BadRequest(
+                f"the planner {planner} needs OMPL, which is not installed ({error})"
+            ) from error
         return solve_by_ompl(space, q_start, q_goals, offered.ompl, wanted)
     used, round_ = 0, FIRST_ROUND
     while used < effort.iterations:
@@ -98,7 +104,9 @@ def solve(space: Space, q_start: Float64, q_goals: Float64, planner: str, effort
 
 TURN = 2.0 * np.pi  # [rad]
 
-GOOD_ENOUGH = 1.02  # a path this close to the straight distance to the nearest goal is not worth improving
+GOOD_ENOUGH = (
+    1.02  # a path this close to the straight distance to the nearest goal is not worth improving
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,7 +244,9 @@ def _free_goals(request: PlanRequest) -> Float64:
         raise PlanningFailed("START_IN_COLLISION", f"at the arm's present position, {reason}", data)
     inside = ((q_goals >= space.lower) & (q_goals <= space.upper)).all(axis=1)
     if not inside.any():
-        raise PlanningFailed("GOAL_UNREACHABLE", f"all {len(q_goals)} goals lie beyond the joint limits")
+        raise PlanningFailed(
+            "GOAL_UNREACHABLE", f"all {len(q_goals)} goals lie beyond the joint limits"
+        )
     within = q_goals[inside]
     free = within[[space.free(q) for q in within]]
     if len(free) == 0:
@@ -246,7 +256,9 @@ def _free_goals(request: PlanRequest) -> Float64:
             f"none of {len(within)} goals is free; at the first, {reason}",
             data | {"goals": len(within)},
         )
-    nearest_first: Float64 = free[np.linalg.norm(free - request.q_start, axis=1).argsort(kind="stable")]
+    nearest_first: Float64 = free[
+        np.linalg.norm(free - request.q_start, axis=1).argsort(kind="stable")
+    ]
     return nearest_first
 
 
@@ -258,7 +270,11 @@ def _first_path(request: PlanRequest, goals: Float64, progress: _Progress) -> tu
     waypoints = _solve(request, request.planner, goals, 1.0, progress)
     if waypoints is None:
         nearest = float(np.linalg.norm(goals - request.q_start, axis=1).min())
-        code, why = ("TIMEOUT", "time ran out") if progress.out_of_time else ("NO_PATH", "the budget is used up")
+        code, why = (
+            ("TIMEOUT", "time ran out")
+            if progress.out_of_time
+            else ("NO_PATH", "the budget is used up")
+        )
         raise PlanningFailed(
             code,
             f"{request.planner} found no path to any of {len(goals)} goals before {why}",
@@ -280,7 +296,9 @@ def _improve(request: PlanRequest, goals: Float64, progress: _Progress) -> Float
     return _solve(request, request.improve, goals, 1.0 - used, progress)
 
 
-def _solve(request: PlanRequest, planner: str, goals: Float64, share: float, progress: _Progress) -> Float64 | None:
+def _solve(
+    request: PlanRequest, planner: str, goals: Float64, share: float, progress: _Progress
+) -> Float64 | None:
     iterations = int(share * request.budget * PLANNERS[planner].iterations_per_second)
     if iterations < 1:
         return None
@@ -316,5 +334,7 @@ def time_free_path(space: Space, waypoints: Float64, limits: ArmLimits) -> Traje
         corners = [k for k in range(1, len(waypoints) - 1) if dwells[k] < 1.0]
         if not corners:
             raise PlanningFailed("NO_PATH", "the path touches an obstacle between its waypoints")
-        near = min(corners, key=lambda k: float(np.linalg.norm(waypoints[k] - trajectory.q[blocked])))
+        near = min(
+            corners, key=lambda k: float(np.linalg.norm(waypoints[k] - trajectory.q[blocked]))
+        )
         dwells[near] = _SHARPER[float(dwells[near])]

@@ -15,7 +15,12 @@ import numpy as np
 from numba import njit
 
 from pomona.executive.values.arrays import Float64, Int64
-from pomona.skills.motion.collision.kernel import WorldArrays, evaluate_clearances, make_scratch, place
+from pomona.skills.motion.collision.kernel import (
+    WorldArrays,
+    evaluate_clearances,
+    make_scratch,
+    place,
+)
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
 
@@ -23,15 +28,21 @@ PROBED = 0.2
 """Segments with a larger step of any joint are first looked at in a few places [rad]: most that collide do so there,
 and are refused far more quickly than by proof."""
 
-MAX_STEP = 0.8  # longest edge of a tree [rad]: see `benchmarks`, MotionBenchMaker's sets for Panda and UR5
+MAX_STEP = (
+    0.8  # longest edge of a tree [rad]: see `benchmarks`, MotionBenchMaker's sets for Panda and UR5
+)
 
-FIRST_ROUND = 500  # iterations before two trees are begun anew; each further round has twice as many
+FIRST_ROUND = (
+    500  # iterations before two trees are begun anew; each further round has twice as many
+)
 
 _PROBES = (1.0, 0.5, 0.25, 0.75)
 
 
 @njit(cache=True, nogil=True)
-def free_between(robot: RobotArrays, world: WorldArrays, width: float, q_a: Float64, q_b: Float64) -> bool:
+def free_between(
+    robot: RobotArrays, world: WorldArrays, width: float, q_a: Float64, q_b: Float64
+) -> bool:
     """Return True if a straight joint segment keeps all margins, at every point of it."""
     dof = q_a.shape[0]
     longest = 0.0
@@ -44,7 +55,9 @@ def free_between(robot: RobotArrays, world: WorldArrays, width: float, q_a: Floa
 
 
 @njit(cache=True, nogil=True)
-def _probes_free(robot: RobotArrays, world: WorldArrays, width: float, q_a: Float64, q_b: Float64) -> bool:
+def _probes_free(
+    robot: RobotArrays, world: WorldArrays, width: float, q_a: Float64, q_b: Float64
+) -> bool:
     scratch = make_scratch(robot)
     numbers = robot.links.shape[0] + robot.pairs.shape[0]
     active = np.ones(numbers, np.bool_)
@@ -138,7 +151,10 @@ def grow(
             last = away <= max_step
             for j in range(dof):
                 q_next[j] = (
-                    q_new[j] if last else q_all[theirs, near, j] + max_step / away * (q_new[j] - q_all[theirs, near, j])
+                    q_new[j]
+                    if last
+                    else q_all[theirs, near, j]
+                    + max_step / away * (q_new[j] - q_all[theirs, near, j])
                 )
             if not free_between(robot, world, width, q_all[theirs, near], q_next):
                 break

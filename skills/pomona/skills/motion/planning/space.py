@@ -26,7 +26,9 @@ class PlanningFailed(PlanningError):
 
     def __init__(self, code: str, message: str, data: Mapping[str, object] | None = None) -> None:
         self.code, self.message, self.data = code, message, dict(data or {})
-        super().__init__(code, message, self.data)  # all arguments: it travels between processes by pickle
+        super().__init__(
+            code, message, self.data
+        )  # all arguments: it travels between processes by pickle
 
     def __str__(self) -> str:
         return f"{self.code}: {self.message}"
@@ -60,7 +62,9 @@ class Space(Protocol):
     def first_blocked(self, path: Float64) -> int | None:
         """Return the number of the first segment of a joint polyline, shape (n, dof), that is not free, or None."""
 
-    def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
+    def connect(
+        self, q_start: Float64, q_goals: Float64, iterations: int, seed: int
+    ) -> tuple[Float64 | None, int]:
         """Waypoints, shape (n, dof), from a free start to one of the free goals by RRT-Connect, and the iterations."""
 
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
@@ -100,7 +104,10 @@ def shortcut(space: Space, waypoints: Float64, rng: np.random.Generator) -> Floa
             break
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
         first, second = np.sort(rng.uniform(0.0, along[-1], 2))
-        i, j = (int(np.clip(np.searchsorted(along, s, side="right") - 1, 0, len(path) - 2)) for s in (first, second))
+        i, j = (
+            int(np.clip(np.searchsorted(along, s, side="right") - 1, 0, len(path) - 2))
+            for s in (first, second)
+        )
         if i == j:
             continue
         a = path[i] + (first - along[i]) / (along[i + 1] - along[i]) * (path[i + 1] - path[i])
@@ -115,7 +122,11 @@ def _leave_out_corners(space: Space, waypoints: Float64) -> Float64:
     kept, here = [0], 0
     while here < len(waypoints) - 1:
         here = next(
-            (k for k in range(len(waypoints) - 1, here + 1, -1) if space.free_between(waypoints[here], waypoints[k])),
+            (
+                k
+                for k in range(len(waypoints) - 1, here + 1, -1)
+                if space.free_between(waypoints[here], waypoints[k])
+            ),
             here + 1,
         )
         kept.append(here)

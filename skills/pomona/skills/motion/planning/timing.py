@@ -44,7 +44,9 @@ class _Filtered:
         v = np.diff(self.p, axis=0) / h
         zero = np.zeros_like(self.p[:1])
         P1 = np.concatenate([zero, np.cumsum(h * (self.p[:-1] + self.p[1:]) / 2.0, axis=0)])
-        P2 = np.concatenate([zero, np.cumsum(h * P1[:-1] + h**2 / 2.0 * self.p[:-1] + h**3 / 6.0 * v, axis=0)])
+        P2 = np.concatenate(
+            [zero, np.cumsum(h * P1[:-1] + h**2 / 2.0 * self.p[:-1] + h**3 / 6.0 * v, axis=0)]
+        )
         times = np.concatenate([t, t - self.T1, t - self.T2, t - self.T1 - self.T2])
         inside = np.clip(times, self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, inside, side="right") - 1, 0, len(self.t) - 2)
@@ -66,7 +68,9 @@ class _Filtered:
         Jerk is constant between knots and acceleration is linear, so both peak at knots; velocity peaks at a knot or
         where acceleration crosses zero.
         """
-        t = np.unique(np.concatenate([self.t, self.t + self.T1, self.t + self.T2, self.t + self.T1 + self.T2]))
+        t = np.unique(
+            np.concatenate([self.t, self.t + self.T1, self.t + self.T2, self.t + self.T1 + self.T2])
+        )
         t = t[np.concatenate([[True], np.diff(t) > 1e-9])]
         _, v, a = self.at(t)
         h = np.diff(t)[:, None]
@@ -95,7 +99,9 @@ def time_polyline(
     if len(q) == 1:
         still = np.zeros((2, q.shape[1]))
         return Trajectory(np.array([0.0, period]), np.repeat(q, 2, axis=0), still, still)
-    best = min((_fit(q - q[0], limits, stay, share) for share in _SPEED_SHARES), key=lambda f: f.duration)
+    best = min(
+        (_fit(q - q[0], limits, stay, share) for share in _SPEED_SHARES), key=lambda f: f.duration
+    )
     return _sampled(best, q[0], q[-1], period)
 
 
@@ -114,7 +120,9 @@ def _fit(p: Float64, limits: ArmLimits, stay: Float64, share: float) -> _Filtere
     steps = np.diff(p, axis=0)
     h = (np.abs(steps) / (share * limits.velocity)).max(axis=1)
     v = steps / h[:, None]
-    jumps = np.abs(np.diff(np.vstack([np.zeros_like(v[:1]), v, np.zeros_like(v[:1])]), axis=0)).max(axis=0)
+    jumps = np.abs(np.diff(np.vstack([np.zeros_like(v[:1]), v, np.zeros_like(v[:1])]), axis=0)).max(
+        axis=0
+    )
     T1 = float((jumps / limits.acceleration).max())
     T2 = float((jumps / (T1 * limits.jerk)).max())
     times, values = [0.0], [p[0]]
@@ -164,7 +172,9 @@ def time_curve(
     q = np.asarray(points, dtype=np.float64)
     if length < 1e-9:
         return time_polyline(q[:1], limits, period=period)
-    curve = CubicSpline(np.linspace(0.0, length, len(q)), q, bc_type="natural" if len(q) < 4 else "not-a-knot")
+    curve = CubicSpline(
+        np.linspace(0.0, length, len(q)), q, bc_type="natural" if len(q) < 4 else "not-a-knot"
+    )
     along = ArmLimits(*(np.array([value]) for value in (0.0, length, speed, acceleration, jerk)))
     braking = acceleration if deceleration is None else deceleration
     profile = _profile(length, along, most, braking, period)
@@ -173,7 +183,9 @@ def time_curve(
     s3 = np.gradient(s2[:, 0], profile.t)[:, None]
     qd, qdd = first * s1, second * s1**2 + first * s2
     qddd = third * s1**3 + 3.0 * second * s1 * s2 + first * s3
-    jerk_between = np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]  # as a controller interpolates the samples
+    jerk_between = (
+        np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]
+    )  # as a controller interpolates the samples
     stretch = max(
         1.0,
         float((np.abs(qd) / limits.velocity).max()),
@@ -188,7 +200,9 @@ def time_curve(
     return Trajectory(profile.t, curve(profile.q[:, 0]), qd, qdd)
 
 
-def _profile(length: float, limits: ArmLimits, most: Float64 | None, braking: float, period: float) -> Trajectory:
+def _profile(
+    length: float, limits: ArmLimits, most: Float64 | None, braking: float, period: float
+) -> Trajectory:
     """Return the distance over time [m] along a curve of one dimension that brakes differently, or is slow in parts.
 
     Ramps of constant acceleration are averaged over a window, as in the module's text: the speed follows half a window

@@ -26,9 +26,13 @@ mujoco = load_mujoco()
 
 ENDLESS = 32.0 * np.pi  # position limit of a joint that has none: 16 turns from its zero [rad]
 
-QUICKEST = 50.0  # speed of a joint that no arm reaches [rad/s]: small ones turn their wrists at 20 rad/s
+QUICKEST = (
+    50.0  # speed of a joint that no arm reaches [rad/s]: small ones turn their wrists at 20 rad/s
+)
 
-TOUCHING = 1e-6  # pads that are nearer to each other than this touch when the fingers are closed [m]
+TOUCHING = (
+    1e-6  # pads that are nearer to each other than this touch when the fingers are closed [m]
+)
 
 KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
@@ -70,10 +74,14 @@ class Description(ReadOnly):
     velocity: Float64  # velocity, acceleration, jerk: limits, shape (dof,); infinite where the file states none
     acceleration: Float64
     jerk: Float64
-    T_link_frame: Mapping[str, Float64]  # poses of named sites and bodies on the last link in its frame, fingers closed
+    T_link_frame: Mapping[
+        str, Float64
+    ]  # poses of named sites and bodies on the last link in its frame, fingers closed
     bodies: tuple[Body, ...]  # bodies, geoms: collision geometry
     geoms: tuple[Geom, ...]
-    excluded: frozenset[frozenset[str]]  # pairs of bodies (by name) that the file excludes from contact
+    excluded: frozenset[
+        frozenset[str]
+    ]  # pairs of bodies (by name) that the file excludes from contact
     # width_min, width_max: range of the gripper's opening [m]; both 0 without sliding fingers and pad sites
     width_min: float
     width_max: float
@@ -89,12 +97,15 @@ def read_description(path: Path, tool: str = "tool0") -> Description:
     urdf = read_urdf(path)
     try:
         text = None if urdf is None else ElementTree.tostring(urdf, encoding="unicode")
-        spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
+        spec = (
+            mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
+        )
         spec.compiler.fusestatic = False  # a URDF's fixed frames (tool0, tcp) must survive
         compiled = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise BadRobotFile(
-            path, f"MuJoCo cannot compile it: {' '.join(str(error).split()).removeprefix('Error: ')}"
+            path,
+            f"MuJoCo cannot compile it: {' '.join(str(error).split()).removeprefix('Error: ')}",
         ) from error
     return _Reader(path, compiled, tool, urdf).description()
 
@@ -109,13 +120,17 @@ class _Reader:
         mujoco.mj_kinematics(model, self.at_zero)
         self.tool_body = self._body_of_frame(tool)
         self.chain_bodies = self._ancestors(self.tool_body)
-        self.joints = [joint for body in reversed(self.chain_bodies) for joint in self._joints_of(body)]
+        self.joints = [
+            joint for body in reversed(self.chain_bodies) for joint in self._joints_of(body)
+        ]
         self._check_chain(tool)
         self.T_base_link = self._link_frames()
         self.width_min, self.width_max, self.slides = self._gripper()
 
     def description(self) -> Description:
-        steps = np.array([inverse(a) @ b for a, b in zip(self.T_base_link, self.T_base_link[1:], strict=False)])
+        steps = np.array(
+            [inverse(a) @ b for a, b in zip(self.T_base_link, self.T_base_link[1:], strict=False)]
+        )
         dof = len(self.joints)
         limited = self.model.jnt_limited[self.joints].astype(bool)
         ranges = np.where(limited[:, None], self.model.jnt_range[self.joints], (-ENDLESS, ENDLESS))
@@ -149,7 +164,11 @@ class _Reader:
         for kind in (mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_BODY):
             index = mujoco.mj_name2id(self.model, kind, name)
             if index >= 0:
-                return int(self.model.site_bodyid[index]) if kind == mujoco.mjtObj.mjOBJ_SITE else int(index)
+                return (
+                    int(self.model.site_bodyid[index])
+                    if kind == mujoco.mjtObj.mjOBJ_SITE
+                    else int(index)
+                )
         raise BadRobotFile(self.path, f"has no site or body named '{name}'")
 
     def _ancestors(self, body: int) -> list[int]:
@@ -180,19 +199,27 @@ class _Reader:
         limited, (lower, upper) = self.model.jnt_limited[joint], self.model.jnt_range[joint]
         if self.model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
             return "neither turns nor slides about one axis"
-        if self.urdf is not None and self._name("joint", joint) not in {j.get("name") for j in self.urdf.iter("joint")}:
+        if self.urdf is not None and self._name("joint", joint) not in {
+            j.get("name") for j in self.urdf.iter("joint")
+        }:
             return "is part of a planar one; those of an arm turn or slide"  # MuJoCo makes three joints of it
         if limited and not (np.isfinite(lower) and np.isfinite(upper)):
             return "has limits that are not finite"
         if not limited and self._is_slide(joint):
             return "slides and needs a range"
         most, unit = (
-            (10.0, "m: is it in millimetres?") if self._is_slide(joint) else (ENDLESS, "rad: is it in degrees?")
+            (10.0, "m: is it in millimetres?")
+            if self._is_slide(joint)
+            else (ENDLESS, "rad: is it in degrees?")
         )
         if max(-lower, upper) > most:
             return f"has a range up to {max(-lower, upper):g} {unit}"
         leader = self._leader_of(joint)
-        return f"follows '{leader}'; the joints of an arm must move independently of each other" if leader else ""
+        return (
+            f"follows '{leader}'; the joints of an arm must move independently of each other"
+            if leader
+            else ""
+        )
 
     def _leader_of(self, joint: int) -> str:
         """Return the name of the joint that another one follows (`mimic`, `equality`), or an empty text."""
@@ -238,7 +265,9 @@ class _Reader:
                 frames[self._name("body", body)] = pose
         for site in range(self.model.nsite):
             if self._link_of_body(int(self.model.site_bodyid[site])) == last:
-                pose = self._pose_in_link(last, self.at_zero.site_xpos[site], self.at_zero.site_xmat[site])
+                pose = self._pose_in_link(
+                    last, self.at_zero.site_xpos[site], self.at_zero.site_xmat[site]
+                )
                 frames[self._name("site", site)] = pose
         return frames
 
@@ -249,17 +278,27 @@ class _Reader:
 
         The opening is the distance between the two pad sites. Slide joints with a spring are soft pads, not fingers.
         """
-        pads = [site for site in range(self.model.nsite) if self._name("site", site).startswith("pad_")]
+        pads = [
+            site for site in range(self.model.nsite) if self._name("site", site).startswith("pad_")
+        ]
         if len(pads) != 2:
             return 0.0, 0.0, {}
         apart = self.at_zero.site_xpos[pads[0]] - self.at_zero.site_xpos[pads[1]]
         closed = float(np.linalg.norm(apart))
-        signs = {joint: sign for sign, pad in zip((1.0, -1.0), pads, strict=True) for joint in self._fingers(pad)}
+        signs = {
+            joint: sign
+            for sign, pad in zip((1.0, -1.0), pads, strict=True)
+            for joint in self._fingers(pad)
+        }
         if closed < TOUCHING:  # pads that meet have no direction; they part along it
             middles = {joint: float(self.model.jnt_range[joint].mean()) for joint in signs}
             apart = sum((signs[j] * middles[j] * self.at_zero.xaxis[j] for j in signs), np.zeros(3))
         length = float(np.linalg.norm(apart))
-        gains = {j: signs[j] * float(self.at_zero.xaxis[j] @ apart) / length for j in signs if length > 0.0}
+        gains = {
+            j: signs[j] * float(self.at_zero.xaxis[j] @ apart) / length
+            for j in signs
+            if length > 0.0
+        }
         total = sum(gains.values())
         if not gains or total <= 0.0:
             return closed, closed, {}
@@ -304,7 +343,9 @@ class _Reader:
         shown = seen_only(self.urdf)
         if shown:
             words = f"the link '{shown[0]}' has visual geometry and no collision geometry"
-            raise BadRobotFile(self.path, f"{words}: copy its <visual> to <collision>, or remove the <visual>")
+            raise BadRobotFile(
+                self.path, f"{words}: copy its <visual> to <collision>, or remove the <visual>"
+            )
         return tuple(bodies), tuple(geoms)
 
     def _body(self, body: int) -> Body:
@@ -320,19 +361,24 @@ class _Reader:
         kind = mujoco.mjtGeom(self.model.geom_type[index]).name.removeprefix("mjGEOM_").lower()
         name = self.model.geom(index).name or f"{body.name}/{index}"
         if kind not in KINDS:
-            raise BadRobotFile(self.path, f"collision geom '{name}' is a {kind}; use {', '.join(KINDS)}")
+            raise BadRobotFile(
+                self.path, f"collision geom '{name}' is a {kind}; use {', '.join(KINDS)}"
+            )
         vertices = np.empty((0, 3))
         if kind == "mesh":
             mesh = int(self.model.geom_dataid[index])
             first, count = int(self.model.mesh_vertadr[mesh]), int(self.model.mesh_vertnum[mesh])
             vertices = np.array(self.model.mesh_vert[first : first + count], dtype=np.float64)
-        pose = self._pose_in_link(body.link, self.at_zero.geom_xpos[index], self.at_zero.geom_xmat[index])
+        pose = self._pose_in_link(
+            body.link, self.at_zero.geom_xpos[index], self.at_zero.geom_xmat[index]
+        )
         return Geom(name, number, kind, np.array(self.model.geom_size[index]), pose, vertices)
 
     def _excluded(self) -> frozenset[frozenset[str]]:
         signatures = np.asarray(self.model.exclude_signature)[: self.model.nexclude]
         return frozenset(
-            frozenset((self._name("body", int(s) >> 16), self._name("body", int(s) & 0xFFFF))) for s in signatures
+            frozenset((self._name("body", int(s) >> 16), self._name("body", int(s) & 0xFFFF)))
+            for s in signatures
         )
 
     # ----------------------------------------------------------------------------------------------- limits
@@ -343,7 +389,10 @@ class _Reader:
             return otherwise
         values = np.array(self.model.numeric(index).data, dtype=np.float64)
         if values.shape != (dof,) or not np.all(np.isfinite(values)) or np.any(values <= 0.0):
-            raise BadRobotFile(self.path, f"numeric '{name}' must hold {dof} positive numbers, not {values.tolist()}")
+            raise BadRobotFile(
+                self.path,
+                f"numeric '{name}' must hold {dof} positive numbers, not {values.tolist()}",
+            )
         return values
 
     def _urdf_velocities(self) -> Float64:
@@ -351,7 +400,12 @@ class _Reader:
         joints = [] if self.urdf is None else self.urdf.findall("joint")
         stated = {joint.get("name", ""): joint for joint in joints}
         names = [self._name("joint", j) for j in self.joints]
-        return np.array([self._urdf_velocity(name, stated[name]) if name in stated else np.inf for name in names])
+        return np.array(
+            [
+                self._urdf_velocity(name, stated[name]) if name in stated else np.inf
+                for name in names
+            ]
+        )
 
     def _urdf_velocity(self, name: str, joint: ElementTree.Element) -> float:
         """Return the velocity limit of a URDF's joint; infinite for a continuous one that states none.
@@ -367,14 +421,22 @@ class _Reader:
             if key in said:
                 values[key] = _finite(said[key])
                 if np.isnan(values[key]):
-                    raise BadRobotFile(self.path, f"the joint '{name}': {key} = '{said[key]}' is no finite number")
+                    raise BadRobotFile(
+                        self.path, f"the joint '{name}': {key} = '{said[key]}' is no finite number"
+                    )
         if not endless and values["lower"] >= values["upper"]:
             words = f"needs a range; {values['lower']:g} … {values['upper']:g} is none"
             raise BadRobotFile(self.path, f"the joint '{name}' {words}")
         if values["velocity"] <= 0.0:
-            raise BadRobotFile(self.path, f"the joint '{name}': velocity = '{said['velocity']}' is not positive")
+            raise BadRobotFile(
+                self.path, f"the joint '{name}': velocity = '{said['velocity']}' is not positive"
+            )
         if QUICKEST < values["velocity"] < np.inf:
-            unit = "m/s: is it in millimetres?" if joint.get("type") == "prismatic" else "rad/s: is it in degrees?"
+            unit = (
+                "m/s: is it in millimetres?"
+                if joint.get("type") == "prismatic"
+                else "rad/s: is it in degrees?"
+            )
             words = f"velocity = '{said['velocity']}' is more than {QUICKEST:g} {unit}"
             raise BadRobotFile(self.path, f"the joint '{name}': {words}")
         return values["velocity"]

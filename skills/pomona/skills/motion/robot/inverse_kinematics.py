@@ -17,7 +17,9 @@ from pomona.skills.motion.robot.model import RobotModel, checked_pose, compose, 
 from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
 
 
-def descend(model: RobotModel, T_base_tcp: Float64, starts: Float64, iterations: int = 80) -> Float64:
+def descend(
+    model: RobotModel, T_base_tcp: Float64, starts: Float64, iterations: int = 80
+) -> Float64:
     """Solutions within the limits that the starts, shape (m, dof), descend to; shape (n, dof) [rad]."""
     solutions = np.empty_like(starts)
     count = _descend(
@@ -151,7 +153,9 @@ def _descend(
                 met[k] = q[k] != wanted
         forward(steps, sliding, q, links)
         compose(links[dof], T_link_tcp, T)
-        if _pose_error(T, target, error) < 1e-9**2:  # accepted error when rounding stops the descent earlier
+        if (
+            _pose_error(T, target, error) < 1e-9**2
+        ):  # accepted error when rounding stops the descent earlier
             for i in range(q.shape[0]):
                 solutions[count, i] = q[i]
             count += 1
@@ -213,7 +217,11 @@ def _distinct(solutions: Float64) -> Float64:
 
 @njit(cache=True, nogil=True)
 def _nearest_first(
-    solutions: Float64, reference: Float64, lower: Float64, upper: Float64, sliding: NDArray[np.bool_]
+    solutions: Float64,
+    reference: Float64,
+    lower: Float64,
+    upper: Float64,
+    sliding: NDArray[np.bool_],
 ) -> Float64:
     """Solutions with joints turned by whole turns towards the reference where the limits allow, the nearest first."""
     turned = np.empty_like(solutions)
@@ -228,7 +236,9 @@ def _nearest_first(
                 if lower[j] <= q[j] + whole <= upper[j]:
                     q[j] += whole
             away += (q[j] - reference[j]) ** 2
-        place = n  # among those before it: a few dozen, and np.argsort takes three seconds to compile
+        place = (
+            n  # among those before it: a few dozen, and np.argsort takes three seconds to compile
+        )
         while place > 0 and squared[place - 1] > away:
             squared[place] = squared[place - 1]
             for j in range(solutions.shape[1]):

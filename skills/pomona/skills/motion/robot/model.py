@@ -43,7 +43,12 @@ def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float
             p = a * step[0, 3] + b * step[1, 3] + c * step[2, 3] + d
             if sliding[i]:
                 p += z * q[i]
-            links[i + 1, row, 0], links[i + 1, row, 1], links[i + 1, row, 2], links[i + 1, row, 3] = x, y, z, p
+            (
+                links[i + 1, row, 0],
+                links[i + 1, row, 1],
+                links[i + 1, row, 2],
+                links[i + 1, row, 3],
+            ) = x, y, z, p
         if not sliding[i]:
             cosine, sine = cos(q[i]), sin(q[i])
             for row in range(3):
@@ -165,13 +170,19 @@ class RobotModel(ReadOnly):
     def checked(self, q: ArrayLike) -> Float64:
         """Return joints as a float64 array of its own, shape (dof,); BadJoints: a wrong number, or not finite."""
         try:
-            joints = np.array(q, dtype=np.float64, order="C")  # the kernels are compiled for arrays that can be written
+            joints = np.array(
+                q, dtype=np.float64, order="C"
+            )  # the kernels are compiled for arrays that can be written
         except (TypeError, ValueError) as error:
             raise BadJoints(self.joint_names, q, f"{q!r} are no numbers") from error
         if joints.shape != (self.dof,):
             raise BadJoints(self.joint_names, q, f"got an array of shape {joints.shape}")
         if not np.isfinite(joints).all():
-            wrong = [name for name, value in zip(self.joint_names, joints, strict=True) if not np.isfinite(value)]
+            wrong = [
+                name
+                for name, value in zip(self.joint_names, joints, strict=True)
+                if not np.isfinite(value)
+            ]
             raise BadJoints(self.joint_names, q, f"{', '.join(wrong)} not finite")
         return joints
 

@@ -32,12 +32,16 @@ class SphericalArm:
     """The arm's geometry at q = 0 in the base frame."""
 
     axes: Float64  # unit vectors of the joints' axes, shape (7, 3)
-    shoulder: Float64  # shoulder, elbow, wrist: points [m], shape (3,); the elbow is any point of axis 4
+    shoulder: (
+        Float64  # shoulder, elbow, wrist: points [m], shape (3,); the elbow is any point of axis 4
+    )
     elbow: Float64
     wrist: Float64
     T_tcp_base_zero: Float64  # inverse of the TCP's pose at q = 0
 
-    def solve(self, T_base_tcp: Float64, arm_angles: Float64, lower: Float64, upper: Float64) -> Float64:
+    def solve(
+        self, T_base_tcp: Float64, arm_angles: Float64, lower: Float64, upper: Float64
+    ) -> Float64:
         """Return all solutions for the given arm angles within limits, shape (n, 7) [rad].
 
         Args:
@@ -63,7 +67,9 @@ class SphericalArm:
 
     def arm_angle(self, q: Float64, T_base_tcp: Float64) -> float:
         """Return the arm angle that keeps the elbow where it is at q, while the TCP goes to `T_base_tcp` [rad]."""
-        return float(_arm_angle(self.axes, self.shoulder, self.wrist, T_base_tcp @ self.T_tcp_base_zero, q))
+        return float(
+            _arm_angle(self.axes, self.shoulder, self.wrist, T_base_tcp @ self.T_tcp_base_zero, q)
+        )
 
 
 @lru_cache(maxsize=16)
@@ -138,7 +144,9 @@ def _frame_of_line(line: Vector, sideways: Vector) -> tuple[Vector, Vector, Vect
 
 
 @njit(cache=True, nogil=True)
-def _three_axes(a: Vector, b: Vector, c: Vector, rows: Rows, branch: float, angles: Float64, first: int) -> None:
+def _three_axes(
+    a: Vector, b: Vector, c: Vector, rows: Rows, branch: float, angles: Float64, first: int
+) -> None:
     """Write angles with R = Rot(a, x) Rot(b, y) Rot(c, z) for unit axes a ⟂ b ⟂ c into angles[first:first + 3].
 
     `rows` are those of R. It maps c to t; the part of t along a fixes y up to its sign, `branch`; the direction of the
@@ -187,7 +195,9 @@ def _to_wrist(shoulder: Float64, wrist: Float64, motion: Float64) -> Vector:
 
 
 @njit(cache=True, nogil=True)
-def _arm_angle(axes: Float64, shoulder: Float64, wrist: Float64, motion: Float64, q: Float64) -> float:
+def _arm_angle(
+    axes: Float64, shoulder: Float64, wrist: Float64, motion: Float64, q: Float64
+) -> float:
     """Return the angle of the elbow's axis at q about the line to where a motion takes the wrist."""
     elbow_axis = _vector(axes[3])
     for i in range(2, -1, -1):
@@ -219,7 +229,10 @@ def _solve(
     # |upper_arm + Rot(e4, q4) forearm| = |to_wrist|  is  A cos q4 + B sin q4 = rhs
     along = _dot(upper_arm, e4) * _dot(e4, forearm)
     A, B = _dot(upper_arm, forearm) - along, _dot(upper_arm, _cross(e4, forearm))
-    rhs = 0.5 * (_dot(to_wrist, to_wrist) - _dot(forearm, forearm) - _dot(upper_arm, upper_arm)) - along
+    rhs = (
+        0.5 * (_dot(to_wrist, to_wrist) - _dot(forearm, forearm) - _dot(upper_arm, upper_arm))
+        - along
+    )
     ratio = rhs / hypot(A, B)
     if abs(ratio) > 1.0 or _dot(to_wrist, to_wrist) < 1e-18:
         return 0
@@ -235,8 +248,16 @@ def _solve(
         f, s, u = _frame_of_line(line, e4)
         for k in range(arm_angles.shape[0]):
             cosine, sine = cos(arm_angles[k]), sin(arm_angles[k])
-            a = (cosine * side[0] + sine * up[0], cosine * side[1] + sine * up[1], cosine * side[2] + sine * up[2])
-            b = (cosine * up[0] - sine * side[0], cosine * up[1] - sine * side[1], cosine * up[2] - sine * side[2])
+            a = (
+                cosine * side[0] + sine * up[0],
+                cosine * side[1] + sine * up[1],
+                cosine * side[2] + sine * up[2],
+            )
+            b = (
+                cosine * up[0] - sine * side[0],
+                cosine * up[1] - sine * side[1],
+                cosine * up[2] - sine * side[2],
+            )
             # The shoulder's rotation takes the frame (f, s, u) of the bent arm to (forward, a, b).
             R0 = _row(forward[0], a[0], b[0], f, s, u)
             R1 = _row(forward[1], a[1], b[1], f, s, u)
@@ -252,7 +273,9 @@ def _solve(
             for branches in range(4):
                 for i in range(3):
                     angles[i], angles[4 + i] = both[branches // 2, i], both[branches % 2, 4 + i]
-                if count < solutions.shape[0] and _into_limits(angles, lower, upper, solutions[count]):
+                if count < solutions.shape[0] and _into_limits(
+                    angles, lower, upper, solutions[count]
+                ):
                     count += 1
     return count
 
@@ -260,4 +283,8 @@ def _solve(
 @njit(cache=True, nogil=True)
 def _row(a: float, b: float, c: float, f: Vector, s: Vector, u: Vector) -> Vector:
     """a f + b s + c u."""
-    return (a * f[0] + b * s[0] + c * u[0], a * f[1] + b * s[1] + c * u[1], a * f[2] + b * s[2] + c * u[2])
+    return (
+        a * f[0] + b * s[0] + c * u[0],
+        a * f[1] + b * s[1] + c * u[1],
+        a * f[2] + b * s[2] + c * u[2],
+    )

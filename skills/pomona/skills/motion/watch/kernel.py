@@ -12,7 +12,11 @@ from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
 from pomona.skills.motion.collision.kernel import make_scratch, place, place_spheres
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 
-UNSEEN, FREE, STANDING = 0, 1, 2  # state of a cell: never seen, seen empty, or occupied when it was first seen
+UNSEEN, FREE, STANDING = (
+    0,
+    1,
+    2,
+)  # state of a cell: never seen, seen empty, or occupied when it was first seen
 
 WIDE = 12
 """Half-width of the square without any measurement around a pixel that shows free space [px]. The shadows of a stereo
@@ -33,7 +37,9 @@ class WatchedCells(NamedTuple):
 
     origin: Float64  # origin, resolution: lower corner, shape (3,), and edge of a cell [m]
     resolution: float
-    known: NDArray[np.bool_]  # known, own: cells of known obstacles, and of the robot, shape (nx, ny, nz)
+    known: NDArray[
+        np.bool_
+    ]  # known, own: cells of known obstacles, and of the robot, shape (nx, ny, nz)
     own: NDArray[np.bool_]
     state: UInt8  # `UNSEEN`, `FREE` or `STANDING`, shape (nx, ny, nz); written
     # area, touched: working memory: zeros, shape (nx, ny, nz), and space for the index of each cell, (nx · ny · nz,)
@@ -51,7 +57,12 @@ class Noise(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def see(
-    depth: Float32, camera: CameraView, cells: WatchedCells, noise: Noise, found: Float64, moved: NDArray[np.bool_]
+    depth: Float32,
+    camera: CameraView,
+    cells: WatchedCells,
+    noise: Noise,
+    found: Float64,
+    moved: NDArray[np.bool_],
 ) -> int:
     """Find the occupied cells of a depth image that are not known, and note the free cells; return their number.
 
@@ -79,7 +90,10 @@ def see(
                 continue
             x = d * (T[0, 0] * rx + T[0, 1] * ry + T[0, 2]) + T[0, 3]
             y = d * (T[1, 0] * rx + T[1, 1] * ry + T[1, 2]) + T[1, 3]
-            i, j = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
+            i, j = (
+                int(np.floor((x - origin[0]) / resolution)),
+                int(np.floor((y - origin[1]) / resolution)),
+            )
             k = int(np.floor((z - origin[2]) / resolution))
             if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
                 continue
@@ -150,7 +164,9 @@ def _note_free(depth: Float32, camera: CameraView, cells: WatchedCells, lowest: 
                     continue
                 if area[i, j, k] == 0.0 and not own[i, j, k]:
                     d = depth[v, u]
-                    if d > z + clear or (camera.is_fixed and d == 0.0 and _nothing_near(depth, u, v)):
+                    if d > z + clear or (
+                        camera.is_fixed and d == 0.0 and _nothing_near(depth, u, v)
+                    ):
                         state[i, j, k] = FREE
 
 
@@ -158,13 +174,21 @@ class Nearest(NamedTuple):
     """Distance of each posture to the nearest point."""
 
     away: Float64  # shape (m,) [m]
-    geom: Int64  # geom, which: geom and point that have the distance, shape (m,); -1 beyond the limit
+    geom: (
+        Int64  # geom, which: geom and point that have the distance, shape (m,); -1 beyond the limit
+    )
     which: Int64
 
 
 @njit(cache=True, nogil=True)
 def nearest_ahead(
-    robot: RobotArrays, Q: Float64, width: float, points: Float64, bound: Float64, limit: float, nearest: Nearest
+    robot: RobotArrays,
+    Q: Float64,
+    width: float,
+    points: Float64,
+    bound: Float64,
+    limit: float,
+    nearest: Nearest,
 ) -> None:
     """Compute the distance of each posture to points.
 
@@ -180,7 +204,12 @@ def nearest_ahead(
     away, geom, which = nearest
     scratch = make_scratch(robot)
     slides, spheres, start, links = robot.slides, robot.spheres, robot.sphere_start, robot.links
-    centres, placed, bounds, opening = scratch.centres, scratch.placed, robot.bounds, width - robot.closed
+    centres, placed, bounds, opening = (
+        scratch.centres,
+        scratch.placed,
+        robot.bounds,
+        width - robot.closed,
+    )
     for m in range(Q.shape[0]):
         place(robot, Q[m], width, scratch)
         best = limit
@@ -190,7 +219,11 @@ def nearest_ahead(
                 continue  # a part at rest hits nothing
             around = bounds[g, 3]
             x, y, z = centres[g, 0], centres[g, 1], centres[g, 2]
-            apart = np.sqrt((x - bound[0]) ** 2 + (y - bound[1]) ** 2 + (z - bound[2]) ** 2) - bound[3] - around
+            apart = (
+                np.sqrt((x - bound[0]) ** 2 + (y - bound[1]) ** 2 + (z - bound[2]) ** 2)
+                - bound[3]
+                - around
+            )
             if apart >= best:
                 continue
             ready = False
@@ -211,7 +244,11 @@ def nearest_ahead(
                     )
                     ready = True
                 for s in range(start[g], start[g + 1]):
-                    d = (px - placed[s, 0]) ** 2 + (py - placed[s, 1]) ** 2 + (pz - placed[s, 2]) ** 2
+                    d = (
+                        (px - placed[s, 0]) ** 2
+                        + (py - placed[s, 1]) ** 2
+                        + (pz - placed[s, 2]) ** 2
+                    )
                     within = best + spheres[s, 3]
                     if within > 0.0 and d < within * within:
                         best = np.sqrt(d) - spheres[s, 3]

@@ -27,19 +27,36 @@ from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.integrate import mark_spheres
-from pomona.skills.motion.watch.kernel import CameraView, Nearest, Noise, WatchedCells, nearest_ahead, see
+from pomona.skills.motion.watch.kernel import (
+    CameraView,
+    Nearest,
+    Noise,
+    WatchedCells,
+    nearest_ahead,
+    see,
+)
 
 PERIOD = 0.005  # of the trial's steps [s]; drivers step finer (a test compares)
 
 CELL = 0.025  # edge of the grid's cells [m]: a hand takes dozens of them
-AROUND = 0.03  # distance within which points belong to a known object [m]: noise at its edge, or a stem
+AROUND = (
+    0.03  # distance within which points belong to a known object [m]: noise at its edge, or a stem
+)
 BEYOND = 0.6  # the grid reaches so far beyond the workspace, upwards and sideways [m]: a hand needs 0.4 s for it
 SURE = 3.0  # standard deviations of the depth's noise that are allowed for
 MOST = 4096  # new cells of one frame that are looked at: 1.6 m² of surface
 # Way of an object until it counts as moved [m]: its cells lie two or more beside those where it stood, along a diagonal
 UNNOTICED = 2.0 * np.sqrt(3.0) * CELL
 FRAME_INTERVAL = 0.04  # longest time between two frames for which the pace is safe [s]
-PACES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125)  # tried in this order; the last one is taken in any case
+PACES = (
+    1.0,
+    0.7,
+    0.5,
+    0.35,
+    0.25,
+    0.18,
+    0.125,
+)  # tried in this order; the last one is taken in any case
 STEP = 0.05  # of the path's time, at which paces are chosen [s]
 
 
@@ -94,7 +111,9 @@ class PathWatch:
         passing = [Convex.of_box(volume) for volume in self._how.passing]
         shapes = [*standing(workspace), *known, *(map.shapes if map else ()), *passing]
         self._known = self._mark_known((nx, ny, nz), map, shapes)
-        self._states: dict[int, UInt8] = {}  # by camera: two of them never agree to the millimetre at an edge
+        self._states: dict[
+            int, UInt8
+        ] = {}  # by camera: two of them never agree to the millimetre at an edge
         self._area = np.zeros((nx, ny, nz), np.float32)
         self._touched = np.empty(nx * ny * nz, np.int64)
         self._found, self._moved = np.empty((MOST, 3)), np.empty(MOST, np.bool_)
@@ -106,7 +125,13 @@ class PathWatch:
         self._Q = np.column_stack([np.interp(self._times, trajectory.t, q) for q in trajectory.q.T])
 
     def look(
-        self, frame: Frame, T_base_camera: Float64, q: Float64, age: float, path_time: float, camera: int = 0
+        self,
+        frame: Frame,
+        T_base_camera: Float64,
+        q: Float64,
+        age: float,
+        path_time: float,
+        camera: int = 0,
     ) -> Ahead | None:
         """Compare one frame with the rest of the path.
 
@@ -130,7 +155,9 @@ class PathWatch:
             moved = np.zeros(new, np.bool_)
         # Without a stop now the arm begins to brake after the next frame at the earliest.
         waiting = FRAME_INTERVAL + how.delay
-        stopping = age + waiting + self._braking.time(min(path_time + waiting, float(self._times[-1])))
+        stopping = (
+            age + waiting + self._braking.time(min(path_time + waiting, float(self._times[-1])))
+        )
         first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
         within = max(int(np.searchsorted(self._times, path_time + stopping)) + 1, first + 1)
         judged = (
@@ -145,7 +172,9 @@ class PathWatch:
                 return Ahead(stop, came, distance, after, point, part, new)
         return None
 
-    def standing(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int = 0) -> Float64:
+    def standing(
+        self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int = 0
+    ) -> Float64:
         """Note a frame from before the motion; return the cells that are occupied and not known, shape (n, 3) [m]."""
         return self._found[: self._new_cells(frame, T_base_camera, q, camera)].copy()
 
@@ -169,7 +198,9 @@ class PathWatch:
         window = 0.2  # of the path's time in which the pace changes [s]
         while window < 4.0 * self._times[-1]:
             slower = _at_paces(self._trajectory, times, paces, window)
-            with suppress(BadTrajectory):  # the change of pace adds to the path's own accelerations and jerks
+            with suppress(
+                BadTrajectory
+            ):  # the change of pace adds to the path's own accelerations and jerks
                 check_trajectory(slower, self._limits)
                 return slower
             window *= 1.5
@@ -185,13 +216,20 @@ class PathWatch:
     def _pace(self, points: Float64, path_time: float, age: float) -> float:
         """Return the largest of `PACES` at which the arm rests in time from here, else the last."""
         how = self._how
-        has_begun = path_time >= FRAME_INTERVAL + how.delay + STEP  # the motion's first frame counts by then
+        has_begun = (
+            path_time >= FRAME_INTERVAL + how.delay + STEP
+        )  # the motion's first frame counts by then
         way = UNNOTICED if has_begun else max(UNNOTICED, how.speed * age)
         for pace in PACES:
             stopping = FRAME_INTERVAL + how.delay + self._braking.time(path_time, pace)
             first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
-            last = max(int(np.searchsorted(self._times, path_time + pace * stopping)) + 1, first + 1)
-            if self._nearest(points, first, last, how.near + way + how.speed * stopping, path_time) is None:
+            last = max(
+                int(np.searchsorted(self._times, path_time + pace * stopping)) + 1, first + 1
+            )
+            if (
+                self._nearest(points, first, last, how.near + way + how.speed * stopping, path_time)
+                is None
+            ):
                 break
         return pace
 
@@ -245,9 +283,13 @@ class PathWatch:
         marked = np.zeros(shape, np.bool_)
         reach = AROUND + CELL * np.sqrt(3.0) / 2.0
         for convex in known:
-            first = np.maximum(((convex.bound[:3] - convex.bound[3] - reach - self._origin) / CELL).astype(int), 0)
+            first = np.maximum(
+                ((convex.bound[:3] - convex.bound[3] - reach - self._origin) / CELL).astype(int), 0
+            )
             last = np.minimum(
-                ((convex.bound[:3] + convex.bound[3] + reach - self._origin) / CELL).astype(int) + 1, shape
+                ((convex.bound[:3] + convex.bound[3] + reach - self._origin) / CELL).astype(int)
+                + 1,
+                shape,
             )
             if np.any(first >= last):
                 continue
@@ -256,8 +298,12 @@ class PathWatch:
             marked[near[:, 0], near[:, 1], near[:, 2]] = True
         if map is not None and map.blocked.any():
             centres = map.origin + (np.argwhere(map.blocked) + 0.5) * map.resolution
-            spheres = np.column_stack((centres, np.full(len(centres), map.resolution * np.sqrt(3.0) / 2.0)))
-            mark_spheres(np.ascontiguousarray(spheres), reach - AROUND / 2.0, self._origin, CELL, marked)
+            spheres = np.column_stack(
+                (centres, np.full(len(centres), map.resolution * np.sqrt(3.0) / 2.0))
+            )
+            mark_spheres(
+                np.ascontiguousarray(spheres), reach - AROUND / 2.0, self._origin, CELL, marked
+            )
         return marked
 
 
@@ -266,13 +312,19 @@ def _at_paces(path: Trajectory, times: Float64, paces: Float64, window: float) -
     grid = np.arange(-window, path.duration + window, PERIOD)
     wanted = paces[np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(paces) - 1)]
     half = max(int(window / PERIOD) // 2, 1)
-    lowest = minimum_filter1d(wanted, 2 * half + 1, mode="nearest")  # so the means are slow enough everywhere
-    smooth = uniform_filter1d(uniform_filter1d(lowest, half + 1, mode="nearest"), half + 1, mode="nearest")
+    lowest = minimum_filter1d(
+        wanted, 2 * half + 1, mode="nearest"
+    )  # so the means are slow enough everywhere
+    smooth = uniform_filter1d(
+        uniform_filter1d(lowest, half + 1, mode="nearest"), half + 1, mode="nearest"
+    )
     rate = np.interp(path.t, grid, smooth)
     change = np.interp(path.t, grid, np.gradient(smooth, PERIOD))
     t = np.append(0.0, np.cumsum(np.diff(path.t) * 0.5 * (1.0 / rate[1:] + 1.0 / rate[:-1])))
     rates = rate[:, None]
-    return Trajectory(t, path.q, path.qd * rates, path.qdd * rates**2 + path.qd * (rate * change)[:, None])
+    return Trajectory(
+        t, path.q, path.qd * rates, path.qdd * rates**2 + path.qd * (rate * change)[:, None]
+    )
 
 
 class Braking:

@@ -21,7 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from pomona.executive.values.arrays import Float32, Float64
 from pomona.skills.perception.detection.errors import BadFrame
 
-Network = Callable[[Float32], Sequence[Float32]]  # pictures (n, 3, h, w), RGB in 0..1 minus 0.5, to outputs
+Network = Callable[
+    [Float32], Sequence[Float32]
+]  # pictures (n, 3, h, w), RGB in 0..1 minus 0.5, to outputs
 FINDER_STRIDE = 4  # input pixels per cell of the belief maps
 OFFSET_UNIT = 8.0  # offsets are learnt in units of this many cells
 CLOSE_LOOK_SIZE = 96  # side of the square picture of one fruit [px]
@@ -48,11 +50,18 @@ def check_picture(colour: object) -> None:
     expected = f"(h, w, 3) uint8 RGB, at least {LEAST_SIDE} px on each side"
     if not isinstance(colour, np.ndarray):
         raise BadFrame(expected, f"a {type(colour).__name__}")
-    if colour.dtype != np.uint8 or colour.ndim != 3 or colour.shape[2] != 3 or min(colour.shape[:2]) < LEAST_SIDE:
+    if (
+        colour.dtype != np.uint8
+        or colour.ndim != 3
+        or colour.shape[2] != 3
+        or min(colour.shape[:2]) < LEAST_SIDE
+    ):
         raise BadFrame(expected, f"{colour.shape} {colour.dtype}")
 
 
-MEAN_ELEVATION = np.deg2rad(57.0)  # mean elevation of the view [rad]; the label's singularity is opposite to it
+MEAN_ELEVATION = np.deg2rad(
+    57.0
+)  # mean elevation of the view [rad]; the label's singularity is opposite to it
 STEM_AXIS = np.array([0.0, -1.0, 0.0])  # the stem axis in the object frame
 
 
@@ -113,7 +122,9 @@ def _ray_rotation(centre_camera: ArrayLike) -> NDArray[np.float64]:
 
 
 MARGIN = 1.15  # half side of the look over the corners' mean distance: the fruit fills two thirds
-REFERENCE_LENGTH = 0.0633  # length whose picture is a fruit's size [m]: mean distance of an apple's corners
+REFERENCE_LENGTH = (
+    0.0633  # length whose picture is a fruit's size [m]: mean distance of an apple's corners
+)
 OUTLINE_RADIUS = 0.046  # radius of a CAD-sized fruit's outline [m]: the cone that touches the fruit
 
 SIZE_OF_BOX = 0.64

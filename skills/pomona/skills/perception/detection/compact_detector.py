@@ -62,10 +62,15 @@ MIRROR[[CENTRE.start, AXIS.start]] = -1.0
 """Factors from the close look's output for a mirrored picture to that for the picture."""
 
 SHIPPED = Path(__file__).resolve().parent / "weights"  # as trustworthy as the code beside it
-KINDS, JUDGES = ".kinds", "pomona.fruit_kinds"  # ending of a file beside the weights; entry points that load it
+KINDS, JUDGES = (
+    ".kinds",
+    "pomona.fruit_kinds",
+)  # ending of a file beside the weights; entry points that load it
 BATCH = 16  # looks that go through the network at once: more no longer fit into the cache
 
-Judge = Callable[[UInt8, list[FoundFruit], str], list[FoundFruit]]  # finds in a picture, with scores for one kind
+Judge = Callable[
+    [UInt8, list[FoundFruit], str], list[FoundFruit]
+]  # finds in a picture, with scores for one kind
 
 
 class CompactDetector:
@@ -107,7 +112,10 @@ class CompactDetector:
         stored = read_stored(path)
         finder = onnx_network(stored.finder, path, FINDER)
         close_look = onnx_network(stored.close_look, path, CLOSE_LOOK)
-        detector, kinds = cls(finder, close_look, options, stored.scores), Path(path).with_suffix(KINDS)
+        detector, kinds = (
+            cls(finder, close_look, options, stored.scores),
+            Path(path).with_suffix(KINDS),
+        )
         for point in entry_points(group=JUDGES) if kinds.is_file() else ():
             detector.judge = point.load()(kinds)
         return detector
@@ -135,9 +143,16 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
-        seen = self._look_at_all_widths(colour, K) if self.options.working_width is None else self.look(colour, K)[1]
+        seen = (
+            self._look_at_all_widths(colour, K)
+            if self.options.working_width is None
+            else self.look(colour, K)[1]
+        )
         seen = sorted(self.judge(colour, seen, self.options.kind), key=lambda fruit: -fruit.score)
-        centres, sizes = np.array([fruit.centre for fruit in seen]).reshape(-1, 2), np.array([f.size for f in seen])
+        centres, sizes = (
+            np.array([fruit.centre for fruit in seen]).reshape(-1, 2),
+            np.array([f.size for f in seen]),
+        )
         kept: list[int] = []
         for k in range(len(seen)):
             distances = np.linalg.norm(centres[kept] - centres[k], axis=1)
@@ -161,7 +176,9 @@ class CompactDetector:
         places = self.places(colour, self.options.finder_threshold)[: self.options.most_fruit]
         seen, features = self._look_at_places(colour, K, places, hopeless)
         judged = zip(places, seen, self.scores.of(features), strict=True)
-        found = [replace(fruit, score=float(score), box=place.box) for place, fruit, score in judged]
+        found = [
+            replace(fruit, score=float(score), box=place.box) for place, fruit, score in judged
+        ]
         return places, found, features
 
     def _look_at_places(
@@ -172,7 +189,10 @@ class CompactDetector:
             return [], np.empty((0, FEATURES))
         options = self.options
         seen, kinds = self._look(
-            colour, K, [(place.centre, place.size) for place in places], options.mirrored and options.looks == 1
+            colour,
+            K,
+            [(place.centre, place.size) for place in places],
+            options.mirrored and options.looks == 1,
         )
         least = self.scores.hopeless if hopeless is None else hopeless
         answers = zip(places, kinds, strict=True)
@@ -182,7 +202,9 @@ class CompactDetector:
             if not again:
                 break
             spots = [(seen[k].centre, seen[k].size) for k in again]
-            better, kinds = self._look(colour, K, spots, options.mirrored and number == options.looks)
+            better, kinds = self._look(
+                colour, K, spots, options.mirrored and number == options.looks
+            )
             for k, fruit, kind in zip(again, better, kinds, strict=True):
                 seen[k], features[k, 3] = fruit, kind
         return seen, features
@@ -201,18 +223,28 @@ class CompactDetector:
         finds = [place for at_one in found for place in at_one]
         levels = np.repeat(np.arange(len(found)), [len(at_one) for at_one in found])
         boxes = np.array([place.box for place in finds]).reshape(-1, 4)
-        merged = merge(boxes, np.array([place.score for place in finds]), levels, factors)[: self.options.most_fruit]
-        places = [Proposal(m.box, finds[m.members[0]].heat, finds[m.members[0]].quality) for m in merged]
+        merged = merge(boxes, np.array([place.score for place in finds]), levels, factors)[
+            : self.options.most_fruit
+        ]
+        places = [
+            Proposal(m.box, finds[m.members[0]].heat, finds[m.members[0]].quality) for m in merged
+        ]
         seen, features = self._look_at_places(colour, K, places)
         fruit = []
         for place, one, logits in zip(merged, seen, features, strict=True):
-            answers = np.array([(finds[k].heat, finds[k].quality, *logits[2:]) for k in place.members])
+            answers = np.array(
+                [(finds[k].heat, finds[k].quality, *logits[2:]) for k in place.members]
+            )
             scores = self.scores.of(answers)
-            score = agreed_score(scores, levels[list(place.members)], float(place.box[2:].max()), factors)
+            score = agreed_score(
+                scores, levels[list(place.members)], float(place.box[2:].max()), factors
+            )
             fruit.append(replace(one, score=score, box=place.box))
         return fruit
 
-    def look_closely(self, colour: UInt8, K: Float64, spots: list[tuple[Float64, float]]) -> list[FoundFruit]:
+    def look_closely(
+        self, colour: UInt8, K: Float64, spots: list[tuple[Float64, float]]
+    ) -> list[FoundFruit]:
         """Return fruit at centres and sizes [px], as yet without score: every spot gets all looks.
 
         Raises:
@@ -221,7 +253,9 @@ class CompactDetector:
         check_picture(colour)
         found: list[FoundFruit] = []
         for number in range(self.options.looks if spots else 0):
-            found, _ = self._look(colour, K, spots, self.options.mirrored and number == self.options.looks - 1)
+            found, _ = self._look(
+                colour, K, spots, self.options.mirrored and number == self.options.looks - 1
+            )
             spots = [(fruit.centre, fruit.size) for fruit in found]
         return found
 
@@ -233,7 +267,10 @@ class CompactDetector:
         """
         maps, (width, _) = self.maps(colour)
         factor = colour.shape[1] / width
-        return [place.scaled(factor) for place in read_places(maps, width, colour.shape[0] / factor, threshold)]
+        return [
+            place.scaled(factor)
+            for place in read_places(maps, width, colour.shape[0] / factor, threshold)
+        ]
 
     def places_at(self, colour: UInt8, side: int, threshold: float) -> list[Proposal]:
         """Return places of fruit of the sizes that are found well when the picture's longer side is shrunk to `side`.
@@ -248,10 +285,15 @@ class CompactDetector:
             part = shrunk[tile.top : tile.top + tile.height, tile.left : tile.left + tile.width]
             most = MOST_PEAKS * megapixels(tile.width, tile.height)
             found = read_places(self._maps_of(part), tile.width, tile.height, threshold, most)
-            inside = [replace(place, box=place.box + np.array([tile.left, tile.top, 0.0, 0.0])) for place in found]
+            inside = [
+                replace(place, box=place.box + np.array([tile.left, tile.top, 0.0, 0.0]))
+                for place in found
+            ]
             owned = tile.owns(np.array([place.box for place in inside]).reshape(-1, 4))
             places += [place for place, mine in zip(inside, owned, strict=True) if mine]
-        sized = (place for place in places if SMALLEST_FRUIT <= place.box[2:].max() <= LARGEST_FRUIT)
+        sized = (
+            place for place in places if SMALLEST_FRUIT <= place.box[2:].max() <= LARGEST_FRUIT
+        )
         return [place.scaled(factor) for place in sized]
 
     def maps(self, colour: UInt8) -> tuple[Float32, tuple[int, int]]:
@@ -266,7 +308,9 @@ class CompactDetector:
         """Return the finder's maps of a picture of the size at which it is searched."""
         below, right = -picture.shape[0] % FINDER_MULTIPLE, -picture.shape[1] % FINDER_MULTIPLE
         if below or right:
-            padded = cv2.copyMakeBorder(picture, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
+            padded = cv2.copyMakeBorder(
+                picture, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114)
+            )
             picture = np.asarray(padded, np.uint8)
         maps: Float32 = self._finder(_input(picture[None]))[0][0]
         return maps
@@ -278,11 +322,18 @@ class CompactDetector:
         side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
         looks = [look_at(K, centre, size) for centre, size in places]
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        pictures = np.stack([cv2.warpPerspective(colour, look.picture_from_look, side, flags=flags) for look in looks])
+        pictures = np.stack(
+            [
+                cv2.warpPerspective(colour, look.picture_from_look, side, flags=flags)
+                for look in looks
+            ]
+        )
         if mirrored:
             pictures = np.concatenate([pictures, pictures[:, :, ::-1]])
         parts = np.array_split(pictures, -(-len(pictures) // BATCH))
-        output = np.concatenate([self._close_look(_input(part))[0] for part in parts]).astype(np.float64)
+        output = np.concatenate([self._close_look(_input(part))[0] for part in parts]).astype(
+            np.float64
+        )
         if mirrored:
             output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR)
         found = []
@@ -339,13 +390,17 @@ def _torch_reader(path: Path | str) -> EntryPoint:
     """Return the module that reads files of PyTorch. Raises BadWeights: no package gives it."""
     for point in entry_points(group=DETECTORS, name="pytorch"):
         return point
-    raise BadWeights(path, f"PyTorch wrote it, and no installed package reads it: {reinstall('pomona')}")
+    raise BadWeights(
+        path, f"PyTorch wrote it, and no installed package reads it: {reinstall('pomona')}"
+    )
 
 
 def _shrunk(colour: UInt8, width: int, height: int) -> UInt8:
     """Return a picture at another size [px]."""
     flag = cv2.INTER_AREA if width < colour.shape[1] else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(np.ascontiguousarray(colour), (width, height), interpolation=flag), np.uint8)
+    return np.asarray(
+        cv2.resize(np.ascontiguousarray(colour), (width, height), interpolation=flag), np.uint8
+    )
 
 
 def _input(pictures: UInt8) -> Float32:

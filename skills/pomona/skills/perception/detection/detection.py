@@ -21,12 +21,16 @@ class DetectorOptions:
 
     finder_threshold: float = 0.25  # least score of the finder for a place that gets a close look
     looks: int = 2  # close looks at each fruit; every further look is centred by the one before
-    mirrored: bool = True  # the last look is taken in a mirror too, and the mean of both answers is used
+    mirrored: bool = (
+        True  # the last look is taken in a mirror too, and the mean of both answers is used
+    )
     most_fruit: int = 16  # places that get a second look, strongest first
     apart: float = 0.35  # two fruit are at least this part of the larger one's keypoint size apart
     # width to which pictures are shrunk for the finder [px]; None for several, up to the picture's own (`pyramid`)
     working_width: int | None = WORKING_WIDTH
-    kind: str = ""  # of fruit, where the weights know several; another word: all that the finder finds
+    kind: str = (
+        ""  # of fruit, where the weights know several; another word: all that the finder finds
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +41,9 @@ class DopeFiles:
     config: Path  # config_pose.yaml
 
 
-PoseSource = Literal["close_look", "depth"]  # where the pose in a box comes from: the close look, or the depth
+PoseSource = Literal[
+    "close_look", "depth"
+]  # where the pose in a box comes from: the close look, or the depth
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +52,9 @@ class BoxModelFile:
 
     model: Path  # ONNX file
     pose: PoseSource = "close_look"  # see `PoseSource`
-    working_width: int = WORKING_WIDTH  # width of the picture in a model without a fixed input size [px]
+    working_width: int = (
+        WORKING_WIDTH  # width of the picture in a model without a fixed input size [px]
+    )
 
 
 DETECTORS = "pomona.detectors"  # entry points: `boxes` and `dope` load a detector, `pytorch` is a reader of weights
@@ -96,4 +104,6 @@ class AllDetections:
     @property
     def sentence(self) -> str:
         """Text for the operator."""
-        return f"{len(self.detections)} fruit found" + (f" in {self.frame.label}" if self.frame.label else "")
+        return f"{len(self.detections)} fruit found" + (
+            f" in {self.frame.label}" if self.frame.label else ""
+        )

@@ -18,7 +18,9 @@ from pomona.skills.perception.detection.errors import BadPoseConfig
 class DecodeThresholds:
     """DOPE's post-processing constants, under the names that config_pose.yaml uses."""
 
-    thresh_angle: float = 0.5  # largest difference between the unit direction to the centroid and the affinity
+    thresh_angle: float = (
+        0.5  # largest difference between the unit direction to the centroid and the affinity
+    )
     thresh_map: float = 0.01  # least smoothed belief of a peak
     sigma: float = 3.0  # of the smoothing [cells]
     thresh_points: float = 0.1  # least belief of a centroid or corner
@@ -65,7 +67,9 @@ def load_pose_config(path: Path | str) -> PoseConfig:
     content = _read(Path(path))
     weights, dimensions = _table(path, content, "weights"), _table(path, content, "dimensions")
     if not dimensions:
-        raise BadPoseConfig(path, "names no dimensions of any object, expected dimensions: {apple: [9.8, 8.5, 9.6]}")
+        raise BadPoseConfig(
+            path, "names no dimensions of any object, expected dimensions: {apple: [9.8, 8.5, 9.6]}"
+        )
     objects = {}
     for name, source in (weights or dict.fromkeys(dimensions, "")).items():
         if name not in dimensions:
@@ -74,8 +78,14 @@ def load_pose_config(path: Path | str) -> PoseConfig:
             name=name,
             weights=str(source),
             dimensions=_numbers(path, f"dimensions of {name}", dimensions[name], (3,)) / 100.0,
-            class_id=round(_number(path, f"class_ids of {name}", _table(path, content, "class_ids").get(name, 0))),
-            draw_colour=_colour(path, name, _table(path, content, "draw_colors").get(name, (255, 255, 255))),
+            class_id=round(
+                _number(
+                    path, f"class_ids of {name}", _table(path, content, "class_ids").get(name, 0)
+                )
+            ),
+            draw_colour=_colour(
+                path, name, _table(path, content, "draw_colors").get(name, (255, 255, 255))
+            ),
             model_transform=_numbers(
                 path,
                 f"model_transforms of {name}",
@@ -83,14 +93,23 @@ def load_pose_config(path: Path | str) -> PoseConfig:
                 (4, 4),
             ),
             mesh=str(_table(path, content, "meshes").get(name, "")),
-            mesh_scale=_positive(path, f"mesh_scales of {name}", _table(path, content, "mesh_scales").get(name, 1.0)),
+            mesh_scale=_positive(
+                path, f"mesh_scales of {name}", _table(path, content, "mesh_scales").get(name, 1.0)
+            ),
         )
     thresholds = {key: _number(path, key, content[key]) for key in _THRESHOLDS if key in content}
     downscale = round(_positive(path, "downscale_height", content.get("downscale_height", 400)))
-    return PoseConfig(objects, DecodeThresholds(**thresholds), downscale, bool(content.get("input_is_rectified", True)))
+    return PoseConfig(
+        objects,
+        DecodeThresholds(**thresholds),
+        downscale,
+        bool(content.get("input_is_rectified", True)),
+    )
 
 
-def find_entry(path: Path, fruit: str, dimensions: NDArray[np.float64]) -> tuple[PoseConfig, ObjectEntry]:
+def find_entry(
+    path: Path, fruit: str, dimensions: NDArray[np.float64]
+) -> tuple[PoseConfig, ObjectEntry]:
     """Read a config_pose.yaml and the fruit's entry in it: that of its name, or the only one.
 
     Args:
@@ -106,9 +125,12 @@ def find_entry(path: Path, fruit: str, dimensions: NDArray[np.float64]) -> tuple
     if entry is None:
         raise BadPoseConfig(path, f"configures {', '.join(config.objects)}, not {fruit}")
     if np.any(np.abs(entry.dimensions - dimensions) > SAME_SIZE * dimensions):
-        cuboid, mesh = (" × ".join(f"{100 * v:.1f}" for v in sides) for sides in (entry.dimensions, dimensions))
+        cuboid, mesh = (
+            " × ".join(f"{100 * v:.1f}" for v in sides) for sides in (entry.dimensions, dimensions)
+        )
         raise BadPoseConfig(
-            path, f"{entry.name} is {cuboid} cm, the mesh of {fruit} {mesh} cm: they must be the same object"
+            path,
+            f"{entry.name} is {cuboid} cm, the mesh of {fruit} {mesh} cm: they must be the same object",
         )
     return config, entry
 
@@ -118,7 +140,11 @@ def _read(path: Path) -> dict[str, Any]:
         content = yaml.safe_load(read_plain_text(path))
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise BadPoseConfig(path, f"cannot be read: {error}") from error
-    while isinstance(content, dict) and len(content) == 1 and not content.keys() & {"weights", "dimensions"}:
+    while (
+        isinstance(content, dict)
+        and len(content) == 1
+        and not content.keys() & {"weights", "dimensions"}
+    ):
         content = next(iter(content.values()))
     if not isinstance(content, dict):
         raise BadPoseConfig(path, "must be a mapping with weights and dimensions")
@@ -132,7 +158,9 @@ def _table(path: Path | str, content: dict[str, Any], key: str) -> dict[str, Any
     return table
 
 
-def _numbers(path: Path | str, what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _numbers(
+    path: Path | str, what: str, value: Any, shape: tuple[int, ...]
+) -> NDArray[np.float64]:
     try:
         numbers = np.asarray(value, np.float64)
     except (TypeError, ValueError) as error:

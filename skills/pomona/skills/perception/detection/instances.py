@@ -57,7 +57,9 @@ def cuboid_keypoints(
         convention: which axes the vertex order refers to.
     """
     rotation = R_MESH_DOPE[convention]
-    keypoints: NDArray[np.float64] = (_SIGNS @ rotation.T) * (0.5 * np.asarray(dimensions, np.float64))
+    keypoints: NDArray[np.float64] = (_SIGNS @ rotation.T) * (
+        0.5 * np.asarray(dimensions, np.float64)
+    )
     return keypoints
 
 
@@ -65,7 +67,9 @@ def cuboid_keypoints(
 class FoundFruit:
     """One fruit in a picture."""
 
-    p_camera: Float64  # centre of a CAD-sized fruit of the same appearance, in the camera frame, (3,) [m]
+    p_camera: (
+        Float64  # centre of a CAD-sized fruit of the same appearance, in the camera frame, (3,) [m]
+    )
     stem: Float64  # stem axis in the camera frame, unit vector (3,)
     centre: Float64  # the centre in the picture [px]
     size: float  # length of `REFERENCE_LENGTH` of a CAD-sized fruit in the picture [px]
@@ -157,7 +161,13 @@ def pose_covariance(found: FoundFruit, K: Float64) -> Float64:
     return covariance
 
 
-POLICIES = ("nearest", "largest", "most_visible", "surest", "index")  # how a target is chosen among instances
+POLICIES = (
+    "nearest",
+    "largest",
+    "most_visible",
+    "surest",
+    "index",
+)  # how a target is chosen among instances
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,12 +176,18 @@ class Instance:
 
     keypoints: Float64  # (9, 2) [px]
     score: float  # estimated ratio of fruit among such detections, 0..1
-    visibility: float  # part of its silhouette that is seen, 0..1, as estimated; NaN without an estimate
+    visibility: (
+        float  # part of its silhouette that is seen, 0..1, as estimated; NaN without an estimate
+    )
     # pose of the CAD-sized model; None when the keypoints of DOPE's full network gave none
     T_camera_object: Float64 | None
-    covariance: Float64 | None  # of (rotation vector, translation) in the camera frame, (6, 6); None without a pose
+    covariance: (
+        Float64 | None
+    )  # of (rotation vector, translation) in the camera frame, (6, 6); None without a pose
     problem: str = ""  # why there is no pose; empty otherwise
-    box: Float64 | None = None  # around its visible part, x, y, w, h (4,) [px]; None with weights without boxes
+    box: Float64 | None = (
+        None  # around its visible part, x, y, w, h (4,) [px]; None with weights without boxes
+    )
 
     @property
     def size(self) -> float:
@@ -179,7 +195,9 @@ class Instance:
         return keypoint_size(self.keypoints)
 
 
-def find_instances(detector: Finder, colour: NDArray[np.uint8], K: Float64, fruit: FruitModel) -> list[Instance]:
+def find_instances(
+    detector: Finder, colour: NDArray[np.uint8], K: Float64, fruit: FruitModel
+) -> list[Instance]:
     """Detect all fruit in a picture with their poses, by falling score.
 
     Args:
@@ -198,7 +216,9 @@ def instance_of(found: FoundFruit, K: Float64, dimensions: Float64) -> Instance:
     T_camera_object = pose_of(found)
     keypoints = cuboid_in_picture(T_camera_object, dimensions, K)
     covariance = pose_covariance(found, K)
-    return Instance(keypoints, found.score, found.visibility, T_camera_object, covariance, box=found.box)
+    return Instance(
+        keypoints, found.score, found.visibility, T_camera_object, covariance, box=found.box
+    )
 
 
 def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:
@@ -224,4 +244,8 @@ def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:
 
 
 def _distance(instance: Instance) -> float:
-    return float("inf") if instance.T_camera_object is None else float(np.linalg.norm(instance.T_camera_object[:3, 3]))
+    return (
+        float("inf")
+        if instance.T_camera_object is None
+        else float(np.linalg.norm(instance.T_camera_object[:3, 3]))
+    )

@@ -15,7 +15,9 @@ from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.detection.close_look import Network
 from pomona.skills.perception.detection.errors import BadWeights
 
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import: no upload, no database in the user's cache
+os.environ.setdefault(
+    "ORT_DISABLE_TELEMETRY", "1"
+)  # read at import: no upload, no database in the user's cache
 import onnxruntime
 
 INPUT = "picture"
@@ -25,7 +27,9 @@ def open_session(source: bytes | str) -> Any:
     """Return a session of a model, or of its file, in the caller's thread; errors are reported by exceptions alone."""
     settings = onnxruntime.SessionOptions()
     settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-    settings.log_severity_level = 4  # errors raise; their copy on the error stream would be a second message
+    settings.log_severity_level = (
+        4  # errors raise; their copy on the error stream would be a second message
+    )
     return onnxruntime.InferenceSession(source, settings, providers=["CPUExecutionProvider"])
 
 
@@ -51,7 +55,9 @@ def onnx_network(content: bytes, path: Path | str, name: str) -> Network:
     try:
         network = open_session(content)
     except Exception as error:  # ONNX Runtime's errors have no common root
-        raise BadWeights(path, f"{name} in it cannot be read as ONNX: {type(error).__name__}") from error
+        raise BadWeights(
+            path, f"{name} in it cannot be read as ONNX: {type(error).__name__}"
+        ) from error
     inputs = [given.name for given in network.get_inputs()]
     if inputs != [INPUT]:
         raise BadWeights(path, f"{name} in it has the inputs {inputs}, expected [{INPUT!r}]")
@@ -177,10 +183,14 @@ def judge_layers(content: bytes, picture: str) -> None:
             raise BadGraph("lists a node before one whose result it takes: export it anew")
         if node.domain not in _OWN_DOMAINS or node.operator not in PLAIN or node.graphs:
             name = ".".join(filter(None, (node.domain, node.operator)))
-            raise BadGraph(f"has the operator '{name[:60]}', which a network of layers does not have: export it anew")
+            raise BadGraph(
+                f"has the operator '{name[:60]}', which a network of layers does not have: export it anew"
+            )
         sizes = [node.inputs[k] for k in SIZED.get(node.operator, ()) if k < len(node.inputs)]
         if from_picture.intersection(sizes):
-            raise BadGraph(f"computes a size of its operator '{node.operator}' from the picture: export it anew")
+            raise BadGraph(
+                f"computes a size of its operator '{node.operator}' from the picture: export it anew"
+            )
         if node.operator != "Shape" and from_picture.intersection(node.inputs):
             from_picture.update(node.outputs)
 
@@ -189,7 +199,9 @@ def judge_model(content: bytes | memoryview) -> None:
     """Judge a network of any origin. Raises BadGraph: it has loops, functions, too many nodes, or is damaged."""
     for node in _nodes(content):
         if node.operator in LOOPS:
-            raise BadGraph(f"has the operator '{node.operator}': a detector has no loops, export it without")
+            raise BadGraph(
+                f"has the operator '{node.operator}': a detector has no loops, export it without"
+            )
 
 
 def _nodes(content: bytes | memoryview) -> Iterator[_Node]:
@@ -208,7 +220,9 @@ def _nodes(content: bytes | memoryview) -> Iterator[_Node]:
                 continue
             count += 1
             if count > MOST_NODES:
-                raise BadGraph(f"has more than {MOST_NODES} nodes, which are the most that are read")
+                raise BadGraph(
+                    f"has more than {MOST_NODES} nodes, which are the most that are read"
+                )
             node = _node(value)
             if node.graphs and depth == MOST_NESTED:
                 raise BadGraph(f"has graphs in its nodes, more than {MOST_NESTED} deep")

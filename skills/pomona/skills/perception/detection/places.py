@@ -15,15 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64
-from pomona.skills.perception.detection.close_look import FINDER_STRIDE, HEAT, QUALITY, REACHES, SIZE_OF_BOX
+from pomona.skills.perception.detection.close_look import (
+    FINDER_STRIDE,
+    HEAT,
+    QUALITY,
+    REACHES,
+    SIZE_OF_BOX,
+)
 from pomona.skills.perception.detection.errors import BadMaps
 
 STEPS = (64, 96, 128, 160, 224, 320, 448, 640, 896, 1280, 1792, 2560, 3584)
 """Longer sides of the finder's input [px]. With steps of 2 instead of about 1.4, recall at precision 0.90 on orchard
 tiles was 3 points lower, and the search a third cheaper."""
 
-LARGEST_SIDE = 4096  # longer side at which larger pictures are searched [px]: time and memory are bounded
-CLOSEST = 1.2  # the picture's own side takes the place of a step that is closer to it than this ratio
+LARGEST_SIDE = (
+    4096  # longer side at which larger pictures are searched [px]: time and memory are bounded
+)
+CLOSEST = (
+    1.2  # the picture's own side takes the place of a step that is closer to it than this ratio
+)
 
 SMALLEST_FRUIT, LARGEST_FRUIT = 24.0, 130.0
 """Longer sides of fruit in the finder's input that are kept [px]: recall on labelled apples is below a half outside."""
@@ -87,7 +97,9 @@ class PictureTile:
     top: int
     width: int
     height: int
-    core: tuple[float, float, float, float]  # left, top, right, bottom of the part whose finds count [px]
+    core: tuple[
+        float, float, float, float
+    ]  # left, top, right, bottom of the part whose finds count [px]
 
     def owns(self, boxes: Float64) -> NDArray[np.bool_]:
         """Return which boxes (n, 4) of the whole picture have their middle in the core, (n,)."""
@@ -127,10 +139,14 @@ class MergedPlace:
     """One place of fruit from the finds of all widths."""
 
     box: Float64  # mean of the members' boxes, (4,) [px of the picture]
-    members: tuple[int, ...]  # indices of its finds, at most one for each width, first the one that was kept
+    members: tuple[
+        int, ...
+    ]  # indices of its finds, at most one for each width, first the one that was kept
 
 
-def merge(boxes: Float64, scores: Float64, levels: NDArray[np.int64], factors: Float64) -> list[MergedPlace]:
+def merge(
+    boxes: Float64, scores: Float64, levels: NDArray[np.int64], factors: Float64
+) -> list[MergedPlace]:
     """Return one place for each fruit that several widths found, the surest first.
 
     Args:
@@ -150,7 +166,9 @@ def merge(boxes: Float64, scores: Float64, levels: NDArray[np.int64], factors: F
     for k in kept:  # each find supports the place that it overlaps most
         overlap = iou(boxes[k : k + 1], boxes)[0]
         owner[overlap > most], most = k, np.maximum(overlap, most)
-    weights = np.maximum(scores * _nearness(boxes[:, 2:].max(axis=1, initial=0.0) * factors[levels]), 1e-12)
+    weights = np.maximum(
+        scores * _nearness(boxes[:, 2:].max(axis=1, initial=0.0) * factors[levels]), 1e-12
+    )
     places = []
     for k in kept:
         mine = np.nonzero((owner == k) & (most >= SAME))[0]
@@ -158,7 +176,9 @@ def merge(boxes: Float64, scores: Float64, levels: NDArray[np.int64], factors: F
         members = [i for n, i in enumerate(same) if levels[i] not in levels[same[:n]]]
         fused = [i for i in members if most[i] >= FUSED]
         low_x, low_y, high_x, high_y = np.average(corners[fused], axis=0, weights=weights[fused])
-        places.append(MergedPlace(np.array([low_x, low_y, high_x - low_x, high_y - low_y]), tuple(members)))
+        places.append(
+            MergedPlace(np.array([low_x, low_y, high_x - low_x, high_y - low_y]), tuple(members))
+        )
     return places
 
 
@@ -167,7 +187,9 @@ def shared_part(a: Float64, b: Float64) -> Float64:
     low = np.maximum(a[:, None, :2], b[None, :, :2])
     high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
     smaller = np.minimum(a[:, None, 2:].prod(axis=2), b[None, :, 2:].prod(axis=2))
-    return np.asarray(np.clip(high - low, 0.0, None).prod(axis=2) / np.maximum(smaller, 1e-12), np.float64)
+    return np.asarray(
+        np.clip(high - low, 0.0, None).prod(axis=2) / np.maximum(smaller, 1e-12), np.float64
+    )
 
 
 def _nearness(sizes: Float64) -> Float64:
@@ -175,7 +197,9 @@ def _nearness(sizes: Float64) -> Float64:
     return np.asarray(np.exp(-np.square(np.log(np.maximum(sizes, 1e-9) / BEST_FRUIT))), np.float64)
 
 
-def agreed_score(scores: Float64, levels: NDArray[np.int64], size: float, factors: Float64) -> float:
+def agreed_score(
+    scores: Float64, levels: NDArray[np.int64], size: float, factors: Float64
+) -> float:
     """Return one score of a place: geometric mean of the best score, and the mean of all widths that should find it.
 
     Args:
@@ -258,7 +282,9 @@ def read_places(
         for box, y, x in zip(boxes, v.tolist(), u.tolist(), strict=True)
         if box[2:].min() > 0.0
     ]
-    places = sorted((place for place in places if place.score >= threshold), key=lambda place: -place.score)
+    places = sorted(
+        (place for place in places if place.score >= threshold), key=lambda place: -place.score
+    )
     return [places[k] for k in distinct(np.array([place.box for place in places]).reshape(-1, 4))]
 
 

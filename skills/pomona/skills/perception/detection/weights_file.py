@@ -49,7 +49,9 @@ class ScoreMap:
         """Return the same of many, (n,)."""
         if self == ScoreMap():
             return scores
-        return np.asarray(1.0 / (1.0 + np.exp(-(self.slope * _logit(scores) + self.offset))), np.float64)
+        return np.asarray(
+            1.0 / (1.0 + np.exp(-(self.slope * _logit(scores) + self.offset))), np.float64
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,9 @@ class FusedScore:
     def __post_init__(self) -> None:
         fits = self.hidden.ndim == 2 and self.hidden.shape[1] == FEATURES + 1
         if not fits or self.output.shape != (len(self.hidden) + 1,):
-            raise ValueError(f"a net of {self.hidden.shape} and {self.output.shape}, expected (n, 5) and (n + 1,)")
+            raise ValueError(
+                f"a net of {self.hidden.shape} and {self.output.shape}, expected (n, 5) and (n + 1,)"
+            )
         if not (np.isfinite(self.hidden).all() and np.isfinite(self.output).all()):
             raise ValueError("a net with values that are not finite")
 
@@ -102,7 +106,9 @@ class FusedScore:
         """Estimated ratio of fruit among places with these features (n, 4): (n,), 0..1."""
         x = np.clip(np.nan_to_num(features), -LARGEST, LARGEST)
         units = np.tanh(x @ self.hidden[:, :FEATURES].T + self.hidden[:, FEATURES])
-        return np.asarray(1.0 / (1.0 + np.exp(-(units @ self.output[:-1] + self.output[-1]))), np.float64)
+        return np.asarray(
+            1.0 / (1.0 + np.exp(-(units @ self.output[:-1] + self.output[-1]))), np.float64
+        )
 
     def content(self) -> dict[str, Any]:
         """As `read_fused_score` reads it."""
@@ -114,7 +120,9 @@ def read_fused_score(content: Mapping[str, Any]) -> FusedScore:
 
     Raises KeyError, TypeError, ValueError: it describes none.
     """
-    return FusedScore(np.array(content["hidden"], np.float64), np.array(content["output"], np.float64))
+    return FusedScore(
+        np.array(content["hidden"], np.float64), np.array(content["output"], np.float64)
+    )
 
 
 FORMAT = "pomona compact detector 3"
@@ -124,9 +132,13 @@ FINDER, CLOSE_LOOK, ABOUT = "finder.onnx", "close_look.onnx", "about.json"
 ENDING = ".weights"
 
 MOST_BYTES = 64 << 20  # of all members, unpacked; the largest shipped file has 11 MB [byte]
-MOST_TORCH_BYTES = 256 << 20  # of a file of PyTorch; a checkpoint of DOPE's network has 201 MB [byte]
+MOST_TORCH_BYTES = (
+    256 << 20
+)  # of a file of PyTorch; a checkpoint of DOPE's network has 201 MB [byte]
 
-Score = FusedScore | PowerScore  # from the answers of both networks to the ratio of such detections that are fruit
+Score = (
+    FusedScore | PowerScore
+)  # from the answers of both networks to the ratio of such detections that are fruit
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of each member: equal weights give equal files
 
 
@@ -175,7 +187,9 @@ def read_weights(path: Path | str) -> StoredDetector:
         scores = _score(path, about["scores"])
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadWeights(path, f"{ABOUT} in it cannot be used: {error!r}") from error
-    return StoredDetector(members[FINDER], members[CLOSE_LOOK], told, scores, about.get("widths", {}))
+    return StoredDetector(
+        members[FINDER], members[CLOSE_LOOK], told, scores, about.get("widths", {})
+    )
 
 
 def _score(path: Path | str, content: Mapping[str, Any]) -> Score:
@@ -194,7 +208,9 @@ def score_map(path: Path | str, said: Any) -> ScoreMap:
     except (TypeError, ValueError) as error:
         raise BadWeights(path, f"holds a map of scores that cannot be read: {error}") from error
     if not (math.isfinite(offset) and 0.0 < slope < math.inf):
-        raise BadWeights(path, f"maps its scores by the line {slope} x + {offset}, which does not rise")
+        raise BadWeights(
+            path, f"maps its scores by the line {slope} x + {offset}, which does not rise"
+        )
     return ScoreMap(slope, offset)
 
 

@@ -117,7 +117,9 @@ class SizesSection:
     width: float = value(Measure(LENGTH, "1 mm", "1 m"), help="median of the horizontal dimension")
     width_deviation: float = value(Number(1e-3, 1.0), help="standard deviation of ln width")
     height_over_width: float = value(Number(0.1, 10.0), help="median of the proportion")
-    height_over_width_deviation: float = value(Number(1e-3, 1.0), help="standard deviation of its logarithm")
+    height_over_width_deviation: float = value(
+        Number(1e-3, 1.0), help="standard deviation of its logarithm"
+    )
     looks: float = value(Number(0.2, 5.0), 1.0, "width that a scaled model shows over the true one")
     looks_deviation: float = value(Number(0.0, 1.0), 0.0, "standard deviation of its logarithm")
 
@@ -131,16 +133,34 @@ class FruitFileSection:
     """A kind of fruit: its CAD model in the object frame, and the weights of its detector."""
 
     name: str = value(Text(), help="its name in the catalogue, as its folder is called")
-    mesh: Path = value(PathTo("file"), help="the flesh without stem: a closed mesh in metres, normals outwards")
+    mesh: Path = value(
+        PathTo("file"), help="the flesh without stem: a closed mesh in metres, normals outwards"
+    )
     stem: Path | None = value(PathTo("file"), None, "the stem, for pictures only")
-    dimensions: tuple[float, ...] = value(Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="of the cuboid along x, y and z")
-    symmetry_axis: tuple[float, ...] = value(Row(Number(-1.0, 1.0), 3), help="of revolution, towards the stem")
-    colour: tuple[float, ...] = value(Row(Number(0.0, 1.0), 3), (0.7, 0.1, 0.1), "typical, RGB from 0 to 1")
-    mass: float | None = value(Measure(MASS, "1 g", "10 kg"), None, "of a fruit of these dimensions, weighed")
-    mass_spread: float = value(Number(0.0, 1.0), 0.1, "standard deviation of the mass among fruit of one size, a share")
-    weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
-    photo_weights: str | None = value(Text(), None, "of its detector for photographs, found likewise")
-    sizes: SizesSection | None = value(Section(SizesSection), None, "of this kind, where they were learnt")
+    dimensions: tuple[float, ...] = value(
+        Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="of the cuboid along x, y and z"
+    )
+    symmetry_axis: tuple[float, ...] = value(
+        Row(Number(-1.0, 1.0), 3), help="of revolution, towards the stem"
+    )
+    colour: tuple[float, ...] = value(
+        Row(Number(0.0, 1.0), 3), (0.7, 0.1, 0.1), "typical, RGB from 0 to 1"
+    )
+    mass: float | None = value(
+        Measure(MASS, "1 g", "10 kg"), None, "of a fruit of these dimensions, weighed"
+    )
+    mass_spread: float = value(
+        Number(0.0, 1.0), 0.1, "standard deviation of the mass among fruit of one size, a share"
+    )
+    weights: str | None = value(
+        Text(), None, "of its detector: beside this file, or among those that are shipped"
+    )
+    photo_weights: str | None = value(
+        Text(), None, "of its detector for photographs, found likewise"
+    )
+    sizes: SizesSection | None = value(
+        Section(SizesSection), None, "of this kind, where they were learnt"
+    )
 
     def problems(self) -> Iterator[Problem]:
         if np.linalg.norm(self.symmetry_axis) < 1e-9:
@@ -161,12 +181,22 @@ class FruitFileSection:
             measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
             yield Problem("dimensions", f"the mesh measures {measured} mm", "a mesh is in metres")
         if np.any(np.abs(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) > 2e-4):
-            yield Problem("mesh", f"the middle of {self.mesh.name} is not its origin", "move it by its bounding box")
+            yield Problem(
+                "mesh",
+                f"the middle of {self.mesh.name} is not its origin",
+                "move it by its bounding box",
+            )
         closed, outwards = _surface(mesh)
         if not closed:
-            yield Problem("mesh", f"{self.mesh.name} has holes, or faces that do not meet", "close it")
+            yield Problem(
+                "mesh", f"{self.mesh.name} has holes, or faces that do not meet", "close it"
+            )
         elif not outwards:
-            yield Problem("mesh", f"the normals of {self.mesh.name} do not all point outwards", "turn its faces")
+            yield Problem(
+                "mesh",
+                f"the normals of {self.mesh.name} do not all point outwards",
+                "turn its faces",
+            )
 
 
 FRUIT = Section(FruitFileSection)
@@ -250,7 +280,9 @@ class FruitKind:
         for name in ("weights", "photo_weights"):
             weights = None if said is None else find_weights(path.parent, getattr(said, name))
             if weights is not None and (problem := damage(weights)):
-                findings.add(Finding(str(weights), 0, 0, "error", name, f"cannot be read: {problem}"))
+                findings.add(
+                    Finding(str(weights), 0, 0, "error", name, f"cannot be read: {problem}")
+                )
 
     def schema(self) -> Schema:
         """Return the JSON Schema of fruit files."""
@@ -297,7 +329,9 @@ def find_weights(folder: Path, name: str | None) -> Path | None:
     return next((path for path in (folder / name, SHIPPED_WEIGHTS / name) if is_file(path)), None)
 
 
-def mass_of(fruit: FruitModel, dimensions: Float64, covariance: Float64) -> tuple[float, float] | None:
+def mass_of(
+    fruit: FruitModel, dimensions: Float64, covariance: Float64
+) -> tuple[float, float] | None:
     """Return the mass and its standard deviation [kg] by the dimensions, (3,) [m], and their covariance, (3, 3) [m²].
 
     The mean of weighed fruit of the model's size is scaled with the volume. None for a kind without weighed fruit.

@@ -78,11 +78,20 @@ def learn_sizes(
     Raises TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
     """
     if len(sizes) < LEAST_FRUIT:
-        raise TooFewFruit(f"{len(sizes)} measured fruit do not give the spread of sizes: measure {LEAST_FRUIT} or more")
-    if not (np.isfinite(sizes).all() and (sizes > 0.0).all() and np.isfinite(shown).all() and (shown > 0.0).all()):
+        raise TooFewFruit(
+            f"{len(sizes)} measured fruit do not give the spread of sizes: measure {LEAST_FRUIT} or more"
+        )
+    if not (
+        np.isfinite(sizes).all()
+        and (sizes > 0.0).all()
+        and np.isfinite(shown).all()
+        and (shown > 0.0).all()
+    ):
         raise TooFewFruit("a size must be a positive number: leave its fruit out")
     ln_width, ln_ratio = np.log(sizes[:, 0]), np.log(sizes[:, 1] / sizes[:, 0])
-    seen = np.log(shown) - ln_width - 0.5 * sines**2 * (ln_ratio - math.log(model_height_over_width))
+    seen = (
+        np.log(shown) - ln_width - 0.5 * sines**2 * (ln_ratio - math.log(model_height_over_width))
+    )
     # measurements that know better than this share how large a fruit looks count no more for it
     weight = 1.0 / (deviations**2 + 0.03**2)
     looks = float(weight @ seen / weight.sum())
@@ -121,8 +130,15 @@ def held_out(
     for i in range(len(sizes)):
         others = np.arange(len(sizes)) != i
         kind = learn_sizes(
-            sizes[others], shown[others], deviations[others], sines[others], model_height_over_width, told[others]
+            sizes[others],
+            shown[others],
+            deviations[others],
+            sines[others],
+            model_height_over_width,
+            told[others],
         )
-        found, _ = kind.given(float(shown[i]), float(deviations[i]), float(sines[i]), model_height_over_width)
+        found, _ = kind.given(
+            float(shown[i]), float(deviations[i]), float(sines[i]), model_height_over_width
+        )
         by_mean[i], by_look[i] = sizes[others].mean(axis=0) - sizes[i], found - sizes[i]
     return by_mean, by_look

@@ -19,7 +19,14 @@ from scipy.spatial import cKDTree
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse
 from pomona.skills.perception.refinement.errors import RenderFailed, TooFewInliers
-from pomona.skills.perception.refinement.render import DepthImage, DepthLook, ImageBox, RefineResult, Triangles, winding
+from pomona.skills.perception.refinement.render import (
+    DepthImage,
+    DepthLook,
+    ImageBox,
+    RefineResult,
+    Triangles,
+    winding,
+)
 
 _BAND = 4e-3
 _LEAST_SHARE = 0.3
@@ -37,7 +44,9 @@ class Plane:
 
     normal: Float64
     offset: float
-    deviation: float = 0.0  # standard deviation of its height [m]; 0 if the same look measured the plane
+    deviation: float = (
+        0.0  # standard deviation of its height [m]; 0 if the same look measured the plane
+    )
 
     def height(self, points: Float64) -> Float64:
         """Signed distance of points (n, 3) from the plane, positive on the free side [m]."""
@@ -79,7 +88,10 @@ def seen_elsewhere(known: Plane, points: Float64) -> tuple[float, float] | None:
     if seen is None or float(np.mean(np.abs(seen.height(points)) <= _BAND)) < _MOST_OF_THEM:
         return None
     on_it = points[np.abs(seen.height(points)) <= _BAND].mean(axis=0)
-    height, cosine = float(known.height(on_it[None])[0]), min(float(seen.normal @ known.normal), 1.0)
+    height, cosine = (
+        float(known.height(on_it[None])[0]),
+        min(float(seen.normal @ known.normal), 1.0),
+    )
     return (height, float(np.arccos(cosine))) if cosine > _ABOUT_PARALLEL else None
 
 
@@ -116,7 +128,10 @@ def connected_to(
         depth: z-depth [m]; 0 or not finite where there is none.
         stride: distance of these pixels in the image; steps in depth are higher by this factor.
     """
-    z, supporting = np.ascontiguousarray(depth, dtype=np.float32), np.ascontiguousarray(agreeing & covered)
+    z, supporting = (
+        np.ascontiguousarray(depth, dtype=np.float32),
+        np.ascontiguousarray(agreeing & covered),
+    )
     connected: NDArray[np.bool_] = _flood(
         z, supporting, np.ascontiguousarray(covered), stride * _STEP, _LEAST_PIXELS / stride**2
     )
@@ -125,7 +140,11 @@ def connected_to(
 
 @njit(cache=True, nogil=True)
 def _flood(
-    depth: DepthImage, supporting: NDArray[np.bool_], covered: NDArray[np.bool_], step: float, least: float
+    depth: DepthImage,
+    supporting: NDArray[np.bool_],
+    covered: NDArray[np.bool_],
+    step: float,
+    least: float,
 ) -> NDArray[np.bool_]:
     """Spread from each supporting pixel over its surface; keep surfaces that are supported enough."""
     rows, columns = depth.shape
@@ -205,7 +224,9 @@ class Cloud:
         gain = np.sqrt(max(1.0, self.alike / step) / self.alike)
         few = slice(None, None, step)
         deviation, beside = self.deviation[few] * gain, self.beside[few] * gain
-        return replace(self, points=self.points[few], rays=self.rays[few], deviation=deviation, beside=beside)
+        return replace(
+            self, points=self.points[few], rays=self.rays[few], deviation=deviation, beside=beside
+        )
 
 
 def cloud(look: DepthLook, box: ImageBox, mask: NDArray[np.bool_] | None = None) -> Cloud:
@@ -262,7 +283,9 @@ def gather(look: DepthLook, scaled: RefineResult, plane: Plane | None) -> Cloud:
     points = _connected(look, scaled.box, scaled.virtual_depth, scaled.inliers)
     if plane is None:
         return points
-    above = float(np.mean(plane.height(cloud(look, scaled.box, scaled.inliers).points) > _ABOVE_PLANE))
+    above = float(
+        np.mean(plane.height(cloud(look, scaled.box, scaled.inliers).points) > _ABOVE_PLANE)
+    )
     if above < _LEAST_ABOVE:
         raise TooFewInliers(above, _LEAST_ABOVE)  # the detected fruit is the table itself
     return points.chosen(plane.height(points.points) > _ABOVE_PLANE)
@@ -279,7 +302,11 @@ def points_around(look: DepthLook, box: ImageBox, virtual_depth: DepthImage) -> 
 
 
 def gather_others(
-    looks: Sequence[DepthLook], mesh: Triangles, T_camera_mesh: Float64, plane: Plane | None, band: float
+    looks: Sequence[DepthLook],
+    mesh: Triangles,
+    T_camera_mesh: Float64,
+    plane: Plane | None,
+    band: float,
 ) -> list[Cloud]:
     """Return the points of other looks that agree with the scaled model, in the frame of the first look.
 
@@ -301,7 +328,9 @@ def gather_others(
     return clouds
 
 
-def _connected(look: DepthLook, box: ImageBox, virtual_depth: DepthImage, inliers: NDArray[np.bool_]) -> Cloud:
+def _connected(
+    look: DepthLook, box: ImageBox, virtual_depth: DepthImage, inliers: NDArray[np.bool_]
+) -> Cloud:
     """Return the points in and around a box that are connected to the pixels that agree with a model."""
     wide = box.grown(int(_MARGIN * max(box.shape)) + 2, look.intrinsics)
     top, left = box.top - wide.top, box.left - wide.left
@@ -374,4 +403,6 @@ def surface_of(mesh: Triangles) -> Samples:
     middles = corner + edges * (np.indices((_CELLS, _CELLS, _CELLS)).transpose(1, 2, 3, 0) + 0.5)
     near = tree.query(middles)[1].astype(np.int32)
     vertices = np.array(mesh.vertices, dtype=np.float64)
-    return Samples(points, normals[face] / area[face, None], neighbours, near, corner, edges, vertices)
+    return Samples(
+        points, normals[face] / area[face, None], neighbours, near, corner, edges, vertices
+    )

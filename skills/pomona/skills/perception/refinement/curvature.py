@@ -33,12 +33,18 @@ class Curvature(NamedTuple):
 
     least: float  # its curvature over the model's, in the direction in which that is least
     deviation: float  # standard deviation of it
-    explained: float  # share of the surface that a surface of one curvature explains within the band
+    explained: (
+        float  # share of the surface that a surface of one curvature explains within the band
+    )
     agreeing: float  # share of the surface that the model explains
 
 
 def least_curvature(
-    depth: DepthImage, virtual_depth: DepthImage, inliers: NDArray[np.bool_], band: float, alike: float
+    depth: DepthImage,
+    virtual_depth: DepthImage,
+    inliers: NDArray[np.bool_],
+    band: float,
+    alike: float,
 ) -> Curvature | None:
     """Return the least curvature of the surface that agrees with a model; None if it is small or the model flat.
 
@@ -49,13 +55,20 @@ def least_curvature(
     """
     # of a larger box every second or third pixel of every second or third row is looked at
     step = max(1, math.isqrt(depth.size // 1500))
-    depth, virtual_depth, inliers = depth[::step, ::step], virtual_depth[::step, ::step], inliers[::step, ::step]
+    depth, virtual_depth, inliers = (
+        depth[::step, ::step],
+        virtual_depth[::step, ::step],
+        inliers[::step, ::step],
+    )
     covered = virtual_depth > 0.0
     connected = connected_to(inliers, depth, covered, step)
     rows, columns = np.nonzero(connected & _smaller(covered) & np.isfinite(depth) & (depth > 0.0))
     if len(rows) < _LEAST_PIXELS:
         return None
-    z, z_model = depth[rows, columns].astype(np.float64), virtual_depth[rows, columns].astype(np.float64)
+    z, z_model = (
+        depth[rows, columns].astype(np.float64),
+        virtual_depth[rows, columns].astype(np.float64),
+    )
     u, v = columns - columns.mean(), rows - rows.mean()
     scale = max(float(u.std()), float(v.std()))
     terms = _terms(u / scale, v / scale)
@@ -73,7 +86,9 @@ def least_curvature(
     row = np.array([0.0, 0.0, 0.0, x**2, 2.0 * x * y, y**2])
     left = 1.0 / z - terms @ bent
     variance = float(np.mean(left[np.abs(left) <= _TRIMMED * spread] ** 2))
-    deviation = np.sqrt(max(alike / step**2, 1.0) * variance * float(row @ np.linalg.solve(normal, row)))
+    deviation = np.sqrt(
+        max(alike / step**2, 1.0) * variance * float(row @ np.linalg.solve(normal, row))
+    )
     explained = np.abs(1.0 / (terms @ bent) - z) <= band
     agreeing = inliers[rows, columns].mean()
     return Curvature(float(ratios[0]), float(deviation), float(explained.mean()), float(agreeing))
@@ -88,14 +103,22 @@ def _smaller(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
         outer = np.rint(middle + (np.arange(size) - middle) / _INNER).astype(np.int64)
         places.append((np.clip(outer, 0, size - 1), (outer >= 0) & (outer < size)))
     (down, inside_down), (across, inside_across) = places
-    smaller: NDArray[np.bool_] = covered[np.ix_(down, across)] & inside_down[:, None] & inside_across
+    smaller: NDArray[np.bool_] = (
+        covered[np.ix_(down, across)] & inside_down[:, None] & inside_across
+    )
     return smaller
 
 
 def _terms(u: Float64, v: Float64) -> Float64:
     """Of a quadratic, shape (n, 6)."""
     terms = np.ones((len(u), 6))
-    terms[:, 1], terms[:, 2], terms[:, 3], terms[:, 4], terms[:, 5] = u, v, 0.5 * u * u, u * v, 0.5 * v * v
+    terms[:, 1], terms[:, 2], terms[:, 3], terms[:, 4], terms[:, 5] = (
+        u,
+        v,
+        0.5 * u * u,
+        u * v,
+        0.5 * v * v,
+    )
     return terms
 
 

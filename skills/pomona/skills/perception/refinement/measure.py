@@ -25,7 +25,12 @@ from pomona.skills.perception.refinement.cloud import (
     seen_elsewhere,
 )
 from pomona.skills.perception.refinement.curvature import least_curvature
-from pomona.skills.perception.refinement.errors import NoDepth, NotItsShape, RefineError, TooFewInliers
+from pomona.skills.perception.refinement.errors import (
+    NoDepth,
+    NotItsShape,
+    RefineError,
+    TooFewInliers,
+)
 from pomona.skills.perception.refinement.render import (
     DepthImage,
     DepthLook,
@@ -48,7 +53,13 @@ from pomona.skills.perception.refinement.scale_fit import (
     scale_model_by_rendering,
     scale_model_of_kind,
 )
-from pomona.skills.perception.refinement.shape_fit import FEW_POINTS, MAX_POINTS, RIGID, covariance_of, fit_shape
+from pomona.skills.perception.refinement.shape_fit import (
+    FEW_POINTS,
+    MAX_POINTS,
+    RIGID,
+    covariance_of,
+    fit_shape,
+)
 
 
 def measure(
@@ -85,9 +96,14 @@ def measure(
         if f.depth is not None
     )
     known = FruitContext(
-        support=support, looks=looks, sizes=detection.fruit.sizes, size_deviation=detection.size_deviation
+        support=support,
+        looks=looks,
+        sizes=detection.fruit.sizes,
+        size_deviation=detection.size_deviation,
     )
-    result = refine(look, detection.T_camera_object, detection.fruit, method=method, known=known, limits=limits)
+    result = refine(
+        look, detection.T_camera_object, detection.fruit, method=method, known=known, limits=limits
+    )
     turn = np.eye(6)
     turn[:3, :3] = detection.T_base_camera[:3, :3]
     return MeasuredFruit(
@@ -211,12 +227,16 @@ def refine(
         one.check()
     check_pose(T_camera_object)
     extents(mesh)
-    apart = look.depth_model.agreeing(np.array(look.distance(T_camera_object[:3, 3])), look.intrinsics.fx)
+    apart = look.depth_model.agreeing(
+        np.array(look.distance(T_camera_object[:3, 3])), look.intrinsics.fx
+    )
     limits = replace(limits, inlier_band=max(limits.inlier_band, _NOISE_IN_BAND * float(apart)))
     task = Task(look, mesh, known, limits)
     if known.sizes is not None:
         proportion = float(np.log(known.sizes.height_over_width / task.model_proportion))
-        priors = replace(known.priors, proportion=proportion, aspect=known.sizes.height_over_width_deviation)
+        priors = replace(
+            known.priors, proportion=proportion, aspect=known.sizes.height_over_width_deviation
+        )
         task = replace(task, known=replace(known, priors=priors))
     result = fit(task, T_camera_object)
     _check_curvature(task, result)
@@ -229,7 +249,9 @@ def _best_of_starts(task: Task, T_camera_object: Float64) -> RefineResult:
     Raises:
         RefineError: no start leads to a measurement; the error is that of the detected pose.
     """
-    judge = Judge(task.look.depth, task.limits.inlier_band, extents(task.mesh), task.known.priors.aspect)
+    judge = Judge(
+        task.look.depth, task.limits.inlier_band, extents(task.mesh), task.known.priors.aspect
+    )
     best: RefineResult | None = None
     plane: Plane | None = None  # the support, measured once
     problem: TooFewInliers | None = None
@@ -255,7 +277,9 @@ def _best_of_starts(task: Task, T_camera_object: Float64) -> RefineResult:
             continue
         found = judge.score(_fitted(task, scaled, cloud, plane, FEW_POINTS))[0] if few else 0.0
         trials.append((found, scaled, cloud))
-    for _, scaled, cloud in sorted(trials, key=lambda trial: -trial[0])[: _FINALISTS if few else _FEW_STARTS]:
+    for _, scaled, cloud in sorted(trials, key=lambda trial: -trial[0])[
+        : _FINALISTS if few else _FEW_STARTS
+    ]:
         other = _fitted(task, scaled, cloud, plane)
         found, clearly, _ = judge.score(other)
         if other.method.startswith("shape") and found > score + clearly:
@@ -276,7 +300,9 @@ def _check_curvature(task: Task, result: RefineResult) -> None:
     if result.inlier_ratio > 0.95:
         return
     measured, band = task.look.depth[result.box.slices], task.limits.inlier_band
-    found = least_curvature(measured, result.virtual_depth, result.inliers, band, task.look.depth_model.alike)
+    found = least_curvature(
+        measured, result.virtual_depth, result.inliers, band, task.look.depth_model.alike
+    )
     if found is None or found.explained < _SMOOTH:
         return
     unsure = _SURELY * found.deviation
@@ -304,7 +330,9 @@ def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float6
         stems = [support.normal, -support.normal, y]
     else:
         aside = (x, -x, T_camera_object[:3, 2], -T_camera_object[:3, 2])
-        stems += [np.sin(_ASIDE) * a + turn * np.cos(_ASIDE) * y for turn in (-1.0, 1.0) for a in aside]
+        stems += [
+            np.sin(_ASIDE) * a + turn * np.cos(_ASIDE) * y for turn in (-1.0, 1.0) for a in aside
+        ]
     return [_with_stem(T_camera_object, stem) for stem in stems]
 
 
@@ -318,7 +346,9 @@ def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
     else:  # along it already, or half a turn away from it
         axis, sine = T_camera_object[:3, 0], 0.0
     result = T_camera_object.copy()
-    result[:3, :3] = rotation_about(axis, float(np.arctan2(sine, now @ stem))) @ T_camera_object[:3, :3]
+    result[:3, :3] = (
+        rotation_about(axis, float(np.arctan2(sine, now @ stem))) @ T_camera_object[:3, :3]
+    )
     return result
 
 
@@ -344,7 +374,9 @@ class Judge:
     def aspect_penalty(self, dimensions: Float64) -> float:
         """How far height over width is from the model's, squared, in standard deviations."""
         wide, model_wide = dimensions[[0, 2]].mean(), self.model[[0, 2]].mean()
-        return float((np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2)
+        return float(
+            (np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2
+        )
 
     def score(self, result: RefineResult) -> tuple[float, float, bool]:
         """Return explained minus contradicting pixels and oddness; the margin for a better one; and whether it is
@@ -356,7 +388,9 @@ class Judge:
         return agree - differ - penalty, _CLEARLY * agree, agree >= 0.95 * (agree + differ)
 
 
-def _gathered(task: Task, scaled: RefineResult, plane: Plane | None = None) -> tuple[Cloud, Plane | None]:
+def _gathered(
+    task: Task, scaled: RefineResult, plane: Plane | None = None
+) -> tuple[Cloud, Plane | None]:
     """Return the points of all looks about a scaled fruit, and the support as the camera sees it, unless it is known.
 
     Raises TooFewInliers: the points that agree with the model lie on the support.
@@ -409,8 +443,14 @@ def _fitted(
     ):
         return scaled
     dimensions = fit.stretch * extents(mesh)
-    seen = agreeing / np.count_nonzero(virtual_depth > 0.0) * share_inside(mesh, T_fitted, box, look.intrinsics)
-    doubt = _UNSEEN_DOUBT * (1.0 - seen) / seen * float(dimensions.mean() - scaled.dimensions.mean())
+    seen = (
+        agreeing
+        / np.count_nonzero(virtual_depth > 0.0)
+        * share_inside(mesh, T_fitted, box, look.intrinsics)
+    )
+    doubt = (
+        _UNSEEN_DOUBT * (1.0 - seen) / seen * float(dimensions.mean() - scaled.dimensions.mean())
+    )
     whole = look.depth_model.of_the_whole(float(fit.T_camera_object[2, 3]))
     return replace(
         scaled,
@@ -422,7 +462,9 @@ def _fitted(
         box=box,
         inliers=inliers,
         virtual_depth=virtual_depth,
-        method=method + ("+plane" if fit.on_support else "") + ("+views" if cloud.looks > 1 else ""),
+        method=method
+        + ("+plane" if fit.on_support else "")
+        + ("+views" if cloud.looks > 1 else ""),
     )
 
 
@@ -435,7 +477,9 @@ def _of_one_scale(task: Task, T_camera_object: Float64) -> RefineResult:
     return _fitted(rigid, scaled, *_gathered(task, scaled), method="uniform")
 
 
-Fit = Callable[[Task, Float64], RefineResult]  # of the model, from the detector's pose; raises RefineError
+Fit = Callable[
+    [Task, Float64], RefineResult
+]  # of the model, from the detector's pose; raises RefineError
 
 FITS: Mapping[str, Fit] = {
     "shape": _best_of_starts,  # height, widths and tilt separately where the depth supports it, otherwise as uniform

@@ -82,7 +82,9 @@ class ImageBox:
 class DepthRenderer(Protocol):
     """Renders z-depth through the pixel centres of a box."""
 
-    def __call__(self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+    def __call__(
+        self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox
+    ) -> DepthImage:
         """Return the depth of shape `box.shape`, float32 [m]; 0 where the mesh is not seen."""
 
 
@@ -109,7 +111,9 @@ class RefineResult:
     residual: float  # root mean square of the inliers' depth residuals [m]
     box: ImageBox  # part of the image that the next two cover
     inliers: NDArray[np.bool_]  # pixels that agree, bool, shape `box.shape`
-    virtual_depth: DepthImage  # the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it
+    virtual_depth: (
+        DepthImage  # the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it
+    )
     method: str  # the formulation that gave the result: paper, uniform, shape, shape+plane; `+views` with other looks
 
 
@@ -117,9 +121,13 @@ def check_depth(depth: object, intrinsics: Intrinsics) -> None:
     """Raises BadDepth: not an array of real numbers with the shape of the camera's image."""
     expected = (intrinsics.height, intrinsics.width)
     if not isinstance(depth, np.ndarray) or depth.dtype.kind not in "fiu":
-        raise BadDepth("the depth must be an array of real numbers [m]; this camera may be colour only")
+        raise BadDepth(
+            "the depth must be an array of real numbers [m]; this camera may be colour only"
+        )
     if depth.shape != expected:
-        raise BadDepth(f"the depth's shape is {depth.shape}, the intrinsics are of an image of shape {expected}")
+        raise BadDepth(
+            f"the depth's shape is {depth.shape}, the intrinsics are of an image of shape {expected}"
+        )
 
 
 def check_pose(T_camera_object: Float64) -> None:
@@ -135,7 +143,13 @@ def extents(mesh: Triangles) -> Float64:
     Raises BadMesh: empty, not finite, or of zero size in some direction. A mesh with holes is valid.
     """
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,) or not len(faces):
+    if (
+        vertices.ndim != 2
+        or vertices.shape[1:] != (3,)
+        or faces.ndim != 2
+        or faces.shape[1:] != (3,)
+        or not len(faces)
+    ):
         raise BadMesh("a mesh needs vertices of shape (n, 3) and at least one face of shape (m, 3)")
     if not np.isfinite(vertices).all():
         raise BadMesh("the mesh has vertices that are not finite")
@@ -143,7 +157,9 @@ def extents(mesh: Triangles) -> Float64:
         raise BadMesh(f"the mesh's faces name vertices that do not exist (it has {len(vertices)})")
     size: Float64 = np.ptp(vertices[np.unique(faces)], axis=0).astype(np.float64)
     if size.min() <= 0.0:
-        raise BadMesh(f"the mesh measures {size.tolist()} m: it must have a size in all three directions")
+        raise BadMesh(
+            f"the mesh measures {size.tolist()} m: it must have a size in all three directions"
+        )
     size.flags.writeable = False
     return size
 
@@ -182,7 +198,10 @@ def renderer(name: RendererName) -> DepthRenderer:
 
 
 _PROBE_CAMERA = Intrinsics(40.0, 40.0, 10.0, 10.0, 21, 21)
-_PROBE = Mesh(np.array([[-0.1, -0.1, 0.5], [0.1, -0.1, 0.5], [0.0, 0.1, 0.5]]), np.array([[0, 1, 2]], dtype=np.int32))
+_PROBE = Mesh(
+    np.array([[-0.1, -0.1, 0.5], [0.1, -0.1, 0.5], [0.0, 0.1, 0.5]]),
+    np.array([[0, 1, 2]], dtype=np.int32),
+)
 """A triangle in front of the camera [m]."""
 
 
@@ -199,28 +218,45 @@ def usable_renderer(name: RendererName) -> tuple[RendererName, str]:
     return name, ""
 
 
-def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, margin: int = 2) -> ImageBox:
+def image_box(
+    mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, margin: int = 2
+) -> ImageBox:
     """Return the part of the image that a posed mesh can cover, with a margin [px].
 
     Raises RenderFailed: the mesh is behind the camera, or outside the image.
     """
-    K = np.array([[intrinsics.fx, 0.0, intrinsics.cx], [0.0, intrinsics.fy, intrinsics.cy], [0.0, 0.0, 1.0]])
-    x, y, z = K @ T_camera_mesh[:3, :3] @ mesh.vertices.T + (K @ T_camera_mesh[:3, 3])[:, np.newaxis]
+    K = np.array(
+        [[intrinsics.fx, 0.0, intrinsics.cx], [0.0, intrinsics.fy, intrinsics.cy], [0.0, 0.0, 1.0]]
+    )
+    x, y, z = (
+        K @ T_camera_mesh[:3, :3] @ mesh.vertices.T + (K @ T_camera_mesh[:3, 3])[:, np.newaxis]
+    )
     if z.min() <= NEAR:
-        raise RenderFailed("the fruit's pose is behind the camera or touches it: the detection is wrong")
+        raise RenderFailed(
+            "the fruit's pose is behind the camera or touches it: the detection is wrong"
+        )
     u, v = x / z, y / z
     left, right = max(u.min(), -1e6), min(u.max(), 1e6)
     top, bottom = max(v.min(), -1e6), min(v.max(), 1e6)
-    box = ImageBox(int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)) + 1, int(np.ceil(bottom)) + 1)
+    box = ImageBox(
+        int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)) + 1, int(np.ceil(bottom)) + 1
+    )
     box = box.grown(margin, intrinsics)
     if box.right <= box.left or box.bottom <= box.top:
         raise RenderFailed("the fruit's pose lies outside the image: the detection is wrong")
     return box
 
 
-def share_inside(mesh: Triangles, T_camera_mesh: Float64, box: ImageBox, intrinsics: Intrinsics) -> float:
+def share_inside(
+    mesh: Triangles, T_camera_mesh: Float64, box: ImageBox, intrinsics: Intrinsics
+) -> float:
     """Return the ratio of a mesh's vertices inside the picture; those outside are hidden, too. `box` is the mesh's."""
-    if box.left > 0 and box.top > 0 and box.right < intrinsics.width and box.bottom < intrinsics.height:
+    if (
+        box.left > 0
+        and box.top > 0
+        and box.right < intrinsics.width
+        and box.bottom < intrinsics.height
+    ):
         return 1.0
     x, y, z = intrinsics.K @ (T_camera_mesh[:3, :3] @ mesh.vertices.T + T_camera_mesh[:3, 3:])
     inside = (x >= 0.0) & (x < intrinsics.width * z) & (y >= 0.0) & (y < intrinsics.height * z)
@@ -273,7 +309,9 @@ def load_pyrender() -> ModuleType:
     try:
         import pyrender
         from OpenGL import EGL
-    except Exception as error:  # a missing system library shows as ImportError, AttributeError or OSError
+    except (
+        Exception
+    ) as error:  # a missing system library shows as ImportError, AttributeError or OSError
         raise RenderFailed(
             f"pyrender cannot be imported ({error}); it needs EGL: apt install libegl1 libopengl0"
         ) from error
@@ -291,13 +329,18 @@ class _GlRenderer:
         from OpenGL import EGL, GL
 
         self._egl, self._gl = EGL, GL
-        self._offscreen = self._pyrender.OffscreenRenderer(_TILE, _TILE)  # leaves its context current
+        self._offscreen = self._pyrender.OffscreenRenderer(
+            _TILE, _TILE
+        )  # leaves its context current
         self._display, self._context = EGL.eglGetCurrentDisplay(), EGL.eglGetCurrentContext()
         self._meshes: dict[tuple[int, int], tuple[Triangles, Any]] = {}
         self._buffers: dict[tuple[int, int], tuple[int, int]] = {}
         GL.glBindVertexArray(GL.glGenVertexArrays(1))  # a program is validated with one bound
         program = GL.glCreateProgram()
-        for kind, source in ((GL.GL_VERTEX_SHADER, _VERTEX_SHADER), (GL.GL_FRAGMENT_SHADER, _FRAGMENT_SHADER)):
+        for kind, source in (
+            (GL.GL_VERTEX_SHADER, _VERTEX_SHADER),
+            (GL.GL_FRAGMENT_SHADER, _FRAGMENT_SHADER),
+        ):
             shader = GL.glCreateShader(kind)
             GL.glShaderSource(shader, source)
             GL.glCompileShader(shader)
@@ -309,20 +352,29 @@ class _GlRenderer:
 
     def make_current(self) -> None:
         """In this thread, until `release`."""
-        self._egl.eglMakeCurrent(self._display, self._egl.EGL_NO_SURFACE, self._egl.EGL_NO_SURFACE, self._context)
+        self._egl.eglMakeCurrent(
+            self._display, self._egl.EGL_NO_SURFACE, self._egl.EGL_NO_SURFACE, self._context
+        )
 
     def release(self) -> None:
         """Leave this thread without a context."""
         self._egl.eglMakeCurrent(
-            self._display, self._egl.EGL_NO_SURFACE, self._egl.EGL_NO_SURFACE, self._egl.EGL_NO_CONTEXT
+            self._display,
+            self._egl.EGL_NO_SURFACE,
+            self._egl.EGL_NO_SURFACE,
+            self._egl.EGL_NO_CONTEXT,
         )
 
-    def render(self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+    def render(
+        self, mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox
+    ) -> DepthImage:
         GL = self._gl
         z = mesh.vertices @ T_camera_mesh[2, :3] + T_camera_mesh[2, 3]
         nearest, farthest = float(z.min()), float(z.max())
         if nearest <= NEAR:
-            raise RenderFailed("the fruit's pose is behind the camera or touches it: the detection is wrong")
+            raise RenderFailed(
+                "the fruit's pose is behind the camera or touches it: the detection is wrong"
+            )
         # Tight planes: the 24 bits of the depth buffer are spent on the fruit alone.
         near, far = 0.98 * nearest, 1.02 * farthest
         rows, columns = box.shape
@@ -353,10 +405,15 @@ class _GlRenderer:
             while len(self._meshes) >= _MESHES_KEPT:
                 self._meshes.pop(next(iter(self._meshes)))[1].delete()
             primitive = self._pyrender.Primitive(
-                positions=mesh.vertices.astype(np.float32), indices=mesh.faces.astype(np.uint32), mode=4
+                positions=mesh.vertices.astype(np.float32),
+                indices=mesh.faces.astype(np.uint32),
+                mode=4,
             )
             primitive._add_to_context()
-            self._meshes[key] = (mesh, primitive)  # holding the mesh keeps its arrays' ids from being reused
+            self._meshes[key] = (
+                mesh,
+                primitive,
+            )  # holding the mesh keeps its arrays' ids from being reused
         return self._meshes[key][1]
 
     def _bind_buffer(self, rows: int, columns: int) -> None:
@@ -372,7 +429,9 @@ class _GlRenderer:
             GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, depth)
             GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, GL.GL_DEPTH_COMPONENT24, width, height)
             GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, framebuffer)
-            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, GL.GL_DEPTH_ATTACHMENT, GL.GL_RENDERBUFFER, depth)
+            GL.glFramebufferRenderbuffer(
+                GL.GL_FRAMEBUFFER, GL.GL_DEPTH_ATTACHMENT, GL.GL_RENDERBUFFER, depth
+            )
             GL.glDrawBuffer(GL.GL_NONE)
             GL.glReadBuffer(GL.GL_NONE)
             self._buffers[(height, width)] = (framebuffer, depth)
@@ -383,8 +442,14 @@ def _projection(intrinsics: Intrinsics, box: ImageBox, near: float, far: float) 
     """OpenGL's clip coordinates from the camera frame, for the pixels of a box; row 0 of the buffer is the top."""
     rows, columns = box.shape
     matrix = np.zeros((4, 4))
-    matrix[0, 0], matrix[0, 2] = 2.0 * intrinsics.fx / columns, 2.0 * (intrinsics.cx - box.left + 0.5) / columns - 1.0
-    matrix[1, 1], matrix[1, 2] = 2.0 * intrinsics.fy / rows, 2.0 * (intrinsics.cy - box.top + 0.5) / rows - 1.0
+    matrix[0, 0], matrix[0, 2] = (
+        2.0 * intrinsics.fx / columns,
+        2.0 * (intrinsics.cx - box.left + 0.5) / columns - 1.0,
+    )
+    matrix[1, 1], matrix[1, 2] = (
+        2.0 * intrinsics.fy / rows,
+        2.0 * (intrinsics.cy - box.top + 0.5) / rows - 1.0,
+    )
     matrix[2, 2], matrix[2, 3] = (far + near) / (far - near), -2.0 * far * near / (far - near)
     matrix[3, 2] = 1.0
     return matrix
@@ -394,7 +459,9 @@ _lock = threading.Lock()
 _renderer: _GlRenderer | None = None
 
 
-def render_with_gl(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+def render_with_gl(
+    mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox
+) -> DepthImage:
     """`render.DepthRenderer` by pyrender, depth (h, w) [m]; may be called from any thread.
 
     Raises RenderFailed: OpenGL does not work here, or a part of the mesh is not in front of the camera.
@@ -404,10 +471,14 @@ def render_with_gl(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsi
     except RenderFailed:
         raise
     except Exception as error:  # PyOpenGL raises many kinds; none of them is this caller's fault
-        raise RenderFailed(f"pyrender could not render ({type(error).__name__}: {error})") from error
+        raise RenderFailed(
+            f"pyrender could not render ({type(error).__name__}: {error})"
+        ) from error
 
 
-def _render(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+def _render(
+    mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox
+) -> DepthImage:
     global _renderer
     load_pyrender()
     from OpenGL import EGL
@@ -427,20 +498,26 @@ def _render(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box
                 _renderer.release()
 
 
-def render_with_zbuffer(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
+def render_with_zbuffer(
+    mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox
+) -> DepthImage:
     """`render.DepthRenderer` in compiled loops, depth (h, w) [m].
 
     Raises RenderFailed: a part of the mesh is not in front of the camera.
     """
     points = mesh.vertices @ T_camera_mesh[:3, :3].T + T_camera_mesh[:3, 3]
     if points[:, 2].min() <= NEAR:
-        raise RenderFailed("the fruit's pose is behind the camera or touches it: the detection is wrong")
+        raise RenderFailed(
+            "the fruit's pose is behind the camera or touches it: the detection is wrong"
+        )
     camera = (intrinsics.fx, intrinsics.fy, intrinsics.cx - box.left, intrinsics.cy - box.top)
     nearest = np.zeros(box.shape)
     faces = np.ascontiguousarray(mesh.faces)
     u, v, nearness = project(points, camera)
     draw(u, v, nearness, faces, _seen(u, v, faces, winding(mesh)), nearest)
-    depth: DepthImage = np.where(nearest > 0.0, 1.0 / np.maximum(nearest, 1e-12), 0.0).astype(np.float32)
+    depth: DepthImage = np.where(nearest > 0.0, 1.0 / np.maximum(nearest, 1e-12), 0.0).astype(
+        np.float32
+    )
     return depth
 
 
@@ -490,7 +567,9 @@ class DepthLook:
         seen = around[np.isfinite(around) & (around > 0.0)]
         return float(np.median(seen)) if len(seen) else float(z)
 
-    def render(self, mesh: Triangles, T_look_mesh: Float64, box: ImageBox | None = None) -> tuple[DepthImage, ImageBox]:
+    def render(
+        self, mesh: Triangles, T_look_mesh: Float64, box: ImageBox | None = None
+    ) -> tuple[DepthImage, ImageBox]:
         """Render the depth of a mesh as this camera would measure it, float32, shape `box.shape` [m].
 
         See `render.render_depth` for the arguments, the returned box and the errors.

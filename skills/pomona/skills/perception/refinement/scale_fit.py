@@ -80,7 +80,9 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
         BadDepth: the shapes differ.
     """
     if depth.shape != virtual_depth.shape:
-        raise BadDepth(f"the depth's shape {depth.shape} is not that of the virtual depth, {virtual_depth.shape}")
+        raise BadDepth(
+            f"the depth's shape {depth.shape} is not that of the virtual depth, {virtual_depth.shape}"
+        )
     model_pixels, pixels, d, d_hat = _measured(np.ascontiguousarray(depth), virtual_depth)
     if len(pixels) < max(MIN_PIXELS, MIN_VALID * model_pixels):
         raise NoDepth(len(pixels), model_pixels)
@@ -98,7 +100,12 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
     inliers = np.zeros(depth.shape, dtype=np.bool_)
     inliers.ravel()[pixels[inlier]] = True
     return ScaleFit(
-        mu, mean_square / float(chosen @ chosen), inliers, model_pixels, len(pixels), float(np.sqrt(mean_square))
+        mu,
+        mean_square / float(chosen @ chosen),
+        inliers,
+        model_pixels,
+        len(pixels),
+        float(np.sqrt(mean_square)),
     )
 
 
@@ -206,7 +213,9 @@ def fit_scale_by_rendering(
     if valid_pixels < max(MIN_PIXELS, MIN_VALID * model_pixels):
         raise NoDepth(valid_pixels, model_pixels)
     if np.median(depth[valid] / virtual_depth[valid]) > TOO_DEEP:
-        raise DepthNotInMetres(float(np.median(depth[valid])), float(np.median(virtual_depth[valid])))
+        raise DepthNotInMetres(
+            float(np.median(depth[valid])), float(np.median(virtual_depth[valid]))
+        )
     inliers = np.zeros(depth.shape, dtype=np.bool_)
     inliers[valid] = line_inliers(virtual_depth[valid], depth[valid], inlier_band)
 
@@ -218,11 +227,15 @@ def fit_scale_by_rendering(
 
     p_hat = T_camera_object[:3, 3]
     bound = sigma_bound(p_hat)
-    search = minimize_scalar(objective, bounds=(-bound, bound), method="bounded", options={"xatol": tolerance})
+    search = minimize_scalar(
+        objective, bounds=(-bound, bound), method="bounded", options={"xatol": tolerance}
+    )
     sigma, mean_square = float(search.x), float(search.fun)
     mu = 1.0 - sigma / float(np.linalg.norm(p_hat))
     energy = float(np.sum(virtual_depth[inliers].astype(np.float64) ** 2))
-    return ScaleFit(mu, mean_square / energy, inliers, model_pixels, valid_pixels, float(np.sqrt(mean_square)))
+    return ScaleFit(
+        mu, mean_square / energy, inliers, model_pixels, valid_pixels, float(np.sqrt(mean_square))
+    )
 
 
 def line_inliers(virtual: DepthImage, measured: DepthImage, band: float) -> NDArray[np.bool_]:
@@ -294,13 +307,19 @@ def scale_model_of_kind(task: Task, T_start: Float64) -> RefineResult:
     """As `scale_model`; where the sizes of the kind are known, with the width and height that they give."""
     scaled, fit = _by_scale(task, T_start)
     sizes = task.known.sizes
-    return _with_sensor(scaled, fit, task.look) if sizes is None else _of_kind(task, scaled, fit, sizes)
+    return (
+        _with_sensor(scaled, fit, task.look)
+        if sizes is None
+        else _of_kind(task, scaled, fit, sizes)
+    )
 
 
 def scale_model_by_rendering(task: Task, T_start: Float64) -> RefineResult:
     """As `scale_model`, by the method as the paper prints it."""
     virtual_depth, box = task.look.render(task.mesh, T_start)
-    fit = fit_scale_by_rendering(task.look, task.mesh, T_start, box, inlier_band=task.limits.inlier_band)
+    fit = fit_scale_by_rendering(
+        task.look, task.mesh, T_start, box, inlier_band=task.limits.inlier_band
+    )
     return _with_sensor(_scaled(task, fit, T_start, virtual_depth, box, "paper"), fit, task.look)
 
 
@@ -311,7 +330,12 @@ def _by_scale(task: Task, T_start: Float64) -> tuple[RefineResult, ScaleFit]:
 
 
 def _scaled(
-    task: Task, fit: ScaleFit, T_camera_object: Float64, virtual_depth: DepthImage, box: ImageBox, method: str
+    task: Task,
+    fit: ScaleFit,
+    T_camera_object: Float64,
+    virtual_depth: DepthImage,
+    box: ImageBox,
+    method: str,
 ) -> RefineResult:
     """Return the model moved and scaled by a fit (eqs. position-update and scale-update).
 
@@ -334,7 +358,9 @@ def _scaled(
     # Depth measures the front: a larger fruit in the picture lies half of the difference farther away.
     deeper = 0.5 * dimensions.mean() * p_hat / np.linalg.norm(p_hat)
     seen_larger = task.known.size_deviation * np.concatenate([deeper, dimensions])
-    unlike_model = np.concatenate([np.full(3, _MISPLACED * dimensions.mean()), _PROPORTIONS * dimensions])
+    unlike_model = np.concatenate(
+        [np.full(3, _MISPLACED * dimensions.mean()), _PROPORTIONS * dimensions]
+    )
     return RefineResult(
         T_camera_object=T_refined,
         dimensions=dimensions,
@@ -363,18 +389,28 @@ def _with_sensor(scaled: RefineResult, fit: ScaleFit, look: DepthLook) -> Refine
 
 def _of_kind(task: Task, scaled: RefineResult, fit: ScaleFit, sizes: KindSizes) -> RefineResult:
     """Estimate width and height from one scale and the sizes of the kind; the front of the fruit stays in place."""
-    intrinsics, depth_model, size_deviation = task.look.intrinsics, task.look.depth_model, task.known.size_deviation
+    intrinsics, depth_model, size_deviation = (
+        task.look.intrinsics,
+        task.look.depth_model,
+        task.known.size_deviation,
+    )
     p = scaled.T_camera_object[:3, 3]
     ray = p / np.linalg.norm(p)
     shown = float(scaled.dimensions[[0, 2]].mean())
     whole = depth_model.of_the_whole(float(p[2]))
     outline = depth_model.outline(float(p[2]), intrinsics.fx) / shown
-    deviation = float(np.sqrt(size_deviation**2 + outline**2 + whole**2 + depth_model.alike * fit.variance / fit.mu**2))
+    deviation = float(
+        np.sqrt(
+            size_deviation**2 + outline**2 + whole**2 + depth_model.alike * fit.variance / fit.mu**2
+        )
+    )
     sine = float(np.linalg.norm(np.cross(ray, scaled.T_camera_object[:3, 1])))
     size, covariance = sizes.given(shown, deviation, sine, task.model_proportion)
     dimensions = size[[0, 1, 0]]
     # relative difference between either width and their mean for a fruit that is taken for round
-    spread = covariance[np.ix_([0, 1, 0], [0, 1, 0])] + np.diag((0.02 * dimensions * [1.0, 0.0, 1.0]) ** 2)
+    spread = covariance[np.ix_([0, 1, 0], [0, 1, 0])] + np.diag(
+        (0.02 * dimensions * [1.0, 0.0, 1.0]) ** 2
+    )
     T_camera_object = scaled.T_camera_object.copy()
     T_camera_object[:3, 3] += 0.5 * (dimensions.mean() - scaled.dimensions.mean()) * ray
     deeper = np.outer(0.5 * ray, np.full(3, 1.0 / 3.0))
@@ -403,7 +439,9 @@ class PlaceFit:
     agreeing: float
 
 
-def fit_place(look: DepthLook, mesh: Triangles, T_camera_mesh: Float64, support: Plane | None) -> PlaceFit:
+def fit_place(
+    look: DepthLook, mesh: Triangles, T_camera_mesh: Float64, support: Plane | None
+) -> PlaceFit:
     """Fit the place of a mesh to a depth image; 1 to 2 ms.
 
     Args:
@@ -419,10 +457,24 @@ def fit_place(look: DepthLook, mesh: Triangles, T_camera_mesh: Float64, support:
         raise TooFewInliers(fit.inlier_ratio, LEAST_AGREEING)
     none, size = np.zeros((6, 6)), extents(mesh)
     seen = RefineResult(
-        T_camera_mesh, size, 1.0, 0.0, none, fit.inlier_ratio, fit.residual, box, fit.inliers, virtual_depth, "uniform"
+        T_camera_mesh,
+        size,
+        1.0,
+        0.0,
+        none,
+        fit.inlier_ratio,
+        fit.residual,
+        box,
+        fit.inliers,
+        virtual_depth,
+        "uniform",
     )
     points = gather(look, seen, support)
     if len(points.points) < FEWEST:
-        raise TooFewInliers(len(points.points) / max(fit.model_pixels, 1), FEWEST / max(fit.model_pixels, FEWEST))
-    placed = fit_shape(points, mesh, T_camera_mesh, 1.0, band=4e-3, priors=_AT_PLACE, at_most=FEW_POINTS)
+        raise TooFewInliers(
+            len(points.points) / max(fit.model_pixels, 1), FEWEST / max(fit.model_pixels, FEWEST)
+        )
+    placed = fit_shape(
+        points, mesh, T_camera_mesh, 1.0, band=4e-3, priors=_AT_PLACE, at_most=FEW_POINTS
+    )
     return PlaceFit(placed.T_camera_object[:3, 3].copy(), fit.inlier_ratio)

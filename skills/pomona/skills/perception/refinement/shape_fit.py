@@ -93,7 +93,12 @@ def points_to_surface(
         texture: standard deviation of the surface against the model [m].
         patches: number of independently deviating parts of the visible surface.
     """
-    points, rays, deviation, beside = measured.points, measured.rays, measured.deviation, measured.beside
+    points, rays, deviation, beside = (
+        measured.points,
+        measured.rays,
+        measured.deviation,
+        measured.beside,
+    )
     on_model, normals = samples.points, samples.normals
     R, t = placed.R, placed.t
     sx, sy, sz = placed.stretch
@@ -154,7 +159,10 @@ _MAX_TURN = 0.3
 _MAX_STRETCH = 0.2
 _MAX_LEAN = 0.05
 _PATCHES = 80.0  # number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide
-_STILL_PLACE, _STILL_FORM = 5e-5, 5e-4  # steps [m], and [rad] or relative, below which the fit has ended
+_STILL_PLACE, _STILL_FORM = (
+    5e-5,
+    5e-4,
+)  # steps [m], and [rad] or relative, below which the fit has ended
 
 
 class ShapePriors(NamedTuple):
@@ -219,7 +227,11 @@ def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[fl
     for k in range(3):
         row[k], row[5 + k] = support.normal[k], up[k] * q[k]
         gap += support.normal[k] * placed.t[k]
-    row[3], row[10], row[4] = q[1] * up[2] - q[2] * up[1], q[2] * up[0] - q[0] * up[2], q[0] * up[1] - q[1] * up[0]
+    row[3], row[10], row[4] = (
+        q[1] * up[2] - q[2] * up[1],
+        q[2] * up[0] - q[0] * up[2],
+        q[0] * up[1] - q[1] * up[0],
+    )
     row[8], row[9] = y * v[1] * v[0] / placed.radius[0], y * v[1] * v[2] / placed.radius[1]
     return gap, row
 
@@ -287,7 +299,9 @@ def step_until_still(
     likeness, weighted = expected.likeness, expected.weighted
     H, share = likeness, 0.0
     for band in bands:
-        H, b, share = points_to_surface(measured, samples, placed, nearest, band, expected.texture, _PATCHES)
+        H, b, share = points_to_surface(
+            measured, samples, placed, nearest, band, expected.texture, _PATCHES
+        )
         values = _unlikeness(expected, placed)
         for i in range(PARAMETERS):
             for k in range(PARAMETERS):
@@ -410,7 +424,9 @@ def fit_shape(
     expected = _expected(start, form, priors)
     plane = Support(np.zeros(3), 0.0, np.inf)
     steps = np.full(_MAX_STEPS, band)
-    bands = np.concatenate([band * np.array(_NARROWING), np.full(_MAX_STEPS_OF_FEW - len(_NARROWING), band)])
+    bands = np.concatenate(
+        [band * np.array(_NARROWING), np.full(_MAX_STEPS_OF_FEW - len(_NARROWING), band)]
+    )
     points = _points(cloud.thinned(min(at_most, FEW_POINTS)))
     nearest = np.full(len(points.points), -1)
     H, share = step_until_still(points, samples, placed, nearest, expected, plane, bands)
@@ -424,7 +440,11 @@ def fit_shape(
         plane = Support(np.ascontiguousarray(support.normal), support.offset, deviation)
         gap, row = contact(samples.vertices, placed, plane)
         # Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height
-        doubt = row @ np.linalg.solve(H, row) + (0.05 * extents(mesh)[1] * mu) ** 2 + support.deviation**2
+        doubt = (
+            row @ np.linalg.solve(H, row)
+            + (0.05 * extents(mesh)[1] * mu) ** 2
+            + support.deviation**2
+        )
         on_support = bool(gap**2 <= 9.0 * doubt)
         if on_support:
             H, share = step_until_still(points, samples, placed, nearest, expected, plane, steps)
@@ -450,15 +470,27 @@ _LIKENESS[7, 5:8] = 1.0, 0.0, -1.0
 
 def _expected(start: PlacedForm, form: Form, priors: Priors) -> ShapePriors:
     turn = RIGID.turn if form.nearly_round else priors.turn
-    round_ratio = -math.log(form.radius[0] / form.radius[1]) if form.nearly_round and priors is not RIGID else 0.0
-    deviations = [*[priors.place] * 3, *[priors.tilt] * 2, priors.size, priors.aspect, priors.roundness]
+    round_ratio = (
+        -math.log(form.radius[0] / form.radius[1])
+        if form.nearly_round and priors is not RIGID
+        else 0.0
+    )
+    deviations = [
+        *[priors.place] * 3,
+        *[priors.tilt] * 2,
+        priors.size,
+        priors.aspect,
+        priors.roundness,
+    ]
     weighted = _LIKENESS / np.array([*deviations, priors.lean, priors.lean, turn])[:, None] ** 2
     likeness = _LIKENESS.T @ weighted
     return ShapePriors(start, weighted, likeness, priors.proportion, round_ratio, priors.texture)
 
 
 def _points(cloud: Cloud) -> Points:
-    return Points(*map(np.ascontiguousarray, (cloud.points, cloud.rays, cloud.deviation, cloud.beside)))
+    return Points(
+        *map(np.ascontiguousarray, (cloud.points, cloud.rays, cloud.deviation, cloud.beside))
+    )
 
 
 _UNMODELLED = np.array([0.01, 0.01, 0.01, 0.003, 0.012, 0.003])
@@ -467,7 +499,9 @@ _UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])
 higher than the other, the turn about the axis), relative to the mean dimension; over the visible ratio of the fruit."""
 
 
-def covariance_of(fit: ShapeFit, dimensions: Float64, whole: float, seen: float, doubt: float) -> Float64:
+def covariance_of(
+    fit: ShapeFit, dimensions: Float64, whole: float, seen: float, doubt: float
+) -> Float64:
     """Return the covariance of (position, dimensions): of the fit, of form errors, and of the common depth error.
 
     Args:
