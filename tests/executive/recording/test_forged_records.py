@@ -29,7 +29,7 @@ READERS: tuple[tuple[str, ...], ...] = (
     ("runs", "list"), ("runs", "list", "--json"), ("runs", "show", "odd"), ("runs", "show", "odd", "--json"),
     ("explain", "odd", "--all"), ("replay", "odd"), ("runs", "compare", "odd", "good"), ("rerun", "odd"),
     ("why", "odd"),
-    ("runs", "export", "odd", "odd.html"), ("runs", "export", "odd", "odd.jsonl"), ("runs", "failures", "failed.html"),
+    ("runs", "export", "odd", "odd.html"), ("runs", "export", "odd", "odd.jsonl"),
     ("runs", "export", "odd", "frames", "--to", "frames"), ("runs", "export", "odd", "bag", "--to", "rosbag2"),
     ("evidence", "odd"), ("evidence", "runs"), ("runs", "repair", "odd"),
 )  # fmt: skip

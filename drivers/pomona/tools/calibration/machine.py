@@ -31,7 +31,6 @@ EXTRAS = {
     "ros2": ("rosbags", "eclipse-zenoh"),
     "lerobot": ("pyarrow",),
     "foxglove": ("foxglove-sdk",),
-    "rerun": ("rerun-sdk",),
     "realsense": ("pyrealsense2",),
     "torch": ("torch", "onnx"),
     "ray": ("ray",),

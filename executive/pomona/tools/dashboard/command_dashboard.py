@@ -243,7 +243,7 @@ def main(options: argparse.Namespace) -> int:
 
         views.append(
             Views(
-                [open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)]
+                open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)
             )
         )
     dashboard.allow_starts(launcher.start, choices, launcher.judge)

@@ -5,8 +5,8 @@ The view accepts no commands. It listens on the local address only; use a tunnel
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from pomona.executive.encode import encoded
@@ -37,8 +37,7 @@ class FoxgloveView:
         self._sdk = need("foxglove", EXTRA, "a live view in Foxglove")
         self._context = self._sdk.Context()
         self._channels: dict[str, Any] = {}
-        self._kept: dict[int, tuple[Any, bytes, int]] = {}
-        self._lock = threading.Lock()
+        self._kept: dict[int, Callable[[], object]] = {}
         self._images = Images()
         try:
             self._server = self._sdk.start_server(
@@ -46,7 +45,7 @@ class FoxgloveView:
                 host=HOST,
                 port=port,
                 context=self._context,
-                server_listener=_Listener(self._again),
+                server_listener=_Listener(self._kept),
                 message_backlog_size=256,  # messages that wait for a slow viewer; of more, the oldest are dropped
             )
         except Exception as error:
@@ -67,11 +66,10 @@ class FoxgloveView:
                 topic, schema=described, message_encoding="json", context=self._context
             )
             self._channels[topic] = channel
-        coded = encoded(content)
+        log = partial(channel.log, encoded(content), log_time=stamp)
         if schema.name in KEPT:
-            with self._lock:
-                self._kept[channel.id()] = (channel, coded, stamp)
-        channel.log(coded, log_time=stamp)
+            self._kept[channel.id()] = log
+        log()
 
     def show(self, topic: str, view: ImageView, stamp: int) -> None:
         for name, schema, content in self._images.messages(topic, view, stamp):
@@ -83,22 +81,17 @@ class FoxgloveView:
     def close(self) -> None:
         self._server.stop()
 
-    def _again(self, channel_id: int) -> None:
-        with self._lock:
-            kept = self._kept.get(channel_id)
-        if kept is not None:
-            channel, coded, stamp = kept
-            channel.log(coded, log_time=stamp)
-
 
 class _Listener:
     """Called by the SDK, in its own threads."""
 
-    def __init__(self, again: Any) -> None:
-        self._say_again = again
+    def __init__(self, kept: Mapping[int, Callable[[], object]]) -> None:
+        self._kept = kept
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        self._say_again(channel.id)
+        log = self._kept.get(channel.id)
+        if log is not None:
+            log()
 
     def __getattr__(self, name: str) -> Any:
         """Ignore the other callbacks of the SDK."""

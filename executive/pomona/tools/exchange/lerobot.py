@@ -32,6 +32,9 @@ STATED_LOOKS, STATED_STEP = 10, 4  # images and pixels of them from which their 
 STATE, WRENCH, ACTION = "observation.state", "observation.wrench", "action"
 COLOUR, DEPTH = "observation.images.camera", "observation.depth.camera"
 SUCCESS, DONE = "next.success", "next.done"
+_SCALARS = {SUCCESS: "bool", DONE: "bool", "timestamp": "float32"} | dict.fromkeys(
+    ("frame_index", "episode_index", "index", "task_index"), "int64"
+)
 _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
 
@@ -47,7 +50,7 @@ def export_lerobot(
         task: description of the task; by default the tree's name.
 
     Returns:
-        a description of each feature.
+        the number of episodes and the names of the features.
 
     Raises UsageError: the extra is missing, the rate is invalid, the folder exists or cannot be written, or a record
     cannot be read or has other features than the first.
@@ -64,7 +67,7 @@ def export_lerobot(
             episode = read_episode(record, rate)
             dataset.add(episode, task or episode.tree.replace("_", " "))
         dataset.finish()
-    return dataset.told()
+    return dataset.described()
 
 
 class _Dataset:
@@ -83,14 +86,9 @@ class _Dataset:
         if not self._features:
             self._features = features
         elif features != self._features:
-            other = [
-                key
-                for key in {**features, **self._features}
-                if features.get(key) != self._features.get(key)
-            ]
-            raise UsageError(
-                f"{episode.name} has other features than the first record: {', '.join(other)}"
-            )
+            keys = {**features, **self._features}
+            other = ", ".join(k for k in keys if features.get(k) != self._features.get(k))
+            raise UsageError(f"{episode.name} has other features than the first record: {other}")
         if task not in self._tasks:
             self._tasks.append(task)
         number, count = len(self._episodes), len(episode.times)
@@ -102,7 +100,8 @@ class _Dataset:
             "task_index": np.full(count, self._tasks.index(task)),
         }
         chunk, file = divmod(number, CHUNK)
-        self._write_frames(_DATA.format(chunk_index=chunk, file_index=file), episode, columns)
+        path = self._folder / _DATA.format(chunk_index=chunk, file_index=file)
+        self._write_frames(path, episode, columns)
         stats = {key: _stats(values) for key, values in columns.items()} | dict(
             _image_stats(episode)
         )
@@ -147,81 +146,57 @@ class _Dataset:
             "features": self._features,
         }
         meta = self._folder / "meta"
+        chunk = meta / "episodes" / "chunk-000"
+        chunk.mkdir(parents=True)
         _write_json(meta / "info.json", info)
         _write_json(meta / "stats.json", _merged(self._stats))
+        write = pa.parquet.write_table
+        write(pa.Table.from_pylist(self._episodes), chunk / "file-000.parquet")
         tasks = pa.table({"task_index": list(range(len(self._tasks))), "task": self._tasks})
-        self._write(
-            meta / "tasks.parquet",
-            tasks.replace_schema_metadata({"pandas": json.dumps(_INDEX_OF_TASKS)}),
-        )
-        self._write(
-            meta / "episodes" / "chunk-000" / "file-000.parquet",
-            pa.Table.from_pylist(self._episodes),
-        )
+        index = {"pandas": json.dumps(_INDEX_OF_TASKS)}
+        write(tasks.replace_schema_metadata(index), meta / "tasks.parquet")
 
-    def told(self) -> Mapping[str, str]:
-        shown = {
-            key: f"{about['dtype']} {' × '.join(map(str, about['shape']))}"
-            for key, about in self._features.items()
-        }
+    def described(self) -> Mapping[str, str]:
         return {
             "episodes": f"{len(self._episodes)}, {self._frames} frames at {self._rate} Hz",
-            **shown,
+            "features": ", ".join(self._features),
         }
 
-    def _write_frames(self, name: str, episode: Episode, columns: Mapping[str, Any]) -> None:
-        pa = self._pa
-        path = self._folder / name
+    def _write_frames(self, path: Path, episode: Episode, columns: Mapping[str, Any]) -> None:
+        """Write the steps in groups, so that a long episode is never in memory as a whole."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        looks = {
-            key: look
-            for key, look in ((COLOUR, episode.colour), (DEPTH, episode.depth))
-            if look is not None
-        }
-        writer = None
-        try:
+        schema = self._table(episode, columns, slice(ROWS)).schema
+        # bytes of the distinct images of a group that are stored once each
+        distinct = 64 << 20
+        with self._pa.parquet.ParquetWriter(
+            path, schema, dictionary_pagesize_limit=distinct
+        ) as writer:
             for begin in range(0, len(episode.times), ROWS):
-                rows = slice(begin, begin + ROWS)
-                arrays = {key: _arrow(pa, values[rows]) for key, values in columns.items()}
-                for key, (at, files) in looks.items():
-                    coded = [{"bytes": files[k], "path": None} for k in at[rows]]
-                    arrays[key] = pa.array(
-                        coded, pa.struct({"bytes": pa.binary(), "path": pa.string()})
-                    )
-                table = pa.table({key: arrays[key] for key in self._features})
-                if writer is None:
-                    # bytes of the distinct images of a group that are stored once each
-                    writer = pa.parquet.ParquetWriter(
-                        path, table.schema, dictionary_pagesize_limit=(64 << 20)
-                    )
-                writer.write_table(table)
-        finally:
-            if writer is not None:
-                writer.close()
+                writer.write_table(self._table(episode, columns, slice(begin, begin + ROWS)))
 
-    def _write(self, path: Path, table: Any) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._pa.parquet.write_table(table, path)
+    def _table(self, episode: Episode, columns: Mapping[str, Any], rows: slice) -> Any:
+        pa = self._pa
+        arrays = {key: _arrow(pa, values[rows]) for key, values in columns.items()}
+        image = pa.struct({"bytes": pa.binary(), "path": pa.string()})
+        for key, (at, files) in _looks(episode).items():
+            coded = [{"bytes": files[k], "path": None} for k in at[rows]]
+            arrays[key] = pa.array(coded, image)
+        return pa.table({key: arrays[key] for key in self._features})
 
 
+_TASK_COLUMNS = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
 _INDEX_OF_TASKS = {
     "index_columns": ["task"],
     "column_indexes": [],
     "columns": [
         {
-            "name": "task_index",
-            "field_name": "task_index",
-            "pandas_type": "int64",
-            "numpy_type": "int64",
+            "name": name,
+            "field_name": name,
+            "pandas_type": pandas,
+            "numpy_type": kind,
             "metadata": None,
-        },
-        {
-            "name": "task",
-            "field_name": "task",
-            "pandas_type": "unicode",
-            "numpy_type": "object",
-            "metadata": None,
-        },
+        }
+        for name, pandas, kind in _TASK_COLUMNS
     ],
     "pandas_version": "2.0.0",
 }
@@ -229,30 +204,27 @@ _INDEX_OF_TASKS = {
 
 
 def _features(episode: Episode, rate: int) -> dict[str, dict[str, Any]]:
-    state = {
-        "dtype": "float32",
-        "shape": [len(episode.state_names)],
-        "names": list(episode.state_names),
-    }
-    found: dict[str, dict[str, Any]] = {STATE: state, ACTION: dict(state)}
+    found = {STATE: _vector(episode.state_names), ACTION: _vector(episode.state_names)}
     if episode.wrench is not None:
-        names = list(episode.wrench_names)
-        found[WRENCH] = {"dtype": "float32", "shape": [len(names)], "names": names}
+        found[WRENCH] = _vector(episode.wrench_names)
     if episode.size is not None:
         width, height = episode.size
-        sizes = ["height", "width", "channels"]
-        found[COLOUR] = {"dtype": "image", "shape": [height, width, 3], "names": sizes}
-        found[DEPTH] = {
-            "dtype": "image",
-            "shape": [height, width, 1],
-            "names": sizes,
-            "info": {"unit": "mm"},
-        }
-    found |= {key: {"dtype": "bool", "shape": [1], "names": None} for key in (SUCCESS, DONE)}
-    found["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
-    for key in ("frame_index", "episode_index", "index", "task_index"):
-        found[key] = {"dtype": "int64", "shape": [1], "names": None}
-    return {key: about | {"fps": rate} for key, about in found.items()}
+        image = {"dtype": "image", "names": ["height", "width", "channels"]}
+        found[COLOUR] = {**image, "shape": [height, width, 3]}
+        found[DEPTH] = {**image, "shape": [height, width, 1], "info": {"unit": "mm"}}
+    for key, kind in _SCALARS.items():
+        found[key] = {"dtype": kind, "shape": [1], "names": None}
+    return {key: {**about, "fps": rate} for key, about in found.items()}
+
+
+def _vector(names: Sequence[str]) -> dict[str, Any]:
+    return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
+
+
+def _looks(episode: Episode) -> dict[str, tuple[NDArray[np.int64], list[bytes]]]:
+    """Return the images of each step, by feature: indices into a list of coded files."""
+    looks = {COLOUR: episode.colour, DEPTH: episode.depth}
+    return {key: look for key, look in looks.items() if look is not None}
 
 
 def _columns(episode: Episode) -> dict[str, NDArray[Any]]:
@@ -275,64 +247,44 @@ def _arrow(pa: Any, values: NDArray[Any]) -> Any:
 def _stats(values: NDArray[Any]) -> dict[str, Any]:
     """Of a column, over its rows."""
     rows = np.asarray(values, np.float64).reshape(len(values), -1)
-    return _described(rows, len(rows), lambda row: row)
+    return _described(rows, len(rows), (-1,))
 
 
 def _image_stats(episode: Episode) -> Iterator[tuple[str, dict[str, Any]]]:
     """Of a few looks, by channel: colour from 0 to 1, depth in millimetres, shape (c, 1, 1)."""
-    for key, looks, unit in ((COLOUR, episode.colour, 255.0), (DEPTH, episode.depth, 1.0)):
-        if looks is None:
-            continue
-        seen = sorted(set(looks[0].tolist()))
-        pixels = []
-        for k in seen[:: -(-len(seen) // STATED_LOOKS)]:
-            try:
-                image = from_file(looks[1][k])
-            except ValueError as error:
-                raise UsageError(f"{episode.name}: {error}") from error
-            small = image[::STATED_STEP, ::STATED_STEP]
-            pixels.append(
-                (small if small.ndim == 3 else small[..., None]).reshape(-1, image.ndim * 2 - 3)
-            )
-        rows = np.concatenate(pixels).astype(np.float64) / unit
-        yield key, _described(rows, len(pixels), lambda row: row.reshape(-1, 1, 1))
+    for key, (at, files) in _looks(episode).items():
+        seen = np.unique(at)
+        chosen = seen[:: -(-len(seen) // STATED_LOOKS)]
+        try:
+            small = [from_file(files[k])[::STATED_STEP, ::STATED_STEP] for k in chosen]
+            pixels = np.stack(small).reshape(-1, 3 if key == COLOUR else 1)
+        except ValueError as error:
+            raise UsageError(f"{episode.name}: {error}") from error
+        rows = pixels / (255.0 if key == COLOUR else 1.0)
+        yield key, _described(rows, len(small), (-1, 1, 1))
 
 
-def _described(rows: NDArray[np.float64], count: int, shaped: Any) -> dict[str, Any]:
+def _described(rows: NDArray[np.float64], count: int, shape: tuple[int, ...]) -> dict[str, Any]:
     found = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
     found |= {name: np.quantile(rows, share, axis=0) for name, share in QUANTILES.items()}
-    return {name: shaped(row).tolist() for name, row in found.items()} | {"count": [count]}
+    return {name: row.reshape(shape).tolist() for name, row in found.items()} | {"count": [count]}
 
 
 def _merged(stats: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
     """Of all episodes together; quantiles are averages, as LeRobot's own."""
     merged = {}
     for key in stats[0]:
-        of = [{name: np.asarray(value, float) for name, value in one[key].items()} for one in stats]
-        counts = np.array([one["count"][0] for one in of])
-        weights = counts / counts.sum()
-
-        def mean(name: str, of: Any = of, weights: Any = weights) -> Any:
-            return sum(weight * one[name] for weight, one in zip(weights, of, strict=True))
-
-        middle = mean("mean")
-        spread = sum(
-            w * (one["std"] ** 2 + (one["mean"] - middle) ** 2)
-            for w, one in zip(weights, of, strict=True)
-        )
-        found = {
-            "min": np.min([one["min"] for one in of], axis=0),
-            "max": np.max([one["max"] for one in of], axis=0),
-            "mean": middle,
-            "std": np.sqrt(spread),
-            **{name: mean(name) for name in QUANTILES},
-        }
-        merged[key] = {name: value.tolist() for name, value in found.items()} | {
-            "count": [int(counts.sum())]
-        }
+        of = {name: np.array([one[key][name] for one in stats]) for name in stats[0][key]}
+        counts = of.pop("count")[:, 0]
+        found = {name: np.average(of[name], axis=0, weights=counts) for name in of}
+        spread = of["std"] ** 2 + (of["mean"] - found["mean"]) ** 2
+        found["min"] = of["min"].min(0)
+        found["max"] = of["max"].max(0)
+        found["std"] = np.sqrt(np.average(spread, axis=0, weights=counts))
+        merged[key] = {name: value.tolist() for name, value in found.items()}
+        merged[key]["count"] = [int(counts.sum())]
     return merged
 
 
 def _write_json(path: Path, content: Any) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content, indent=4, ensure_ascii=False), encoding="utf-8")

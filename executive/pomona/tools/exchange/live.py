@@ -1,6 +1,6 @@
-"""Live views: a thread translates the events of a run and passes them to every sink.
+"""Live views: a thread translates the events of a run and passes them to a sink.
 
-The tick puts events into a queue and never waits. If the sinks are slow, the oldest events are dropped and counted; the
+The tick puts events into a queue and never waits. If the sink is slow, the oldest events are dropped and counted; the
 run reports the count at its end. The messages are those of a record (`pomona.executive.recording.well_known`), so live
 and recorded views agree; times are nanoseconds since 1970.
 """
@@ -8,15 +8,12 @@ and recorded views agree; times are nanoseconds since 1970.
 from __future__ import annotations
 
 import logging
-import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from pomona.executive.encode import plain
 from pomona.executive.recording.folder import DEVICES, EVENTS
 from pomona.executive.recording.message import in_place_of, message_of, refuse
 from pomona.executive.recording.schemas import EVENT, READING, Schema
@@ -53,8 +50,8 @@ class Sink(Protocol):
 class Live:
     """Subscribe `on_event` to a run's events, and hand it the readings; close it after the run."""
 
-    def __init__(self, sinks: Sequence[Sink]) -> None:
-        self._sinks = list(sinks)
+    def __init__(self, sink: Sink) -> None:
+        self._sink: Sink | None = sink
         self._queue: deque[Any] = deque(maxlen=MOST)
         self._put, self._taken = 0, 0
         self._began = 0
@@ -65,7 +62,7 @@ class Live:
 
     @property
     def dropped(self) -> int:
-        """Number of events and readings that were dropped because the sinks were too slow."""
+        """Number of events and readings that were dropped because the sink was too slow."""
         return max(self._put - self._taken - len(self._queue), 0)
 
     def on_event(self, event: Event) -> None:
@@ -82,14 +79,14 @@ class Live:
             self._queue.append((t, tick, readings))
 
     def close(self) -> None:
-        """Show the remaining events for `CLOSING`, then close the sinks."""
+        """Show the remaining events for `CLOSING`, then close the sink."""
         self._closing = True
         self._wake.set()
         self._thread.join(CLOSING + 1.0)
         if self.dropped:
             warn(
                 logger,
-                "live views could not follow: %d of %d events were left out",
+                "a live view could not follow: %d of %d events were left out",
                 self.dropped,
                 self._put,
             )
@@ -104,69 +101,59 @@ class Live:
             while self._queue and time.monotonic() < deadline:
                 self._taken += 1
                 self._take(self._queue.popleft())
-            self._each(lambda sink: sink.rest())
+            self._try(lambda sink: sink.rest())
             if deadline < float("inf"):
                 break
-        self._each(lambda sink: sink.close())
+        self._try(lambda sink: sink.close())
 
     def _take(self, taken: Any) -> None:
         """Show an event or readings; a sink that fails receives the error in their place."""
         if isinstance(taken, RunStarted):
             self._began = round((taken.wall_time - taken.t) * 1e9)
         try:
-            shows = self._shows(taken)
+            show = self._showing(taken)
         except BaseException as error:  # any error: this thread must go on showing later events
             taken = in_place_of(taken, refuse(taken, error))
-            shows = self._shows(taken)
-        for sink in tuple(self._sinks):
+            show = self._showing(taken)
+        if self._sink is not None:
             try:
-                for show in shows:
-                    show(sink)
+                show(self._sink)
             except Exception as error:
-                instead = self._shows(in_place_of(taken, refuse(taken, error)))
-                self._each(lambda sink, shows=instead: [show(sink) for show in shows], [sink])
+                self._try(self._showing(in_place_of(taken, refuse(taken, error))))
 
-    def _shows(self, taken: Any) -> list[Callable[[Sink], None]]:
-        """Yield the calls for each sink, in order."""
-        if not isinstance(taken, Event):
+    def _showing(self, taken: Any) -> Callable[[Sink], None]:
+        """Return a function that shows an event or readings to a sink."""
+        view: ImageView | None = None
+        messages: list[tuple[str, Schema, Mapping[str, Any]]]
+        if isinstance(taken, Event):
+            stamp = self._began + round(max(taken.t, 0.0) * 1e9)
+            messages = [(EVENTS, EVENT, message_of(taken)), *well_known(taken, stamp)]
+            if isinstance(taken, Published):
+                if isinstance(taken.value, SeriesView):
+                    messages += samples(taken.topic, taken.value)
+                elif isinstance(taken.value, ImageView) and taken.value.image is not None:
+                    view = taken.value
+        else:
             t, tick, readings = taken
+            stamp = self._began + round(t * 1e9)
             messages = [
                 (f"{DEVICES}{device}", READING, {"t": t, "tick": tick, **quantities})
                 for device, quantities in readings.items()
             ]
-            return [partial(_send, *message, self._began + round(t * 1e9)) for message in messages]
-        stamp = self._began + round(max(taken.t, 0.0) * 1e9)
-        shows: list[Callable[[Sink], None]] = []
-        if (
-            isinstance(taken, Published)
-            and isinstance(taken.value, ImageView)
-            and taken.value.image is not None
-        ):
-            shows.append(partial(_show, taken.topic, taken.value, stamp))
-        messages = [(EVENTS, EVENT, message_of(taken)), *well_known(taken, stamp)]
-        if isinstance(taken, Published) and isinstance(taken.value, SeriesView):
-            messages += samples(taken.topic, taken.value)
-        return [*shows, *(partial(_send, *message, stamp) for message in messages)]
 
-    def _each(self, do: Any, sinks: Sequence[Sink] | None = None) -> None:
+        def show(sink: Sink) -> None:
+            if view is not None:
+                sink.show(taken.topic, view, stamp)
+            for message in messages:
+                sink.send(*message, stamp)
+
+        return show
+
+    def _try(self, do: Callable[[Sink], None]) -> None:
         """Report a failed sink once and stop using it: a view never ends a run."""
-        for sink in tuple(self._sinks if sinks is None else sinks):
+        if self._sink is not None:
             try:
-                do(sink)
+                do(self._sink)
             except Exception as error:
-                self._sinks.remove(sink)
-                logger.warning("%s shows no more: %s", type(sink).__name__, error)
-
-
-def _send(topic: str, schema: Schema, content: Mapping[str, Any], stamp: int, sink: Sink) -> None:
-    sink.send(topic, schema, content, stamp)
-
-
-def _show(topic: str, view: ImageView, stamp: int, sink: Sink) -> None:
-    sink.show(topic, view, stamp)
-
-
-def plain_content(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a message with lists where it has arrays, however large: a mesh has some thousand corners."""
-    lists: Mapping[str, Any] = plain(content, arrays=sys.maxsize)
-    return lists
+                logger.warning("%s shows no more: %s", type(self._sink).__name__, error)
+                self._sink = None

@@ -1,4 +1,4 @@
-"""Foxglove and Rerun as views of `pomona run`."""
+"""Foxglove as a view of `pomona run`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SinkView(RunView):
             return False
         from pomona.tools.exchange.live import Live
 
-        self._live = Live([sink])
+        self._live = Live(sink)
         return True
 
     def on_event(self, event: Event) -> None:
@@ -56,18 +56,3 @@ class FoxgloveRunView(SinkView):
         view = FoxgloveView(options.foxglove or PORT)
         run.console.print(f"Foxglove: open a connection to {view.link}", soft_wrap=True)
         return view
-
-
-class RerunRunView(SinkView):
-    """The run in Rerun's viewer, or as its file."""
-
-    def add(self, parser: argparse.ArgumentParser) -> None:
-        about = "show the run in Rerun, or write its file"
-        parser.add_argument("--rerun", nargs="?", const="", metavar="FILE.rrd", help=about)
-
-    def sink(self, options: argparse.Namespace, run: ViewedRun) -> Sink | None:
-        if options.rerun is None:
-            return None
-        from pomona.tools.exchange.rerun_view import VIEWER, RerunView
-
-        return RerunView(options.rerun or VIEWER)

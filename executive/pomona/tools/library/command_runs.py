@@ -27,8 +27,6 @@ if (
 ):  # readers of whole records are imported on use, so that a list does not wait for them
     from pomona.executive.terminal.summary import Summary
 
-FAILURES = Path("failures.html")
-
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
@@ -87,16 +85,6 @@ def add(subparsers: Any) -> None:
     )
     exporting.add_argument(
         "--task", default="", metavar="WORDS", help="lerobot: the task (default: the tree)"
-    )
-
-    failures = _command(
-        commands, "failures", _failures, "failed runs with pictures as one page that can be sent"
-    )
-    failures.add_argument(
-        "words",
-        nargs="*",
-        metavar="[FILE.html] [WORD ...]",
-        help=f"a new file for the page (default: {FAILURES} here); only runs with all of these words",
     )
 
     prune = _command(
@@ -291,27 +279,6 @@ FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {
     "frames": _export_frames,
 }
 """Exports of `--to`, by name."""
-
-
-def _failures(options: argparse.Namespace) -> int:
-    from pomona.tools.exchange.pages import write_failures
-
-    options.failed = False
-    named = bool(options.words) and options.words[0].endswith(".html")
-    file = Path(options.words.pop(0)) if named else FAILURES
-    chosen = [
-        run
-        for run in RunIndex(options.record).read()
-        if run.state == "ended" and _wanted(run, options)
-    ]
-    if not chosen:
-        words = (
-            f" has all of these words: {' '.join(options.words)}" if options.words else " has ended"
-        )
-        raise UsageError(f"no run in {options.record}{words}")
-    count = write_failures([options.record / run.run for run in chosen], file)
-    Screen().print(f"{file}  {count} failures, {size(file.stat().st_size)}", soft_wrap=True)
-    return 0
 
 
 def _write_page(record: Path, file: Path) -> int:

@@ -1,4 +1,4 @@
-"""Failed runs as one page that can be sent."""
+"""A run as one page that can be sent."""
 
 from __future__ import annotations
 
@@ -6,84 +6,59 @@ import re
 from base64 import b64encode
 from dataclasses import replace
 from html import unescape
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_events import REASON, SUCCEEDED, everything, pose, started, write
+from recorded_events import REASON, everything, pose, started, write
 
 from pomona.executive.cli import main
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.reasons import Reason
 from pomona.executive.recording.scan import scan
-from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded
+from pomona.executive.running.events import Published, RunEnded
 from pomona.executive.views import ImageView, Line2, TableView
-from pomona.tools.exchange.pages import write_run
-from pomona.tools.exchange.run_drawings import timeline
+from pomona.tools.exchange import pages
 
 EVIL = "<script>alert('x')</script>"
 
 
-def test_a_page_shows_each_failure_with_its_reason_and_its_last_pictures(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    runs = tmp_path / "runs"
-    write(runs / "2026-01-01_a", tuple(everything()))
-    write(runs / "2026-01-02_b", SUCCEEDED)
-    reason = type(REASON)("a/Plan", "NO_PATH", EVIL, {})
-    write(
-        runs / "2026-01-03_c",
-        (started(run="c", tree=EVIL), RunEnded(1.0, 50, "failure", reason, 50, 1.0, 2.0, None)),
-    )
-    page = tmp_path / "failures.html"
-    assert main(["runs", "failures", str(page), "--record", str(runs)]) == 0
-    assert "2 failures" in capsys.readouterr().out
-    text = page.read_text()
-    assert "2 failed of 3 runs" in text
-    assert "<code>NO_PATH</code> 2" in text
+def export(record: Path, page: Path) -> str:
+    assert main(["runs", "export", record.name, str(page), "--record", str(record.parent)]) == 0
+    return page.read_text()
+
+
+def test_a_page_shows_a_failure_with_its_reason_and_needs_nothing_else(tmp_path: Path) -> None:
+    record = write(tmp_path / "runs" / "one", tuple(everything()))
+    text = export(record, tmp_path / "one.html")
+    assert "<code>NO_PATH</code>" in text
     assert "there is no path" in text
     (image,) = re.findall(r'src="data:image/jpeg;base64,([^"]+)"', text)
     content = next(
-        content
-        for topic, content, *_ in scan(runs / "2026-01-01_a" / "run.mcap")
-        if topic == "/images/detection"
+        content for topic, content, *_ in scan(record / "run.mcap") if topic == "/images/detection"
     )
     assert unescape(image).encode() in content
+    assert not re.findall(r'(?:src|href)="(?!data:)', text)
+
+
+def test_words_of_a_record_are_no_code_on_its_page(tmp_path: Path) -> None:
+    reason = type(REASON)("a/Plan", "NO_PATH", EVIL, {})
+    end = RunEnded(1.0, 50, "failure", reason, 50, 1.0, 2.0, None)
+    text = export(write(tmp_path / "runs" / "one", (started(tree=EVIL), end)), tmp_path / "x.html")
     assert "<script" not in text.lower()
-    assert unescape(text).count(EVIL) >= 1
-    assert not re.findall(r'(?:src|href)="(?!data:)', text)  # it needs nothing else
+    assert unescape(text).count(EVIL) >= 2
 
 
-def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_only_the_newest_pictures_are_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runs = tmp_path / "runs"
+    monkeypatch.setattr(pages, "LOOKS", 2)
     view = next(
         e.value for e in everything() if isinstance(e, Published) and isinstance(e.value, ImageView)
     )
     looks = [Published(0.1 * k, k, "a", f"look {k}", view) for k in range(1, 5)]
     end = RunEnded(1.0, 50, "failure", REASON, 50, 1.0, 2.0, {"T_base_fruit": pose(0.9)})
-    write(
-        runs / "one",
-        (started(), *looks, NodeChanged(0.9, 45, "a/Plan", "FAILURE", "no path", 1, REASON), end),
-    )
-    page = tmp_path / "failures.html"
-    command = ["runs", "failures", str(page), "--record", str(runs)]
-    assert main(command) == 0
-    assert re.findall(r'alt="([^"]+)"', page.read_text()) == ["look 3", "look 4"]
-    before = page.read_bytes()
-    assert main(command) == 2
-    assert "exists, and nothing" in capsys.readouterr().err
-    assert page.read_bytes() == before
-    monkeypatch.chdir(tmp_path)
-    page.unlink()
-    assert main(["runs", "failures", "--record", str(runs)]) == 0  # its name is the default
-    assert page.is_file()
-    assert (
-        main(["runs", "failures", str(tmp_path / "x.html"), "apple_1", "--record", str(runs)]) == 2
-    )
-    assert "no run" in capsys.readouterr().err
+    text = export(write(tmp_path / "runs" / "one", (started(), *looks, end)), tmp_path / "x.html")
+    assert re.findall(r'alt="([^"]+)"', text) == ["look 3", "look 4"]
 
 
 def test_a_full_disk_leaves_no_half_page(
@@ -97,10 +72,9 @@ def test_a_full_disk_leaves_no_half_page(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "write_text", full)
-    for command in (["export", "one", "one.html"], ["failures", "one.html"]):
-        monkeypatch.chdir(tmp_path)
-        assert main(["runs", *command]) == 2
-        assert "one.html: No space left on device" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
+    assert main(["runs", "export", "one", "one.html"]) == 2
+    assert "one.html: No space left on device" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
 
@@ -140,6 +114,7 @@ def test_a_run_becomes_a_page_with_its_tables_and_the_drawings_over_each_picture
     assert "<script" not in text.lower()
     before = page.read_bytes()
     assert main(["runs", "export", "one", str(page), "--record", str(runs)]) == 2
+    assert "exists, and nothing" in capsys.readouterr().err
     assert page.read_bytes() == before
     assert (
         main(
@@ -161,7 +136,7 @@ def test_a_run_becomes_a_page_with_its_tables_and_the_drawings_over_each_picture
     ]  # fmt: skip
 
 
-def test_a_page_of_one_run_has_its_tree_and_a_lane_for_each_skill(tmp_path: Path) -> None:
+def test_a_page_has_the_tree_with_the_last_result_of_each_node(tmp_path: Path) -> None:
     tree = tmp_path / "demo.yaml"
     tree.write_text(
         "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - wait: 50 ms\n      name: Before <it>\n"
@@ -171,7 +146,7 @@ def test_a_page_of_one_run_has_its_tree_and_a_lane_for_each_skill(tmp_path: Path
     done = execute(RunOrder(tree, tmp_path / "cell.yaml", record=tmp_path / "runs", dry=True))
     assert done.record is not None
     page = tmp_path / "run.html"
-    write_run(done.record, page)
+    pages.write_run(done.record, page)
     text = page.read_text()
     boxes = re.findall(r'<g class="(\w*)"><title>([^<\n]*?)(?: \(|\n|<)', text)
     assert boxes == [
@@ -180,28 +155,3 @@ def test_a_page_of_one_run_has_its_tree_and_a_lane_for_each_skill(tmp_path: Path
         ("bad", "The gate"),
         ("idle", "wait"),
     ]
-    lanes = re.findall(r"<title>([^<]* s to [^<]* s)</title></rect>", text)
-    assert lanes[0] == "Before &lt;it&gt; success, 0.0 s to 0.1 s"
-    assert re.search(r"✗ BLOCKED</text>", text)
-
-
-def test_failures_of_one_lane_are_not_written_over_one_another() -> None:
-    leaf = "demo/Plan"
-    begun = started(nodes=({"path": leaf, "parent": None, "name": "Plan"},))
-    times = (1.0, 1.5, 1.6, 30.0, 70.0)
-    blocked = Reason(leaf, "NO_CANDIDATE", "none")
-    lane: list[Event] = []
-    for t in times:
-        lane += [
-            NodeChanged(t, 1, leaf, "RUNNING", "", 1),
-            NodeChanged(t + 0.2, 1, leaf, "FAILURE", "", 1, blocked),
-        ]
-    text = timeline([begun, *lane, NodeChanged(100.0, 1, leaf, "RUNNING", "", 1)])
-    labels = re.findall(r'<text x="([\d.]+)" text-anchor="(start|end)"[^>]*>([✗■][^<]*)<', text)
-    assert labels[0][2] == "■ interrupted"  # the last one comes first
-    assert [words for *_, words in labels].count("✗ NO_CANDIDATE") >= 3
-    begins = [
-        float(x) - (7.0 * len(words) if anchor == "end" else 0.0) for x, anchor, words in labels
-    ]
-    spans = sorted((x, x + 7.0 * len(words)) for x, (*_, words) in zip(begins, labels, strict=True))
-    assert all(high <= low for (_, high), (low, _) in pairwise(spans))

@@ -109,7 +109,7 @@ class Setting:
         self.control, self.robot = ControlLock(), Robot()
         self.forms: list[dict[str, Any]] = []
         self.bridge = Ros2Bridge(self.peer, self.control, lambda token: token == TOKEN, self.start)
-        self.live = Live([self.bridge])
+        self.live = Live(self.bridge)
         self.listening = Listening(port)
         self.client = Ros2Peer(f"127.0.0.1:{port}", node="client")
         for _ in range(3000):  # until both know one another
