@@ -89,14 +89,14 @@ check: browser test ## what CI runs: the tests without most slow ones, then type
 
 static: types docs kit lint
 
-lint: $(STAMP) ## ruff, import contracts, size and language
+lint: $(STAMP) ## ruff, import contracts and the bounds of the whole
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/size.py --check
 	$(BIN)/python scripts/walks.py --check
 
-size: $(STAMP) ## lines, docstrings, constants and the rates of vague words, beside bounds that only fall (SIZE=--lower)
+size: $(STAMP) ## tokens of the house and of each room, beside bounds that only fall (SIZE=--lower)
 	$(BIN)/python scripts/size.py $(SIZE)
 
 walks: $(STAMP) ## the files that one tick, frame and wrench sample of a pick pass through (WALKS=--files: which)

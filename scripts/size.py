@@ -1,13 +1,14 @@
-"""Print the size and the language of the code, and compare them with bounds that only fall.
+"""Print the size of the whole house beside bounds that only fall and the budgets of its rooms.
 
     python scripts/size.py             # the table
     python scripts/size.py --check     # 1 when a figure is above its bound in scripts/size.json
     python scripts/size.py --lower     # lower the bounds in scripts/size.json to the figures
 
-Lines are those of Python files without tests, benchmarks and scripts. A leaf is a folder of `pomona/tools`,
-`pomona/devices` or `pomona/applications`; the rest is the core. The word rates count per 1 000 words of docstrings with
-comments, and of the site: the README and docs/*.md without evidence and reports, written by hand. scripts/walks.py
-measures the files that a run passes through.
+Tokens are names, operators, numbers and texts of Python files, without comments and docstrings: denser code gains
+nothing. The product is everything that ships (executive, skills, drivers, examples) without the conformance suite,
+which has a bound of its own. A leaf is a folder of `pomona/tools`, `pomona/devices` or `pomona/applications`; the rest
+is the core. A room is one or more leaves with a budget; the sum is the bound. scripts/walks.py measures the files
+that a run passes through.
 """
 
 from __future__ import annotations
@@ -15,154 +16,246 @@ from __future__ import annotations
 import ast
 import io
 import json
-import re
 import subprocess
 import sys
 import tokenize
+import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 BOUNDS = Path(__file__).with_name("size.json")
-PACKAGES = ("executive", "skills", "drivers")
-SHORT, MANY_PARAMETERS = 40, 8
-SMALL, MANY_PORTS = 60, 8
+PRODUCT = ("executive", "skills", "drivers", "examples")
+CORE = ("executive", "skills", "drivers")
 LEAVES = ("tools", "devices", "applications")
-EVIDENCE = ("evidence", "reports")  # as exclude_docs of mkdocs.yml
-LEAF_IMPORT = re.compile(
-    r"^\s*(?:from|import) pomona\.(?:tools|devices|applications)\b", re.MULTILINE
+CONFORMANCE = ("pomona", "drivers", "conformance")
+COUNTED = (
+    tokenize.NAME,
+    tokenize.OP,
+    tokenize.NUMBER,
+    tokenize.STRING,
+    getattr(tokenize, "FSTRING_START", -1),
+    getattr(tokenize, "FSTRING_MIDDLE", -1),
 )
-WORDS = {
-    "what": re.compile(r"\bwhat(?:ever)?\b", re.IGNORECASE),
-    "told/said/says": re.compile(r"\b(?:told|tells?|says?|said)\b", re.IGNORECASE),
-    "nobody/somebody": re.compile(r"\b(?:nobody|somebody|whoever)\b", re.IGNORECASE),
-}
+
+
+@dataclass(frozen=True, slots=True)
+class Module:
+    """Counts of one Python file."""
+
+    path: Path
+    tokens: int
+    code_lines: int
+    tuple_assignments: int
+    settings: int
+    attributes: int
+    """Instance attributes of the class that has most."""
+    ports: int
+    """Inputs of the skill that has most."""
+    imports_of_leaves: int
+
+    @property
+    def part(self) -> str:
+        """Return `conformance`, `examples`, the floor of a core module, or `kind/leaf`."""
+        if self.path.parts[1:4] == CONFORMANCE:
+            return "conformance"
+        if len(self.path.parts) > 3 and self.path.parts[2] in LEAVES:
+            return f"{self.path.parts[2]}/{self.path.parts[3]}"
+        return self.path.parts[0]
+
+
+@dataclass
+class House:
+    """All counted modules, and the tokens of each part."""
+
+    modules: list[Module]
+    parts: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        for module in self.modules:
+            self.parts[module.part] += module.tokens
+
+    def most(self, name: str) -> int:
+        """Return the largest value of a count over all modules."""
+        return max((getattr(module, name) for module in self.modules), default=0)
+
+    def total(self, name: str) -> int:
+        """Return the sum of a count over all modules."""
+        return sum(getattr(module, name) for module in self.modules)
 
 
 def main(arguments: Sequence[str]) -> int:
     """Print the table; return 1 when `--check` finds a figure above its bound."""
-    found = figures()
-    bounds: dict[str, float] = json.loads(BOUNDS.read_text("utf-8")) if BOUNDS.is_file() else {}
+    kept = json.loads(BOUNDS.read_text("utf-8"))
+    bounds: dict[str, float] = kept["bounds"]
+    found, rooms = figures(kept["rooms"])
     above = [name for name, number in found.items() if number > bounds.get(name, float("inf"))]
     for name, number in found.items():
         mark = "  above its bound" if name in above else ""
-        sys.stdout.write(
-            f"{name:32} {number:>9,.6g}   bound {bounds.get(name, number):>9,.6g}{mark}\n"
-        )
+        bound = bounds.get(name, number)
+        goal = kept["goals"].get(name)
+        aim = "" if goal is None else f"   goal {goal:>9,.6g}"
+        sys.stdout.write(f"{name:44} {number:>9,.6g}   bound {bound:>9,.6g}{aim}{mark}\n")
+    sys.stdout.write(
+        "\nrooms, in tokens; a room may exceed its budget if another gives as much back\n"
+    )
+    for name, number in sorted(rooms.items(), key=lambda room: -room[1]):
+        budget = kept["budgets"].get(name)
+        aim = "" if budget is None else f"   budget {budget:>7,}"
+        sys.stdout.write(f"{name:44} {number:>9,}{aim}\n")
     if "--lower" in arguments:
-        lower = {
-            name: min(found.get(name, bound), bound) for name, bound in (bounds or found).items()
-        }
-        BOUNDS.write_text(json.dumps(lower, indent=1) + "\n", encoding="utf-8")
+        lower = {name: min(found.get(name, bound), bound) for name, bound in bounds.items()}
+        kept["bounds"] = lower
+        BOUNDS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     return 1 if above and "--check" in arguments else 0
 
 
-def figures() -> dict[str, float]:
-    """Return each figure by its name."""
-    counted: Counter[str] = Counter()
-    parts: Counter[str] = Counter()
-    texts: list[str] = []
-    for path in tracked("*.py"):
-        if path.parts[0] in PACKAGES:
-            text = (ROOT / path).read_text("utf-8")
-            counted.update(of_module(text, texts))
-            parts.update(of_part(path, text))
-    pages = [path for path in tracked("*.md") if is_document(path)]
-    documents = [(ROOT / path).read_text("utf-8") for path in pages]
-    found: dict[str, float] = {name: counted[name] for name in NAMES}
-    found.update(sorted(parts.items()))
-    found["words of the site"] = sum(len(text.split()) for text in documents)
-    found["decisions in the site"] = sum(path.parts[1:2] == ("decisions",) for path in pages)
-    for kind, corpus in (("docstrings", " ".join(texts)), ("docs", " ".join(documents))):
-        words = len(re.findall(r"[A-Za-z]+", corpus))
-        for name, pattern in WORDS.items():
-            found[f"{name} per 1000 words of {kind}"] = round(
-                1000 * len(pattern.findall(corpus)) / words, 2
-            )
-    return found
+def figures(rooms: Mapping[str, Sequence[str]]) -> tuple[dict[str, float], dict[str, int]]:
+    """Return each bounded figure by its name, and the tokens of each room."""
+    house = House([read(path) for path in tracked("*.py") if path.parts[0] in PRODUCT])
+    leaves = {part: tokens for part, tokens in house.parts.items() if "/" in part}
+    pages = list(tracked("*.md"))
+    words = {path: len((ROOT / path).read_text("utf-8").split()) for path in pages}
+    counted = {
+        "product: tokens": house.parts.total() - house.parts["conformance"],
+        "conformance: tokens": house.parts["conformance"],
+        "core: tokens": sum(house.parts[floor] for floor in CORE),
+        "core: imports of leaves": house.total("imports_of_leaves"),
+        "largest leaf: tokens": max(leaves.values()),
+        "benchmarks: tokens": sum(read(path).tokens for path in tracked("benchmarks/*.py")),
+        "own JavaScript: lines": javascript_lines(),
+        "tuple assignments per 1000 lines of code": round(
+            1000 * house.total("tuple_assignments") / house.total("code_lines"), 1
+        ),
+        "settings": house.total("settings"),
+        "most attributes of a class": house.most("attributes"),
+        "most ports of a skill": house.most("ports"),
+        "groups of entry points with one provider": single_providers(),
+        "words: README": words[Path("README.md")],
+        "words: all pages but the changelog": sum(
+            number for path, number in words.items() if path.name != "CHANGELOG.md"
+        ),
+        "words: longest README of a leaf": max(
+            number for path, number in words.items() if is_leaf_page(path)
+        ),
+    }
+    named = {part for parts in rooms.values() for part in parts}
+    found = {room: sum(house.parts[part] for part in parts) for room, parts in rooms.items()}
+    found.update({part: tokens for part, tokens in house.parts.items() if part not in named})
+    return counted, found
 
 
-NAMES = (
-    "lines", "docstring lines", "comments", "short modules", "long parameter lists", "fmt: skip", "module constants",
-)  # fmt: skip
-
-
-def of_part(path: Path, text: str) -> Counter[str]:
-    """Count a module for its part of the house: a core, or a leaf; in the core also imports of leaves."""
-    floor, _, kind, leaf = path.parts[:4]
-    lines = text.count("\n")
-    if kind in LEAVES:
-        return Counter({f"{kind}/{leaf}: lines": lines})
-    counted = Counter({f"{part}: {figure}": number for part in ("core", floor) for figure, number in (
-        ("lines", lines), ("files", 1), (f"files under {SMALL} lines", lines < SMALL))})  # fmt: skip
-    counted["core: imports of leaves"] = len(LEAF_IMPORT.findall(text))
-    if kind == "skills" and len(path.parts) == 4:
-        counted[f"skills with more than {MANY_PORTS} inputs"] = sum(
-            1
-            for node in ast.walk(ast.parse(text))
-            if isinstance(node, ast.FunctionDef) and inputs(node) > MANY_PORTS
-        )
-    return counted
-
-
-def inputs(function: ast.FunctionDef) -> int:
-    """Return how many ports a skill's `run` declares; 0 for another function."""
-    arguments = (*function.args.args, *function.args.kwonlyargs)
-    return sum(1 for each in arguments if each.arg != "self") if function.name == "run" else 0
-
-
-def of_module(text: str, docstrings: list[str]) -> Counter[str]:
-    """Count in one module; its docstrings, texts below constants and comments are appended to `docstrings`."""
-    lines = text.count("\n")
-    counted = Counter(
-        {"lines": lines, "short modules": lines < SHORT, "fmt: skip": text.count("fmt: skip")}
-    )
-    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-    docstrings.extend(
-        comments := [token.string for token in tokens if token.type == tokenize.COMMENT]
-    )
-    counted["comments"] = len(comments)
-    for node in ast.walk(ast.parse(text)):
-        if (
-            isinstance(node, ast.Expr)
-            and isinstance(node.value, ast.Constant)
-            and isinstance(node.value.value, str)
-        ):
-            counted["docstring lines"] += (node.end_lineno or node.lineno) - node.lineno + 1
-            docstrings.append(node.value.value)
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            names = [
-                argument.arg
-                for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-            ]
-            counted["long parameter lists"] += (
-                len([name for name in names if name != "self"]) >= MANY_PARAMETERS
-            )
-        if isinstance(node, ast.Module):
-            counted["module constants"] += sum(map(is_constant, node.body))
-    return counted
-
-
-def is_constant(node: ast.stmt) -> bool:
-    """Return True for `NAME = …` or `NAME: type = …` with a name in capitals."""
-    targets = (
-        node.targets
-        if isinstance(node, ast.Assign)
-        else [node.target]
-        if isinstance(node, ast.AnnAssign)
-        else []
-    )
-    return any(
-        isinstance(target, ast.Name) and target.id.upper() == target.id for target in targets
+def read(path: Path) -> Module:
+    """Count one Python file, given relative to the repository."""
+    text = (ROOT / path).read_text("utf-8")
+    tree = ast.parse(text)
+    nodes = list(ast.walk(tree))
+    classes = [node for node in nodes if isinstance(node, ast.ClassDef)]
+    is_core = len(path.parts) > 2 and path.parts[2] not in LEAVES
+    return Module(
+        path=path,
+        tokens=tokens(text),
+        code_lines=code_lines(text),
+        tuple_assignments=sum(map(is_tuple_assignment, nodes)),
+        settings=sum(is_setting(statement) for each in classes for statement in each.body),
+        attributes=max(map(attributes, classes), default=0),
+        ports=max(map(ports, classes), default=0),
+        imports_of_leaves=sum(map(imports_leaf, nodes)) if is_core else 0,
     )
 
 
-def is_document(path: Path) -> bool:
-    """Return True for the README and the pages of docs/, without evidence."""
-    if path.parts[0] != "docs":
-        return path.name == "README.md" and len(path.parts) == 1
-    return path.parts[1] not in EVIDENCE
+def tokens(text: str) -> int:
+    """Return the number of names, operators, numbers and texts; docstrings do not count."""
+    docstrings = sum(map(is_docstring, ast.walk(ast.parse(text))))
+    read_all = tokenize.generate_tokens(io.StringIO(text).readline)
+    return sum(token.type in COUNTED for token in read_all) - docstrings
+
+
+def code_lines(text: str) -> int:
+    """Return the number of lines that are neither empty, nor a comment, nor part of a docstring."""
+    lines = [line.strip() for line in text.splitlines()]
+    written = sum(bool(line) and not line.startswith("#") for line in lines)
+    return written - sum(
+        1 + (node.end_lineno or node.lineno) - node.lineno
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Expr) and is_docstring(node)
+    )
+
+
+def is_docstring(node: ast.AST) -> bool:
+    """Return True for a text that stands alone, as docstrings do."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def is_tuple_assignment(node: ast.AST) -> bool:
+    """Return True for `a, b = c, d`: two thoughts in one line."""
+    return (
+        isinstance(node, ast.Assign)
+        and isinstance(node.targets[0], ast.Tuple)
+        and isinstance(node.value, ast.Tuple)
+    )
+
+
+def is_setting(statement: ast.stmt) -> bool:
+    """Return True for a field of a class that a file may set: `name: type = value(...)`."""
+    if not isinstance(statement, ast.AnnAssign) or not isinstance(statement.value, ast.Call):
+        return False
+    return isinstance(statement.value.func, ast.Name) and statement.value.func.id == "value"
+
+
+def attributes(node: ast.ClassDef) -> int:
+    """Return how many different attributes of `self` a class assigns."""
+    return len(
+        {
+            each.attr
+            for each in ast.walk(node)
+            if isinstance(each, ast.Attribute)
+            and isinstance(each.ctx, ast.Store)
+            and isinstance(each.value, ast.Name)
+            and each.value.id == "self"
+        }
+    )
+
+
+def ports(node: ast.ClassDef) -> int:
+    """Return how many inputs a skill's `run` declares; 0 for another class."""
+    if not any("Skill" in ast.unparse(base) for base in node.bases):
+        return 0
+    runs = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "run"]
+    return sum(len(run.args.args) + len(run.args.kwonlyargs) - 1 for run in runs)
+
+
+def imports_leaf(node: ast.AST) -> bool:
+    """Return True for an import of a leaf."""
+    names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    return any(name.startswith(tuple(f"pomona.{kind}" for kind in LEAVES)) for name in names)
+
+
+def javascript_lines() -> int:
+    """Return the lines of the project's own JavaScript, without other people's in `vendor`."""
+    own = [path for path in tracked("*.js") if path.parts[0] in PRODUCT]
+    return sum(
+        (ROOT / path).read_text("utf-8").count("\n") for path in own if "vendor" not in path.parts
+    )
+
+
+def single_providers() -> int:
+    """Return how many groups of entry points have one provider: provider and caller could join."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    return sum(len(entries) == 1 for entries in project["entry-points"].values())
+
+
+def is_leaf_page(path: Path) -> bool:
+    """Return True for the README of a leaf."""
+    return path.name == "README.md" and len(path.parts) == 5 and path.parts[2] in LEAVES
 
 
 def tracked(pattern: str) -> Iterator[Path]:
@@ -170,7 +263,7 @@ def tracked(pattern: str) -> Iterator[Path]:
     done = subprocess.run(
         ["git", "ls-files", pattern], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    yield from map(Path, done.stdout.splitlines())
+    yield from (path for line in done.stdout.splitlines() if (ROOT / (path := Path(line))).exists())
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ def main(arguments: Sequence[str]) -> int:
             f"the pick ended with {executed.result.outcome}; a walk is measured on a pick that succeeds\n"
         )
         return 2
-    bounds: dict[str, float] = json.loads(BOUNDS.read_text("utf-8"))
+    bounds: dict[str, float] = json.loads(BOUNDS.read_text("utf-8"))["bounds"]
     above = False
     for walk in followed:
         if not walk.files:
