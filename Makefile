@@ -112,17 +112,17 @@ bench: $(STAMP) ## the 25 cells of the paper, one seed each, with times per skil
 	rm -rf runs/campaign_pick
 	$(BIN)/pomona campaign benchmarks/pick.yaml
 
-paper: $(STAMP) ## the paper's experiment, its tables beside ours in docs/reports/paper; goes on where it was stopped
+paper: $(STAMP) ## the paper's experiment, its tables beside ours in runs/reports/paper; goes on where it was stopped
 	$(BIN)/pomona campaign benchmarks/paper.yaml $(CAMPAIGN)
-	$(BIN)/python -m benchmarks.paper_report benchmarks/paper.yaml runs/campaign_paper --out docs/reports/paper
+	$(BIN)/python -m benchmarks.paper_report benchmarks/paper.yaml runs/campaign_paper --out runs/reports/paper
 
 paper-large: $(STAMP) ## the same with 40 randomised runs a cell; CAMPAIGN="--seeds 10 --workers 4" for a part, or elsewhere
 	$(BIN)/pomona campaign benchmarks/paper_large.yaml $(CAMPAIGN)
-	$(BIN)/python -m benchmarks.paper_report benchmarks/paper_large.yaml runs/campaign_paper_large --out docs/reports/paper_large
+	$(BIN)/python -m benchmarks.paper_report benchmarks/paper_large.yaml runs/campaign_paper_large --out runs/reports/paper_large
 
 ablations: $(STAMP) ## refinement, planning and force beside their baselines, in docs/reports
 	for part in refine planner force; do \
-	  $(BIN)/pomona campaign benchmarks/ablation_$$part.yaml --report-to docs/reports/ablation_$$part $(CAMPAIGN) || exit 1; \
+	  $(BIN)/pomona campaign benchmarks/ablation_$$part.yaml --report-to runs/reports/ablation_$$part $(CAMPAIGN) || exit 1; \
 	done
 
 bench-arms: $(STAMP) ## fifty picks on the emulated twin of a UR5e with a Hand-E, with force fingers and without
@@ -196,7 +196,10 @@ notebooks: $(STAMP) ## the tutorials as executed notebooks beside their Markdown
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'nbclient>=0.11' 'ipykernel>=6.29'
 	$(BIN)/python scripts/notebooks.py $(NAMES)
 
-measured: $(STAMP) ## what a benchmark prints, kept with its commit in docs/reports/measured; NAME=refine COMMAND="make bench-refine"
+results: $(STAMP) ## docs/results.md, written from docs/results.json
+	$(BIN)/python -m scripts.results
+
+measured: $(STAMP) ## what a benchmark prints, kept with its commit in runs/reports/measured; NAME=refine COMMAND="make bench-refine"
 	$(BIN)/python scripts/measured.py $(NAME) $(COMMAND)
 
 coverage: $(STAMP) ## which lines the tests reach, by package; the whole in htmlcov (a quarter longer than the tests)
@@ -204,18 +207,18 @@ coverage: $(STAMP) ## which lines the tests reach, by package; the whole in html
 	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=html --cov-report=term:skip-covered
 
 mutate: $(STAMP) ## small mistakes in the pure mathematics, and how many of them its tests find (half an hour; MUTATE="--most 15" for a part)
-	$(BIN)/python scripts/mutate.py $(MUTATE) --report docs/reports/mutation/report.md
+	$(BIN)/python scripts/mutate.py $(MUTATE) --report runs/reports/mutation.md
 
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices
 
-orchard-detach: $(STAMP) ## Detach alone at true grasps of simulated walls, ablations and ± 50 % of numbers, in docs/reports/orchard_detach; WALLS=301..303
+orchard-detach: $(STAMP) ## Detach alone at true grasps of simulated walls, ablations and ± 50 % of numbers, in runs/reports/orchard_detach; WALLS=301..303
 	$(BIN)/python -m benchmarks.orchard_detach --walls $(or $(WALLS),301..303)
 
-orchard-law: $(STAMP) ## simulated pulls of apples beside measured ones, in docs/reports/orchard_law; DATA=… the traces (half an hour)
+orchard-law: $(STAMP) ## simulated pulls of apples beside measured ones, in runs/reports/orchard_law; DATA=… the traces (half an hour)
 	$(BIN)/python -m benchmarks.orchard_law $(if $(DATA),--data $(DATA))
 
-orchard: $(STAMP) ## simulated fruit walls picked by trees/experimental/pick_tree.yaml, in docs/reports/orchard_pick; WALLS=201..203 STOPS=-350,0,350 CELL=orchard
+orchard: $(STAMP) ## simulated fruit walls picked by trees/experimental/pick_tree.yaml, in runs/reports/orchard_pick; WALLS=201..203 STOPS=-350,0,350 CELL=orchard
 	$(BIN)/python -m benchmarks.orchard_pick --walls $(or $(WALLS),201..203) --stops=$(or $(STOPS),0) --cell $(or $(CELL),orchard)
 
 bench-crate: $(STAMP) ## heaps and crates of fruit that touches, cleared of n with intervals; SEEDS=1..20 KINDS=heap5,crate6 (hours)

@@ -1,6 +1,6 @@
 """`Detach` alone at grasps that are free by the truth: ablations, and ± 50 % of the numbers that the motion depends on.
 
-    python -m benchmarks.orchard_detach --walls 301..306 --out docs/reports/orchard_detach
+    python -m benchmarks.orchard_detach --walls 301..306 --out runs/reports/orchard_detach
 
 No camera, map or path takes part. For each fruit the grasps of `SampleHanging` are searched, without a map, for one
 whose hand, approach and roll touch nothing by the wall's truth. The arm starts at its pre-grasp. Each variant of a

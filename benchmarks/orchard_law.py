@@ -1,6 +1,6 @@
 """The stems' law beside real pulls: simulated apples are pulled by a hand, and the wrench at its wrist is compared.
 
-    python -m benchmarks.orchard_law --data FOLDER --out docs/reports/orchard_law
+    python -m benchmarks.orchard_law --data FOLDER --out runs/reports/orchard_law
 
 FOLDER holds picks.csv (pick, outcome, …, peak_force_n, peak_torque_nm) of 46 pulls of real
 apples, measured at the wrist of another hand (OSUrobotics/PickApp, MIT). Without it the simulation stands alone.
@@ -81,7 +81,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("--data", type=Path, help="folder of the measured traces")
-    options.add_argument("--out", type=Path, default=Path("docs/reports/orchard_law"))
+    options.add_argument("--out", type=Path, default=Path("runs/reports/orchard_law"))
     options.add_argument("--walls", type=int, default=4)
     options.add_argument(
         "--sensitivity",

@@ -1,6 +1,6 @@
 """Simulated walls picked by the tree `pick_tree`, judged by the wall's own truth, in a report.
 
-    python -m benchmarks.orchard_pick --walls 201..203 --leaves 0 --out docs/reports/orchard_pick
+    python -m benchmarks.orchard_pick --walls 201..203 --leaves 0 --out runs/reports/orchard_pick
     python -m benchmarks.orchard_pick --walls 201..203 --stops=-350,0,350      # places of the base, one after the other
 
 Each stop at a wall is one run of the command `pomona run`, with the wall's own seed. It begins with the apples that the
@@ -265,7 +265,7 @@ def report(measured: Sequence[Mapping[str, Any]], out: Path) -> str:
         f"Simulated, at commit {commits} by `make orchard`. The tree is experimental. None of these walls was used for",
         "tuning. Perception is the shipped detector; ground truth serves the score alone. Stems break by the",
         "wall's law, whose bending strength is assumed and carries this motion",
-        f"([decision](../../evidence/detach-by-rolling.md)). Numbers of the wall: {walls[0]['truth'].get('numbers')}.",
+        f". Numbers of the wall: {walls[0]['truth'].get('numbers')}.",
         "",
         "| figure | apples | share | 95 % interval |",
         "|---|---|---|---|",

@@ -1,6 +1,6 @@
 """The paper's tables beside ours, from a campaign of its cells.
 
-    python -m benchmarks.paper_report benchmarks/paper.yaml runs/campaign_paper --out docs/reports/paper
+    python -m benchmarks.paper_report benchmarks/paper.yaml runs/campaign_paper --out runs/reports/paper
 
 Ours are measured against the simulated world's truth, which no skill can read.
 """

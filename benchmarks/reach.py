@@ -5,7 +5,7 @@
 `demonstrate` lets the planner move the simulated arm to drawn goals, records the runs and exports the records as
 `pomona runs export --to lerobot` does. `train` reads that dataset and nothing else. `judge` tries the clone on goals
 never shown, without physics and as the skill `Policy` in the simulated cell, and measures by the simulated joints how
-far from the goal the tool's point came to rest. docs/evidence/policy-reach.md has the reasons.
+far from the goal the tool's point came to rest.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Run by mkdocs (the plugin gen-files). The README is the overview; commands come from their parsers, skills and ports
 from their declarations, nodes from their types with a drawn example each, failure codes from their file, modules from
-their docstrings, and decisions and reports from their folders.
+their docstrings, and model cards from their folder.
 """
 
 from __future__ import annotations
@@ -79,8 +79,6 @@ def overview() -> str:
         words, target = found[1], found[2]
         if target.startswith("http"):
             return found[0]
-        if target == "docs/decisions/":
-            return f"[{words}](reference/decisions.md)"
         return f"[{words}]({target[5:]})" if target.startswith("docs/") else f"`{target}`"
 
     return re.sub(r"(?<!!)\[([^\]]*)\]\(([^)]*)\)", link, text).replace(
@@ -187,32 +185,11 @@ def title_of(page: Path) -> str:
 
 
 def listed(pages: list[Path]) -> str:
-    """A list of pages in docs/, as links, or with their path where they lie outside the site."""
+    """A list of pages in docs/, as links."""
     return (
         "\n".join(f"- [{title_of(page)}](../{page.relative_to(DOCS).as_posix()})" for page in pages)
         + "\n"
     )
-
-
-DECISION = re.compile(r"^\*Decision (\d+) · (\d{4}-\d\d-\d\d) · ([^*\n]+)\*$", re.MULTILINE)
-
-
-def decisions(kept: list[Path], evidence: list[Path]) -> str:
-    """Return the index of decisions, the newest first: those of the site, then the numbers of all pages of evidence."""
-    told = "Each page has a context, a decision and its consequence; the measurements lie in docs/evidence."
-    also = "Measurements and earlier decisions, by the number of their decision, with their path in the repository."
-    return f"# Decisions\n\n{told}\n\n{indexed(kept)}\n\n## Evidence\n\n{also}\n\n{indexed(evidence)}\n"
-
-
-def indexed(pages: list[Path]) -> str:
-    """Return a table of numbered pages, the newest first."""
-    rows: list[tuple[int, str]] = []
-    for page in pages:
-        number, date, status = DECISION.search(page.read_text("utf-8")).groups()  # type: ignore[union-attr]
-        link = f"[{title_of(page)}](../{page.relative_to(DOCS).as_posix()})"
-        rows.append((int(number), f"| {number} | {link} | {date} | {status} |"))
-    head = "| number | decision | taken | status |\n|---|---|---|---|\n"
-    return head + "\n".join(row for _number, row in sorted(rows, reverse=True))
 
 
 write("overview.md", overview())
@@ -250,12 +227,6 @@ write(
 )
 write("reference/ports.md", ports(own))
 write(
-    "reference/decisions.md",
-    decisions(sorted((DOCS / "decisions").glob("*.md")), sorted((DOCS / "evidence").glob("*.md"))),
-)
-cards, reports = (sorted((DOCS / folder).rglob("*.md")) for folder in ("model_cards", "reports"))
-write(
-    "reference/reports.md",
-    f"# Reports and model cards\n\n{listed(cards)}\nReports lie in the repository. Each names its command.\n"
-    f"\n{listed(reports)}",
+    "reference/model_cards.md",
+    f"# Model cards\n\n{listed(sorted((DOCS / 'model_cards').glob('*.md')))}",
 )

@@ -3,7 +3,7 @@
     python scripts/measured.py refine make bench-refine
     python scripts/measured.py grasp python -m benchmarks.bench_grasp --ours --world lugre
 
-writes docs/reports/measured/refine.md. The README quotes these pages, and a test holds it against them.
+writes runs/reports/measured/refine.md: what a row of docs/results.json needs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from pomona.executive.values.installation import commit_here
 
 ROOT = Path(__file__).resolve().parents[1]
-MEASURED = ROOT / "docs" / "reports" / "measured"
+MEASURED = ROOT / "runs" / "reports" / "measured"
 
 
 def machine() -> str:

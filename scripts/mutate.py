@@ -1,6 +1,6 @@
 """How much of the pure mathematics the tests hold: one small change at a time, and whether a test finds it.
 
-    python scripts/mutate.py [--most 60] [--seed 1] [--only geometry] [--report docs/reports/mutation/report.md]
+    python scripts/mutate.py [--most 60] [--seed 1] [--only geometry] [--report runs/reports/mutation.md]
 
 Every module of `MATHEMATICS` is changed in one place (a sign, an operator, a comparison, a number), its tests run in a
 process of their own, and the change counts as found when one of them fails, or takes ten times as long as all of them

@@ -1,6 +1,6 @@
 """Hooks of mkdocs: tests become footnotes, whole trees are drawn below their text, tables of words come from the code.
 
-Evidence (docs/evidence, docs/reports) and pages of leaves lie outside the site: a link becomes a repository path.
+Pages of leaves lie outside the site: a link becomes a repository path.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ PROOF = r"`(?:[\w/]+\.py::)?test_\w+(?:\.py(?:::\w+)*)?`|`test_[\w/.:]+`"
 IN_TEXT = re.compile(rf"\s*\((?:{PROOF})(?:,\s+(?:{PROOF}))*\)")
 EMPTY_HEADER = re.compile(r"<th([^>]*)>\s*</th>")
 OUTSIDE = re.compile(
-    r"\[([^\]]*)\]\((?:\.\./|docs/)*((?:evidence|reports|(?:executive|drivers|skills)/pomona)/[\w./-]*)(?:#[\w-]+)?\)"
+    r"\[([^\]]*)\]\((?:\.\./)*((?:executive|drivers|skills)/pomona/[\w./-]*)(?:#[\w-]+)?\)"
 )
 TABLE_OF_WORDS = re.compile(r"^\{words: (\w+)\}$", re.MULTILINE)
 KINDS = {"composites": Composite, "leaves": Leaf, "modifiers": Modifier}
@@ -45,7 +45,7 @@ def table_of_words(kind: str) -> str:
 
 def _path_outside(found: re.Match[str]) -> str:
     """Return the path in the repository, below a text of several words also the text."""
-    path = f"`{found[2] if '/pomona/' in found[2] else 'docs/' + found[2]}`"
+    path = f"`{found[2]}`"
     return f"{found[1]} ({path})" if found[1].count(" ") > 1 else path
 
 

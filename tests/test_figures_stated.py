@@ -1,33 +1,27 @@
-"""Every figure of the README, a report or a model card has the command that measures it and the commit at which it was
-measured, and the README's are those of the report that they name."""
+"""Every figure of docs/results.json has a command and a commit; the README, model cards and links agree with it."""
 
 from __future__ import annotations
 
 import re
 import shlex
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from pomona.executive.commands.command_line import command_names
+from scripts.results import PAGE, page, read_rows
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
-REPORTS = sorted(
-    [*(ROOT / "docs" / "reports").glob("*/*.md"), *(ROOT / "docs" / "model_cards").glob("*.md")]
-)
+CARDS = sorted((ROOT / "docs" / "model_cards").glob("*.md"))
+ROWS = {row["id"]: row for row in read_rows()}
+NEEDED = {"id", "subject", "claim", "figure", "command"}
+KNOWN = NEEDED | {"commit", "recorded", "interval", "cases", "seeds", "measured", "judge", "note"}
 COMMAND = re.compile(r"`((?:make|pomona|python -m) [^`]+)`")
 COMMIT = re.compile(r"(?<![\w#])`([0-9a-f]{7,12})\+?`")
 NUMBER = re.compile(r"(?<![\w.])\d{1,3}(?: \d{3})+(?![\d.])|(?<![\w.])\d+(?:\.\d+)?")
 TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-
-
-def rows() -> list[str]:
-    """The rows of the README's table of figures."""
-    section = README.partition("\n## Measured results\n")[2].partition("\n## ")[0]
-    return [line for line in section.splitlines() if line.startswith("| ")][1:]
 
 
 def is_there(command: str) -> bool:
@@ -47,53 +41,77 @@ def git(*words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def numbers(text: str) -> Iterator[str]:
-    """Every number of a text, thousands without their space."""
-    return (found.replace(" ", "") for found in NUMBER.findall(text))
+def numbers(text: str) -> set[float]:
+    """Every number of a text."""
+    return {float(found.replace(" ", "")) for found in NUMBER.findall(text)}
 
 
-@pytest.mark.parametrize("row", rows(), ids=lambda row: row.split("|")[1].strip()[:40])
-def test_a_row_of_the_readme_has_its_command_its_commit_and_figures_that_its_report_has(
-    row: str,
-) -> None:
-    _, _what, figures, source, _ = (
-        row.split(" | ") if row.count(" | ") > 2 else ("", *row.strip("| ").split(" | "), "")
-    )
-    (command,) = COMMAND.findall(source)
-    assert is_there(command), command
-    assert COMMIT.search(source), "at which commit?"
-    (link,) = re.findall(r"\]\((docs/[^)]+)\)", source)
-    report = (ROOT / link).read_text("utf-8")
-    assert COMMIT.search(source)[1] in report, f"{link} is of another commit"  # type: ignore[index]
-    had = [float(number) for number in numbers(report)]
-    had += [100.0 * value for value in had]  # a share as a percentage
-    for number in numbers(figures):
-        digits = len(number.partition(".")[2])
-        assert any(round(value, digits) == float(number) for value in had), (
-            f"{link} says no {number}"
-        )
+def test_the_page_of_results_is_what_its_script_writes() -> None:
+    assert PAGE.read_text("utf-8") == page(read_rows()), "run `make results`"
 
 
-@pytest.mark.parametrize("report", REPORTS, ids=lambda page: page.stem)
-def test_a_report_names_its_command_and_its_commit(report: Path) -> None:
-    text = report.read_text("utf-8")
-    commands = COMMAND.findall(text)
-    assert commands
-    assert [command for command in commands if not is_there(command)] == []
-    assert COMMIT.search(text)
+def test_a_row_is_whole() -> None:
+    assert len(ROWS) == len(read_rows()), "two rows have one id"
+    for row in ROWS.values():
+        assert row.keys() >= NEEDED, row["id"]
+        assert row.keys() <= KNOWN, row["id"]
+        assert ("commit" in row) != ("recorded" in row), row["id"]
+        assert numbers(row["figure"]), row["id"]
+
+
+def test_the_commands_of_results_and_model_cards_are_there() -> None:
+    named = {row["command"] for row in ROWS.values()}
+    for card in CARDS:
+        named |= set(COMMAND.findall(card.read_text("utf-8")))
+    assert [command for command in sorted(named) if not is_there(command)] == []
 
 
 def test_every_commit_that_is_named_is_one_of_this_repository() -> None:
     if git("rev-parse", "--is-shallow-repository").stdout.strip() != "false":
         pytest.skip("no history here")
-    named = {
-        commit
-        for page in (ROOT / "README.md", *REPORTS)
-        for commit in COMMIT.findall(page.read_text("utf-8"))
+    named = {row.get("commit") or row["recorded"] for row in ROWS.values()}
+    for document in (ROOT / "README.md", PAGE, *CARDS):
+        named |= set(COMMIT.findall(document.read_text("utf-8")))
+    history = git("rev-list", "HEAD").stdout.split()
+    assert [one for one in sorted(named) if not any(each.startswith(one) for each in history)] == []
+
+
+def test_the_figures_of_the_readme_are_those_of_the_rows_that_it_names() -> None:
+    section = README.partition("\n## Measured results\n")[2].partition("\n## ")[0]
+    lines = [line for line in section.splitlines() if "results.md#" in line]
+    assert lines
+    for line in lines:
+        _task, figure, source = line.strip("| ").split(" | ")
+        row = ROWS[re.findall(r"docs/results\.md#([\w.-]+)", source)[0]]
+        stated = numbers(" ".join([row["figure"], row.get("interval", ""), row.get("note", "")]))
+        assert numbers(figure) - stated == set(), f"{row['id']} says otherwise"
+
+
+def test_every_place_in_decisions_and_results_that_is_linked_exists() -> None:
+    text = {
+        name: (ROOT / "docs" / name).read_text("utf-8") for name in ("decisions.md", "results.md")
     }
-    assert len(named) > 3
-    assert [
-        commit
-        for commit in sorted(named)
-        if git("merge-base", "--is-ancestor", commit, "HEAD").returncode
-    ] == []
+    places = {
+        "decisions.md": {
+            slug(title) for title in re.findall(r"^#+ (.+)$", text["decisions.md"], re.M)
+        },
+        "results.md": {slug(title) for title in re.findall(r"^#+ (.+)$", text["results.md"], re.M)}
+        | ROWS.keys(),
+    }
+    missing = []
+    for name in git("ls-files", "*.md", "*.py", "*.yaml", "*.toml", "*.json").stdout.split():
+        file = ROOT / name
+        linked = (
+            re.findall(r"\b(decisions|results)\.md#([\w.-]+\w)", file.read_text("utf-8"))
+            if file.is_file()
+            else ()
+        )
+        missing += [
+            f"{name}: {page}.md#{at}" for page, at in linked if at not in places[f"{page}.md"]
+        ]
+    assert missing == []
+
+
+def slug(title: str) -> str:
+    """Return the anchor that a heading gets in the repository and on the site."""
+    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")

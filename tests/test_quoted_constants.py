@@ -14,7 +14,7 @@ QUOTED = re.compile(r"(\d+(?:\.\d+)?) ?([A-Za-z]*)`?<!-- (pomona\.[\w.]*)\.(\w+)
 UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "kB": 1024.0, "MB": 1e6, "bytes": 1.0, "viewers": 1.0}
 PAGES = [
     ROOT / "README.md",
-    *sorted(page for page in (ROOT / "docs").rglob("*.md") if "evidence" not in page.parts),
+    *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "executive" / "pomona" / "tools").rglob("*.md")),
 ]
 

@@ -43,7 +43,7 @@ ROBOTIQ_2F_85 = _piece(
     "0 mm",
     (
         "robot.xml: its fingers slide along the line that touches the linkage's circle at 65 mm.",
-        "With force fingers on its pads a light fruit slips on the twin: docs/reports/arms.md.",
+        "With force fingers on its pads a light fruit slips on the twin: docs/results.md#two-finger-85.",
         "Fruit of 76 mm at most between its fingertips, which open by 85 mm.",
     ),
     ("fruit=apple_4",),

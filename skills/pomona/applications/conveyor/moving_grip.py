@@ -22,7 +22,7 @@ FIRST_FORCE, MOST = (
 GRAVITY = 9.81  # [m/s²]
 PUSH, PUSH_SIZE = 3.7, 0.076
 """Force with which one finger may push a fruit of this diameter [N, m], and it grows with the square: half of the force
-that browns the flesh (docs/evidence/detach-by-rolling.md). A large apple rests on the belt with more force than 3 N."""
+that browns the flesh (Hertz's law at 0.10 MPa). A large apple rests on the belt with more force than 3 N."""
 
 
 def grip_settings(

@@ -29,7 +29,7 @@ HARDER = 1.5
 """By which the limit grows with each of these steps [N]; a step that the fruit follows sets it back."""
 BEARS = 960.0
 """Largest limit over the square of the fruit's width [N/m²]: three quarters of the force that browns an apple, 7.4 N
-at 76 mm (docs/evidence/orchard-wall.md)."""
+at 76 mm (Hertz's law at 0.10 MPa)."""
 EDGES = BEARS / 1.5**2
 """The same of the fingers' edges, whose contact is 1.5 times as stiff (trees/walls/apple_wall.yaml)."""
 ENOUGH = 0.015

@@ -53,7 +53,7 @@ from pomona.skills.motion import Grasp, OccupancyMap, arm_space
 from pomona.skills.perception import AllDetections, MeasuredFruit, mass_of
 
 DENSITY = 850.0
-"""Of an apple [kg/m³], where its kind has no weighed fruit: docs/decisions/orchard-wall.md."""
+"""Of an apple [kg/m³], where its kind has no weighed fruit."""
 
 LONGEST = 0.06
 """Longest step of the controller [s]: a tick that comes later was stalled or paused, and the hand has stood since."""

@@ -1,7 +1,7 @@
 """Detaching a hanging fruit: draw it out lightly and roll the hand until its stem breaks.
 
 The hand draws the fruit with a small force by admittance and turns about its approach axis. The stem then breaks by
-bending, at a fraction of the force of a straight pull (docs/evidence/detach-by-rolling.md). One
+bending, at a fraction of the force of a straight pull. One
 `DetachController` serves one grasp; it knows no device: each step takes the pads' wrenches and returns velocities.
 
 The roll is measured from the hand's pose. The set-points wait for a hand that is slow or was paused, and so does the

@@ -1,8 +1,9 @@
 """Settings of a grip, with defaults that hold an apple.
 
-Every line has the quantity with its unit, the effect of a larger value, and the source: the paper, or a page of
-docs/decisions/ without its "grasp-". Those of the force loop have the quantity alone. Defaults were found on the random
-lifts of `make bench-grasp` and on picks of the simulated cell. Another gripper, sensor or fruit may need other values.
+Every line has the quantity with its unit, the effect of a larger value, and the source: the paper, or an entry of
+docs/decisions.md (lying-sensors is "Grip: lying sensors"). Those of the force loop have the quantity alone. Defaults were
+found on the random lifts of `make bench-grasp` and on picks of the simulated cell. Another gripper, sensor or fruit may
+need other values.
 """
 
 from __future__ import annotations

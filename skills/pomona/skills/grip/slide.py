@@ -23,7 +23,7 @@ CAME_ALONG = 0.2  # ratio of unchanged to changing part above which the fruit wa
 
 LIGHT, LIGHT_NOW = 0.4, 0.65
 """Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
-force, and with the sum of both fingers, of which one may press more (docs/evidence/pick-pace.md)."""
+force, and with the sum of both fingers, of which one may press more (docs/decisions.md#grip-pick-pace)."""
 
 NOT_SQUARE = (
     0.04  # relative uncertainty of friction from one direction (15 fruits of the simulated cell)

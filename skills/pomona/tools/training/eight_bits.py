@@ -2,7 +2,7 @@
 
 Parameters stay in the file in half precision under their names, so that training goes on from it. The graph holds the
 scales, and ONNX Runtime folds the rounding of parameters when it loads the graph. The first and the last layers keep
-float32: rounded, they move keypoints by 1.3 px (docs/decisions/detect-onnx-runtime.md).
+float32: rounded, they move keypoints by 1.3 px (3.1 to 4.4 px of 63 apples).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ A weights file is a zip archive of three members:
 
 The score is fitted to heat, box quality and the close look's kind. Products of powers of these cost one domain several
 points of recall: heat separates better on photographs, kind on rendered frames. A net of a few units serves both with
-one threshold (docs/evidence/detect-photographs.md).
+one threshold (docs/decisions.md#photographs-have-a-weights-file-of-their-own).
 """
 
 from __future__ import annotations
