@@ -7,6 +7,7 @@ import pytest
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell, find_tree
 from pomona.executive.running.events import Event, NodeChanged
+from pomona.executive.running.runner import Runner
 
 pytestmark = pytest.mark.slow
 
@@ -49,3 +50,24 @@ def test_a_fault_while_a_fruit_is_carried_stops_the_arm_and_after_the_reset_it_i
     assert names.index("Wait for the reset") < names.index("Home") < names.index("Done")
     between = [name for at, name in nodes if 7.1 < at < 10.0]
     assert between == ["Wait for the repair"]
+
+
+@pytest.mark.xfail(strict=True, reason="finding 1.4: a level counts as an order")
+def test_an_order_that_stands_before_the_run_begins_starts_nothing() -> None:
+    path = find_cell("sim_plc")
+    text = path.read_text("utf-8")
+    order = "start: {follows: ready, delay: 500 ms}"
+    assert order in text
+    texts = {str(path): text.replace(order, "start: {during: 0 s..1000 h}")}
+    settings = {**USUAL, "others": "0", "orders": "1", "patience": "500 ms"}
+    runners: list[Runner] = []
+    moving: list[str] = []
+
+    def stop_the_first_motion(event: Event) -> None:
+        if isinstance(event, NodeChanged) and event.path.endswith("/Move to look"):
+            moving.append(event.status)
+            runners[0].safe_stop("the test has seen enough")
+
+    run_order = RunOrder(find_tree("pick_for_plc"), path, 3, settings, texts=texts)
+    execute(run_order, [stop_the_first_motion], on_ready=runners.append)
+    assert moving == []

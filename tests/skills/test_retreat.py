@@ -11,6 +11,7 @@ from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform
 from pomona.skills.motion.lines import STEP, straight_line
 from pomona.skills.retreat import Retreat
+from tests.skills.overhead import watched
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp
 
 GRASP = a_grasp(theta=np.pi / 6.0)
@@ -246,3 +247,16 @@ def test_without_a_force_sensor_an_interrupted_retreat_opens_nothing():
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     assert len(scene.gripper.moves) == 1
+
+
+@pytest.mark.xfail(strict=True, reason="finding 3.1: the way back is not watched")
+def test_the_arm_does_not_go_back_to_where_a_camera_sees_a_hand():
+    scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width)
+    devices, camera = watched(scene)
+    scene.clock.advance(0.2)
+    x, y, z = GRASP.T_base_pre_grasp[:3, 3]
+    camera.balls = ((x + 0.12, y, z, 0.04),)
+    outcome = drive(Retreat(), {"grasp": GRASP}, devices, clock=scene.clock)
+    assert outcome.status is Status.FAILURE
+    assert outcome.reason.code == "PATH_BLOCKED"
+    np.testing.assert_allclose(scene.arm.q, LINE[len(LINE) // 2], atol=0.02)

@@ -65,6 +65,14 @@ class Rig:
         """Return a motion from where the arm is, that comes near to the limits of some joints."""
         raise NotImplementedError
 
+    def foreign(self) -> None:
+        """Another master gives a set-point 0.05 rad away."""
+        pytest.skip("has no other master")
+
+    def slow_down(self, rate: float) -> None:
+        """Let the controller's time pass at this rate of the host's from now on."""
+        pytest.skip("has no time of its own")
+
     def to(self, change: np.ndarray) -> Trajectory:
         """Return the motion that changes the joints by this, (dof,) [rad]."""
         return rest_to_rest(np.array([self.q, self.q + change]), self.limits, 0.8)
@@ -153,11 +161,42 @@ class SimRig(Rig):
         return self.to(np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9]))
 
 
-class MotomanRig(Rig):
+class EmulatedRig(Rig):
+    """A driver against an emulated controller on `FreeJoints`.
+
+    Attributes:
+        late: name of a wire, and by how much later it brings what the controller sends [s].
+    """
+
+    cell: Any
+    holds_up = True
+    late: tuple[str, float] = ("", 0.0)
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.cell.joints.measured()[0]
+
+    def slow_down(self, rate: float) -> None:
+        self.cell.controller.clock.rate = rate
+
+    def delay(self) -> None:
+        """Let the wire be late; called before the connection."""
+        name, seconds = self.late
+        opened = self.cell.open
+
+        def open_late(port: Any) -> Any:
+            connection = opened(port)
+            if name and port in (name, getattr(self.cell.controller, name)):
+                connection.late = seconds
+            return connection
+
+        self.cell.open = open_late
+
+
+class MotomanRig(EmulatedRig):
     """The driver of MotoROS against the emulated controller."""
 
     period = 0.001
-    holds_up = True
     shares = (
         1.01,
         1.5,
@@ -170,6 +209,7 @@ class MotomanRig(Rig):
         super().__init__(monkeypatch)
         self.cell = test_driver.Cell()
         self.limits = test_driver.LIMITS
+        self.delay()
         self.arm = test_driver.connected(self.cell)
         self._serve = test_driver.serve
         self._measured = self.cell.controller._measured
@@ -186,10 +226,6 @@ class MotomanRig(Rig):
 
         self.cell.clock.advance = advanced  # type: ignore[method-assign]
         self.cell.controller._halt = halted  # type: ignore[method-assign]
-
-    @property
-    def q(self) -> np.ndarray:
-        return self.cell.joints.measured()[0]
 
     def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
         self._serve(self.arm, self.cell, seconds, until)
@@ -215,11 +251,10 @@ class MotomanRig(Rig):
         )
 
 
-class UrRig(Rig):
+class UrRig(EmulatedRig):
     """The driver of Universal Robots against the emulated controller, which executes its script."""
 
     period = 0.002
-    holds_up = True
     shares = (1.01, 1.5, np.inf)  # cubics between knots 20 ms apart: their acceleration jumps
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -244,13 +279,10 @@ class UrRig(Rig):
             end_program()
 
         controller.servo = served  # type: ignore[method-assign]
+        self.delay()
         self.arm = test_driver.connected(self.cell)
         controller.end_program = ended  # type: ignore[method-assign]
         self._serve = test_driver.serve
-
-    @property
-    def q(self) -> np.ndarray:
-        return self.cell.joints.measured()[0]
 
     def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
         self._serve(self.arm, self.cell, seconds, until)
@@ -265,15 +297,17 @@ class UrRig(Rig):
     def hold_up(self, seconds: float) -> None:
         self.cell.let_pass(seconds)
 
+    def foreign(self) -> None:
+        self.cell.controller.inject_fault("replaced")
+
     def path(self) -> Trajectory:
         return self.to(np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6]))
 
 
-class XArmRig(Rig):
+class XArmRig(EmulatedRig):
     """The driver of UFACTORY arms against the emulated controller, in servo mode."""
 
     period = 0.004
-    holds_up = True
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         from tests.drivers.devices.xarm import test_driver
@@ -291,13 +325,10 @@ class XArmRig(Rig):
                 self.stop_noting()  # it brakes by itself
             return answer(register, body)
 
+        self.delay()
         self.arm = test_driver.connected(self.cell)
         controller.answer = answered  # type: ignore[method-assign]
         self._serve = test_driver.serve
-
-    @property
-    def q(self) -> np.ndarray:
-        return self.cell.joints.measured()[0]
 
     def serve(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
         self._serve(self.arm, self.cell, seconds, until)
@@ -311,6 +342,10 @@ class XArmRig(Rig):
 
     def hold_up(self, seconds: float) -> None:
         self.cell.let_pass(seconds)
+
+    def foreign(self) -> None:
+        there = struct.pack("<7f", *(self.q + 0.05), 0.0)
+        self.cell.controller.answer(29, there + bytes(12))
 
     def path(self) -> Trajectory:
         return self.to(np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6]))
@@ -361,6 +396,20 @@ class Ros2Rig(Rig):
     def hold_up(self, seconds: float) -> None:
         for _ in range(round(seconds / self.period)):
             self.controller.advance(self.period)
+
+    def foreign(self) -> None:
+        from tests.drivers.devices.ros2 import test_ros2_arm as of
+
+        there = self.q + 0.05
+        point = {
+            "positions": there,
+            "velocities": 0.0 * there,
+            "time_from_start": of.stamped(0.2),
+        }
+        header = {"stamp": of.stamped(0.0), "frame_id": ""}
+        fields = {"header": header, "joint_names": list(of.JOINTS), "points": [point]}
+        message = of.coder(of.TRAJECTORY).coded(fields)
+        self.controller.publish(self.arm.options.commands, of.TRAJECTORY, message, 0)
 
     def path(self) -> Trajectory:
         return self.to(np.array([0.8, -0.6, 0.3]))

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from pomona.executive.cell.cell_file import read_cell_file
+from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.cell_file import CellFile, read_cell_file
+from pomona.executive.cell.connect import connect_cell
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell
 from pomona.executive.recording.session import RecordingSession
@@ -136,3 +138,27 @@ def test_a_process_that_is_killed_leaves_no_lock(order: RunOrder) -> None:
 def test_a_cell_that_is_not_on_the_disk_needs_no_lock(tmp_path: Path) -> None:
     with alone_on(tmp_path / "none.yaml", "real"):
         pass
+
+
+@pytest.mark.xfail(strict=True, reason="finding 4.1: the recovery takes the file's own addresses")
+def test_a_recovery_connects_the_devices_that_the_order_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tree, cell, bare = tmp_path / "tree.yaml", tmp_path / "cell.yaml", tmp_path / "bare.yaml"
+    tree.write_text(TREE)
+    bare.write_text(CELL)
+    hand = "  gripper: {driver: wsg, tcp: '{hand}'}\n"
+    cell.write_text(f"name: bench\nkind: real\noptions: {{hand: 192.0.2.7}}\ndevices:\n{hand}")
+    (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
+    connected: list[tuple[str, ...]] = []
+
+    def connect_bare(file: CellFile, seed: int, cleared: bool) -> Cell:
+        connected.append(file.wires())
+        return connect_cell(read_cell_file(bare), seed=seed, cleared=cleared)
+
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("pomona.executive.execute.connect_cell", connect_bare)
+    there = "192.0.2.8:1000"
+    executed = execute(RunOrder(tree, cell, settings={"hand": there}, recover=True))
+    assert executed.result.outcome == "success"
+    assert connected == [(there,), (there,)]

@@ -83,6 +83,26 @@ def world_of(cell: Cell) -> SimWorld:
     return cast("SimWorld", cell.devices["world"])
 
 
+class OwnTime:
+    """Time of a controller, which may go slower than the world's.
+
+    Attributes:
+        rate: its seconds in a second of the world.
+    """
+
+    def __init__(self) -> None:
+        self.rate = 1.0
+        self._then: float | None = None
+        self._behind = 0.0
+
+    def at(self, now: float) -> float:
+        """Return the controller's time at a time of the world [s], which never goes back."""
+        if self._then is not None:
+            self._behind += (1.0 - self.rate) * (now - self._then)
+        self._then = now
+        return now - self._behind
+
+
 class SimJoints:
     """The simulated arm's joints as an emulated controller drives them: position set-points with feed-forward."""
 

@@ -9,7 +9,12 @@ from pomona.drivers import GripperLimits, GripperMotion, GripperState, MotionRef
 
 
 class FreeGripper:
-    """Implements `Gripper`; widths are those of the jaws."""
+    """Implements `Gripper`; widths are those of the jaws.
+
+    Attributes:
+        obstacle: width that the jaws cannot close below [m]: a part between them, or a hand.
+        stiffness: of the obstacle, for one finger [N/m]; the jaws press it together by their force.
+    """
 
     limits = GripperLimits(0.0, 0.068, 0.4, 50.0)
 
@@ -17,9 +22,18 @@ class FreeGripper:
         self._now, self._then = now, now()
         self._width, self._speed = width, 0.0
         self._motion: GripperMotion | None = None
-        self.obstacle: float | None = (
-            None  # width that the jaws cannot close below [m]: a part between them, or a hand
-        )
+        self.obstacle: float | None = None
+        self.stiffness = math.inf
+        self._strength = self.limits.force_max
+
+    @property
+    def force(self) -> float:
+        """Force of one finger on an elastic obstacle [N]."""
+        return self.stiffness * max((self.obstacle or 0.0) - self.state().width, 0.0) / 2.0
+
+    def limit_force(self, force: float) -> None:
+        """Press with this force of one finger at most [N], from the next motion on."""
+        self._strength = min(force, self.limits.force_max)
 
     def state(self) -> GripperState:
         """Where the fingers are now [m], as they move by themselves."""
@@ -49,11 +63,8 @@ class FreeGripper:
 
     def _advance(self) -> None:
         now = self._now()
-        low = (
-            self.limits.width_min
-            if self.obstacle is None
-            else max(self.obstacle, self.limits.width_min)
-        )
+        deepest = (self.obstacle or 0.0) - 2.0 * self._strength / self.stiffness
+        low = max(deepest, self.limits.width_min)
         reached = self._width + self._speed * (now - self._then)
         self._then = now
         motion = self._motion if self._motion is not None and not self._motion.ended else None

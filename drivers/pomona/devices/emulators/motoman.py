@@ -13,6 +13,7 @@ from pomona.devices.emulators.emulated import (
     EmulatedDevice,
     EmulatedWire,
     EmulatorKind,
+    OwnTime,
     SimJoints,
     world_of,
 )
@@ -88,6 +89,7 @@ class MotomanEmulator(FaultSwitch):
         silent: the cable is pulled.
         buffer: how much motion the queue holds [s].
         gaps: how often the queue ran empty while the arm moved.
+        clock: its own time.
     """
 
     known_faults = (
@@ -118,7 +120,7 @@ class MotomanEmulator(FaultSwitch):
         self.e_stopped = self.teach = self.hold = self.silent = False
         self.remote = True
         self.alarm = 0
-        self.buffer, self.gaps = buffer, 0
+        self.buffer, self.gaps, self.clock = buffer, 0, OwnTime()
         self.motion, self.state = _MotionPort(self, order), _StatePort(self, order)
         self._joints, self._velocity = joints, velocity
         self._dof = len(velocity)
@@ -177,6 +179,7 @@ class MotomanEmulator(FaultSwitch):
 
     def advance(self, now: float) -> None:
         """Interpolate between the points of the queue, push the state."""
+        now = self.clock.at(now)
         elapsed, self._now = now - self._now, now
         self._play(max(elapsed, 0.0))
         if self._servo_due is not None and now >= self._servo_due:

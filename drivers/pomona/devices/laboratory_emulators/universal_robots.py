@@ -14,6 +14,7 @@ from pomona.devices.emulators.emulated import (
     EmulatedDevice,
     EmulatedWire,
     EmulatorKind,
+    OwnTime,
     SimJoints,
     world_of,
 )
@@ -77,6 +78,8 @@ class UrEmulator(FaultSwitch):
     Attributes:
         model, version, remote: what the dashboard answers; the version also RTDE.
         mode, safety, runtime, slider: as RTDE reports them.
+        cycle: of its control [s]: 2 ms, 8 ms of a CB3. clock: its own time.
+        scaling: share of its speed to which it slows its motions down by itself; they take longer.
         bus: input fields that a field bus owns.
         program: name of the running program, or None.
         tcp_force, tcp_pose: at the tool, (6,) [N, N·m], and of the tool, with a rotation vector, (6,) [m, rad].
@@ -119,6 +122,8 @@ class UrEmulator(FaultSwitch):
         )
         self.model, self.version, self.remote = model, (5, 23, 0, 0), True
         self.safety, self.mode, self.runtime, self.slider, self.status = 1, 7, 1, 1.0, 1
+        self.cycle, self.scaling, self.clock = CYCLE, 1.0, OwnTime()
+        self._owed = 0.0  # time of servoj that has not been served yet [s]
         self.inputs: dict[str, float] = {}
         self.out_int, self.out_float = [0] * 48, [0.0] * 48
         self.bus: set[str] = set()
@@ -211,10 +216,11 @@ class UrEmulator(FaultSwitch):
 
     def advance(self, now: float) -> None:
         """Make the cycles until now."""
+        now = self.clock.at(now)
         self._next = now if self._next is None or now - self._next > 1.0 else self._next
         while self._next <= now + 1e-9:
             self.now = self._next
-            self._next += CYCLE
+            self._next += self.cycle
             self._cycle()
 
     def _cycle(self) -> None:
@@ -241,16 +247,16 @@ class UrEmulator(FaultSwitch):
         self.rtde.push()
 
     def _go(self, wanted: Float64, acceleration: float) -> None:
-        most = acceleration * CYCLE
+        most = acceleration * self.cycle
         self._qd = self._qd + np.clip(wanted - self._qd, -most, most)
-        self._q, self._moved = self._q + self._qd * CYCLE, True
+        self._q, self._moved = self._q + self._qd * self.cycle, True
 
     def _brake(self, acceleration: float) -> None:
         """Stop linearly in joint space: the quickest joint brakes with this [rad/s²]."""
         quickest = float(np.abs(self._qd).max())
-        left = max(1.0 - acceleration * CYCLE / quickest, 0.0) if quickest > 0.0 else 0.0
+        left = max(1.0 - acceleration * self.cycle / quickest, 0.0) if quickest > 0.0 else 0.0
         self._qd = self._qd * left
-        self._q, self._moved = self._q + self._qd * CYCLE, True
+        self._q, self._moved = self._q + self._qd * self.cycle, True
 
     def measured(self) -> tuple[Float64, Float64]:
         """Return the reported positions [rad] and velocities [rad/s], (6,) each."""
@@ -299,12 +305,14 @@ class UrEmulator(FaultSwitch):
             q: Any,
             a: float = 0,
             v: float = 0,
-            t: float = CYCLE,
+            t: float = 0.0,
             lookahead_time: float = 0.1,
             gain: float = 0,
         ):  # type: ignore[no-untyped-def]
-            for _ in range(max(round(t / CYCLE), 1)):
+            self._owed += max(t, self.cycle)
+            while self._owed > 1e-9:
                 self.servo(np.array(q, dtype=np.float64), lookahead_time)
+                self._owed -= self.cycle * self.scaling
                 yield
 
         def movej(q: Any, a: float = 1.4, v: float = 1.05, *_rest: float, **_more: float):  # type: ignore[no-untyped-def]
@@ -312,19 +320,19 @@ class UrEmulator(FaultSwitch):
             way = float(np.abs(end - start).max())
             rise = min(v / a, math.sqrt(way / a))
             whole = 2.0 * rise + max(way - a * rise**2, 0.0) / v
-            for i in range(1, math.ceil(whole / CYCLE) + 1 if way > 1e-9 else 0):
-                t = min(i * CYCLE, whole)
+            for i in range(1, math.ceil(whole / self.cycle) + 1 if way > 1e-9 else 0):
+                t = min(i * self.cycle, whole)
                 up, down = min(t, rise), max(t - (whole - rise), 0.0)
                 done = (
                     a * (rise * t - 0.5 * rise**2 - 0.5 * down**2) if t > rise else 0.5 * a * up**2
                 )
                 q_next = start + (end - start) * (done / way)
-                self._qd, self._q, self._moved = (q_next - self._q) / CYCLE, q_next, True
+                self._qd, self._q, self._moved = (q_next - self._q) / self.cycle, q_next, True
                 yield
             self._qd = np.zeros_like(self._qd)
 
         def speedj(qd: Any, a: float = 1.4, t: float = 0.0):  # type: ignore[no-untyped-def]
-            for _ in range(max(round(t / CYCLE), 1)):
+            for _ in range(max(round(t / self.cycle), 1)):
                 self._go(np.array(qd, dtype=np.float64), a)
                 yield
 
@@ -334,7 +342,7 @@ class UrEmulator(FaultSwitch):
                 yield
 
         def sleep(t: float):  # type: ignore[no-untyped-def]
-            yield from (None for _ in range(max(round(t / CYCLE), 1)))
+            yield from (None for _ in range(max(round(t / self.cycle), 1)))
 
         def sync():  # type: ignore[no-untyped-def]
             yield
@@ -369,7 +377,7 @@ class UrEmulator(FaultSwitch):
             "pose": list,
             **{name: getattr(math, name) for name in ("sqrt", "ceil", "floor")},
             "d2r": math.radians,
-            "get_steptime": lambda: CYCLE,
+            "get_steptime": lambda: self.cycle,
             "is_steady": lambda: bool(np.abs(self._qd).max() < 1e-6),
             "get_actual_joint_positions": lambda: self._q.tolist(),
             "get_target_joint_positions": lambda: self._q.tolist(),
@@ -412,7 +420,7 @@ class UrEmulator(FaultSwitch):
             "runtime_state": self.runtime,
             "robot_status_bits": self.status | (2 if self.program else 0),
             "safety_status_bits": 1 << {1: 0, 2: 1, 3: 2, 5: 4, 7: 6}.get(self.safety, 9),
-            "speed_scaling": self.slider,
+            "speed_scaling": self.slider * self.scaling,
             "target_speed_fraction": self.slider,
             "joint_mode": [253] * 6,
             "actual_TCP_force": self.tcp_force(),
@@ -566,7 +574,7 @@ class _RtdePort(ControllerPort):
     def _subscribe(self, client: _Client, body: bytes) -> None:
         names = [name for name in body[8:].decode().split(",") if name]
         kinds = [_kind(name, "output") for name in names]
-        client.every = max(round(1.0 / CYCLE / struct.unpack_from(">d", body)[0]), 1)
+        client.every = max(round(1.0 / self._robot.cycle / struct.unpack_from(">d", body)[0]), 1)
         client.outputs = [name for name, kind in zip(names, kinds, strict=True) if kind]
         client.layout = struct.Struct(">B" + "".join(LAYOUTS[kind] for kind in kinds if kind))
         client.peer.send(

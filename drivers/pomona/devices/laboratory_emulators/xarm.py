@@ -13,6 +13,7 @@ from pomona.devices.emulators.emulated import (
     EmulatedDevice,
     EmulatedWire,
     EmulatorKind,
+    OwnTime,
     SimJoints,
     world_of,
 )
@@ -54,7 +55,7 @@ class XArmEmulator(FaultSwitch):
     Attributes:
         axes, kind, firmware: of the answer to VERSION.
         state, mode, error, warning, enabled, pressed: as in UFACTORY Studio; `pressed` is the emergency stop.
-        unknown: registers that were asked for and are not here.
+        unknown: registers that were asked for and are not here. clock: its own time.
     """
 
     known_faults = (
@@ -85,6 +86,7 @@ class XArmEmulator(FaultSwitch):
         self.state, self.mode, self.error, self.warning = 4, 0, 0, 0
         self.enabled = self.pressed = False
         self.unknown: set[int] = set()
+        self.clock = OwnTime()
         self._joints, self._velocity = joints, velocity
         self._q, self._qd = joints.measured()[0], np.zeros(len(velocity))
         self._frozen = joints.measured()
@@ -240,6 +242,7 @@ class XArmEmulator(FaultSwitch):
 
     def advance(self, now: float) -> None:
         """Make the cycles until now."""
+        now = self.clock.at(now)
         self._next = now if self._next is None or now - self._next > 1.0 else self._next
         while self._next <= now + 1e-9:
             self._cycle(self._next)

@@ -34,11 +34,14 @@ START = np.array([0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7])
 
 
 class Connection:
-    """One TCP connection, in memory."""
+    """One TCP connection, in memory; what the controller sends comes `late` [s]."""
+
+    late = 0.0
 
     def __init__(self, cell: Cell, port: Any) -> None:
         self.cell, self.port, self.closed, self.broken = cell, port, False, False
         self.arrived = bytearray()
+        self.coming: list[tuple[float, bytes]] = []
         self.peer = Peer(self)
         port.connected(self.peer)
 
@@ -50,10 +53,16 @@ class Connection:
     def receive(self, timeout: float) -> bytes:
         if self.broken:
             raise ConnectionResetError("the connection is broken")
-        self.cell.let_pass(timeout, lambda: bool(self.arrived))
+        self.cell.let_pass(timeout, self.has_arrived)
         chunk = bytes(self.arrived)
         self.arrived.clear()
         return b"" if self.cell.cut else chunk
+
+    def has_arrived(self) -> bool:
+        """Return True if bytes can be received now."""
+        while self.coming and self.coming[0][0] <= self.cell.clock.now():
+            self.arrived += self.coming.pop(0)[1]
+        return bool(self.arrived)
 
     def close(self) -> None:
         self.closed = True
@@ -65,7 +74,12 @@ class Peer:
         self.connection = connection
 
     def send(self, chunk: bytes) -> None:
-        self.connection.arrived += chunk
+        connection = self.connection
+        if connection.late:
+            due = connection.cell.clock.now() + connection.late
+            connection.coming.append((due, chunk))
+        else:
+            connection.arrived += chunk
 
     def close(self) -> None:
         self.connection.closed = True

@@ -13,6 +13,7 @@ from pomona.devices.robotiq.driver import RECONNECT, RobotiqGripper
 from pomona.devices.robotiq.options import MODELS, RobotiqFile
 from pomona.devices.robotiq.session import RtuSession, UrcapSession
 from pomona.drivers import (
+    DeviceError,
     DeviceFault,
     DeviceLost,
     GripperLimits,
@@ -348,3 +349,52 @@ def test_a_gripper_that_does_not_answer_is_refused(way: str) -> None:
     with pytest.raises(DeviceLost, match="does not answer within 1 s"):
         connected(cell, way)
     assert all(connection.closed for connection in cell.opened)
+
+
+def closing(cell: Cell, way: str, to: float = 0.005) -> RobotiqGripper:
+    """A gripper whose fingers are on their way."""
+    gripper = connected(cell, way)
+    gripper.move(to, 0.03)
+    serve(gripper, cell, 0.3)
+    assert cell.fingers.speed < 0.0
+    return gripper
+
+
+@pytest.mark.xfail(strict=True, reason="finding 2.1: no stop is written after a fault or a loss")
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    ("fault", "lasts"), [("hot", 2.0), ("hot", 0.1), ("silent", 0.1), ("silent", 0.4)]
+)
+@pytest.mark.parametrize("stopped", [False, True])
+def test_fingers_that_move_are_stopped_after_a_fault_and_after_a_loss(
+    way: str, fault: str, lasts: float, stopped: bool
+) -> None:
+    if fault == "silent" and way == "urcap" and lasts < 0.3:
+        pytest.skip("too short to be noticed")
+    cell = Cell()
+    gripper = closing(cell, way)
+    cell.gripper.inject_fault(fault)
+    serve(gripper, cell, lasts)
+    if stopped:
+        gripper.safe_stop("an operator's")
+    if fault == "silent":
+        cell.gripper.clear_fault()
+    serve(gripper, cell, 0.1 + RECONNECT)
+    rested = cell.fingers.width
+    serve(gripper, cell, 1.0)
+    assert cell.fingers.width == pytest.approx(rested, abs=1e-4)
+    assert not cell.gripper.written[0] & 8
+    with pytest.raises(DeviceError):
+        gripper.check()
+
+
+@pytest.mark.xfail(strict=True, reason="finding 6: the last command still says go")
+@pytest.mark.parametrize("way", WAYS)
+def test_closing_the_driver_stops_the_fingers(way: str) -> None:
+    cell = Cell()
+    gripper = closing(cell, way)
+    before = cell.fingers.width
+    gripper.close()
+    cell.let_pass(1.0)
+    assert before - cell.fingers.width < 0.03 * 0.1
+    assert not cell.gripper.written[0] & 8

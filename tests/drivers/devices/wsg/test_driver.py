@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from py_trees.common import Status
 
 from pomona.devices.emulators.free_gripper import FreeGripper
 from pomona.devices.emulators.wsg import WsgEmulator
@@ -15,11 +17,13 @@ from pomona.devices.wsg.connect import connect
 from pomona.devices.wsg.driver import RECONNECT, WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
-from pomona.drivers.interfaces import GripperState, MotionState
+from pomona.drivers.interfaces import Gripper, GripperState, MotionState
 from pomona.drivers.services import ConnectContext
 from pomona.executive.cell.owner import Nonsense
 from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
+from pomona.executive.skill_testing import drive
+from pomona.skills.grasp import Grasp
 
 OFFSET = 0.035
 
@@ -636,3 +640,24 @@ def test_a_move_that_outlives_the_wire_is_stopped_when_it_is_open_again(wire: Wi
     assert wire.fingers.state().speed == 0.0
     assert motion.settled
     assert gripper.settled()
+
+
+@pytest.mark.xfail(strict=True, reason="finding 2.2: neither limit reaches the fingers")
+@pytest.mark.parametrize(("limit", "force"), [(None, 6.0), (None, 20.0), (6.0, 30.0)])
+def test_a_grasp_presses_with_its_force_and_with_the_cell_file_s_limit_at_most(
+    wire: Wire, limit: float | None, force: float
+) -> None:
+    wire.fingers.obstacle, wire.fingers.stiffness = 0.028, 6000.0
+    gripper = connected(wire, force_limit=limit)
+    strongest = 0.0
+
+    def serve_it(_tick: int) -> None:
+        nonlocal strongest
+        serve(gripper, wire, 0.02)
+        strongest = max(strongest, wire.fingers.force)
+
+    inputs = {"force": force, "width": OFFSET + 0.005}
+    ended = drive(Grasp(), inputs, {Gripper: gripper}, clock=wire.clock, each_tick=serve_it)
+    assert ended.status is Status.SUCCESS
+    most = min(force / 2.0, math.inf if limit is None else limit)
+    assert 0.8 * most < strongest < 1.15 * most

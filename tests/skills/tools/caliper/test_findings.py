@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from pomona.tools.caliper.estimate import estimate
-from pomona.tools.caliper.findings import corrected, find_error, hidden, known, next_picks
+from pomona.tools.caliper.findings import (
+    corrected,
+    find_error,
+    hidden,
+    is_proven,
+    known,
+    next_picks,
+)
 from tests.skills.tools.caliper.synthetic import looked, made_picks
 
 
@@ -94,3 +101,10 @@ def test_the_corrected_pose_puts_the_fruit_where_the_fingers_felt_them():
     T = corrected(found, np.eye(4))
     at = T[:3, :3] @ (found.centre * (1.0 + found.error[6])) + T[:3, 3]
     assert (at - found.centre)[0] == pytest.approx(7e-3, abs=0.6e-3)
+
+
+@pytest.mark.xfail(strict=True, reason="finding 8.2: one line alone counts as proven")
+def test_picks_along_one_line_prove_no_place():
+    error = np.array([15e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    picks = made_picks(np.random.default_rng(0), error, 3, azimuth=np.pi / 2.0)
+    assert not is_proven(estimate(picks))

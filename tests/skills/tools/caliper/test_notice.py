@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pomona.tools.caliper.estimate import estimate
+from pomona.tools.caliper.findings import find_error
 from pomona.tools.caliper.notice import is_off, log_odds
 from tests.skills.tools.caliper.synthetic import made_pick, made_picks
 
@@ -43,3 +45,15 @@ def test_more_scatter_needs_more_picks():
     picks = made_picks(np.random.default_rng(0), SHIFTED, 5)
     assert log_odds(picks) > log_odds(picks, 2.0) > log_odds(picks, 4.0)
     assert log_odds(picks, 0.5) == log_odds(picks)
+
+
+@pytest.mark.xfail(strict=True, reason="finding 8.1: old picks weigh as much as the newest ones")
+@pytest.mark.parametrize("good", [8, 24])
+def test_a_camera_that_is_pushed_after_good_picks_is_noticed_within_six_picks(good: int):
+    noticed = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        before = made_picks(rng, np.zeros(8), good)
+        pushed = [*before, *made_picks(rng, 1.6 * SHIFTED, 6)]
+        noticed.append(find_error(estimate(pushed)).is_off)
+    assert np.mean(noticed) > 0.9
