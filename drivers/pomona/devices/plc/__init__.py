@@ -1,1 +1,1 @@
-"""Signals of a PLC: the device `Signals`, over Modbus TCP, simulated, and a mock; the Modbus client is public."""
+"""Signals of a PLC: the device `Signals`, over Modbus TCP or simulated, and skills on it; the Modbus client is public."""

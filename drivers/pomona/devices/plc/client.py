@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from pomona.devices.plc.codec import (
     MOST,
@@ -18,9 +19,14 @@ from pomona.devices.plc.codec import (
     write_request,
     written,
 )
-from pomona.drivers import DeviceFault, DeviceLost, Link, Malformed, Nonsense
-from pomona.executive import Clock
+from pomona.drivers import DeviceFault, DeviceLost, Link, Malformed, Nonsense, TcpLink
+from pomona.executive import Clock, SystemClock
 
+T = TypeVar("T")
+Write = tuple[str, int, Sequence[int]]  # area, first address, values
+
+ANSWER = 0.5
+"""Time within which the PLC must answer the supervisor [s]."""
 PATIENCE = 0.005
 """The link is waited for no longer than this at a time [s]."""
 
@@ -65,59 +71,64 @@ class ModbusClient:
             OSError: the wire failed.
             ValueError: the span is longer than a request may be.
         """
-        if not 1 <= span.count <= MOST[READS[span.area]]:
-            raise ValueError(
-                f"a request reads 1 to {MOST[READS[span.area]]} values of an area, not {span.count}"
-            )
-        answer = self._exchange(read_request(span))
-        try:
-            return read_answer(span, answer)
-        except Malformed as error:
-            raise Nonsense(self._device, error) from error
+        _require_count(span.count, READS[span.area])
+        return self._exchange(read_request(span), lambda answer: read_answer(span, answer))
 
     def write(self, area: str, first: int, values: Sequence[int]) -> None:
         """Write `coil` or `holding` values from an address on.
 
         Raises ModbusRefused, Nonsense, DeviceLost, OSError, ValueError: as `read`.
         """
-        if not 1 <= len(values) <= MOST[WRITES[area]]:
-            raise ValueError(
-                f"a request writes 1 to {MOST[WRITES[area]]} values of an area, not {len(values)}"
-            )
+        _require_count(len(values), WRITES[area])
         request = write_request(area, first, values)
-        answer = self._exchange(request)
-        try:
-            written(request, answer)
-        except Malformed as error:
-            raise Nonsense(self._device, error) from error
+        self._exchange(request, lambda answer: written(request, answer))
 
     def close(self) -> None:
         """Close the link."""
         self._link.close()
 
-    def _exchange(self, request: bytes) -> bytes:
+    def _exchange(self, request: bytes, read: Callable[[bytes], T]) -> T:
         self._transaction = (self._transaction + 1) % 65536
         self._link.send(frame(self._transaction, self._unit, request))
         end = self._clock.now() + self._deadline
-        while (answer := self._answer()) is None:
-            if self._clock.now() >= end:
-                words = f"does not answer as unit {self._unit} within {1e3 * self._deadline:.0f} ms"
-                raise DeviceLost(self._device, words)
-            self._buffer += self._link.receive(PATIENCE)
-        if answer[0] == request[0] | REFUSED and len(answer) == 2:
-            raise ModbusRefused(self._device, answer[1])
-        return answer
+        try:
+            while (answer := self._answer()) is None:
+                if self._clock.now() >= end:
+                    words = (
+                        f"does not answer as unit {self._unit} within {1e3 * self._deadline:.0f} ms"
+                    )
+                    raise DeviceLost(self._device, words)
+                self._buffer += self._link.receive(PATIENCE)
+            if answer[0] == request[0] | REFUSED and len(answer) == 2:
+                raise ModbusRefused(self._device, answer[1])
+            return read(answer)
+        except Malformed as error:
+            self._buffer.clear()
+            raise Nonsense(self._device, error) from error
 
     def _answer(self) -> bytes | None:
         """Take the answer to the newest request; an answer to an earlier one is dropped."""
-        while True:
-            try:
-                taken = take_frame(self._buffer)
-            except Malformed as error:
-                self._buffer.clear()
-                raise Nonsense(self._device, error) from error
-            if taken is None:
-                return None
+        while (taken := take_frame(self._buffer)) is not None:
             transaction, unit, message = taken
             if (transaction, unit) == (self._transaction, self._unit):
                 return message
+        return None
+
+
+def _require_count(count: int, function: int) -> None:
+    """Raise ValueError unless a request may have so many values."""
+    if not 1 <= count <= MOST[function]:
+        raise ValueError(f"a request has 1 to {MOST[function]} values of this area, not {count}")
+
+
+def stop(host: str, port: int, unit: int, writes: Sequence[Write]) -> None:
+    """Write a PLC's safe values when the process that wrote its outputs hangs or is gone; for the supervisor.
+
+    Raises OSError, DeviceError: there is no answer, or a refusal.
+    """
+    client = ModbusClient("plc", TcpLink(host, port, ANSWER), SystemClock(), unit, ANSWER)
+    try:
+        for area, first, values in writes:
+            client.write(area, first, values)
+    finally:
+        client.close()

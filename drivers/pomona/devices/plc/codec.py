@@ -44,6 +44,11 @@ class MemorySpan:
     first: int
     count: int
 
+    @property
+    def cells(self) -> list[tuple[str, int]]:
+        """Area and address of each value."""
+        return [(self.area, self.first + i) for i in range(self.count)]
+
 
 def read_request(span: MemorySpan) -> bytes:
     """Return the request for the values of a span."""

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
-from pomona.devices.plc.client import ModbusClient, ModbusRefused
-from pomona.devices.plc.codec import MOST, WRITES, MemorySpan
-from pomona.devices.plc.places import SignalPlace, image, spans_of
-from pomona.devices.plc.signals import SignalNames, Signals, SignalValue
+from pomona.devices.plc.client import ModbusClient, ModbusRefused, Write
+from pomona.devices.plc.places import SignalHeartbeat, SignalPlace, image, names_of, spans_of
+from pomona.devices.plc.signals import Signals, SignalValue
 from pomona.drivers import Device, DeviceError, DeviceFault, DeviceLost, MotionRefused, Owner
 from pomona.executive import Clock
 
@@ -21,25 +19,10 @@ RECONNECT = 0.5
 """Pause between attempts to open a lost connection again [s]."""
 STALL = 1.0
 """Time without a tick of the run after which the outputs go to their safe values [s]: the supervisor's default."""
+BEAT = "(heartbeat)"
+"""Stands for the name of a signal in messages about the heartbeat."""
 SCAN = 0.1
 """Time for which outputs must keep their safe values at the connection [s]: some scans of a PLC's program."""
-
-
-@dataclass(frozen=True, slots=True)
-class SignalHeartbeat:
-    """A heartbeat both ways.
-
-    Attributes:
-        output: bit of ours, which toggles.
-        input: bit or register of the PLC's, which changes.
-        period: between two changes of ours [s].
-        deadline: time without a change after which the PLC counts as stopped [s].
-    """
-
-    output: SignalPlace
-    input: SignalPlace
-    period: float = 0.1
-    deadline: float = 0.5
 
 
 class UnfitSignal(DeviceFault):
@@ -68,25 +51,24 @@ class ModbusSignals(Device):
     ) -> None:
         """`period` is that of the cycles [s]."""
         super().__init__(name)
-        numbers = frozenset(one for one, place in {**inputs, **outputs}.items() if not place.is_bit)
-        self.names = SignalNames(tuple(inputs), tuple(outputs), numbers)
+        self.names = names_of(inputs, outputs)
         self._open_client, self._clock, self._period = open_client, clock, period
         self._inputs, self._outputs, self._heartbeat = dict(inputs), dict(outputs), heartbeat
-        self._read_spans = spans_of((*inputs.values(), heartbeat.input))
-        self._write_spans = spans_of((*outputs.values(), heartbeat.output))
+        self._read_places = {**inputs, BEAT: SignalPlace(heartbeat.input)}
+        self._write_places = {**outputs, BEAT: SignalPlace(heartbeat.output)}
+        self._read_spans = spans_of(self._read_places.values())
         self._safe: Mapping[str, bool | float] = {
             one: bool(place.safe) if place.is_bit else place.safe for one, place in outputs.items()
         }
         self._commanded = dict(self._safe)
-        self._taken: Mapping[
-            str, tuple[bool | float, float]
-        ] = {}  # of all signals: value and stamp
+        # value and stamp of all signals
+        self._taken: Mapping[str, tuple[bool | float, float]] = {}
         self._client: ModbusClient | None = None
         self._problem: DeviceError | None = None
         self._latched = ""
         self._beat, self._beaten_at = False, clock.now()
         self._pulse: bool | float | None = None
-        self._pulse_at = self._looked_at = self._due = self._retry_at = clock.now()
+        self._pulse_at = self._looked_at = self._due = clock.now()
         self._owner = Owner(name, self.step, self._lose, clock)
 
     # ---------------------------------------------------------------------------------------- connection
@@ -100,70 +82,57 @@ class ModbusSignals(Device):
         """
         client = self._client = self._open_client()
         try:
-            for name, place in {
-                **self._inputs,
-                **self._outputs,
-                "heartbeat": self._heartbeat.input,
-            }.items():
-                with self._judging(name, place, writing=False):
+            for name, place in {**self._outputs, **self._read_places}.items():
+                with self._judging(name, place, "read", "does its address count from 0"):
                     client.read(place.span)
-            self._require_own()
-            self._await_pulse()
+            self._require_own(client)
             self._serve(client)
+            first = self._pulse
+            while self._pulse == first:
+                self._require_pulse("start its program")
+                self._clock.advance(self._period)
+                self._serve(client)
         except (DeviceError, OSError):
             self._leave()
             raise
 
     @contextlib.contextmanager
-    def _judging(self, name: str, place: SignalPlace, *, writing: bool) -> Iterator[None]:
+    def _judging(self, name: str, place: SignalPlace, doing: str, remedy: str) -> Iterator[None]:
         """Name the signal in a refusal that concerns its address or its function."""
         try:
             yield
         except ModbusRefused as refused:
             if refused.code not in (1, 2, 3, 4):
                 raise
-            words = f"its signal '{name}' ({place.area} {place.first}) cannot be {'written' if writing else 'read'}"
-            remedy = (
-                "does a field bus or the PLC's program own it"
-                if writing
-                else "does its address count from 0"
-            )
-            key = (
-                "outputs"
-                if name in self._outputs
-                else "inputs"
-                if name in self._inputs
-                else "heartbeat"
-            )
-            raise UnfitSignal(self.name, f"{words}: {refused.message}; {remedy}?", key) from refused
+            words = f"cannot be {doing}: {refused.message}; {remedy}?"
+            raise self._unfit(name, place, words) from refused
 
-    def _require_own(self) -> None:
+    def _unfit(self, name: str, place: SignalPlace, words: str) -> UnfitSignal:
+        lists = {"inputs": self._inputs, "outputs": self._outputs}
+        key = next((key for key, places in lists.items() if name in places), "heartbeat")
+        return UnfitSignal(self.name, f"its signal '{name}' ({place.at}) {words}", key)
+
+    def _require_own(self, client: ModbusClient) -> None:
         """Write the safe values; they must last, or another one writes there too."""
-        client = self._client
-        assert client is not None
-        for name, place in {**self._outputs, "heartbeat": self._heartbeat.output}.items():
-            with self._judging(name, place, writing=True):
-                client.write(place.area, place.first, place.encode(self._safe.get(name, False)))
+        values = {**self._safe, BEAT: False}
+        for name, place in self._write_places.items():
+            owned = "does a field bus or the PLC's program own it"
+            with self._judging(name, place, "written", owned):
+                client.write(place.area, place.span.first, place.encode(values[name]))
         self._clock.advance(SCAN)
         for name, place in self._outputs.items():
-            kept = client.read(place.span)
-            if kept != place.encode(self._safe[name]):
-                words = f"its signal '{name}' ({place.area} {place.first}) does not keep the value {self._safe[name]:g}"
+            if client.read(place.span) != place.encode(values[name]):
                 why = "the PLC's program or a field bus writes there; use another address"
-                raise UnfitSignal(self.name, f"{words}: {why}", "outputs")
+                raise self._unfit(name, place, f"does not keep the value {values[name]:g}: {why}")
 
-    def _await_pulse(self) -> None:
-        client, place = self._client, self._heartbeat.input
-        assert client is not None
-        first, end = client.read(place.span), self._clock.now() + 2.0 * self._heartbeat.deadline
-        while client.read(place.span) == first:
-            if self._clock.now() > end:
-                raise DeviceFault(
-                    self.name,
-                    f"its heartbeat ({place.area} {place.first}) stands still: start its program",
-                )
-            self._clock.advance(self._period)
-        self._pulse_at = self._clock.now()
+    def _require_pulse(self, words: str) -> None:
+        """Raise DeviceFault if the PLC's heartbeat stands still."""
+        silent = self._clock.now() - self._pulse_at
+        if silent > self._heartbeat.deadline:
+            still = (
+                f"its heartbeat ({self._heartbeat.input}) stands still for {1e3 * silent:.0f} ms"
+            )
+            raise DeviceFault(self.name, f"{still}: {words}")
 
     def start(self) -> None:
         """Let the device's own thread serve it from now on."""
@@ -178,72 +147,56 @@ class ModbusSignals(Device):
         Raises OSError, DeviceLost: the wire failed, or the PLC does not answer; DeviceFault: its program has stopped.
         """
         now = self._clock.now()
-        due = self._due if self._client is not None else self._retry_at
-        if now < due:
-            self._clock.advance(min(due - now, 0.05))
+        if now < self._due:
+            self._clock.advance(min(self._due - now, 0.05))
             return
         self._due = now + self._period
         if self._client is None:
             self._client = self._open_client()
         if now - self._looked_at > STALL and self._commanded != self._safe:
-            self._commanded = dict(self._safe)
-            self._blame(
-                DeviceFault(
-                    self.name,
-                    f"the run stood still for {STALL:g} s: all outputs went to their safe values",
-                )
-            )
+            words = f"the run stood still for {STALL:g} s: all outputs went to their safe values"
+            self._blame(DeviceFault(self.name, words))
         self._serve(self._client)
-        if self._clock.now() - self._pulse_at > self._heartbeat.deadline:
-            silent = self._clock.now() - self._pulse_at
-            raise DeviceFault(
-                self.name,
-                f"its heartbeat stands still for {1e3 * silent:.0f} ms: its program has stopped",
-            )
+        self._require_pulse("its program has stopped")
 
     def _serve(self, client: ModbusClient) -> None:
         """Write all outputs and read all inputs."""
-        taken = dict(self._taken)
         commanded, now = dict(self._commanded), self._clock.now()
         if now - self._beaten_at >= self._heartbeat.period and now - self._looked_at <= STALL:
             self._beat, self._beaten_at = not self._beat, now
-        beat = {"heartbeat": self._heartbeat.output}
-        words = image(self._outputs, commanded) | image(beat, {"heartbeat": self._beat})
-        for area, first, values in writes(self._write_spans, words):
+        for area, first, values in writes(self._write_places, {**commanded, BEAT: self._beat}):
             client.write(area, first, values)
-        taken |= {name: (value, now) for name, value in commanded.items()}
-        memory: dict[tuple[str, int], int] = {}
-        asked: dict[tuple[str, int], float] = {}
+        taken = {name: (value, now) for name, value in commanded.items()}
+        memory: dict[tuple[str, int], tuple[int, float]] = {}
         for span in self._read_spans:
             stamp = self._clock.now()
-            cells = {(span.area, span.first + i): word for i, word in enumerate(client.read(span))}
-            memory |= cells
-            asked |= dict.fromkeys(cells, stamp)
-        for name, place in self._inputs.items():
-            taken[name] = self._decoded(place, memory), asked[place.area, place.first]
-        pulse = self._decoded(self._heartbeat.input, memory)
+            for cell, word in zip(span.cells, client.read(span), strict=True):
+                memory[cell] = word, stamp
+        for name, place in self._read_places.items():
+            words, stamps = zip(*(memory[cell] for cell in place.span.cells), strict=True)
+            taken[name] = place.decode(words), stamps[0]
+        pulse, _stamp = taken.pop(BEAT)
         if pulse != self._pulse:
             self._pulse, self._pulse_at = pulse, self._clock.now()
         self._taken = taken
 
-    @staticmethod
-    def _decoded(place: SignalPlace, memory: Mapping[tuple[str, int], int]) -> bool | float:
-        return place.decode([memory[place.area, place.first + i] for i in range(place.span.count)])
-
     def _lose(self, error: BaseException) -> None:
         """The outputs are safe from now on; the connection is opened again, and nothing more is written by itself."""
-        told = (
-            f"the connection failed: {error}"
-            if isinstance(error, OSError)
-            else f"the driver failed: {error!r}"
-        )
-        self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, told))
+        if not isinstance(error, DeviceError):
+            failed = f"the connection failed: {error}"
+            if not isinstance(error, OSError):
+                failed = f"the driver failed: {error!r}"
+            error = DeviceLost(self.name, failed)
+        self._blame(error)
         if not isinstance(error, DeviceFault):
             self._leave()
-            self._retry_at = self._clock.now() + RECONNECT
+            self._due = self._clock.now() + RECONNECT
+
+    def _rest(self) -> None:
+        self._commanded = dict(self._safe)
 
     def _blame(self, problem: DeviceError) -> None:
-        self._commanded = dict(self._safe)
+        self._rest()
         self._problem = self._problem or problem
 
     def _leave(self) -> None:
@@ -261,21 +214,19 @@ class ModbusSignals(Device):
         place = self._inputs.get(name) or self._outputs[name]
         value, stamp = self._taken[name]
         age = self._clock.now() - stamp
-        return SignalValue(
-            value if age <= place.deadline and self._problem is None else None, stamp, age
-        )
+        is_known = age <= place.deadline and self._problem is None
+        return SignalValue(value if is_known else None, stamp, age)
 
     def write(self, name: str, value: bool | float) -> None:
         place = self._outputs[name]
-        if self._latched or self._problem is not None:
-            why = self._latched if self._problem is None else self._problem.message
+        why = self._latched if self._problem is None else self._problem.message
+        if why:
             raise MotionRefused(self.name, f"the output '{name}' stays at its safe value ({why})")
         try:
             place.encode(value)
         except ValueError as error:
-            raise MotionRefused(
-                self.name, f"the output '{name}' cannot be written: {error}"
-            ) from error
+            words = f"the output '{name}' cannot be written: {error}"
+            raise MotionRefused(self.name, words) from error
         self._owner.post(lambda: self._command(name, bool(value) if place.is_bit else value))
 
     def _command(self, name: str, value: bool | float) -> None:
@@ -298,9 +249,6 @@ class ModbusSignals(Device):
         self._latched = self._latched or reason
         self._owner.post(self._rest)
 
-    def _rest(self) -> None:
-        self._commanded = dict(self._safe)
-
     def settled(self) -> bool:
         """Return True if no output is on its way, or the PLC cannot be reached."""
         return self._problem is not None or all(
@@ -316,8 +264,7 @@ class ModbusSignals(Device):
         if self._client is None:
             raise DeviceLost(self.name, f"is still lost: {self.link()}")
         self._serve(self._client)
-        if self._clock.now() - self._pulse_at > self._heartbeat.deadline:
-            raise DeviceFault(self.name, "its heartbeat still stands still")
+        self._require_pulse("its program has stopped")
 
     def close(self) -> None:
         """Write the safe values and disconnect."""
@@ -334,21 +281,15 @@ class ModbusSignals(Device):
     # ------------------------------------------------------------------------------------------- from outside
 
     @property
-    def safe_writes(self) -> tuple[tuple[str, int, tuple[int, ...]], ...]:
-        """Writes that bring all outputs to their safe values: area, first address, values."""
-        return tuple(writes(spans_of(self._outputs.values()), image(self._outputs, self._safe)))
+    def safe_writes(self) -> tuple[Write, ...]:
+        """Writes that bring all outputs to their safe values."""
+        return tuple(writes(self._outputs, self._safe))
 
 
 def writes(
-    spans: tuple[MemorySpan, ...], words: Mapping[tuple[str, int], int]
-) -> list[tuple[str, int, tuple[int, ...]]]:
-    """Return the requests that write bits and registers, by area and address: each not longer than Modbus allows."""
-    found = []
-    for span in spans:
-        most = MOST[WRITES[span.area]] - 1
-        for first in range(span.first, span.first + span.count, most):
-            end = min(first + most, span.first + span.count)
-            found.append(
-                (span.area, first, tuple(words[span.area, at] for at in range(first, end)))
-            )
-    return found
+    places: Mapping[str, SignalPlace], values: Mapping[str, bool | float]
+) -> Iterator[Write]:
+    """Yield the requests that write values, each not longer than Modbus allows."""
+    words = image(places, values)
+    for span in spans_of(places.values()):
+        yield span.area, span.first, tuple(words[cell] for cell in span.cells)

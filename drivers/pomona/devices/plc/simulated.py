@@ -1,4 +1,4 @@
-"""Signals in this process: the driver `sim-signals`, whose PLC acts by rules of the cell file, and a mock for tests.
+"""Signals in this process: the driver `sim-signals`, whose PLC acts by rules of the cell file.
 
 plc:
   driver: sim-signals
@@ -42,6 +42,8 @@ from pomona.executive import (
     value,
 )
 
+DEADLINE = 0.2
+"""Age from which an input is unknown [s]."""
 HEARTBEAT = 0.5
 """Time after which the fault `stopped` is noticed [s], as by a heartbeat's deadline."""
 
@@ -63,13 +65,8 @@ class SimInputFile:
     number: float | None = value(Number(), None, "a number that stays")
 
     def problems(self) -> Iterator[Problem]:
-        rules = [
-            bool(self.follows),
-            self.during is not None,
-            bool(self.counts),
-            self.number is not None,
-        ]
-        if sum(rules) > 1:
+        rules = self.follows, self.counts, self.during is not None, self.number is not None
+        if sum(map(bool, rules)) > 1:
             yield Problem("", "it has one rule: 'follows', 'during', 'counts' or 'number'")
 
 
@@ -103,32 +100,38 @@ class SimSignalsFile:
         return SignalNames(tuple(self.inputs), self.outputs, numbers)
 
 
-class LocalSignals(FaultSwitch, Device):
-    """Outputs as they are written, with the times of their changes; a subclass has the inputs.
+class SimSignals(FaultSwitch, Device):
+    """A simulated PLC: its inputs by the rules of its cell file, outputs with the times of their changes.
 
     Faults: `stopped` (the PLC's program stands still: the values age, then the device is faulty), `deaf` (no written
     value is accepted).
-
-    Attributes:
-        deadline: age from which an input is unknown [s].
     """
 
     interfaces = (Signals,)
     known_faults = ("stopped", "deaf")
 
-    def __init__(self, clock: Clock, names: SignalNames, deadline: float = 0.2) -> None:
+    def __init__(self, clock: Clock, said: SimSignalsFile) -> None:
         Device.__init__(self, "plc")
         FaultSwitch.__init__(self)
-        self.names, self.deadline = names, deadline
+        self.names, self._rules = said.names, said.inputs
         self._clock, self._latched = clock, ""
         self._stopped_at: float | None = None
+        # times of the changes and values: switches that are off
         self._written: dict[str, list[tuple[float, bool | float]]] = {
-            name: [(-1.0, 0.0 if name in names.numbers else False)] for name in names.outputs
+            name: [(-1.0, False)] for name in said.outputs
         }
 
     def input_at(self, name: str, t: float) -> bool | float:
         """Return an input's value at a time [s]."""
-        raise NotImplementedError
+        rule = self._rules[name]
+        if rule.number is not None:
+            return rule.number
+        if rule.follows:
+            return self.written_at(rule.follows, t - rule.delay)
+        if rule.counts:
+            cleared = self.rises(rule.cleared_by, -1.0, t)[-1:] if rule.cleared_by else []
+            return len(self.rises(rule.counts, cleared[0] if cleared else -1.0, t)) >= rule.most
+        return rule.during is not None and rule.during[0] <= t <= rule.during[1]
 
     def written_at(self, name: str, t: float) -> bool | float:
         """Return an output's value at a time [s]."""
@@ -148,21 +151,17 @@ class LocalSignals(FaultSwitch, Device):
         if name not in self.names.inputs:
             raise KeyError(name)
         stamp = now if self._stopped_at is None else self._stopped_at
-        return SignalValue(
-            self.input_at(name, stamp) if now - stamp <= self.deadline else None, stamp, now - stamp
-        )
+        is_known = now - stamp <= DEADLINE
+        return SignalValue(self.input_at(name, stamp) if is_known else None, stamp, now - stamp)
 
     def write(self, name: str, value: bool | float) -> None:
         changes = self._written[name]
         if self._latched:
-            raise MotionRefused(
-                self.name, f"the output '{name}' stays at its safe value ({self._latched})"
-            )
-        if name not in self.names.numbers and value not in (0, 1):
-            raise MotionRefused(
-                self.name,
-                f"the output '{name}' cannot be written: {value:g} is no value of a switch",
-            )
+            words = f"stays at its safe value ({self._latched})"
+            raise MotionRefused(self.name, f"the output '{name}' {words}")
+        if value not in (0, 1):
+            words = f"cannot be written: {value:g} is no value of a switch"
+            raise MotionRefused(self.name, f"the output '{name}' {words}")
         if self.fault != "deaf" and value != changes[-1][1]:
             changes.append((self._clock.now(), value))
 
@@ -197,43 +196,6 @@ class LocalSignals(FaultSwitch, Device):
 
     def close(self) -> None:
         self.safe_stop("closed")
-
-
-class SimSignals(LocalSignals):
-    """A simulated PLC that acts by the rules of its cell file."""
-
-    def __init__(self, clock: Clock, said: SimSignalsFile) -> None:
-        super().__init__(clock, said.names)
-        self._rules = said.inputs
-
-    def input_at(self, name: str, t: float) -> bool | float:
-        rule = self._rules[name]
-        if rule.number is not None:
-            return rule.number
-        if rule.follows:
-            return self.written_at(rule.follows, t - rule.delay)
-        if rule.counts:
-            cleared = self.rises(rule.cleared_by, -1.0, t)[-1:] if rule.cleared_by else []
-            return len(self.rises(rule.counts, cleared[0] if cleared else -1.0, t)) >= rule.most
-        return rule.during is not None and rule.during[0] <= t <= rule.during[1]
-
-
-class MockSignals(LocalSignals):
-    """Signals whose inputs a test sets.
-
-    Attributes:
-        values: of the inputs.
-    """
-
-    def __init__(
-        self, clock: Clock, inputs: Mapping[str, bool | float], outputs: tuple[str, ...] = ()
-    ) -> None:
-        numbers = frozenset(name for name, value in inputs.items() if not isinstance(value, bool))
-        super().__init__(clock, SignalNames(tuple(inputs), outputs, numbers))
-        self.values = dict(inputs)
-
-    def input_at(self, name: str, t: float) -> bool | float:
-        return self.values[name]
 
 
 @driver(SimSignals, SimSignalsFile)

@@ -7,21 +7,21 @@ from typing import Any
 
 from pomona.devices.laboratory_emulators.modbus_plc import PlcEmulator
 from pomona.devices.plc.client import ModbusClient
-from pomona.devices.plc.driver import ModbusSignals, SignalHeartbeat
-from pomona.devices.plc.places import SignalPlace
+from pomona.devices.plc.driver import ModbusSignals
+from pomona.devices.plc.places import SignalHeartbeat, SignalPlace
 from pomona.executive import ManualClock
 
 INPUTS = {
-    "start": SignalPlace("discrete", 1),
-    "full": SignalPlace("discrete", 2),
-    "mass": SignalPlace("input", 4, "float32"),
+    "start": SignalPlace("discrete 1"),
+    "full": SignalPlace("discrete 2"),
+    "mass": SignalPlace("input 4", "float32"),
 }
 OUTPUTS = {
-    "ready": SignalPlace("coil", 1),
-    "done": SignalPlace("coil", 2),
-    "count": SignalPlace("holding", 5, safe=7.0),
+    "ready": SignalPlace("coil 1"),
+    "done": SignalPlace("coil 2"),
+    "count": SignalPlace("holding 5", safe=7.0),
 }
-BEATS = SignalHeartbeat(SignalPlace("coil", 0), SignalPlace("discrete", 0))
+BEATS = SignalHeartbeat(output="coil 0", input="discrete 0")
 
 
 class PlcClock(ManualClock):

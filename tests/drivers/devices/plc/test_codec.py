@@ -92,7 +92,7 @@ def test_an_answer_of_another_size_is_refused(answer: bytes, count: int) -> None
 def test_a_number_comes_back_or_does_not_fit(
     kind: str, low_first: bool, scale: float, number: float
 ) -> None:
-    place = SignalPlace("holding", 3, kind, scale, low_first)
+    place = SignalPlace("holding 3", kind, scale, low_first)
     try:
         words = place.encode(number)
     except ValueError:
@@ -106,8 +106,8 @@ def test_a_number_comes_back_or_does_not_fit(
 def test_a_number_of_two_registers_has_its_high_word_first_unless_the_cell_file_has_it_otherwise() -> (
     None
 ):
-    assert SignalPlace("holding", 0, "uint32").encode(0x00010002) == (1, 2)
-    assert SignalPlace("holding", 0, "uint32", low_word_first=True).encode(0x00010002) == (2, 1)
+    assert SignalPlace("holding 0", "uint32").encode(0x00010002) == (1, 2)
+    assert SignalPlace("holding 0", "uint32", low_word_first=True).encode(0x00010002) == (2, 1)
 
 
 @given(
@@ -117,18 +117,18 @@ def test_a_number_of_two_registers_has_its_high_word_first_unless_the_cell_file_
     )
 )
 def test_spans_cover_the_signals_and_nothing_else(places: set[tuple[str, int]]) -> None:
-    spans = spans_of(SignalPlace(area, first) for area, first in places)
+    spans = spans_of(SignalPlace(f"{area} {first}") for area, first in places)
     covered = [(span.area, span.first + i) for span in spans for i in range(span.count)]
     assert sorted(covered) == sorted(places)
 
 
 def test_long_spans_are_cut_to_the_length_of_a_request() -> None:
-    spans = spans_of(SignalPlace("input", i) for i in range(300))
+    spans = spans_of(SignalPlace(f"input {i}") for i in range(300))
     assert sum(span.count for span in spans) == 300
     assert max(span.count for span in spans) <= 125
 
 
 def test_a_switch_takes_no_number() -> None:
     with pytest.raises(ValueError, match="no value of a switch"):
-        SignalPlace("coil", 0).encode(2.0)
-    assert image({"a": SignalPlace("coil", 3)}, {"a": True}) == {("coil", 3): 1}
+        SignalPlace("coil 0").encode(2.0)
+    assert image({"a": SignalPlace("coil 3")}, {"a": True}) == {("coil", 3): 1}

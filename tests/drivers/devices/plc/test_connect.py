@@ -10,7 +10,7 @@ import pytest
 
 from pomona.devices.emulators.server import Server, TcpPort
 from pomona.devices.laboratory_emulators.modbus_plc import PlcEmulator
-from pomona.devices.plc import connect as leaf, outside
+from pomona.devices.plc import client, connect as leaf
 from pomona.devices.plc.signals import SignalNames
 from pomona.drivers import CellFileError, ConnectContext
 from pomona.executive import SystemClock
@@ -195,7 +195,7 @@ def test_the_names_are_known_before_the_connection(tmp_path: Path) -> None:
     )
     said = settings(tmp_path, text).values
     assert list(said.known()) == [SignalNames(("mass",), ("ready",), frozenset({"mass"}))]
-    assert said.input_places["mass"].deadline == 1.0
+    assert said.places(said.inputs)["mass"].deadline == 1.0
     counted = settings(tmp_path, text.replace("float32", "int16, scale: 0.5")).values
     assert [names.counts for names in counted.known() if isinstance(names, SignalNames)] == [
         {"mass": (0.5, 32768.0)}
@@ -233,8 +233,8 @@ def test_the_driver_reads_and_writes_over_a_socket_and_another_process_makes_it_
         plc.memory["coil"][1] = 1  # as a process leaves it that was killed
         assert signals.outside_stop is not None
         place, arguments = signals.outside_stop
-        assert place == f"{outside.__name__}:stop"
-        outside.stop(*arguments)
+        assert place == f"{client.__name__}:stop"
+        client.stop(*arguments)
         assert plc.memory["coil"][1] == 0
     finally:
         done.set()

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import pytest
 
 from pomona.applications.conveyor import signal_encoder as leaf
-from pomona.devices.plc.simulated import MockSignals
 from pomona.drivers import (
     CellFileError,
     ConnectContext,
@@ -24,6 +23,7 @@ from pomona.executive.cell.registration import read_settings
 from pomona.executive.values.findings import Findings
 from pomona.tools.mock import MockArm
 from pomona.tools.simulation.connect import FixedSection
+from tests.drivers.devices.plc.mock_signals import MockSignals
 
 USUAL = "driver: signal-conveyor\ntravel: encoder\nbeside: -360 mm\ntop: -120 mm\n"
 

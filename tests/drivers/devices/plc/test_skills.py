@@ -7,12 +7,10 @@ from collections.abc import Callable
 import pytest
 from py_trees.common import Status
 
-from pomona.applications.signals.handshake import Handshake
-from pomona.applications.signals.set_signal import SetSignal
-from pomona.applications.signals.wait_signal import WaitSignal
 from pomona.devices.plc.signals import SignalNames, Signals
-from pomona.devices.plc.simulated import MockSignals
+from pomona.devices.plc.skills import Handshake, SetSignal, WaitSignal
 from pomona.executive import ManualClock, SkillEnd, drive
+from tests.drivers.devices.plc.mock_signals import MockSignals
 
 EDGES = {"request": "change", "accepted": "taken", "done": "ready"}
 

@@ -1,1 +1,0 @@
-"""Signals of a PLC in a tree: wait for one, set one, and a handshake of four edges."""
