@@ -47,9 +47,12 @@ run: $(RUNS) ## pick an apple on the simulated cell
 PYTEST = $(BIN)/python -m pytest -n 2 --dist worksteal
 WHOLE = not realtime and not long
 
-test: $(STAMP) ## run the quick tests, and of the slow ones one whole run of each kind (a quarter of an hour on two cores)
-	$(PYTEST) -m '$(WHOLE) and (not slow or landmark)' --durations 5 --durations-min 3
-	@echo "left out: most picks, most of the browser's and what else takes more than two seconds: make test-slow"
+test: $(STAMP) ## run the quick tests and one whole pick (three minutes on two quiet cores)
+	$(PYTEST) -m '$(WHOLE) and (not slow or pick)' --durations 5 --durations-min 3
+	@echo "left out: tests of 0.3 s of processor time and more; make test-slow, and make evidence-status for when each ran"
+
+safety: $(STAMP) browser ## what can break safety: a fault row of each kind, a pick of each tree
+	$(PYTEST) -m '$(WHOLE) and landmark and not pick' --durations 5 --durations-min 3
 
 CORE = tests/executive tests/drivers tests/skills
 LEAVES = executive/tools drivers/tools drivers/devices skills/tools skills/applications
@@ -57,13 +60,16 @@ LEAVES = executive/tools drivers/tools drivers/devices skills/tools skills/appli
 test-core: $(STAMP) ## the same of the core alone: the executive, drivers and skills without the packages on top of them
 	$(PYTEST) -m '$(WHOLE) and not slow' $(CORE) $(addprefix --ignore tests/,$(LEAVES))
 
+test-times: $(STAMP) ## measure the processor time of each test, and write those of 0.3 s and more to tests/slow_tests.txt
+	$(BIN)/python scripts/slow_tests.py
+
 test-latest: ## the same with the newest allowed versions of everything, in an environment of its own (.venv-latest)
 	rm -rf .venv-latest
 	$(MAKE) VENV=.venv-latest CONSTRAINTS= test
 
-test-slow: $(STAMP) ## the other slow ones: whole picks, the operator's page in a browser, tutorials as they are written
+test-slow: $(STAMP) ## the other slow ones: whole picks, the operator's page in a browser, tutorials (PART=tests/skills for some)
 	@sh scripts/system_libraries.sh tests
-	$(PYTEST) -m '$(WHOLE) and slow and not landmark' --durations 8
+	$(PYTEST) -m '$(WHOLE) and slow and not landmark' --durations 8 $(PART)
 
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime
@@ -84,17 +90,25 @@ docs-serve: $(STAMP) ## the same, shown at http://127.0.0.1:8000 while it is wri
 browser:
 	@sh scripts/system_libraries.sh tests
 
-check: browser test ## what CI runs: the tests without most slow ones, then types, site, third parties' view and lint
-	$(MAKE) --jobs 2 --output-sync=line static
+check: test safety static ## what CI runs: quick tests, what can break safety, types, lint and layers
 
-static: types docs kit lint
+static: $(STAMP)
+	$(MAKE) --jobs 2 --output-sync=line types lint
+
+evidence: $(STAMP) ## run long targets (NAMES="picks faults-sim"), and keep at which commit each passed
+	$(BIN)/python scripts/evidence.py run $(NAMES)
+
+evidence-status: $(STAMP) ## when each long target last passed, and whether what it judges has changed since (CHECK="--check safety")
+	@$(BIN)/python scripts/evidence.py status $(CHECK)
+
+without-leaves: $(STAMP) ## take each leaf out in turn, and run the rest (LEAF=tools/groot for one, FULL=--full for all its quick tests)
+	$(BIN)/python scripts/without_leaves.py $(LEAF) $(FULL)
 
 lint: $(STAMP) ## ruff, import contracts and the bounds of the whole
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/size.py --check
-	$(BIN)/python scripts/walks.py --check
 
 size: $(STAMP) ## tokens of the house and of each room, beside bounds that only fall (SIZE=--lower)
 	$(BIN)/python scripts/size.py $(SIZE)
@@ -230,15 +244,15 @@ bench-cures: $(STAMP) ## seeded failures of ten kinds and their smallest cures; 
 oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000
 
-faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated devices, judged by the simulator's truth
-	$(BIN)/python -m benchmarks.fault_matrix
-	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
-	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_ur5e_hand_e_fingers
-	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_xarm6_hand_e_fingers
-	$(BIN)/python -m benchmarks.fault_matrix --cell emulated_plc
-	$(BIN)/python -m benchmarks.fault_matrix --cell orchard
-	$(BIN)/python -m benchmarks.fault_matrix --cell conveyor
+FAULT_CELLS = sim emulated emulated_ur5e_hand_e_fingers emulated_xarm6_hand_e_fingers emulated_plc conveyor
+
+faults: $(STAMP) ## every fault in every phase of a pick, judged by the simulator's truth (CELL=sim for one cell)
+ifdef CELL
+	$(BIN)/python -m benchmarks.fault_matrix --cell $(CELL) $(if $(SEED),--seed $(SEED))
+else
+	for cell in $(FAULT_CELLS); do $(BIN)/python -m benchmarks.fault_matrix --cell $$cell || exit 1; done
 	$(BIN)/python -m benchmarks.fault_matrix --cell sim_crate --seed 4
+endif
 
 fuzz: $(STAMP) ## a million each: damaged tree files, cell files, device streams, records, messages to and from the page; 100 000 random trees (three hours)
 	$(BIN)/python tests/executive/language/fuzz.py --cases 1000000
@@ -252,7 +266,7 @@ soak: $(STAMP) ## 1 000 simulated picks in one process: memory, handles, threads
 	$(BIN)/python -m benchmarks.soak --picks 1000
 
 kill-points: $(STAMP) ## 1 000 runs ended at random points with every signal (an hour or two)
-	$(BIN)/python -m benchmarks.kill_points --points 1000
+	$(BIN)/python -m benchmarks.kill_points --points $(or $(POINTS),1000)
 
 sbom: $(STAMP) ## a bill of materials (CycloneDX) of what is installed in .venv, in sbom.cdx.json
 	$(BIN)/python scripts/sbom.py sbom.cdx.json

@@ -1,9 +1,13 @@
-"""Configuration of all tests."""
+"""Configuration of all tests: which are slow, as measured, and which need a leaf that was taken out."""
 
 from __future__ import annotations
 
 import gc
+import os
+import re
 import signal
+from collections.abc import Generator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,18 +31,51 @@ for _number, _action in (
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _action)
 
+ROOT = Path(__file__).resolve().parents[1]
+SLOW_TESTS = ROOT / "tests" / "slow_tests.txt"
+"""Tests of 0.3 s of processor time and more, written by `make test-times`: slow, as if marked."""
+
+LEAF_IMPORT = re.compile(
+    r"^\s*(?:from|import) pomona\.(tools|devices|applications)(?:\.| import )(\w+)", re.MULTILINE
+)
+
+
+@cache
+def leaves() -> frozenset[tuple[str, str]]:
+    """Return kind and name of each leaf of this checkout."""
+    return frozenset(
+        page.parts[-3:-1]  # type: ignore[misc]
+        for kind in ("tools", "devices", "applications")
+        for page in ROOT.glob(f"*/pomona/{kind}/*/__init__.py")
+    )
+
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Where only slow tests are asked for, files that have none are not even imported: all of them take a minute."""
-    asked: str = config.option.markexpr
-    if "slow" not in asked or "not slow" in asked or collection_path.suffix != ".py":
+    """Leave out files that import a leaf that was taken out and, where slow tests are asked for, files without any:
+    importing all of them takes a minute.
+    """
+    if collection_path.suffix != ".py":
         return None
     text = collection_path.read_text("utf-8")
-    return (
-        None
-        if "end_to_end" in collection_path.parts or "slow" in text or "browser" in text
-        else True
-    )
+    if not leaves().issuperset(LEAF_IMPORT.findall(text)):
+        return True
+    asked: str = config.option.markexpr
+    if "slow" not in asked or "not slow" in asked or "end_to_end" in collection_path.parts:
+        return None
+    name = collection_path.relative_to(ROOT).as_posix()
+    return None if "slow" in text or "browser" in text or name in measured_files() else True
+
+
+@cache
+def measured() -> frozenset[str]:
+    """Return the names of tests that were measured to be slow."""
+    return frozenset(SLOW_TESTS.read_text("utf-8").splitlines())
+
+
+@cache
+def measured_files() -> frozenset[str]:
+    """Return the files that have tests that were measured to be slow."""
+    return frozenset(name.partition("::")[0] for name in measured())
 
 
 def pytest_collection_finish() -> None:
@@ -51,12 +88,53 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests with a browser or a whole pick as slow. Tutorials come first, then whole picks: they take up to three
-    minutes each, and one worker would wait for a late one.
+    """Mark tests with a browser, a whole pick or much processor time as slow. Tutorials come first, then whole picks:
+    they take up to three minutes each, and one worker would wait for a late one.
     """
     for item in items:
-        if item.get_closest_marker("browser") is not None or "end_to_end" in item.path.parts:
+        names = {item.nodeid, item.nodeid.partition("[")[0]}
+        is_browser = item.get_closest_marker("browser") is not None
+        if is_browser or "end_to_end" in item.path.parts or not measured().isdisjoint(names):
             item.add_marker(pytest.mark.slow)
     items.sort(
         key=lambda item: (item.path.stem != "test_tutorials", "end_to_end" not in item.path.parts)
     )
+    if os.environ.get("TEST_ORDER") == "backwards":
+        items.reverse()
+
+
+# `make test-times` sets TEST_TIMES to a folder: each process of pytest writes the processor time of its tests there.
+TIMES = os.environ.get("TEST_TIMES", "")
+_shared = 0.0  # processor time of fixtures of a module or more, in the test that is running [s]
+
+
+def processor_time() -> float:
+    """Return the processor time of this process and of its children that have ended [s]."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[object]) -> Generator[None, None, None]:
+    """Set the time of a fixture that tests share apart: it belongs to its file, not to the first test."""
+    global _shared
+    began = processor_time()
+    yield
+    if TIMES and fixturedef.scope != "function":
+        spent = processor_time() - began
+        _shared += spent
+        _write(spent, fixturedef.baseid or "tests")
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, None, None]:
+    """Note the processor time of a test."""
+    global _shared
+    began, _shared = processor_time(), 0.0
+    yield
+    if TIMES:
+        _write(processor_time() - began - _shared, item.nodeid)
+
+
+def _write(spent: float, name: str) -> None:
+    with (Path(TIMES) / f"{os.getpid()}.txt").open("a", encoding="utf-8") as file:
+        file.write(f"{spent:.3f} {name}\n")

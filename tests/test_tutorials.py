@@ -28,10 +28,7 @@ FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOT
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "tutorial",
-    [
-        pytest.param(page, id=page.stem, marks=[pytest.mark.landmark] * (page.stem == "new_cell"))
-        for page in QUICK
-    ],
+    [pytest.param(page, id=page.stem) for page in QUICK],
 )
 def test_a_tutorial_runs_as_it_is_written(tutorial: Path, tmp_path: Path) -> None:
     assert follow(tutorial, tmp_path, long=False) >= 3

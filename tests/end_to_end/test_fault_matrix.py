@@ -68,7 +68,7 @@ def test_the_table_has_every_fault_of_every_simulated_device() -> None:
 @pytest.mark.parametrize(
     ("cell", "tried", "how"),
     [
-        ("sim", TRIED, []),
+        pytest.param("sim", TRIED, [], marks=pytest.mark.landmark),
         ("orchard", TRIED_AT_THE_WALL, []),
         ("sim_crate", TRIED_IN_THE_CRATE, ["--seed", "4", "--alone"]),
     ],

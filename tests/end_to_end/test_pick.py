@@ -41,6 +41,7 @@ def pick(
     return execute(order, listeners, on_ready=on_ready or (lambda _runner: None))
 
 
+@pytest.mark.pick
 @pytest.mark.landmark
 def test_an_apple_is_picked_and_the_record_repeats_it(tmp_path: Path) -> None:
     received: list[Event] = []
