@@ -179,12 +179,6 @@ bench-moving: $(STAMP) ## fruit from a running belt, picked of accepted; SPEEDS=
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp
 
-grasp-golden: $(STAMP) ## the grip's commands, bit by bit beside those of the commit AGAINST=… (HEAD), on this machine
-	$(BIN)/python -m benchmarks.grasp_golden --against $(or $(AGAINST),HEAD)
-
-bench-interop: $(STAMP) ## live views, ROS 2 to another process, exports: what they cost, how quick they are
-	$(BIN)/python -m benchmarks.bench_interop
-
 reach: $(STAMP) ## a reach cloned from 150 demonstrations in the simulated cell, and its success on goals never shown (ten minutes)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pyarrow>=18'
 	$(BIN)/python -m benchmarks.reach

@@ -21,10 +21,17 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.bench_manoeuvres import _as_measured
 from benchmarks.caliper_cells import Forces
 from benchmarks.fault_world import Person
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, LoadSensor, Workspace
+from pomona.drivers.interfaces import (
+    Arm,
+    ForceSensor,
+    Frame,
+    Gripper,
+    Intrinsics,
+    LoadSensor,
+    Workspace,
+)
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.errors import DeviceError
 from pomona.executive.skill_testing import SkillEnd, drive
@@ -34,6 +41,7 @@ from pomona.skills.follow import Follow
 from pomona.skills.lift import Lift
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.open_fingers import OpenFingers
+from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.plan import Plan
 from pomona.skills.retreat import Retreat
@@ -115,7 +123,7 @@ class ApproachTry:
     def measured(self) -> MeasuredFruit:
         """The first fruit and those beside it, as they truly are."""
         found = [
-            _as_measured(
+            as_measured(
                 np.array(each["T_base_fruit"]),
                 np.array(each["dimensions_m"]),
                 self.cell.clock.now(),
@@ -136,6 +144,26 @@ class ApproachTry:
         """Let a skill run to its end."""
         self.forces.node = type(skill).__name__
         return drive(skill, inputs, self.devices, clock=self.cell.clock, limit=120.0)
+
+
+def as_measured(T_base_fruit: Float64, dimensions: Float64, now: float) -> MeasuredFruit:
+    """Return a fruit at its true place as if a camera had measured it."""
+    nothing = np.zeros((2, 2, 3), np.uint8)
+    frame = Frame(now, 0, nothing, None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), None, np.eye(4))
+    return MeasuredFruit(
+        fruit=load_fruit("apple"),
+        T_base_fruit=T_base_fruit,
+        T_base_camera=np.eye(4),
+        dimensions=dimensions,
+        mu=1.0,
+        sigma=0.0,
+        covariance=np.eye(6) * 1e-6,
+        inlier_ratio=1.0,
+        residual=0.0,
+        contour=np.empty((0, 2)),
+        frame=frame,
+        method="truth",
+    )
 
 
 def moved(fruit: MeasuredFruit, T: Float64) -> MeasuredFruit:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.dashboard_links import bench_presses, bench_stale
+from benchmarks.dashboard_presses import bench_presses
 from benchmarks.dashboard_viewers import watch
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
@@ -455,9 +455,12 @@ def bench_memory(report: Figures, dashboard: Dashboard, browser: Any, duration: 
 
 
 PARTS = {
-    "viewers": bench_viewers, "presses": bench_presses, "stale": bench_stale,
-    "page": bench_page, "record": bench_record, "memory": bench_memory,
-}  # fmt: skip
+    "viewers": bench_viewers,
+    "presses": bench_presses,
+    "page": bench_page,
+    "record": bench_record,
+    "memory": bench_memory,
+}
 
 
 def main() -> int:

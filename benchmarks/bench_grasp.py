@@ -24,7 +24,6 @@ import numpy as np
 
 from benchmarks.grasp_mujoco import TORSION, MujocoGrasp, least_grasp_force_of_cone
 from benchmarks.grasp_patch import GRAVITY, Fruit, PatchGrasp
-from benchmarks.grasp_picture import draw
 from benchmarks.grasp_trial import Lifting, TrialResult, least_grasp_force, run_trial
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.limit_surface import SoftContact
@@ -299,7 +298,6 @@ def main() -> None:
     parser.add_argument(
         "--plots", type=Path, help="leave a picture of every run of the controller here"
     )
-    parser.add_argument("--picture", type=Path, help="draw one lift here, and nothing else")
     parser.add_argument("--world", choices=tuple(WORLDS), default="both", help="contact model")
     parser.add_argument(
         "--seed", type=int, default=7, help="of the draws; margins were found on those of 7"
@@ -307,9 +305,6 @@ def main() -> None:
     parser.add_argument("--ours", action="store_true", help="leave the baselines out")
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
     arguments = parser.parse_args()
-    if arguments.picture is not None:
-        draw(arguments.picture)
-        return
     lifts = max(arguments.lifts // 10, 10) if arguments.quick else arguments.lifts
     steps = 10**5 if arguments.quick else 10**6
     tasks, too_heavy = draw_tasks(lifts, arguments.seed)

@@ -15,17 +15,13 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
-import trimesh
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks.refine_orchard import found_errors, orchard_errors
-from benchmarks.refine_pyrender import render_with_plain_pyrender
 from benchmarks.refine_scenes import CAMERA, View, cell_views, leaf_over, stretched_views
-from benchmarks.refine_searches import SEARCHES, search, timed
 from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
 from pomona.drivers.depth_model import SIMULATED
 from pomona.executive.values.arrays import Float64
@@ -37,11 +33,10 @@ from pomona.skills.perception.refinement import (
     RefineResult,
     horizontal_plane,
     refine,
-    render_depth,
 )
 from pomona.skills.perception.refinement.errors import RefineError
 from pomona.skills.perception.refinement.render import ImageBox, RendererName
-from pomona.skills.perception.refinement.scale_fit import fit_scale, fit_scale_by_rendering
+from pomona.skills.perception.refinement.scale_fit import fit_scale_by_rendering
 
 CELL = Path("trees/cells/sim.yaml")
 ELEVATIONS = (30.0, 45.0, 60.0, 75.0, 85.0)
@@ -67,7 +62,6 @@ def main() -> None:
     console, fruit = Console(width=150), load_fruit("apple")
     figures: dict[str, object] = {
         "speed": speed(fruit, console),
-        "bias": bias(console),
         "cell": five_apples(
             cell_views(CELL, fruit, ELEVATIONS, range(options.seeds), options.poses == "detector"), fruit, console,
             f"five apples of the simulated cell, dented and lopsided, poses: {options.poses}",
@@ -123,34 +117,10 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
         }  # fmt: skip
 
     measured = {"pyrender": times("pyrender"), "zbuffer": times("zbuffer")}
-    with mock.patch(
-        "pomona.skills.perception.refinement.render.render_with_gl", render_with_plain_pyrender
-    ):
-        measured["pyrender as it comes"] = times("pyrender")
     for name, row in measured.items():
         table.add_row(name, *(f"{value:.2f}" for value in row.values()))
     console.print(table)
-    factor = measured["pyrender as it comes"]["paper_ms"] / measured["pyrender"]["exact_ms"]
-    console.print(
-        f"the paper's method by pyrender as it comes takes {factor:.0f} times the closed form's time\n"
-    )
-    figures = {
-        f"{name}_{key}": value for name, row in measured.items() for key, value in row.items()
-    }
-    exact, mu = (
-        measured["pyrender"]["exact_ms"],
-        refine(DepthLook(depth, CAMERA), T, fruit, method="uniform").mu,
-    )
-    others = Table("the paper's search", "renders", "ms", "/ closed form", "its mu - ours")
-    others.title = "the paper's method with other optimisers, whole image, pyrender"
-    for name in SEARCHES:
-        took, found, renders = timed(search(name, depth, fruit, T, CAMERA, "pyrender"))
-        others.add_row(
-            name, str(renders), f"{took:.0f}", f"{took / exact:.0f}", f"{found - mu:+.0e}"
-        )
-        figures[f"{name}_per_exact"] = took / exact
-    console.print(others)
-    return {**figures, "paper_as_it_comes_per_exact": factor}
+    return {f"{name}_{key}": value for name, row in measured.items() for key, value in row.items()}
 
 
 def milliseconds(
@@ -166,38 +136,6 @@ def milliseconds(
                 function()
                 shortest[i] = min(shortest[i], time.perf_counter() - start)
     return [1e3 * duration for duration in shortest]
-
-
-# ------------------------------------------------------------------------------------------------------- bias
-
-
-def bias(console: Console) -> dict[str, float]:
-    """Of the diameter of a 92 mm ball at 0.55 m when a share of its pixels shows the table behind it."""
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.046)
-    virtual, _ = render_depth(
-        ball, transform(translation=(0.03, 0.02, 0.55)), CAMERA, using="zbuffer"
-    )
-    rows = np.flatnonzero((virtual > 0).any(axis=1))
-    table = Table(
-        "other pixels",
-        "closed form",
-        "least squares",
-        title="bias of a 92 mm diameter in mm, 1.5 mm noise",
-    )
-    figures = {}
-    for share in (0.0, 0.1, 0.2, 0.4):
-        robust, plain = [], []
-        for seed in range(20):
-            rng = np.random.default_rng(seed)
-            depth = virtual + rng.normal(0.0, 1.5e-3, virtual.shape)
-            depth[rows[0] : rows[0] + round(len(rows) * share)] = 0.62
-            d, d_hat = depth[virtual > 0], virtual[virtual > 0]
-            robust.append(92.0 * fit_scale(depth.astype(np.float32), virtual).mu - 92.0)
-            plain.append(92.0 * float(d @ d_hat / (d_hat @ d_hat)) - 92.0)
-        table.add_row(f"{share:.0%}", f"{np.mean(robust):+.3f}", f"{np.mean(plain):+.2f}")
-        figures[f"{share:.0%}"] = float(np.mean(robust))
-    console.print(table)
-    return figures
 
 
 # -------------------------------------------------------------------------------------------------- intervals

@@ -15,7 +15,6 @@ import numpy as np
 
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
-from benchmarks.paper_plots import time_plot
 from benchmarks.paper_tables import FORCE_GOAL, everywhere, force, refined, success, unrefined
 from pomona.skills.grip.limit_surface import NO_BRUISE, pressure
 from pomona.tools.campaign.document import (
@@ -23,11 +22,10 @@ from pomona.tools.campaign.document import (
     Heading,
     Paragraph,
     ReportPage,
-    SvgPlot,
     Tile,
     Tiles,
 )
-from pomona.tools.campaign.report import commits, failures, numbers, percent
+from pomona.tools.campaign.report import by_skill, commits, failures, numbers, percent
 from pomona.tools.campaign.run import finished_runs
 from pomona.tools.campaign.spec import read_campaign
 from pomona.tools.campaign.statistics import median, wilson
@@ -73,9 +71,8 @@ def paper_report(cells: Cells, source: Path) -> ReportPage:
     document.add(Heading("Without refinement, attempt 3"), *unrefined(cells))
     document.add(Heading("All five places"), *everywhere(cells))
     document.add(Heading("Force"), *force(cells))
-    document.add(
-        Heading("Time"), SvgPlot("time", time_plot(cells), "Median time of a pick, skill by skill.")
-    )
+    times = by_skill(cells.campaign, REFINED, cells.good(cells.arm(REFINED)))
+    document.add(Heading("Time, skill by skill"), times)
     document.add(Heading("Failures by code"), *failures(cells.campaign, runs))
     document.add(Heading("How the figures were made"), _method(cells))
     return document

@@ -8,24 +8,18 @@ import numpy as np
 
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
-from benchmarks.paper_plots import APPLES, errors_plot, force_plot, sizes_plot, success_plot
 from pomona.skills.grip.limit_surface import pressure
-from pomona.tools.campaign.document import Paragraph, SvgPlot, Table
+from pomona.tools.campaign.document import Paragraph, Table
 from pomona.tools.campaign.report import numbers, rate
 from pomona.tools.campaign.statistics import Estimate, mean, median
 
 ATTEMPT_3 = "3"
+APPLES = tuple(f"Apple {i}" for i in range(1, 6))
 FORCE_GOAL = 1.25
 
 
-def success(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
-    blocks: list[Table | SvgPlot | Paragraph] = [
-        SvgPlot(
-            "success",
-            success_plot(cells),
-            "Success in per cent, apples down, attempts (places) across; the paper on the left, ours on the right.",
-        )
-    ]
+def success(cells: Cells) -> list[Table | Paragraph]:
+    blocks: list[Table | Paragraph] = []
     for arm, paper, title in (
         (REFINED, printed.REFINED_SUCCESS, "With pose refinement"),
         (UNREFINED, printed.UNREFINED_SUCCESS, "Without pose refinement"),
@@ -171,7 +165,7 @@ def unrefined(cells: Cells) -> list[Table | Paragraph]:
     ]
 
 
-def everywhere(cells: Cells) -> list[Table | SvgPlot]:
+def everywhere(cells: Cells) -> list[Table]:
     rows = []
     for arm, label in ((REFINED, "with"), (UNREFINED, "without")):
         for name, fruit in zip(APPLES, FRUITS, strict=True):
@@ -187,13 +181,6 @@ def everywhere(cells: Cells) -> list[Table | SvgPlot]:
         "runs",
     )
     return [
-        SvgPlot(
-            "errors",
-            errors_plot(cells),
-            "Every run with refinement as a dot, its mean as a line; the paper's attempt 3 as printed (hollow) and as "
-            "recomputed (full).",
-        ),
-        SvgPlot("sizes", sizes_plot(cells), "Estimated against true size, with refinement."),
         Table(header, tuple(rows), "Means over all places with Student's 95 % interval"),
     ]
 
@@ -201,7 +188,7 @@ def everywhere(cells: Cells) -> list[Table | SvgPlot]:
 # --------------------------------------------------------------------------------------------------- force
 
 
-def force(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
+def force(cells: Cells) -> list[Table | Paragraph]:
     good = cells.good(cells.arm(REFINED))
     rows = []
     for name, fruit in (*zip(APPLES, FRUITS, strict=True), ("All", None)):
@@ -225,12 +212,6 @@ def force(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
         "picks",
     )
     return [
-        SvgPlot(
-            "force",
-            force_plot(cells),
-            "Left: both fingers' force at the end of the lift over the least that would hold the load; the lines are 1 "
-            f"and {FORCE_GOAL} times the least. Right: slip of the fruit on the pads.",
-        ),
         Table(
             header,
             tuple(rows),

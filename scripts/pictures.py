@@ -151,23 +151,6 @@ def _photograph(world: Any) -> Any:
     return picture
 
 
-def grip_picture(out: Path) -> None:
-    """One lift, from bias to rest."""
-    from benchmarks.grasp_picture import draw
-
-    draw(out)
-
-
-def figures_of_grip() -> dict[str, Any]:
-    """Of the lift: the highest force, and the force and the least that holds at its end [N]."""
-    from benchmarks.grasp_picture import lift
-
-    seen, _phases = lift()
-    return {name: float(f"{value:.3g}") for name, value in (
-        ("highest [N]", seen[:, 1].max()), ("at the end [N]", seen[-1, 1]), ("least at the end [N]", seen[-1, 3])
-    )}  # fmt: skip
-
-
 def rendered_frames(out: Path) -> None:
     """Two frames of each kind that the detector learns from."""
     from pomona.skills.perception.fruit import load_fruit
@@ -226,7 +209,6 @@ PICTURES: dict[str, Picture] = {
         figures_of_pick,
     ),
     "lifted.jpg": Picture(lifted_apple, ("drivers/pomona/tools/simulation/layout.py",)),
-    "grip.png": Picture(grip_picture, ("benchmarks/grasp_picture.py",), figures_of_grip),
     "rendered.jpg": Picture(rendered_frames, ("skills/pomona/tools/training/*.py",)),
     "detect.jpg": Picture(
         found_in_a_frame,

@@ -65,12 +65,6 @@ def test_no_picture_is_older_than_its_sources(pictures: Any) -> None:
         assert re.fullmatch(r"[0-9a-f]{7,}\+?", entry["commit"]), name
 
 
-def test_the_picture_of_a_lift_shows_the_controller_s_actions(pictures: Any) -> None:
-    assert pictures.figures_of_grip() == pytest.approx(
-        pictures.ledger()["grip.png"]["shows"], rel=0.02
-    ), "make figures"
-
-
 def test_every_picture_is_one_that_is_made(pictures: Any) -> None:
     there = {path.name for path in pictures.IMAGES.iterdir() if not path.name.startswith("method")}
     assert (

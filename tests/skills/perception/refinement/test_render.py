@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.refine_pyrender import render_with_plain_pyrender
 from pomona.skills.geometry import rot_x, rot_y, transform
 from pomona.skills.perception.refinement.errors import RenderFailed
 from pomona.skills.perception.refinement.render import ImageBox, image_box, render_depth, renderer
+from tests.skills.perception.refinement.plain_pyrender import render_with_plain_pyrender
 
 RENDERERS = ("pyrender", "zbuffer")
 

@@ -28,9 +28,7 @@ PROBED = 0.2
 """Segments with a larger step of any joint are first looked at in a few places [rad]: most that collide do so there,
 and are refused far more quickly than by proof."""
 
-MAX_STEP = (
-    0.8  # longest edge of a tree [rad]: see `benchmarks`, MotionBenchMaker's sets for Panda and UR5
-)
+MAX_STEP = 0.8  # longest edge of a tree [rad]: the quickest of 0.4 to 3 on 56 problems of MotionBenchMaker's Panda
 
 FIRST_ROUND = (
     500  # iterations before two trees are begun anew; each further round has twice as many
