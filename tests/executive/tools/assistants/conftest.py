@@ -7,19 +7,21 @@ import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from mcp import Client
-from mcp.shared.exceptions import MCPError
 
 from pomona.executive.cli import main
 from pomona.tools.assistants.bounded import Answer
 from pomona.tools.assistants.call_log import CallLog
 from pomona.tools.assistants.door import Door
-from pomona.tools.assistants.server import DoorServer
 from pomona.tools.assistants.work_folder import WorkFolder
 from tests.executive.loops import in_loop
+
+if TYPE_CHECKING:  # the protocol takes two seconds to load, and quick tests need none of it
+    from mcp import Client
+
+    from pomona.tools.assistants.server import DoorServer
 
 LOOK = """\
 pomona: 1
@@ -135,6 +137,9 @@ class Assistant:
         return self._ask(ask)
 
     def _ask(self, ask: Callable[[Client], Any]) -> Any:
+        from mcp import Client
+        from mcp.shared.exceptions import MCPError
+
         async def session() -> Any:
             async with Client(self.server) as client:
                 try:
@@ -165,6 +170,8 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def assistant(folder: Path) -> Assistant:
+    from pomona.tools.assistants.server import DoorServer
+
     work = WorkFolder(folder, Path("runs"))
     commands = HereCommands(folder)
     door = Door(work, commands, most_runs=3)

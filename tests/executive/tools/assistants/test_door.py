@@ -24,6 +24,8 @@ from pomona.tools.assistants.work_folder import WorkFolder, version_of
 from tests.executive.loops import in_loop
 from tests.executive.tools.assistants.conftest import LOOK, Assistant, Refused
 
+pytestmark = pytest.mark.slow
+
 
 class TestRecords:
     def test_a_run_that_an_assistant_started_holds_this_and_the_number_of_the_call_in_the_log(

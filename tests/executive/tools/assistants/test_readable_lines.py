@@ -13,6 +13,8 @@ from mcp_types import JSONRPCError
 from pomona.tools.assistants.readable_lines import MOST_LINE, ReadableLines
 from tests.executive.loops import in_loop
 
+pytestmark = pytest.mark.slow
+
 GOOD = '{"jsonrpc": "2.0", "id": 1, "method": "tools/list"}\n'
 CALL = '{"jsonrpc": "2.0", "id": %s, "method": "tools/call", "params": %s}'
 

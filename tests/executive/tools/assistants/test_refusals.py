@@ -11,6 +11,8 @@ import pytest
 
 from tests.executive.tools.assistants.conftest import LOOK, Assistant, Refused
 
+pytestmark = pytest.mark.slow
+
 TREE = "pomona: 1\ntree: t\nroot:\n  wait: 1 s\n"
 
 MALICIOUS: dict[str, tuple[str, dict[str, Any], str]] = {

@@ -11,6 +11,8 @@ import yaml
 
 from tests.executive.tools.assistants.conftest import Assistant, Refused
 
+pytestmark = pytest.mark.slow
+
 TASKS = yaml.safe_load(Path(__file__).with_name("tasks.yaml").read_text("utf-8"))
 
 
