@@ -51,6 +51,21 @@ def test_a_leaf_has_a_docstring_and_a_readme_of_one_page(leaf: Path) -> None:
         assert target.startswith("https:") or (leaf / target).exists(), target
 
 
+CORE_PAGES = sorted(
+    page
+    for folder in ("executive/pomona/executive", "skills/pomona/skills", "drivers/pomona/drivers")
+    for page in (ROOT / folder).rglob("README.md")
+)
+
+
+@pytest.mark.parametrize("page", CORE_PAGES, ids=lambda page: page.parent.name)
+def test_a_readme_of_the_core_names_files_that_exist(page: Path) -> None:
+    named = set(re.findall(r"(?<![\w/`.])((?:\w+/)*\w+\.py)", page.read_text("utf-8")))
+    places = (page.parent, page.parents[1], page.parents[1] / "tools", ROOT)
+    missing = [name for name in named if not any((place / name).is_file() for place in places)]
+    assert missing == []
+
+
 def test_a_leaf_has_tests_in_its_place(leaf: Path) -> None:
     floor, _, kind, name = leaf.relative_to(ROOT).parts
     assert list((ROOT / "tests" / floor / kind / name).rglob("test_*.py"))

@@ -8,7 +8,6 @@ from pathlib import Path
 from pomona.executive import language
 from pomona.executive.language import read
 from pomona.executive.language.check import analyse
-from pomona.executive.nodes.node_type import NodeType
 from pomona.tools.listings.declared_skills import declared_skills
 
 FOLDER = Path(language.__file__).parent
@@ -47,18 +46,3 @@ def test_a_name_that_is_not_written_on_every_path_is_found() -> None:
     assert [
         finding.code for finding in analyse(read(text, "look.yaml"), declared_skills()).errors
     ] == ["unset"]
-
-
-def test_every_file_and_method_that_is_named_exists() -> None:
-    files = set(re.findall(r"(?<![\w/`.])(\w+\.py)", PAGE))
-    assert len(files) > 12
-    assert all((FOLDER / name).is_file() for name in files)
-    methods = {
-        "possible_outcome",
-        "declare",
-        "check_layer",
-        "written_ports",
-        "known_facts",
-        "build",
-    }
-    assert all(f"`{name}`" in PAGE and callable(getattr(NodeType, name)) for name in methods)

@@ -17,8 +17,6 @@ from pomona.executive.running.events import (
     RunEnded,
     StateChanged,
 )
-from pomona.executive.running.runner import Runner
-from pomona.executive.running.tick import Breakpoints, RunContext, TreeObserver
 
 FOLDER = Path(running.__file__).parent
 PAGE = (FOLDER / "README.md").read_text("utf-8")
@@ -48,24 +46,3 @@ def row(event: Event) -> tuple[str, str, str]:
         case _:
             about, value = "", ""
     return type(event).__name__, about, value
-
-
-def test_every_file_and_method_that_is_named_exists() -> None:
-    files = set(re.findall(r"(?<![\w/`.])(\w+\.py)", PAGE))
-    assert len(files) > 7
-    assert all((FOLDER / name).is_file() for name in files)
-    for owner, name in ((Runner, "_take_commands"), (Runner, "_tick"), (Runner, "_let_time_pass")):
-        assert f"`{name}`" in PAGE
-        assert callable(getattr(owner, name))
-    for owner, name in (
-        (Breakpoints, "tick"),
-        (RunContext, "acquire"),
-        (TreeObserver, "after_tick"),
-        (Runner, "run"),
-    ):
-        assert f"`{owner.__name__}.{name}`" in PAGE
-        assert callable(getattr(owner, name))
-
-
-def test_the_page_is_short() -> None:
-    assert len(re.findall(r"\S*[a-zA-Z]\S*", PAGE)) <= 400
