@@ -12,7 +12,7 @@ from pomona.executive.nodes import NodeTypes
 from pomona.tools.tree_drawing.drawing import show_text
 from scripts.mathml import on_page_content
 from scripts.node_examples import EXAMPLES, beside, document_of
-from scripts.proofs import on_page_content as clean_page, on_page_markdown, on_post_template
+from scripts.site_hooks import on_page_content as clean_page, on_page_markdown, on_post_template
 from tests.executive.tools.dashboard.test_contrast import contrast
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,16 +59,11 @@ def test_the_search_dialogue_of_the_page_404_has_a_name() -> None:
     assert 'aria-label="Search"' in dialogue
 
 
-def test_proofs_become_footnotes_and_whole_trees_are_drawn() -> None:
+def test_words_come_from_their_classes_and_whole_trees_are_drawn() -> None:
     page = on_page_markdown((ROOT / "docs" / "tree_language.md").read_text("utf-8"))
-    body, notes = page.split("\n[^1]: ", 1)
-    assert "| Proof |" not in body
-    assert "| `int`, `number` | `3`, `0.5`, `1e-3`[^" in body
-    assert "| `recovery`, `attempts` | runs A;" in body, "a table of words comes from the classes"
-    assert "`test_run.py::test_quantities_arrive_in_si`" in notes
-    numbers = [int(number) for number in re.findall(r"(?<!^)\[\^(\d+)\]", page, re.MULTILINE)]
-    assert sorted(numbers) == list(range(1, len(numbers) + 1))
-    assert '<figure tabindex="0"><svg' in body
+    assert "| `retry`, " in page, "a table of words comes from the classes"
+    assert "{words:" not in page
+    assert '<figure tabindex="0"><svg' in page
 
 
 def test_a_link_out_of_the_site_becomes_a_path_in_the_repository() -> None:

@@ -1,4 +1,4 @@
-"""Hooks of mkdocs: tests become footnotes, whole trees are drawn below their text, tables of words come from the code.
+"""Hooks of mkdocs: tables of words come from the code, and whole trees are drawn below their text.
 
 Pages of leaves lie outside the site: a link becomes a repository path.
 """
@@ -12,8 +12,6 @@ from pomona.executive.language import read
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeTypes
 from pomona.tools.tree_drawing.drawing import show_svg
 
-PROOF = r"`(?:[\w/]+\.py::)?test_\w+(?:\.py(?:::\w+)*)?`|`test_[\w/.:]+`"
-IN_TEXT = re.compile(rf"\s*\((?:{PROOF})(?:,\s+(?:{PROOF}))*\)")
 EMPTY_HEADER = re.compile(r"<th([^>]*)>\s*</th>")
 OUTSIDE = re.compile(
     r"\[([^\]]*)\]\((?:\.\./)*((?:executive|drivers|skills)/pomona/[\w./-]*)(?:#[\w-]+)?\)"
@@ -24,13 +22,11 @@ TREE = re.compile(r"^```yaml\n(.*?^root:\n.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_others: Any) -> str:
-    """A hook of mkdocs: paths outside the site, tables of words, footnotes for proofs, drawings for whole trees."""
-    markdown = TABLE_OF_WORDS.sub(
-        lambda found: table_of_words(found[1]), OUTSIDE.sub(_path_outside, markdown)
-    )
-    if "| Proof |" not in markdown:
-        return markdown
-    return TREE.sub(_drawn, Footnotes().moved(markdown))
+    """A hook of mkdocs: paths outside the site; on the page of the language tables of words, and drawn trees."""
+    inside = OUTSIDE.sub(_path_outside, markdown)
+    if not TABLE_OF_WORDS.search(inside):
+        return inside
+    return TREE.sub(_drawn, TABLE_OF_WORDS.sub(lambda found: table_of_words(found[1]), inside))
 
 
 def table_of_words(kind: str) -> str:
@@ -52,41 +48,6 @@ def _path_outside(found: re.Match[str]) -> str:
 def on_page_content(html: str, **_others: Any) -> str:
     """A hook of mkdocs: no empty headers of columns."""
     return EMPTY_HEADER.sub(r"<td\1></td>", html)
-
-
-class Footnotes:
-    """Takes the column `Proof` out of tables and proofs in parentheses out of the text."""
-
-    def __init__(self) -> None:
-        self._notes: list[str] = []
-
-    def moved(self, markdown: str) -> str:
-        """The page with its proofs at the end."""
-        lines, column = [], False
-        for line in markdown.split("\n"):
-            row = line.startswith("|")
-            column = row and (column or line.rstrip().endswith("| Proof |"))
-            lines.append(self._row(line) if column else line)
-        text = self._text("\n".join(lines))
-        return (
-            text
-            + "\n\n"
-            + "\n".join(f"[^{n}]: {note}" for n, note in enumerate(self._notes, 1))
-            + "\n"
-        )
-
-    def _row(self, line: str) -> str:
-        *cells, proof = re.split(r"(?<!\\)\|", line.strip().removeprefix("|").removesuffix("|"))
-        if proof.strip() and proof.strip() != "Proof" and set(proof) != {"-"}:
-            cells[-1] = f"{cells[-1].rstrip()}{self._note(proof.strip())} "
-        return f"|{'|'.join(cells)}|"
-
-    def _text(self, text: str) -> str:
-        return IN_TEXT.sub(lambda found: self._note(found[0].strip()[1:-1]), text)
-
-    def _note(self, tests: str) -> str:
-        self._notes.append(" ".join(tests.split()))
-        return f"[^{len(self._notes)}]"
 
 
 def on_post_page(output: str, **_others: Any) -> str:
