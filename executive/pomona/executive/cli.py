@@ -132,6 +132,10 @@ def _run(words: Sequence[str]) -> int:
             )
             own.error(f"unrecognized arguments: {' '.join(unknown)}")
         status: int = options.main(options)
+    except SystemExit as refused:
+        if refused.code:
+            _print_removed(words)
+        raise
     except UsageError as error:
         _print_error(str(error))
         return 2
@@ -143,6 +147,17 @@ def _run(words: Sequence[str]) -> int:
         _print_error(f"{error.filename}: {error.strerror}")
         return 2
     return status
+
+
+def _print_removed(words: Sequence[str]) -> None:
+    """Name the commands and options among refused words that an earlier version had."""
+    from pomona.executive.values.removed import removed  # few words are refused
+
+    command = _command(words)
+    for word in ("", *words):
+        gone = removed("command", f"{command} {word.partition('=')[0]}".strip())
+        if gone:
+            _print_error(gone)
 
 
 def _print_error(text: str) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
+import tempfile
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -12,6 +15,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings, did_you_mean
 from pomona.executive.values.installation import entry_points, installed_trees
 from pomona.executive.values.plain_text import NotUtf8Error, exists, is_file, read_plain_text
+from pomona.executive.values.removed import removed
 
 
 def find_tree(name: str) -> Path:
@@ -65,6 +69,32 @@ def write_text(text: str, path: Path | None, replaces: str = "") -> None:
         raise UsageError(f"{path}: {error.strerror}") from error
 
 
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all; mode and owner of the one that it replaces stay. Raises OSError: it cannot be."""
+    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".saving")
+    try:
+        with os.fdopen(number, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        about = path.stat() if path.exists() else None
+        os.chmod(name, 0o644 & ~_umask() if about is None else about.st_mode & 0o7777)
+        if about is not None:
+            with contextlib.suppress(PermissionError):  # of another owner: the content counts more
+                os.chown(name, about.st_uid, about.st_gid)
+        os.replace(name, path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
 def _sort_of(path: Path) -> str:
     kinds = {"a folder": path.is_dir, "a pipe": path.is_fifo, "a socket": path.is_socket}
     return next((kind for kind, it_is in kinds.items() if it_is()), "a device")
@@ -83,6 +113,8 @@ def _find(name: str, kind: str, folder: Path) -> Path:
         raise UsageError(f"{name}:1:1: a {kind} must be a regular file, this is {_sort_of(given)}")
     if given.is_symlink():
         raise UsageError(f"{name}: this link leads to no file")
+    if gone := removed(kind, given.stem):
+        raise UsageError(f"no {kind} file '{name}': {gone}")
     known = sorted(path.stem for path in folder.glob("*.yaml"))
     lost = next(path for path in (*reversed(given.parents), given) if not exists(path))
     beside = did_you_mean(lost.name, (path.name for path in lost.parent.glob("*")))

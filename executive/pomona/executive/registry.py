@@ -12,6 +12,7 @@ from importlib.metadata import EntryPoint
 from pomona.executive.ports import QUANTITIES, RATIO, Port, Ports, PortType, Quantity, type_name
 from pomona.executive.skill import Skill
 from pomona.executive.values.installation import entry_points
+from pomona.executive.values.removed import import_problem
 
 GROUP = "pomona.skills"
 CHOSEN = "POMONA_SKILLS"  # of the environment, for the run's other processes: `Detect=my_package Plan=other`
@@ -174,7 +175,7 @@ def _loaded(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) ->
     try:
         skill = point.load()
     except Exception as error:  # a third party's module may raise anything
-        return f"{point.value} cannot be imported: {type(error).__name__}: {error}"
+        return f"{point.value} cannot be imported: {import_problem(error)}"
     return (
         skill
         if isinstance(skill, type) and issubclass(skill, Skill)

@@ -22,6 +22,7 @@ from pomona.executive.values.documents import ValueFile, read_value_file
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.installation import elsewhere, entry_points
 from pomona.executive.values.kinds import Kind, Schema, Text
+from pomona.executive.values.removed import import_problem, report_removed
 from pomona.executive.values.sections import Placed, Problem, Section
 from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode
 
@@ -171,11 +172,14 @@ class DriverSection(Kind[Settings[Any]]):
         if not points:
             message = "this installation has no drivers, so a cell has no devices"
             raise reader.refuse(written, message, elsewhere("some"), "driver")
+        name = Text().read(written, reader.inside("driver"))
+        if name not in points and report_removed(reader.findings, written, "driver", name):
+            raise Refused(name)
         name = Text(*sorted(points)).read(written, reader.inside("driver"))
         try:
             found = points[name].load()
         except ImportError as error:
-            message = f"the driver '{name}' cannot be loaded: {error}"
+            message = f"the driver '{name}' cannot be loaded: {import_problem(error)}"
             raise reader.refuse(written, message, code="driver") from error
         if not isinstance(found, Driver):
             message = f"the driver '{name}' ({points[name].value}) does not declare its options"

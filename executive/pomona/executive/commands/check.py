@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import re
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from pomona.executive.files import (
     find_tree,
     kind_names,
     read_text,
+    replace_file,
 )
 from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
@@ -67,7 +69,7 @@ def main(options: argparse.Namespace) -> int:
     found: list[Finding] = []
     for name in options.files:
         path = find_tree(name)
-        found += _fix(path, cell, settings) if options.fix else _check(path, cell, settings)
+        found += _fix(path, cell, settings) if options.fix else check_file(path, cell, settings)
     if options.json:
         write_json([dataclasses.asdict(finding) for finding in found])
     elif found:
@@ -81,20 +83,25 @@ def main(options: argparse.Namespace) -> int:
 
 def _fix(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
     """Apply the hints that name a correction to a file; return the remaining findings."""
-    found = _check(path, cell, settings)
-    for _ in range(
-        20
-    ):  # times that a file is mended and checked again: one mistake may hide the next
-        text, applied = mended(
-            path.read_bytes().decode(), (finding for finding in found if finding.path == str(path))
-        )
+    found = check_file(path, cell, settings)
+    for _ in range(20):  # times that a file is checked again: one mistake may hide the next
+        applied = apply_edits(path, found)
         if not applied:
             break
-        path.write_bytes(text.encode())
         for finding in applied:
             sys.stderr.write(f"{place_of(finding)}: mended: {said(finding)}\n")
-        found = _check(path, cell, settings)
+        found = check_file(path, cell, settings)
     return found
+
+
+def apply_edits(path: Path, found: Iterable[Finding]) -> list[Finding]:
+    """Write a file with the edits of findings in it; return those that were applied, one of each line."""
+    written = path.read_bytes().decode()
+    body = written.removeprefix("\ufeff")
+    text, applied = mended(body, (finding for finding in found if finding.path == str(path)))
+    if applied:
+        replace_file(path.resolve(), (written.removesuffix(body) + text).encode())
+    return applied
 
 
 def _kind(path: Path) -> FileKind | None:
@@ -108,18 +115,20 @@ def _kind(path: Path) -> FileKind | None:
     return next((kind for kind in kinds if kind.recognises(keys)), None)
 
 
-def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
+def check_file(
+    path: Path, cell: Path | None = None, settings: Mapping[str, str] | None = None
+) -> list[Finding]:
     """Return the findings of a file; a file of unknown kind is checked as a tree."""
     kind = _kind(path)
     if kind is None:
         document = read_document(path)
         skills = Registry.installed()
         usual = find_cell(default_name("cell"))
-        found = judge(document, skills, settings, cell or usual).findings.sorted()
+        found = judge(document, skills, settings or {}, cell or usual).findings.sorted()
         lacking = next((finding for finding in found if finding.code == "no-device"), None)
         if cell is not None or lacking is None:
             return found
-        found = judge(document, skills, settings, None).findings.sorted()
+        found = judge(document, skills, settings or {}, None).findings.sorted()
         message = f"poses and fruit are not checked on the cell '{usual.stem}': {lacking.message}"
         return [
             *found,

@@ -65,6 +65,10 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona fmt my_tree.yaml", "format indentation and spacing; comments stay"),
         ("pomona fmt --check trees/*.yaml", "for CI: list the files that are not formatted"),
     ),
+    "migrate": (
+        ("pomona migrate trees/*.yaml my_cell.yaml", "write the words of this version into files"),
+        ("pomona migrate --check my_kit/*.py pyproject.toml", "show the changes, and write nothing"),
+    ),
     "lsp": (("pomona lsp --cell sim", "started by an editor; offers the names of this cell"),),
     "new": (
         ("pomona new package my_kit", "a package with a skill, a tree and tests"),

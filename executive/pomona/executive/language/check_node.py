@@ -23,6 +23,7 @@ from pomona.executive.ports import Port, Ports, Quantity
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.yaml_errors import moved
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, shape_of, written
 
@@ -103,7 +104,7 @@ class NodeChecker:
                 self.findings.error(
                     node.key, "broken-skill", f"skill '{name}': {self.skills.problems[name]}"
                 )
-            else:
+            elif not report_removed(self.findings, node.key, "skill", name):
                 hint = self.hint_for(node) or "'pomona skills' lists the installed skills"
                 self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
         return skill
@@ -323,15 +324,24 @@ class LayerCheck:
             message = f"'{name}' is a modifier: write it beside {who}, at column {node.key.column}, and not in it"
             self.findings.error(key, "unknown-port", message, edits=_moved_out(node, key, value))
             return ""
-        renamed = next((new for new, port in inputs.items() if port.was == name), "")
-        hint = (
-            Instead(f"it is called '{renamed}' now", name, renamed)
-            if renamed
-            else did_you_mean(name, known)
-        )
+        if report_removed(self.findings, key, "port", f"{who}.{name}"):
+            return ""
+        for new in [new for new, port in inputs.items() if port.was == name]:
+            self.renamed_port(key, value, new)
+            return new
+        hint = did_you_mean(name, known)
         said = hint or f"ports of {who}: {', '.join(known) or 'none'}"
         self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", said)
         return hint.right if isinstance(hint, Instead) else ""
+
+    def renamed_port(self, key: YamlScalar, value: YamlNode, new: str) -> None:
+        """Report a port with its former name; which of two values holds is the user's choice."""
+        hint: str = Instead(f"it is called '{new}' now", key.text, new)
+        if new in self.node.ports:
+            other = self.node.ports[new][1]
+            hint = f"keep {written(value)}, or {written(other)} of '{new}' in line {other.line}"
+        message = f"{self.node.key.text} has no port '{key.text}'"
+        self.findings.error(key, "removed", message, hint)
 
     # --------------------------------------------------------------------------------------- names
 
@@ -376,6 +386,8 @@ class LayerCheck:
             return
         name = self.node.key.text
         if name in self.whole.scope.definition.file.unread:
+            return
+        if report_removed(self.findings, self.node.key, "node", name):
             return
         hint = self.whole.hint_for(self.node)
         hint = (

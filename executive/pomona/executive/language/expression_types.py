@@ -310,7 +310,7 @@ def _check_symbols(
             if isinstance(value_type, type) and issubclass(value_type, Enum):
                 message, can = f"this is never {word.value}", "it can be"
             hint = renamed or did_you_mean(word.value, known) or f"{can} {', '.join(sorted(known))}"
-            scope.report(word, "unknown-code", message, hint)
+            scope.report(word, "removed" if renamed else "unknown-code", message, hint)
 
 
 def _call(expression: Call, scope: TypeScope) -> ValueType:

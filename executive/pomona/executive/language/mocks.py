@@ -24,7 +24,14 @@ from pomona.executive.ports import TIME, Port, Ports, Quantity, type_name
 from pomona.executive.reasons import NoValue
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, Work
-from pomona.executive.values.findings import Finding, Findings, Source, did_you_mean, few_hints
+from pomona.executive.values.findings import (
+    Finding,
+    Findings,
+    Instead,
+    Source,
+    did_you_mean,
+    few_hints,
+)
 from pomona.executive.values.kinds import Kind, MappingOf, Measure, Schema, Text, Whole, read_each
 from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.yaml_nodes import (
@@ -334,14 +341,14 @@ class _Call(Kind[tuple[MockResult, ...]]):
         """Refuse a code with which the skill never fails."""
         text = code.text if isinstance(code, YamlScalar) else ""
         if text not in self.skill.failures:
-            new, known = self.skill.renamed_failures.get(text), self.skill.failures
-            renamed = f"it is called '{new}' now" if new else ""
-            hint = (
-                renamed or did_you_mean(text, (*known, *STATUSES)) or f"codes: {', '.join(known)}"
-            )
-            raise reader.refuse(
-                code, f"{self.skill.__name__} never fails with {text}", hint, "unknown-code"
-            )
+            message = f"{self.skill.__name__} never fails with {text}"
+            new = self.skill.renamed_failures.get(text)
+            if new is not None:
+                hint = Instead(f"it is called '{new}' now", text, new)
+                raise reader.refuse(code, message, hint, "removed")
+            known = self.skill.failures
+            hint = did_you_mean(text, (*known, *STATUSES)) or f"codes: {', '.join(known)}"
+            raise reader.refuse(code, message, hint, "unknown-code")
 
     def outputs(self, placed: Placed[MockSection], reader: Reader) -> dict[str, Any]:
         written, found = placed.node.get("outputs"), dict[str, Any]()

@@ -13,6 +13,7 @@ from pomona.executive.language.read_node import NodeReader, is_word
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.findings import Edit, Finding, Findings, Source, Spot, few_hints
 from pomona.executive.values.plain_text import NotUtf8Error, read_plain_text
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.yaml_errors import moved
 from pomona.executive.values.yaml_nodes import (
     ShapeCheck,
@@ -386,7 +387,7 @@ class _Reader:
             message = f"'{asked}' lies outside the tree's folder"
             hint = "subtrees come from the tree's own folder or from installed trees"
             self.findings.error(written, "file", message, hint)
-        else:
+        elif not report_removed(self.findings, written, "tree", Path(asked).stem):
             message = f"there is no file '{asked}' beside this tree or among installed trees"
             self.findings.error(written, "file", message)
         return None

@@ -9,6 +9,7 @@ from pomona.executive.nodes.catalogue import RESERVED, NodeTypes
 from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.values.findings import Edit, Findings, Instead, did_you_mean
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.yaml_errors import moved
 from pomona.executive.values.yaml_nodes import (
     ShapeCheck,
@@ -100,6 +101,8 @@ class NodeReader:
             or key.text in self.file.subtrees
         ):
             return found
+        if is_list and report_removed(self.findings, key, "node", key.text):
+            return self.types["sequence"]  # so that its children are read
         meant = did_you_mean(key.text, self.types.composites) if is_list else ""
         foreign = self.types.known_elsewhere(key.text)
         if foreign is not None and foreign.role == ("composite" if is_list else "leaf"):
@@ -152,7 +155,7 @@ class NodeReader:
             elif key.text in self.types.problems:
                 message = f"'{key.text}' cannot be used: {self.types.problems[key.text]}"
                 self.findings.error(key, "broken-node", message)
-            else:
+            elif not report_removed(self.findings, key, "node", key.text):
                 own = self.types.get(chosen[0].text)
                 allowed = (*self.beside, *(own.fields if own is not None else ()))
                 meant = did_you_mean(key.text, allowed)

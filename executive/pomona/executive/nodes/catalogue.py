@@ -26,6 +26,7 @@ from pomona.executive.nodes.retry import FallbackType, ReactiveFallbackType, Ret
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.nodes.working import BreakpointType, DisabledType
 from pomona.executive.values.installation import entry_points
+from pomona.executive.values.removed import import_problem
 
 GROUP = "pomona.nodes"  # entry point group of node types: word → class
 
@@ -76,7 +77,7 @@ class NodeTypes(Mapping[str, NodeType]):
                 types.problems[point.name] = str(error)
             except Exception as error:  # a third party's module and class may raise anything
                 types.problems[point.name] = (
-                    f"{point.value} cannot be used: {type(error).__name__}: {error}"
+                    f"{point.value} cannot be used: {import_problem(error)}"
                 )
         return types
 

@@ -10,6 +10,7 @@ from typing import Any
 from pomona.executive.values.findings import Finding, Findings, Source, did_you_mean
 from pomona.executive.values.kinds import Schema
 from pomona.executive.values.plain_text import is_file, read_plain_text
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.yaml_nodes import (
     Reader,
     Refused,
@@ -146,7 +147,8 @@ class _Opener:
             self.files[_relative(path, self.folder)] = text
             return text
         if included_at is not None:
-            self.findings.error(included_at, "file", f"{path} {problem}")
+            if not report_removed(self.findings, included_at, "cell", path.stem):
+                self.findings.error(included_at, "file", f"{path} {problem}")
         else:
             self.findings.add(Finding(str(path), 0, 0, "error", "file", problem))
         return None

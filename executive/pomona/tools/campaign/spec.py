@@ -23,6 +23,7 @@ from pomona.executive.values.documents import read_value_file, with_includes
 from pomona.executive.values.findings import Findings, did_you_mean, few_hints, format_findings
 from pomona.executive.values.kinds import Schema
 from pomona.executive.values.plain_text import is_file
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.sections import Placed
 from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlNode, YamlScalar
 from pomona.tools.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
@@ -154,7 +155,9 @@ class _Names:
         try:
             return find(name)
         except UsageError as error:
-            self.findings.error(written or node, "file", str(error))
+            kind = "tree" if find is find_tree else "cell"
+            if not report_removed(self.findings, written or node, kind, Path(name).stem):
+                self.findings.error(written or node, "file", str(error))
             return None
 
     def check_keys(self, tree: Path, cell: Path, keys: Mapping[str, YamlScalar]) -> None:

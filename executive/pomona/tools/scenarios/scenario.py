@@ -38,6 +38,7 @@ from pomona.executive.values.findings import Finding, Findings, few_hints
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.kinds import AsWritten, Kind, ListOf, Measure, Schema, Text, Whole
 from pomona.executive.values.plain_text import is_file
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar
 from pomona.tools.listings.declared_skills import with_declarations
@@ -206,7 +207,9 @@ def _tree(
             if unsaved is not None:
                 return read(unsaved, tree, tree_folders=tree_folders)
             return read_file(tree, tree_folders=tree_folders)
-    findings.error(written, "file", f"there is no tree '{written.text}' beside the scenario")
+    if not report_removed(findings, written, "tree", Path(written.text).stem):
+        message = f"there is no tree '{written.text}' beside the scenario"
+        findings.error(written, "file", message)
     return None
 
 

@@ -8,12 +8,12 @@ import fcntl
 import hashlib
 import os
 import stat
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.files import replace_file
 from pomona.executive.values.plain_text import NotUtf8Error
 from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
 
@@ -156,32 +156,11 @@ class EditedFile:
             if disk.problem:
                 raise SaveRefusedError(f"not saved: {disk.problem}")
             try:
-                self._replace(_encoded(text, self._bytes().decode("utf-8") if stamp else ""))
+                data = _encoded(text, self._bytes().decode("utf-8") if stamp else "")
+                replace_file(self.path, data)
             except OSError as error:
                 raise SaveRefusedError(f"not saved: {error.strerror or error}") from error
             return self.read()
-
-    def _replace(self, data: bytes) -> None:
-        number, name = tempfile.mkstemp(
-            dir=self.path.parent, prefix=f".{self.path.name}.", suffix=".saving"
-        )
-        try:
-            with os.fdopen(number, "wb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            about = self.path.stat() if self.path.exists() else None
-            os.chmod(name, 0o644 & ~_umask() if about is None else about.st_mode & 0o7777)
-            if about is not None:
-                with contextlib.suppress(
-                    PermissionError
-                ):  # of another owner: the content counts more
-                    os.chown(name, about.st_uid, about.st_gid)
-            os.replace(name, self.path)
-        except OSError:
-            with contextlib.suppress(OSError):
-                os.unlink(name)
-            raise
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
@@ -206,9 +185,3 @@ def _encoded(text: str, like: str) -> bytes:
     body = like.removeprefix(BOM)
     ending = "\r\n" if "\r\n" in body else "\r" if "\r" in body else "\n"
     return ((BOM if body != like else "") + text.replace("\n", ending)).encode("utf-8")
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

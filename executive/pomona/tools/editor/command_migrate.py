@@ -1,0 +1,115 @@
+"""`pomona migrate`: files of an earlier version with the words of this one; everything else stays byte for byte."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.commands.check import apply_edits, check_file
+from pomona.executive.errors import UsageError
+from pomona.executive.files import read_text
+from pomona.executive.values.findings import (
+    Edit,
+    Finding,
+    Findings,
+    Source,
+    format_finding,
+    format_findings,
+    place_of,
+)
+from pomona.executive.values.removed import REMOVED, report_in_text
+from pomona.executive.values.yaml_nodes import read_yaml
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser(
+        "migrate",
+        help="change files of an earlier version to this one; comments stay",
+        description="Write the new words of this version into trees, cells, campaigns, scenarios, Python files and "
+        "pyproject.toml. A word without a new one, or with several, is listed: its place stays as it is.",
+    )
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="the files to change")
+    parser.add_argument("--check", action="store_true", help="show the changes, and write nothing")
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Change them; nothing is written when one of them cannot be used.
+
+    Returns:
+        1 when something is left to change, else 0.
+    """
+    for path in options.files:
+        _refuse_unusable(path, options.check)
+    named = {path.resolve() for path in options.files}
+    left = Findings()
+    for path in options.files:
+        found = _removed(path)
+        while not options.check and (changed := apply_edits(path, found)):
+            _print_changes(changed)
+            found = _removed(path)
+        if not options.check and sys.stdin.isatty():
+            with contextlib.suppress(EOFError):  # the input ended: the other places stay
+                found = _ask(path, found)
+        left.extend(f for f in found if f.path == str(path) or Path(f.path).resolve() not in named)
+    rest = left.sorted()
+    if options.check:
+        _print_changes(finding for finding in rest if finding.edits)
+    listed = [finding for finding in rest if not (options.check and finding.edits)]
+    sys.stdout.write(f"{format_findings(listed) or 'nothing else is left to change'}\n")
+    return 1 if rest else 0
+
+
+def _refuse_unusable(path: Path, check: bool) -> None:
+    """Raises UsageError: the file cannot be read or written."""
+    findings = Findings()
+    text = read_text(path)
+    if _is_yaml(path) and read_yaml(Source(str(path), text), findings, "this file") is None:
+        raise UsageError(f"{format_findings(findings.sorted())} Nothing was changed.")
+    writable = path.stat().st_mode & 0o222 and os.access(path, os.W_OK)
+    if not check and not (writable and os.access(path.resolve().parent, os.W_OK)):
+        raise UsageError(f"{path}: the file or its folder is read-only. Nothing was changed.")
+
+
+def _is_yaml(path: Path) -> bool:
+    return path.suffix in (".yaml", ".yml")
+
+
+def _removed(path: Path) -> list[Finding]:
+    """Return the words in a file that this version no longer has."""
+    if _is_yaml(path):
+        return [finding for finding in check_file(path) if finding.code == "removed"]
+    findings = Findings()
+    report_in_text(findings, Source(str(path), read_text(path)))
+    return findings.sorted()
+
+
+def _print_changes(changed: Iterable[Finding]) -> None:
+    for finding in changed:
+        for _, column, length, new in finding.edits:
+            old = finding.excerpt[column - 1 :][:length]
+            sys.stdout.write(f"{place_of(finding)}: {old} → {new} ({finding.message})\n")
+
+
+def _ask(path: Path, found: list[Finding]) -> list[Finding]:
+    """Ask which of several new words replaces each; return the remaining findings."""
+    for finding in reversed(found):  # a change moves only the columns behind it
+        word = finding.excerpt[finding.column - 1 :][: finding.length].strip("'\"")
+        new = next((row.instead_of(word) for row in REMOVED if word in row.words), [])
+        if finding.path == str(path) and len(new) > 1:
+            sys.stdout.write(f"{format_finding(finding)}\n")
+            answer = input(f"{' or '.join(new)}? [Enter leaves it as it is] ").strip()
+            at = finding.excerpt.index(word, finding.column - 1)
+            if answer in new:
+                chosen = dataclasses.replace(
+                    finding, edits=(Edit(finding.line, at + 1, len(word), answer),)
+                )
+                _print_changes(apply_edits(path, [chosen]))
+    return _removed(path)

@@ -1,0 +1,283 @@
+"""`pomona migrate`: the words of the table change, nothing else; a choice stays with the user; nothing is lost."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import pytest
+
+from pomona.executive.cli import main
+from pomona.executive.values import removed
+from pomona.executive.values.removed import Removal
+from pomona.tools.editor import command_migrate
+
+ROWS = (
+    Removal("skill", "Look", "Detect", "one word for one thing"),
+    Removal("skill", "Shake", "", "no tree needs it"),
+    Removal("port", "MoveTo.slowly", "", "write `speed: 20 %` beside the node"),
+    Removal("node", "pipeline", "reactive_sequence, sequence", "its two meanings have two words"),
+    Removal("driver", "sim-robot", "sim-arm", "an arm is an arm"),
+    Removal("driver", "wall", "", "no simulated wall is left"),
+    Removal("cell", "wall", "", "no simulated wall is left"),
+    Removal("tree", "pick_wall", "", "no simulated wall is left"),
+    Removal("module", "pomona.applications.plc", "pomona.devices.*", "signals are a device's"),
+    Removal("module", "pomona.applications.wall", "", "no simulated wall is left"),
+    Removal("extra", "wall", "", "no simulated wall is left"),
+)
+
+TREE = """\
+# A tree of the version before; this line stays.
+pomona: 1
+tree: t      # its name
+
+root:
+  sequence:                       # everything
+    - Look:   {fruit: apple, detection: "{d}"}   # a look
+      timeout: 5 s                # for long
+    - "Look": {fruit: lemon, detection: "{e}"}
+    - pipeline:
+        - Shake: {grasp: "{d}"}   # gone
+        - MoveTo: {pose: home, slowly: true}
+    - Lift: {keep: 1 s}
+    - Lift: {keep: 1 s, hold_time: 2 s}
+
+"""
+CHANGED = (
+    TREE.replace("- Look:   {", "- Detect:   {")
+    .replace('"Look"', '"Detect"')
+    .replace("Lift: {keep: 1 s}", "Lift: {hold_time: 1 s}")
+)
+LEFT = ["10:7 pipeline", "11:11 Shake", "12:30 slowly", "14:14 keep"]
+
+
+@pytest.fixture(autouse=True)
+def rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(removed, "REMOVED", ROWS)
+    monkeypatch.setattr(command_migrate, "REMOVED", ROWS)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    monkeypatch.chdir(tmp_path)
+
+
+def written(name: str, text: str | bytes) -> Path:
+    path = Path(name)
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def test_a_tree_gets_the_new_words_and_the_rest_stays_byte_for_byte(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = written("t.yaml", TREE)
+    assert main(["migrate", "t.yaml"]) == 1
+    assert path.read_text() == CHANGED
+    out = capsys.readouterr().out
+    reason = "(the skill 'Look' became 'Detect' in 0.2: one word for one thing)"
+    assert f"t.yaml:7:7: Look → Detect {reason}\n" in out
+    assert "t.yaml:13:14: keep → hold_time (Lift has no port 'keep')\n" in out
+    assert "the node 'pipeline' became 'reactive_sequence' or 'sequence' in 0.2" in out
+    assert "the skill 'Shake' was removed in 0.2: no tree needs it\n" in out
+    assert "keep 1 s, or 2 s of 'hold_time' in line 14" in out
+    assert out.endswith("4 errors.\n")
+
+
+def test_a_second_time_changes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    path = written("t.yaml", TREE)
+    main(["migrate", "t.yaml"])
+    first = capsys.readouterr().out.partition("t.yaml:10:7")[1:]
+    before = path.stat().st_mtime_ns
+    assert main(["migrate", "t.yaml"]) == 1
+    assert path.stat().st_mtime_ns == before
+    assert capsys.readouterr().out == "".join(first)
+
+
+def test_check_shows_the_changes_and_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    path = written("t.yaml", TREE)
+    path.chmod(0o444)
+    assert main(["migrate", "--check", "t.yaml"]) == 1
+    assert path.read_text() == TREE
+    out = capsys.readouterr().out
+    assert out.count(" → ") == 3
+    assert out.endswith("4 errors.\n")
+
+
+def test_a_file_of_this_version_is_done(capsys: pytest.CaptureFixture[str]) -> None:
+    text = "pomona: 1\ntree: t\nroot: {wait: 1 s}\n"
+    path = written("t.yaml", text)
+    assert main(["migrate", "t.yaml"]) == 0
+    assert path.read_text() == text
+    assert capsys.readouterr().out == "nothing else is left to change\n"
+
+
+def test_a_choice_is_asked_for_on_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = "pomona: 1\ntree: t\nroot: {pipeline: [{'pipeline': []}, {pipeline: []}, {wait: 1 s}]}\n"
+    path = written("t.yaml", tree)
+    asked: list[str] = []
+    answers = iter(["sequence", "parallel"])
+
+    def answer(question: str) -> str:
+        asked.append(question)
+        try:
+            return next(answers)
+        except StopIteration:
+            raise EOFError from None
+
+    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    assert main(["migrate", "--check", "t.yaml"]) == 1
+    assert asked == []
+    assert main(["migrate", "t.yaml"]) == 1
+    assert asked == ["reactive_sequence or sequence? [Enter leaves it as it is] "] * 3
+    assert path.read_text() == tree.replace("{pipeline: []}", "{sequence: []}")
+    assert "t.yaml:3:38: pipeline → sequence" in capsys.readouterr().out
+
+
+def test_the_check_and_a_run_name_the_new_place(capsys: pytest.CaptureFixture[str]) -> None:
+    written("t.yaml", TREE)
+    for command in (["check", "t.yaml"], ["run", "t.yaml", "--no-record", "--dry"]):
+        assert main(command) == 2
+        captured = capsys.readouterr()
+        said = " ".join((captured.out + captured.err).split())
+        assert "error[removed]: the skill 'Look' became 'Detect' in 0.2" in said
+        assert "'pomona migrate t.yaml' writes it" in said
+        assert "'pomona migrate t.yaml' asks which" in said
+
+
+def test_cells_campaigns_and_scenarios_are_read(capsys: pytest.CaptureFixture[str]) -> None:
+    cell = "include: wall.yaml   # the wall\nworld: {driver: wall}\ndevices:\n  arm: {driver: sim-robot}\n"
+    files = {
+        "c.yaml": cell,
+        "many.yaml": "campaign: many\ntree: pick_wall\ncell: wall\nseeds: 2\n",
+        "s.yaml": "pomona: 1\ntree: pick_wall.yaml\ncases: [{expect: success}]\n",
+        "t.yaml": "pomona: 1\ntree: t\nroot: {a: {}}\nsubtrees: {a: {file: pick_wall.yaml}}\n",
+    }
+    for name, text in files.items():
+        written(name, text)
+    assert main(["migrate", *files]) == 1
+    assert Path("c.yaml").read_text() == cell.replace("sim-robot", "sim-arm")
+    out = capsys.readouterr().out
+    places = [line.split(": ")[0] for line in out.splitlines() if "error[removed]" in line]
+    assert places == [
+        *(
+            "c.yaml:1:10",
+            "c.yaml:2:17",
+            "many.yaml:2:7",
+            "many.yaml:3:7",
+            "s.yaml:2:7",
+            "t.yaml:4:22",
+        )
+    ]
+
+
+def test_names_of_trees_and_cells_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "trees/pick_wall.yaml"]) == 2
+    assert main(["run", "pick_apple", "--cell", "wall"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the tree 'pick_wall' was removed in 0.2: no simulated wall is left" in said
+    assert "the cell 'wall' was removed in 0.2: no simulated wall is left" in said
+
+
+def test_modules_and_extras_of_a_package(capsys: pytest.CaptureFixture[str]) -> None:
+    code = (
+        '"""Uses pomona.applications.plc."""\n'
+        "from pomona.applications.plc.handshake import Handshake  # stays\n"
+        "from pomona.applications import (  # a comment\n    wall,\n    plc,\n)\n"
+        "import pomona.applications.plcs, my_pomona.applications.plc\n\x0c\n"
+        "name = '\u2028' 'pomona.applications.plc'\n"
+    )
+    project = (
+        'dependencies = ["pomona[torch, wall]>=0.1", "wall"]\n'
+        'H = "pomona.applications.plc.handshake:Handshake"   # x\n'
+    )
+    written("m.py", code)
+    written("pyproject.toml", project)
+    assert main(["migrate", "m.py", "pyproject.toml"]) == 1
+    old, new = "pomona.applications.plc", "pomona.devices.plc"
+    assert Path("m.py").read_text() == code.replace(f"Uses {old}", f"Uses {new}").replace(
+        f"from {old}", f"from {new}"
+    ).replace(f"'{old}'", f"'{new}'")
+    assert Path("pyproject.toml").read_text() == project.replace(old, new)
+    out = capsys.readouterr().out
+    places = [line.split(": ")[0] for line in out.splitlines() if "error[removed]" in line]
+    assert places == ["m.py:4:5", "m.py:5:5", "pyproject.toml:1:32"]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_line_ends_and_byte_order_marks_stay(end: str, mark: str) -> None:
+    text = f"{mark}root: {{sequence: [{{Look: {{}}}}, {{Look: {{}}}}]}} # ü\npomona: 1\ntree: t".replace(
+        "\n", end
+    )
+    path = written("t.yaml", text)
+    assert main(["migrate", "t.yaml"]) == 0
+    assert path.read_bytes().decode() == text.replace("Look", "Detect")
+
+
+def test_mode_and_link_stay() -> None:
+    path = written("t.yaml", TREE)
+    path.chmod(0o750)
+    Path("link.yaml").symlink_to("t.yaml")
+    main(["migrate", "link.yaml"])
+    assert Path("link.yaml").is_symlink()
+    assert path.read_text() == CHANGED
+    assert path.stat().st_mode & 0o777 == 0o750
+    assert sorted(os.listdir()) == ["link.yaml", "t.yaml"]
+
+
+def test_a_word_that_is_written_in_another_way_is_listed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = 'pomona: 1\ntree: t\nroot: {"L\\x6fok": {}}\n'
+    path = written("t.yaml", text)
+    assert main(["migrate", "t.yaml"]) == 1
+    assert path.read_text() == text
+    assert "t.yaml:3:8: error[removed]: the skill 'Look' became 'Detect'" in capsys.readouterr().out
+
+
+def test_a_called_file_that_is_not_named_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    written("main.yaml", "pomona: 1\ntree: m\nroot: {a: {}}\nsubtrees: {a: {file: other.yaml}}\n")
+    other = written("other.yaml", "pomona: 1\ntree: a\nroot: {Look: {}}\n")
+    assert main(["migrate", "main.yaml"]) == 1
+    assert "'pomona migrate other.yaml' writes it" in capsys.readouterr().out
+    assert "Look" in other.read_text()
+    assert main(["migrate", "main.yaml", "other.yaml"]) == 0
+    assert "Detect" in other.read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("a.yaml", b"a: &x 1\nb: *x\n", "YAML aliases"),
+        ("a.yaml", b"root:\n\tsequence: []\n", "a tab"),
+        ("a.yaml", b"tree: [\n", "not YAML"),
+        ("a.yaml", b"", "empty"),
+        ("a.yaml", b"#" + b"x" * 600_000, "KiB"),
+        ("a.yaml", b"root: " + b"{sequence: [" * 200 + b"]}" * 200, "nested"),
+        ("a.yaml", b"\x89PNG\x00\xff", "not a text file"),
+        ("a.py", b"\x00\xff", "not a text file"),
+        ("nothing.py", None, "No such file"),
+        (".", None, "directory"),
+    ],
+)
+def test_an_unusable_file_ends_the_command_before_anything_is_written(
+    name: str, text: bytes | None, reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = written("good.yaml", TREE)
+    if text is not None:
+        written(name, text)
+    assert main(["migrate", "good.yaml", name]) == 2
+    assert good.read_text() == TREE
+    error = capsys.readouterr().err
+    assert reason in error
+    assert "Traceback" not in error
+
+
+def test_a_read_only_file_stays(capsys: pytest.CaptureFixture[str]) -> None:
+    path = written("t.yaml", TREE)
+    path.chmod(0o444)
+    assert main(["migrate", "t.yaml"]) == 2
+    assert path.read_text() == TREE
+    assert "read-only" in capsys.readouterr().err

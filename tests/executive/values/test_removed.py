@@ -1,0 +1,94 @@
+"""The table of removed words is true: the old ones are gone, the new ones are there, and docs/stability.md lists them."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from pomona.executive.cli import main
+from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.registry import Registry
+from pomona.executive.values.installation import entry_points, installed_trees
+from pomona.executive.values.removed import REMOVED, Removal, import_problem, removed
+
+ROOT = Path(__file__).resolve().parents[3]
+MOST = 40  # rows on one screen
+WORDS = [(row, word) for row in REMOVED for word in row.words]
+
+
+def is_there(kind: str, word: str) -> bool:
+    if kind in ("skill", "driver"):
+        return bool(entry_points(group=f"pomona.{kind}s", name=word))
+    if kind == "port":
+        skill, port = word.split(".")
+        found = Registry({}).choosing({}, (skill,))[skill]
+        return port in {**found.inputs, **found.outputs}
+    if kind == "node":
+        return word in NodeTypes.installed() or word in NodeTypes.installed().fields
+    if kind in ("tree", "cell"):
+        folder = installed_trees() / ("cells" if kind == "cell" else "")
+        return (folder / f"{word}.yaml").is_file()
+    if kind == "module":
+        try:
+            return find_spec(word) is not None
+        except ModuleNotFoundError:  # of its package
+            return False
+    assert kind == "extra"
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    return word in project["optional-dependencies"]
+
+
+@pytest.mark.parametrize(("row", "word"), WORDS, ids=lambda it: it if isinstance(it, str) else "")
+def test_an_old_word_is_gone_and_its_new_ones_are_there(
+    row: Removal, word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if row.kind == "command":
+        with pytest.raises(SystemExit) as ended:
+            main([*word.split(), "nothing"])
+        assert ended.value.code == 2
+        assert removed("command", word) in " ".join(capsys.readouterr().err.split())
+    else:
+        assert not is_there(row.kind, word)
+    for new in row.instead_of(word):
+        assert is_there(row.kind, new)
+        found = NodeTypes.installed().get(new) if row.kind == "node" else None
+        # beside a node that has it already, a new modifier would be there twice
+        assert found is None or found.role != "modifier"
+
+
+def test_a_word_stands_in_one_row() -> None:
+    words = [(row.kind, word) for row, word in WORDS]
+    assert len(words) == len(set(words))
+
+
+def test_a_reason_is_the_end_of_a_sentence() -> None:
+    for row in REMOVED:
+        assert not row.why.endswith("."), row
+        assert len(row.why.split()) <= 15, row
+
+
+def test_the_page_of_breaks_is_the_table_and_fits_one_screen() -> None:
+    page = (ROOT / "docs" / "stability.md").read_text("utf-8")
+    rows = [
+        f"| {row.kind} | {', '.join(f'`{word}`' for word in row.words)} | "
+        f"{' or '.join(f'`{new}`' for new in row.new.split(', ') if new) or '–'} | {row.why} |"
+        for row in REMOVED
+    ]
+    assert re.findall(r"^\| (?!what|---).*(?:\|.*){3}\|$", page, re.MULTILINE) == rows, "\n".join(
+        rows
+    )
+    assert len(rows) <= MOST
+
+
+def test_a_package_that_imports_a_moved_module_is_told_the_new_one() -> None:
+    with pytest.raises(ImportError) as caught:
+        __import__("pomona.drivers.sim.world")
+    assert import_problem(caught.value) == (
+        "ModuleNotFoundError: No module named 'pomona.drivers.sim'; the module 'pomona.drivers.sim' "
+        "became 'pomona.tools.simulation' in 0.2: a simulated cell is a tool"
+    )
+    assert import_problem(ValueError("no")) == "ValueError: no"
