@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import sys
-import tempfile
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -67,32 +64,6 @@ def write_text(text: str, path: Path | None, replaces: str = "") -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all; mode and owner of the one that it replaces stay. Raises OSError: it cannot be."""
-    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".saving")
-    try:
-        with os.fdopen(number, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        about = path.stat() if path.exists() else None
-        os.chmod(name, 0o644 & ~_umask() if about is None else about.st_mode & 0o7777)
-        if about is not None:
-            with contextlib.suppress(PermissionError):  # of another owner: the content counts more
-                os.chown(name, about.st_uid, about.st_gid)
-        os.replace(name, path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            os.unlink(name)
-        raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _sort_of(path: Path) -> str:

@@ -67,7 +67,7 @@ class TestNamesAreKnown:
 
     def test_a_port_s_name_of_the_version_before(self, findings_of):
         assert (
-            only(findings_of(sequence("Beep: {rings: 3}")), "unknown-port").hint
+            only(findings_of(sequence("Beep: {rings: 3}")), "removed").hint
             == "it is called 'times' now"
         )
 
@@ -458,7 +458,7 @@ class TestStructure:
 
     def test_a_code_by_its_name_of_the_version_before(self, findings_of):
         body = 'root:\n  fallback:\n    - Lift: {hold: "{h}"}\n    - Beep: {}\n      when: "failure.code == FELL"'
-        found = [found for found in findings_of(body) if found.code == "unknown-code"]
+        found = [found for found in findings_of(body) if found.code == "removed"]
         assert [f.hint for f in found] == ["it is called 'DROPPED' now"]
 
     def test_a_renamed_code_that_the_failure_never_has(self, findings_of):

@@ -13,11 +13,11 @@ from pomona.executive.cli import main
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.registry import Registry
 from pomona.executive.values.installation import entry_points, installed_trees
-from pomona.executive.values.removed import REMOVED, Removal, import_problem, removed
+from pomona.executive.values.removed import Removal, import_problem, removals, removed
 
 ROOT = Path(__file__).resolve().parents[3]
 MOST = 40  # rows on one screen
-WORDS = [(row, word) for row in REMOVED for word in row.words]
+WORDS = [(row, word) for row in removals() for word in row.old]
 
 
 def is_there(kind: str, word: str) -> bool:
@@ -66,7 +66,7 @@ def test_a_word_stands_in_one_row() -> None:
 
 
 def test_a_reason_is_the_end_of_a_sentence() -> None:
-    for row in REMOVED:
+    for row in removals():
         assert not row.why.endswith("."), row
         assert len(row.why.split()) <= 15, row
 
@@ -74,9 +74,9 @@ def test_a_reason_is_the_end_of_a_sentence() -> None:
 def test_the_page_of_breaks_is_the_table_and_fits_one_screen() -> None:
     page = (ROOT / "docs" / "stability.md").read_text("utf-8")
     rows = [
-        f"| {row.kind} | {', '.join(f'`{word}`' for word in row.words)} | "
-        f"{' or '.join(f'`{new}`' for new in row.new.split(', ') if new) or '–'} | {row.why} |"
-        for row in REMOVED
+        f"| {row.kind} | {', '.join(f'`{word}`' for word in row.old)} | "
+        f"{' or '.join(f'`{new}`' for new in row.new) or '–'} | {row.why} |"
+        for row in removals()
     ]
     assert re.findall(r"^\| (?!what|---).*(?:\|.*){3}\|$", page, re.MULTILINE) == rows, "\n".join(
         rows

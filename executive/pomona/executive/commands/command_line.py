@@ -10,7 +10,8 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,115 +29,19 @@ from pomona.executive.values.installation import (
     reinstall,
 )
 
-_EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
-    "run": (
-        ("pomona run {tree}", "{task} on the simulated cell"),
-        ("pomona run {tree} --pace real --dashboard", "watch and control the run in the browser"),
-        (
-            "pomona run {tree} --set {setting} --seed 3",
-            "with another parameter and another random world",
-        ),
-        ("pomona run my_tree.yaml --cell lab.yaml", "your own tree on your own cell"),
-        ("pomona run my_tree.yaml --dry", "without a cell: every skill succeeds at once"),
-    ),
-    "measure": (
-        (
-            "pomona measure frames --out row_7",
-            "count and measure the fruit in recorded RGB-D frames",
-        ),
-        (
-            "pomona measure row_color.mp4 --every 10",
-            "the same for a video with a depth video in the same folder",
-        ),
-        (
-            "pomona measure frames --kind lemon --score 0.7",
-            "another fruit, with a higher threshold",
-        ),
-    ),
-    "check": (
-        ("pomona check my_tree.yaml", "list all errors with line and column"),
-        ("pomona check {tree} --cell lab.yaml", "check that a tree can run on this cell"),
-    ),
-    "show": (
-        ("pomona show {tree}", "draw a tree in the terminal"),
-        ("pomona show {tree} --svg tree.svg", "or as a picture"),
-    ),
-    "fmt": (
-        ("pomona fmt my_tree.yaml", "format indentation and spacing; comments stay"),
-        ("pomona fmt --check trees/*.yaml", "for CI: list the files that are not formatted"),
-    ),
-    "migrate": (
-        ("pomona migrate trees/*.yaml my_cell.yaml", "write the words of this version into files"),
-        ("pomona migrate --check my_kit/*.py pyproject.toml", "show the changes, and write nothing"),
-    ),
-    "lsp": (("pomona lsp --cell sim", "started by an editor; offers the names of this cell"),),
-    "new": (
-        ("pomona new package my_kit", "a package with a skill, a tree and tests"),
-        ("pomona new skill Weigh --into my_kit", "add a skill to it"),
-        ("pomona new node forgive --into my_kit", "add a node type to it"),
-    ),
-    "dashboard": (
-        ("pomona dashboard", "all recorded runs, and new ones"),
-        (
-            "ssh -L 9000:localhost:8420 robot",
-            "then, on your machine, open the printed link with port 9000",
-        ),
-        (
-            "pomona dashboard --host 0.0.0.0 --tls-cert c.pem --tls-key k.pem",
-            "serve other machines, with TLS",
-        ),
-    ),
-    "explain": (
-        ("pomona explain last", "the events of the last run, their causes, and a remedy"),
-        ("pomona explain last --all", "all events of the last run, with values and times"),
-        ("pomona explain 2026-11-21_08-41-07_{tree}", "explain the run of this record"),
-    ),
-    "runs": (
-        ("pomona runs list", "the recorded runs, newest first"),
-        ("pomona runs show last", "settings, result and contents of the record"),
-    ),
-    "replay": (("pomona replay last --speed 1", "show the last run in real time"),),
-    "rerun": (
-        ("pomona rerun last", "check that a simulated run repeats exactly"),
-        ("pomona rerun last --set attempts=20", "repeat it with another parameter"),
-        ("pomona rerun last --set Plan.budget='2 s'", "or with another value of a port"),
-    ),
-    "why": (
-        ("pomona why last", "the smallest change with which the last run succeeds"),
-        ("pomona why last --budget '5 min' --cures 3", "search longer, for several changes"),
-    ),
-    "edit": (
-        ("pomona edit my_tree.yaml", "a new file is made at the first Save"),
-        ("pomona edit my_tree.yaml --cell sim_ur5e", "offer the names of this cell, and run on it"),
-    ),
-    "mcp": (
-        ("pomona mcp trees", "the command that an assistant starts"),
-        ("pomona mcp trees --requests", "runs on real cells that it asks for"),
-    ),
-    "campaign": (
-        ("pomona campaign {campaign} --workers 4", "many runs and a report"),
-        ("pomona campaign {campaign} --report", "the report of the present results"),
-    ),
-    "skills": (("pomona skills Plan", "a skill's ports, devices and failures"),),
-    "doctor": (("pomona doctor --cell lab.yaml", "check that this cell is ready for a run"),),
-    "completion": (
-        ("pomona completion bash > ~/.local/share/bash-completion/completions/pomona", "for bash"),
-        ("pomona completion fish > ~/.config/fish/completions/pomona.fish", "for fish"),
-    ),
-}
+_EXAMPLES = Path(__file__).with_name("examples.toml")
 
 
 def examples(command: str) -> tuple[tuple[str, str], ...]:
     """Return the examples of a subcommand with their descriptions; nothing for one without examples."""
-    rows = _EXAMPLES.get(command, ())
+    rows = tomllib.loads(_EXAMPLES.read_text("utf-8")).get(command, {})
     if not rows:
         return ()
-    from pomona.executive.files import (
-        default_name,
-    )  # takes an eighth of `pomona --help`, which shows none
+    # takes an eighth of `pomona --help`, which shows none
+    from pomona.executive.files import default_name
 
     names = {name: default_name(name) for name in ("tree", "task", "setting", "campaign")}
-    return tuple((line.format(**names), about.format(**names)) for line, about in rows)
+    return tuple((line.format(**names), about.format(**names)) for line, about in rows.items())
 
 
 RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"

@@ -344,8 +344,8 @@ class _Call(Kind[tuple[MockResult, ...]]):
             message = f"{self.skill.__name__} never fails with {text}"
             new = self.skill.renamed_failures.get(text)
             if new is not None:
-                hint = Instead(f"it is called '{new}' now", text, new)
-                raise reader.refuse(code, message, hint, "removed")
+                renamed = Instead(f"it is called '{new}' now", text, new)
+                raise reader.refuse(code, message, renamed, "removed")
             known = self.skill.failures
             hint = did_you_mean(text, (*known, *STATUSES)) or f"codes: {', '.join(known)}"
             raise reader.refuse(code, message, hint, "unknown-code")

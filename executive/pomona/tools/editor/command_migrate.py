@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.commands.check import apply_edits, check_file
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.values.findings import (
@@ -23,8 +22,11 @@ from pomona.executive.values.findings import (
     format_findings,
     place_of,
 )
-from pomona.executive.values.removed import REMOVED, report_in_text
+from pomona.executive.values.removed import removals
 from pomona.executive.values.yaml_nodes import read_yaml
+from pomona.tools.editor.command_check import check_file
+from pomona.tools.editor.old_names import report_old_names
+from pomona.tools.editor.replacing import write_edits
 
 
 def add(subparsers: Any) -> None:
@@ -52,26 +54,26 @@ def main(options: argparse.Namespace) -> int:
     left = Findings()
     for path in options.files:
         found = _removed(path)
-        while not options.check and (changed := apply_edits(path, found)):
-            _print_changes(changed)
+        while not options.check and _print_changes(write_edits(path, found)):
             found = _removed(path)
         if not options.check and sys.stdin.isatty():
             with contextlib.suppress(EOFError):  # the input ended: the other places stay
-                found = _ask(path, found)
+                _ask(path, found)
+            found = _removed(path)
         left.extend(f for f in found if f.path == str(path) or Path(f.path).resolve() not in named)
     rest = left.sorted()
     if options.check:
-        _print_changes(finding for finding in rest if finding.edits)
-    listed = [finding for finding in rest if not (options.check and finding.edits)]
-    sys.stdout.write(f"{format_findings(listed) or 'nothing else is left to change'}\n")
-    return 1 if rest else 0
+        _print_changes(rest)
+        rest = [finding for finding in rest if not finding.edits]
+    sys.stdout.write(f"{format_findings(rest) or 'nothing else is left to change'}\n")
+    return 1 if left.errors else 0
 
 
 def _refuse_unusable(path: Path, check: bool) -> None:
     """Raises UsageError: the file cannot be read or written."""
     findings = Findings()
     text = read_text(path)
-    if _is_yaml(path) and read_yaml(Source(str(path), text), findings, "this file") is None:
+    if _is_yaml(path) and read_yaml(Source(str(path), text), findings, "a YAML file") is None:
         raise UsageError(f"{format_findings(findings.sorted())} Nothing was changed.")
     writable = path.stat().st_mode & 0o222 and os.access(path, os.W_OK)
     if not check and not (writable and os.access(path.resolve().parent, os.W_OK)):
@@ -85,31 +87,31 @@ def _is_yaml(path: Path) -> bool:
 def _removed(path: Path) -> list[Finding]:
     """Return the words in a file that this version no longer has."""
     if _is_yaml(path):
-        return [finding for finding in check_file(path) if finding.code == "removed"]
+        return [finding for finding in check_file(path, None, {}) if finding.code == "removed"]
     findings = Findings()
-    report_in_text(findings, Source(str(path), read_text(path)))
+    report_old_names(findings, Source(str(path), read_text(path)))
     return findings.sorted()
 
 
-def _print_changes(changed: Iterable[Finding]) -> None:
-    for finding in changed:
-        for _, column, length, new in finding.edits:
-            old = finding.excerpt[column - 1 :][:length]
-            sys.stdout.write(f"{place_of(finding)}: {old} → {new} ({finding.message})\n")
+def _print_changes(changed: Iterable[Finding]) -> bool:
+    """Print the edits of findings; return False if there is none."""
+    edits = [(finding, *edit) for finding in changed for edit in finding.edits]
+    for finding, _, column, length, new in edits:
+        old = finding.excerpt[column - 1 :][:length]
+        sys.stdout.write(f"{place_of(finding)}: {old} → {new} ({finding.message})\n")
+    return bool(edits)
 
 
-def _ask(path: Path, found: list[Finding]) -> list[Finding]:
-    """Ask which of several new words replaces each; return the remaining findings."""
+def _ask(path: Path, found: list[Finding]) -> None:
+    """Ask which of several new words replaces each."""
     for finding in reversed(found):  # a change moves only the columns behind it
         word = finding.excerpt[finding.column - 1 :][: finding.length].strip("'\"")
-        new = next((row.instead_of(word) for row in REMOVED if word in row.words), [])
+        new = next((row.instead_of(word) for row in removals() if word in row.old), [])
         if finding.path == str(path) and len(new) > 1:
             sys.stdout.write(f"{format_finding(finding)}\n")
             answer = input(f"{' or '.join(new)}? [Enter leaves it as it is] ").strip()
-            at = finding.excerpt.index(word, finding.column - 1)
             if answer in new:
-                chosen = dataclasses.replace(
-                    finding, edits=(Edit(finding.line, at + 1, len(word), answer),)
-                )
-                _print_changes(apply_edits(path, [chosen]))
-    return _removed(path)
+                at = finding.excerpt.index(word, finding.column - 1)
+                edit = Edit(finding.line, at + 1, len(word), answer)
+                chosen = dataclasses.replace(finding, edits=(edit,))
+                _print_changes(write_edits(path, [chosen]))

@@ -11,20 +11,20 @@ import pytest
 from pomona.executive.cli import main
 from pomona.executive.values import removed
 from pomona.executive.values.removed import Removal
-from pomona.tools.editor import command_migrate
+from pomona.tools.editor import command_migrate, old_names
 
 ROWS = (
-    Removal("skill", "Look", "Detect", "one word for one thing"),
-    Removal("skill", "Shake", "", "no tree needs it"),
-    Removal("port", "MoveTo.slowly", "", "write `speed: 20 %` beside the node"),
-    Removal("node", "pipeline", "reactive_sequence, sequence", "its two meanings have two words"),
-    Removal("driver", "sim-robot", "sim-arm", "an arm is an arm"),
-    Removal("driver", "wall", "", "no simulated wall is left"),
-    Removal("cell", "wall", "", "no simulated wall is left"),
-    Removal("tree", "pick_wall", "", "no simulated wall is left"),
-    Removal("module", "pomona.applications.plc", "pomona.devices.*", "signals are a device's"),
-    Removal("module", "pomona.applications.wall", "", "no simulated wall is left"),
-    Removal("extra", "wall", "", "no simulated wall is left"),
+    Removal("skill", ["Look"], "one word for one thing", ["Detect"]),
+    Removal("skill", ["Shake"], "no tree needs it"),
+    Removal("port", ["MoveTo.slowly"], "write `speed: 20 %` beside the node"),
+    Removal("node", ["pipeline"], "its meanings have two words", ["reactive_sequence", "sequence"]),
+    Removal("driver", ["sim-robot"], "an arm is an arm", ["sim-arm"]),
+    Removal("driver", ["wall"], "no simulated wall is left"),
+    Removal("cell", ["wall"], "no simulated wall is left"),
+    Removal("tree", ["pick_wall"], "no simulated wall is left"),
+    Removal("module", ["pomona.applications.plc"], "it is a device", ["pomona.devices.*"]),
+    Removal("module", ["pomona.applications.wall"], "no simulated wall is left"),
+    Removal("extra", ["wall"], "no simulated wall is left"),
 )
 
 TREE = """\
@@ -54,8 +54,8 @@ LEFT = ["10:7 pipeline", "11:11 Shake", "12:30 slowly", "14:14 keep"]
 
 @pytest.fixture(autouse=True)
 def rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(removed, "REMOVED", ROWS)
-    monkeypatch.setattr(command_migrate, "REMOVED", ROWS)
+    for module in (removed, command_migrate, old_names):
+        monkeypatch.setattr(module, "removals", lambda: ROWS)
     monkeypatch.setattr("sys.stdin", io.StringIO())
     monkeypatch.chdir(tmp_path)
 

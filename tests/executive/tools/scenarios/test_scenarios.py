@@ -153,7 +153,7 @@ class TestReading:
 
     def test_a_code_by_its_name_of_the_version_before(self, scenario):
         found = scenario("cases: [{mocks: {Lift: FELL}}]").findings
-        assert [(f.code, f.hint) for f in found] == [("unknown-code", "it is called 'DROPPED' now")]
+        assert [(f.code, f.hint) for f in found] == [("removed", "it is called 'DROPPED' now")]
 
     def test_a_scenario_with_mistakes_is_not_run(self, scenario, skills):
         with pytest.raises(TreeFileError):

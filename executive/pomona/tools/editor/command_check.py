@@ -6,7 +6,6 @@ import argparse
 import dataclasses
 import re
 import sys
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from pomona.executive.files import (
     find_tree,
     kind_names,
     read_text,
-    replace_file,
 )
 from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
@@ -30,11 +28,11 @@ from pomona.executive.values.findings import (
     Findings,
     Source,
     format_findings,
-    mended,
     place_of,
     said,
 )
 from pomona.executive.values.yaml_nodes import YamlMapping, read_yaml
+from pomona.tools.editor.replacing import write_edits
 
 _ROOT = re.compile(r"^root\s*:", re.MULTILINE)
 
@@ -85,23 +83,13 @@ def _fix(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Findin
     """Apply the hints that name a correction to a file; return the remaining findings."""
     found = check_file(path, cell, settings)
     for _ in range(20):  # times that a file is checked again: one mistake may hide the next
-        applied = apply_edits(path, found)
+        applied = write_edits(path, found)
         if not applied:
             break
         for finding in applied:
             sys.stderr.write(f"{place_of(finding)}: mended: {said(finding)}\n")
         found = check_file(path, cell, settings)
     return found
-
-
-def apply_edits(path: Path, found: Iterable[Finding]) -> list[Finding]:
-    """Write a file with the edits of findings in it; return those that were applied, one of each line."""
-    written = path.read_bytes().decode()
-    body = written.removeprefix("\ufeff")
-    text, applied = mended(body, (finding for finding in found if finding.path == str(path)))
-    if applied:
-        replace_file(path.resolve(), (written.removesuffix(body) + text).encode())
-    return applied
 
 
 def _kind(path: Path) -> FileKind | None:
@@ -115,20 +103,18 @@ def _kind(path: Path) -> FileKind | None:
     return next((kind for kind in kinds if kind.recognises(keys)), None)
 
 
-def check_file(
-    path: Path, cell: Path | None = None, settings: Mapping[str, str] | None = None
-) -> list[Finding]:
+def check_file(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
     """Return the findings of a file; a file of unknown kind is checked as a tree."""
     kind = _kind(path)
     if kind is None:
         document = read_document(path)
         skills = Registry.installed()
         usual = find_cell(default_name("cell"))
-        found = judge(document, skills, settings or {}, cell or usual).findings.sorted()
+        found = judge(document, skills, settings, cell or usual).findings.sorted()
         lacking = next((finding for finding in found if finding.code == "no-device"), None)
         if cell is not None or lacking is None:
             return found
-        found = judge(document, skills, settings or {}, None).findings.sorted()
+        found = judge(document, skills, settings, None).findings.sorted()
         message = f"poses and fruit are not checked on the cell '{usual.stem}': {lacking.message}"
         return [
             *found,
