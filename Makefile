@@ -146,7 +146,7 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 	$(BIN)/python -m benchmarks.bench_tree
 	$(BIN)/python -m benchmarks.bench_runner
 
-train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (four hours on two cores)
+train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (hours)
 	$(BIN)/pomona train detect --out skills/pomona/skills/perception/detection/weights/apple.weights
 
 bench-editor: $(STAMP) ## 10 000 random edits of tree files with their judge, and the time from an edit to its findings; EDITS=…
@@ -155,11 +155,8 @@ bench-editor: $(STAMP) ## 10 000 random edits of tree files with their judge, an
 bench-start: $(STAMP) ## what the small commands cost: --help, check, skills, show, export, runs list
 	$(BIN)/python -m benchmarks.bench_start
 
-bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds real frames, PHOTOS=… photographs with boxes, EMPTY=… pictures without fruit
-	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA)) $(if $(PHOTOS),--photos $(PHOTOS)) $(if $(EMPTY),--empty $(EMPTY))
-
-bench-photos: $(STAMP) ## photographs searched at one width and at several; DATA=… folder of photographs, TABLES="…" of pictures of one kind, MOST=50 of each folder (0: all)
-	$(BIN)/python -m benchmarks.bench_photos $(DATA) --most $(or $(MOST),50) $(addprefix --table ,$(TABLES))
+bench-detect: $(STAMP) ## the detector on held-out rendered frames, and its speed beside DOPE's full network
+	$(BIN)/python -m benchmarks.bench_detect
 
 bench-refine: $(STAMP) ## refinement, both methods side by side
 	$(BIN)/python -m benchmarks.bench_refine

@@ -209,7 +209,10 @@ PICTURES: dict[str, Picture] = {
         figures_of_pick,
     ),
     "lifted.jpg": Picture(lifted_apple, ("drivers/pomona/tools/simulation/layout.py",)),
-    "rendered.jpg": Picture(rendered_frames, ("skills/pomona/tools/training/*.py",)),
+    "rendered.jpg": Picture(
+        rendered_frames,
+        ("skills/pomona/tools/training/scene.py", "skills/pomona/tools/training/composition.py"),
+    ),
     "detect.jpg": Picture(
         found_in_a_frame,
         tuple(

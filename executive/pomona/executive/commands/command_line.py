@@ -59,8 +59,6 @@ ELSEWHERE = (
     "doctor",
     "emulate",
     "evidence",
-    "export-weights",
-    "learn",
     "measure",
     "train",
 )

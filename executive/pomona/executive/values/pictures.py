@@ -52,25 +52,23 @@ class UnusablePicture(ValueError):
     """A file that is no picture, or none that can be used; the text is the reason and the remedy, without the path."""
 
 
-def read_picture(path: Path, *, as_taken: bool = False, halved: bool = False) -> UInt8:
+def read_picture(path: Path, *, as_taken: bool = False) -> UInt8:
     """Read a picture: RGB, shape (h, w, 3), upright as its Exif orientation gives it; see `decode_picture`.
 
     Raises UnusablePicture: the file cannot be read or decoded.
     """
-    return decode_picture(_content(path), as_taken=as_taken, halved=halved)
+    return decode_picture(_content(path), as_taken=as_taken)
 
 
-def decode_picture(content: bytes, *, as_taken: bool = False, halved: bool = False) -> UInt8:
+def decode_picture(content: bytes, *, as_taken: bool = False) -> UInt8:
     """Decode a picture: RGB, shape (h, w, 3), upright; 16 bits are scaled to 8.
 
     Args:
         as_taken: depth or intrinsics hold for its pixels as they are stored, so one that would be turned is refused.
-        halved: decode at half the size, of 8 bits, which is quicker.
 
     Raises UnusablePicture: it is none, is too large or incomplete, or is turned.
     """
-    flags = cv2.IMREAD_REDUCED_COLOR_2 if halved else cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
-    image = _decoded(content, flags)
+    image = _decoded(content, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     if as_taken and (turned := _orientation(content)) != _UPRIGHT:
         words = f"its Exif orientation is {turned}, but depth and intrinsics hold for pixels as they were taken"
         raise UnusablePicture(f"{words}: remove the orientation, or store the pixels upright")

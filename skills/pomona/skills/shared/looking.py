@@ -35,7 +35,7 @@ from pomona.skills.perception.detection.errors import (
 )
 from pomona.skills.perception.detection.instances import Instance, find_instances
 from pomona.skills.perception.detection.places import width_for
-from pomona.skills.perception.detection.weights_file import ENDING, is_torch_file
+from pomona.skills.perception.detection.weights_file import ENDING
 from pomona.skills.perception.fruit import FruitModel, find_weights, load_fruit
 from pomona.skills.perception.fruit.catalogue import (
     SHIPPED_WEIGHTS,
@@ -81,7 +81,7 @@ class LookingSkill(Skill):
 
         Raises:
             BadWeights, BadPoseConfig: a file of the detector is missing or cannot be used.
-            MissingPackage: PyTorch runs these weights, and it is not installed.
+            MissingPackage: PyTorch runs DOPE's network, and it is not installed.
         """
         name, weights, config, boxes = (
             self.known(port) for port in ("fruit", "weights", "config", "boxes")
@@ -141,6 +141,9 @@ class LookingSkill(Skill):
                     f"{config} needs the weights that it configures",
                     "weights: epoch_60.pth",
                 )
+            if find_spec("torch") is None:
+                words = "PyTorch runs DOPE's network, and it is not installed"
+                yield Problem("config", words, install_extra("torch"))
         if not (
             boxes and known.get("pose_from") == "depth"
         ):  # with depth alone, no weights are read
@@ -274,8 +277,6 @@ def _weights_problems(name: str, fruit: FruitModel, weights: str | None) -> Iter
         path = _weights_file(weights)
         if not path.is_file():
             yield Problem("weights", f"there is no file {path}")
-        elif needs_torch(path):
-            yield Problem("weights", *_without_torch(path))
     elif fruit.weights is None:
         hint = f"train its detector: {_training(name, fruit)}"
         yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
@@ -283,17 +284,6 @@ def _weights_problems(name: str, fruit: FruitModel, weights: str | None) -> Iter
         yield Problem(
             "fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file"
         )
-    elif needs_torch(fruit.weights):
-        yield Problem("fruit", *_without_torch(fruit.weights))
-
-
-def needs_torch(weights: Path) -> bool:
-    """Return True if PyTorch wrote a weights file and is not installed."""
-    return find_spec("torch") is None and is_torch_file(weights)
-
-
-def _without_torch(weights: Path) -> tuple[str, str]:
-    return f"PyTorch wrote the weights {weights}, and it is not installed", install_extra("torch")
 
 
 @lru_cache(maxsize=4)
@@ -348,7 +338,7 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Inst
     Raises:
         BadFrame: the frame's picture has another shape or type.
         BadWeights, BadPoseConfig: the detector's files cannot be used.
-        MissingPackage: PyTorch runs these weights, and it is not installed.
+        MissingPackage: PyTorch runs DOPE's network, and it is not installed.
     """
     colour, K = frame.colour, frame.intrinsics.K
     if isinstance(options, BoxModelFile | DopeFiles):

@@ -158,9 +158,7 @@ class BoxDetector:
     ) -> BoxDetector:
         """Load a model of boxes, and for `pose_from: close_look` the fruit's weights.
 
-        Raises:
-            BadWeights: one of the files cannot be used.
-            MissingPackage: PyTorch wrote the weights, and the extra `torch` is not installed.
+        Raises BadWeights: one of the files cannot be used.
         """
         model = load_boxes(file.model, fruit, file.working_width)
         close_look = None

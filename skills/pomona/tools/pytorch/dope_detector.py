@@ -14,11 +14,12 @@ from pomona.skills.perception.detection.detection import DopeFiles
 from pomona.skills.perception.detection.dope_config import PoseConfig, find_entry
 from pomona.skills.perception.detection.errors import BadWeights, PoseUnsolved
 from pomona.skills.perception.detection.instances import Instance, cuboid_in_picture
-from pomona.skills.perception.detection.weights_file import MOST_TORCH_BYTES
 from pomona.tools.pytorch.dope_decode import decode_maps
 from pomona.tools.pytorch.networks import DopeNetwork, dope_input
 from pomona.tools.pytorch.pose import solve_pose
 from pomona.tools.pytorch.weights import load_weights
+
+MOST_BYTES = 256 << 20  # of a checkpoint; DOPE's have 201 MB [byte]
 
 
 class DopeDetector:
@@ -97,8 +98,10 @@ class DopeDetector:
 def _try(weights: Path) -> None:
     """Raise BadWeights for a checkpoint that is too large, or that cannot be read in a process of its own."""
     size = weights.stat().st_size
-    if size > MOST_TORCH_BYTES:
-        words = f"has {size / 1e6:.0f} MB; a checkpoint of DOPE has at most {MOST_TORCH_BYTES / 1e6:.0f} MB"
+    if size > MOST_BYTES:
+        words = (
+            f"has {size / 1e6:.0f} MB; a checkpoint of DOPE has at most {MOST_BYTES / 1e6:.0f} MB"
+        )
         raise BadWeights(weights, words)
     problem = trial(
         "pomona.tools.pytorch.weights:try_dope", str(weights), memory=MEMORY + size, processor_s=30

@@ -17,8 +17,6 @@ from torch.nn import functional
 from pomona.skills.perception.detection.close_look import (
     CLOSE_LOOK_OUTPUTS,
     CLOSE_LOOK_SIZE,
-    OFFSET_UNIT,
-    SIZE_OF_BOX,
     check_picture,
 )
 
@@ -182,10 +180,10 @@ class FinderNetwork(nn.Module):
         assert above is not None
         return self.last(functional.relu6(self.head(above)))  # type: ignore[no-any-return]
 
-    def keep_trunk(self, blocks: int = FROZEN) -> None:
+    def keep_trunk(self) -> None:
         """Keep the trunk's statistics and its first blocks as they are from here on: it was trained before."""
         self.trained_trunk = True
-        for part in (self.trunk.stem, *self.trunk.blocks[:blocks]):
+        for part in (self.trunk.stem, *self.trunk.blocks[:FROZEN]):
             part.requires_grad_(False)
         self.train(self.training)
 
@@ -195,10 +193,6 @@ class FinderNetwork(nn.Module):
         if self.trained_trunk:
             self.trunk.eval()
         return self
-
-
-LEAST_BELIEF = 1e-4  # a belief that was learnt by squared error is cut so far from 0 and 1 before its logit is taken
-LEAST_REACH = 0.05  # shortest reach of a box [cells]
 
 
 class _Convolve(nn.Sequential):
@@ -226,56 +220,6 @@ class _Residual(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         # In place: a tenth of a training step's time.
         return functional.relu_(conv_norm(self.second, self.norm, self.first(x)).add_(x))
-
-
-class BeliefFinder(nn.Module):
-    """The finder of earlier weights: belief maps and corner offsets, of which place and size are read.
-
-    Input and output are those of `FinderNetwork`: the logit of the centroid's belief as heat and as quality, and the
-    reaches of a whole fruit of the size that was found, or, with `boxes`, of its own boxes.
-    """
-
-    def __init__(
-        self, widths: tuple[int, int, int, int] = (24, 48, 96, 160), boxes: bool = True
-    ) -> None:
-        super().__init__()
-        a, b, c, d = widths
-        self.widths, self.boxes = widths, boxes
-        self.stem = nn.Sequential(_Convolve(3, a, 5, 2), _Convolve(a, b, 3, 2))
-        self.at_4 = _Residual(b)
-        self.at_8 = nn.Sequential(_Convolve(b, c, 3, 2), _Residual(c), _Residual(c))
-        self.at_16 = nn.Sequential(_Convolve(c, d, 3, 2), _Residual(d), _Residual(d))
-        self.to_8 = nn.Conv2d(d, c, 1)
-        self.up_8 = _Residual(c)
-        self.to_4 = nn.Conv2d(c, b, 1)
-        self.up_4 = _Residual(b)
-        self.head = nn.Sequential(_Convolve(b, b), nn.Conv2d(b, 9 + 17, 1))
-        if boxes:
-            self.box_head = nn.Sequential(_Convolve(b, b), nn.Conv2d(b, 4, 1))
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Return maps (n, 6, h/4, w/4) of pictures (n, 3, h, w)."""
-        fine = self.at_4(self.stem(x))
-        middle = self.at_8(fine)
-        coarse = self.to_8(self.at_16(middle))
-        middle = self.up_8(
-            middle + functional.interpolate(coarse, scale_factor=2.0, mode="nearest")
-        )
-        fine = self.up_4(
-            fine + functional.interpolate(self.to_4(middle), scale_factor=2.0, mode="nearest")
-        )
-        maps = self.head(fine)
-        belief = maps[:, 8:9]
-        if self.boxes:
-            return torch.cat([belief, self.box_head(fine), belief], dim=1)
-        belief = belief.clamp(LEAST_BELIEF, 1.0 - LEAST_BELIEF)
-        heat = torch.log(belief) - torch.log(1.0 - belief)
-        # The corners' mean is the centroid; the last map is the log of their mean distance from it.
-        across = OFFSET_UNIT * maps[:, 9:25:2].mean(dim=1, keepdim=True)
-        down = OFFSET_UNIT * maps[:, 10:25:2].mean(dim=1, keepdim=True)
-        reach = (0.5 * OFFSET_UNIT / SIZE_OF_BOX) * maps[:, 25:26].clamp(-3.0, 3.0).exp()
-        reaches = torch.cat([reach - across, reach - down, reach + across, reach + down], dim=1)
-        return torch.cat([heat, torch.log(reaches.clamp(min=LEAST_REACH)), heat], dim=1)
 
 
 class CloseLookNetwork(nn.Module):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +12,17 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from pomona.skills.perception.detection.close_look import CLOSE_LOOK_OUTPUTS, CLOSE_LOOK_SIZE
+from pomona.skills.perception.detection.close_look import CLOSE_LOOK_SIZE
 from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
 from pomona.skills.perception.detection.onnx_runtime import INPUT
 from pomona.skills.perception.detection.weights_file import (
     PowerScore,
     Score,
     StoredDetector,
-    is_torch_file,
     read_weights,
-    score_map,
     write_weights,
 )
-from pomona.tools.pytorch.networks import BeliefFinder, CloseLookNetwork, DopeNetwork, FinderNetwork
-
-TORCH_FORMAT = (
-    "pomona compact detector 2"  # format of the files that earlier versions wrote with PyTorch
-)
+from pomona.tools.pytorch.networks import CloseLookNetwork, DopeNetwork, FinderNetwork
 
 OPSET = 18
 
@@ -36,9 +30,6 @@ FINDER_EXAMPLE = (1, 3, 192, 256)
 CLOSE_LOOK_EXAMPLE = (2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
 """Shapes of inputs with which the networks are traced; a graph keeps none of these sizes but that of the looks."""
 
-Finder = FinderNetwork | BeliefFinder
-
-LAST_LAYER = "head.3.weight", "head.3.bias"  # parameters of the close look's last layer
 _HALF = ".half"  # ending of an initialiser in half precision; the graph casts it to the parameter of the name before
 
 
@@ -56,7 +47,7 @@ def load_weights(path: Path | str) -> DopeNetwork:
 
 def save_compact(
     path: Path,
-    finder: Finder,
+    finder: FinderNetwork,
     close_look: CloseLookNetwork,
     about: Mapping[str, str] | None = None,
     scores: Score | None = None,
@@ -71,41 +62,56 @@ def save_compact(
 
     Raises BadWeights: a parameter is not finite, or exceeds half precision; MissingPackage: without the package onnx.
     """
-    write_weights(path, _store(path, finder, close_look, about or {}, scores or PowerScore()))
+    free = {name: {0: "n", 2: "h", 3: "w"} for name in (INPUT, "maps")}
+    looks = {INPUT: {0: "n"}, "look": {0: "n"}}
+    stored = StoredDetector(
+        _exported(path, finder, FINDER_EXAMPLE, ["maps"], free),
+        _exported(path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], looks),
+        about or {},
+        scores or PowerScore(),
+        {"close_look": list(close_look.widths)},
+    )
+    write_weights(path, stored)
 
 
-def load_compact(path: Path | str) -> tuple[Finder, CloseLookNetwork, dict[str, str]]:
-    """Load the compact detector: both networks in evaluation mode, float32, and the text about them.
+def can_learn(stored: StoredDetector) -> bool:
+    """Return True if training can go on from weights; the finder of the oldest ones is another network."""
+    return "finder" not in stored.widths
+
+
+def load_compact(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork]:
+    """Load the compact detector to train it further: both networks in float32.
 
     Raises:
-        BadWeights: unreadable, another format, or tensors that do not fit.
+        BadWeights: unreadable, another format, tensors that do not fit, or a finder that cannot be trained further.
         MissingPackage: without the package onnx.
     """
-    if is_torch_file(path):
-        finder, close_look, about, _ = _load_torch(path)
-        return finder, close_look, about
     stored = read_weights(path)
-    tensors = {
-        "finder": _initialisers(path, stored.finder),
-        "close_look": _initialisers(path, stored.close_look),
-    }
-    finder, close_look = _built(path, {"widths": stored.widths, **tensors})
-    return finder, close_look, dict(stored.about)
+    if not can_learn(stored):
+        words = "has a finder that cannot be learnt on; that of apple_photographs.weights can"
+        raise BadWeights(path, words)
+    try:
+        finder = FinderNetwork()
+        close_look = CloseLookNetwork(_widths(stored.widths["close_look"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadWeights(path, f"has no usable widths of its networks: {error!r}") from error
+    networks: tuple[tuple[nn.Module, bytes], ...]
+    networks = (finder, stored.finder), (close_look, stored.close_look)
+    for network, content in networks:
+        counters = {
+            key: value
+            for key, value in network.state_dict().items()
+            if key.endswith("num_batches_tracked")
+        }
+        fill(network, {**counters, **_initialisers(path, content)}, path)
+    return finder.eval(), close_look.eval()
 
 
-def convert(path: Path | str) -> StoredDetector:
-    """Read a file that an earlier version wrote with PyTorch, as the content of a weights file.
-
-    Raises:
-        BadWeights: unreadable, another format, or tensors that do not fit.
-        MissingPackage: without the package onnx.
-    """
-    return _store(path, *_load_torch(path))
-
-
-def try_compact(path: str) -> None:
-    """Read a file that an earlier version wrote; runs in a process of its own. Raises BadWeights."""
-    _load_torch(path)
+def _widths(values: Sequence[int]) -> tuple[int, int, int, int, int]:
+    a, b, c, d, e = (int(width) for width in values)
+    if not 1 <= min(a, b, c, d, e) <= max(a, b, c, d, e) <= 1024:
+        raise ValueError(f"widths {values}")
+    return a, b, c, d, e
 
 
 def try_dope(path: str) -> None:
@@ -139,34 +145,7 @@ def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> No
     network.load_state_dict(tensors)
 
 
-def _store(
-    path: Path | str,
-    finder: Finder,
-    close_look: CloseLookNetwork,
-    about: Mapping[str, str],
-    scores: Score,
-) -> StoredDetector:
-    widths = {"close_look": list(close_look.widths)}
-    if isinstance(finder, BeliefFinder):
-        widths["finder"] = list(finder.widths)
-    return StoredDetector(
-        exported(
-            path,
-            finder,
-            FINDER_EXAMPLE,
-            ["maps"],
-            {name: {0: "n", 2: "h", 3: "w"} for name in (INPUT, "maps")},
-        ),
-        exported(
-            path, close_look, CLOSE_LOOK_EXAMPLE, ["look"], {INPUT: {0: "n"}, "look": {0: "n"}}
-        ),
-        about,
-        scores,
-        widths,
-    )
-
-
-def exported(
+def _exported(
     path: Path | str,
     network: nn.Module,
     example: tuple[int, ...],
@@ -222,7 +201,7 @@ def exported(
 
 
 def _initialisers(path: Path | str, content: bytes) -> dict[str, Tensor]:
-    """Return the parameters of a network that `exported` wrote."""
+    """Return the parameters of a network that `_exported` wrote."""
     onnx = _onnx()
     try:
         tensors = onnx.load_model_from_string(content).graph.initializer
@@ -246,47 +225,6 @@ def _onnx() -> Any:
     except ImportError as error:
         raise MissingPackage("onnx", "writes and reads networks for training") from error
     return onnx
-
-
-def _load_torch(path: Path | str) -> tuple[Finder, CloseLookNetwork, dict[str, str], Score]:
-    content = _read(path)
-    if not isinstance(content, dict) or content.get("format") != TORCH_FORMAT:
-        raise BadWeights(path, f"is not a '{TORCH_FORMAT}' file")
-    finder, close_look = _built(path, content)
-    about = {str(key): str(value) for key, value in content.get("about", {}).items()}
-    return finder, close_look, about, PowerScore(score_map(path, content.get("scores", (1.0, 0.0))))
-
-
-def _built(path: Path | str, content: Mapping[str, Any]) -> tuple[Finder, CloseLookNetwork]:
-    """Return both networks in evaluation mode from their widths and tensors."""
-    try:
-        finder: Finder = FinderNetwork()
-        if "finder" in content["widths"]:
-            knows_boxes = any(str(key).startswith("box_head.") for key in content["finder"])
-            finder = BeliefFinder(_widths(content, "finder", 4), knows_boxes)
-        close_look = CloseLookNetwork(_widths(content, "close_look", 5))
-    except (KeyError, TypeError, ValueError) as error:
-        raise BadWeights(path, f"has no usable widths of its networks: {error!r}") from error
-    for name, network in (("finder", finder), ("close_look", close_look)):
-        counters = {
-            key: value
-            for key, value in network.state_dict().items()
-            if key.endswith("num_batches_tracked")
-        }
-        tensors = _tensors(path, content.get(name))
-        if name == "close_look":  # some earlier ones had four outputs more, of a box
-            tensors |= {
-                key: tensors[key][:CLOSE_LOOK_OUTPUTS] for key in LAST_LAYER if key in tensors
-            }
-        fill(network, {**counters, **tensors}, path)  # copies into float32
-    return finder.eval(), close_look.eval()
-
-
-def _widths(content: Mapping[str, Any], name: str, count: int) -> Any:
-    widths = tuple(int(width) for width in content["widths"][name])
-    if len(widths) != count or not all(1 <= width <= 1024 for width in widths):
-        raise ValueError(f"expected {count} widths, not {widths}")
-    return widths
 
 
 def _read(path: Path | str) -> Any:

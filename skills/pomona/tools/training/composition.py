@@ -10,7 +10,6 @@ from pomona.skills.perception.fruit import FruitModel
 from pomona.tools.training import shapes
 from pomona.tools.training.contents import Item, SyntheticScene
 from pomona.tools.training.foliage import grow_tree
-from pomona.tools.training.lookalikes import draw_lookalike
 from pomona.tools.training.options import SceneKind, SceneOptions
 from pomona.tools.training.paint import plain_paint, skin_paint, skins
 
@@ -38,9 +37,6 @@ def compose(
     plain = rng.random() < 0.22
     for _ in range(count):
         _add_fruit(fruit, options, scene, style, plain, rng)
-    if options.lookalikes:
-        for _ in range(int(rng.integers(options.lookalikes // 2, options.lookalikes + 1))):
-            _add_lookalike(options, scene, rng)
     tree = kind is SceneKind.TREE
     for _ in range(
         int(rng.integers(0, options.distractors + 1)) // 2 if tree else options.distractors
@@ -276,31 +272,6 @@ def _add_decoy(
     )
     scene.items.append(
         Item(shape, rotation, scale, centre, paint, rng.uniform(100.0, 2500.0), gloss)
-    )
-    scene.decoys.append((centre, radius))
-
-
-def _add_lookalike(options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> None:
-    """Something that stands or lies among the fruit and is none."""
-    thing = draw_lookalike(rng)
-    upright = minimal_rotation(STEM_AXIS, np.array([0.0, 0.0, 1.0]))
-    rotation = upright if thing.upright else _random_rotation(rng)
-    points = thing.shape.vertices * thing.scale
-    radius = float(min(np.abs(points).max(), 0.1))
-    lowest = -float((points @ rotation[2]).min())
-    centre = _place(scene, options, 0.85 * radius, lowest, rng.uniform(0.85, 1.2), rng)
-    if centre is None:
-        return
-    scene.items.append(
-        Item(
-            thing.shape,
-            rotation,
-            thing.scale,
-            centre,
-            thing.paint,
-            thing.grain_frequency,
-            thing.material,
-        )
     )
     scene.decoys.append((centre, radius))
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.tools.campaign.engine import Engine, one_per_core, open_engine
+from pomona.tools.campaign.engine import one_per_core, open_engine
 from pomona.tools.training.annotations import AnnotatedObject, Annotation, write_annotation
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import RenderedFrame, render_scene
@@ -60,7 +59,6 @@ def render_dataset(
     options: SceneOptions | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-    engine: Engine | None = None,
 ) -> DatasetReport:
     """Render `frames` frames of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
 
@@ -70,14 +68,13 @@ def render_dataset(
         fruit: name in the catalogue, or path.
         workers: processes on this machine; None for one per core.
         progress: called with (frames done, frames in all).
-        engine: renders elsewhere instead, a Ray cluster for instance; files are written by this process alone.
     """
     options = options or SceneOptions()
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [i for i in range(frames) if not frame_paths(folder, i)[1].is_file()]
     kept, done = frames - len(wanted), 0
     orders = [(wanted[i : i + CHUNK], seed, fruit, options) for i in range(0, len(wanted), CHUNK)]
-    for chunk in _rendered(orders, workers, engine):
+    for chunk in _rendered(orders, workers):
         for index, picture, annotation in chunk:
             picture_path, annotation_path = frame_paths(folder, index)
             picture_path.write_bytes(picture)
@@ -91,17 +88,16 @@ def render_dataset(
 def _rendered(
     orders: list[tuple[list[int], int, str, SceneOptions]],
     workers: int | None,
-    engine: Engine | None,
 ) -> Iterator[list[Rendered]]:
-    """Yield the chunks as they are done: in this process when one is enough, else on an engine."""
+    """Yield the chunks as they are done: in this process when one is enough."""
     count = min(workers or one_per_core(), len(orders))
-    if engine is None and count <= 1:
+    if count <= 1:
         for order in orders:
             yield render_chunk(*order)
         return
-    with nullcontext(engine) if engine is not None else open_engine("local", count) as door:
+    with open_engine("local", count) as engine:
         # seconds after which a chunk that is not done is given up
-        for _index, answer in door.map(render_chunk, orders, 1800.0):
+        for _index, answer in engine.map(render_chunk, orders, 1800.0):
             if isinstance(answer, BaseException):
                 raise answer
             yield answer
@@ -115,7 +111,7 @@ def frame_seed(seed: int, index: int) -> int:
 def render_chunk(
     indices: list[int], seed: int, fruit: str, options: SceneOptions
 ) -> list[Rendered]:
-    """Render some frames: their indices, JPEG files and annotations. Writes nothing: it may be on another machine."""
+    """Render some frames: their indices, JPEG files and annotations. Writes nothing."""
     cv2.setNumThreads(1)
     model = load_fruit(fruit)
     rendered = []

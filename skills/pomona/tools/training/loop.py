@@ -6,28 +6,30 @@ import copy
 import json
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import torch
 from torch import Tensor, nn
 from torch.utils.data import DataLoader, Dataset, Subset
 
 from pomona.skills.perception.detection.errors import BadTraining
-from pomona.tools.training.all_reduce import GradientAllReduce
-from pomona.tools.training.optimiser import Method, Optimiser
+from pomona.tools.training.optimiser import Optimiser
 
 Loss = Callable[[nn.Module, tuple[Tensor, ...]], Tensor]
 
+Trained = TypeVar("Trained", bound=nn.Module)
 
-Fall = Literal["cosine", "late", "constant"]
+Fall = Literal["cosine", "late"]
 
 FALLING = (
     0.4  # part of the steps in which a rate falls to nothing; before it a run may be made longer
 )
+LARGEST_GRADIENT = 5.0  # norm to which a step's gradient is clipped
+REPORT_EVERY = 25  # steps between two reports of progress
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,21 +41,13 @@ class Schedule:
     # how the rate falls after the rise; "late" keeps it, and falls linearly over the last `FALLING` steps
     fall: Fall = "cosine"
     warm_up: int = 60  # steps of linear rise before it
-    method: Method = "muon"  # how weights are moved, see `Optimiser`
-    decay: float = 0.05  # weight decay, on matrices and kernels only
-    clip: float = 5.0  # largest norm of the gradient
     average: float = 0.998  # decay of the running average of weights that is kept in the end
-    validate_every: int = (
-        250  # validate_every, save_every: steps between validations and between checkpoints
-    )
-    save_every: int = 250
+    validate_every: int = 250  # steps between validations and checkpoints
 
     def rate_at(self, step: int) -> float:
-        """Return learning rate of one step."""
+        """Return the learning rate of one step."""
         if step < self.warm_up:
             return self.rate * (step + 1) / self.warm_up
-        if self.fall == "constant":
-            return self.rate
         if self.fall == "late":
             return self.rate * min(1.0, (self.steps - step) / (FALLING * self.steps))
         part = (step - self.warm_up) / max(1, self.steps - self.warm_up)
@@ -69,40 +63,34 @@ class Progress:
     loss: float
     rate: float
     seconds: float
-    validation: dict[str, float] | None = None
+    held_out: float | None = None  # loss on frames that are not learnt from
 
 
 def train_network(
-    network: nn.Module,
+    network: Trained,
     batches: Dataset[tuple[Tensor, ...]],
     loss: Loss,
     schedule: Schedule,
     checkpoint: Path,
-    validate: Callable[[nn.Module], dict[str, float]] | None = None,
+    validate: Callable[[nn.Module], float] | None = None,
     device: str = "cpu",
     workers: int = 1,
     report: Callable[[Progress], None] | None = None,
-    all_reduce: GradientAllReduce | None = None,
-    rank: int = 0,
-    slow: nn.Module | None = None,
-) -> nn.Module:
+) -> Trained:
     """Train until `schedule.steps`, going on from `checkpoint` where it exists; returns the averaged network.
 
     A resumed run takes the same steps as one that was never interrupted: batch k depends on its number alone, and the
     checkpoint holds weights, averages and the optimiser's state.
 
     Args:
-        validate, report: figures of the averaged network, and called now and then.
+        validate, report: held-out loss of the averaged network, and called now and then.
         workers: processes that prepare batches; 0 prepares them here.
-        all_reduce: with the processes that learn the same network; each has batches of its own.
-        rank: of this process among them; only the first, 0, validates, reports and saves.
-        slow: part of the network that was trained before, as in `Optimiser`.
 
     Raises BadTraining: the checkpoint belongs to another network or schedule, or the loss is no longer finite.
     """
     place = torch.device(device)
     network.to(place, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
-    optimiser = Optimiser(network, schedule.method, schedule.decay, slow)
+    optimiser = Optimiser(network)
     average = {k: v.detach().clone() for k, v in network.state_dict().items()}
     first = _resume(checkpoint, network, optimiser, average, schedule, place)
     remaining = Subset(batches, range(first, schedule.steps))
@@ -116,18 +104,14 @@ def train_network(
     )
     low_precision = on_gpu or has_bfloat16()
     started, mean_loss = time.monotonic(), 0.0
-    for step, batch in _counted(loader, first):
+    for step, batch in enumerate(loader, start=first):
         on_device = tuple(part.to(place, non_blocking=True) for part in batch)
         with torch.autocast(place.type, dtype=torch.bfloat16, enabled=low_precision):
             value = loss(network, on_device)
         network.zero_grad(set_to_none=True)
         value.backward()  # type: ignore[no-untyped-call]
-        if all_reduce is not None:
-            all_reduce.mean(rank, network)
-        nn.utils.clip_grad_norm_(network.parameters(), schedule.clip)
+        nn.utils.clip_grad_norm_(network.parameters(), LARGEST_GRADIENT)
         optimiser.step(schedule.rate_at(step))
-        if rank > 0:
-            continue
         _update_average(average, network, min(schedule.average, (1.0 + step) / (10.0 + step)))
         current = float(value.detach())
         if not math.isfinite(current):
@@ -136,26 +120,16 @@ def train_network(
             )
         mean_loss = current if step == first else 0.97 * mean_loss + 0.03 * current
         last = step + 1 == schedule.steps
-        figures = None
-        if validate is not None and (last or (step + 1) % schedule.validate_every == 0):
-            figures = validate(_averaged(network, average))
-            network.train()
-        if last or (step + 1) % schedule.save_every == 0:
+        due = last or (step + 1) % schedule.validate_every == 0
+        held_out = None
+        if due:
             _save(checkpoint, network, optimiser, average, step + 1, schedule)
-        if report is not None and (figures is not None or last or (step + 1) % 25 == 0):
-            elapsed = time.monotonic() - started
-            report(
-                Progress(
-                    step + 1, schedule.steps, mean_loss, schedule.rate_at(step), elapsed, figures
-                )
-            )
+            if validate is not None:
+                held_out = validate(_averaged(network, average))
+        if report is not None and (due or (step + 1) % REPORT_EVERY == 0):
+            seconds, rate = time.monotonic() - started, schedule.rate_at(step)
+            report(Progress(step + 1, schedule.steps, mean_loss, rate, seconds, held_out))
     return _averaged(network, average)
-
-
-def _counted(
-    loader: DataLoader[tuple[Tensor, ...]], first: int
-) -> Iterator[tuple[int, tuple[Tensor, ...]]]:
-    return enumerate(loader, start=first)
 
 
 def _update_average(average: dict[str, Tensor], network: nn.Module, keep: float) -> None:
@@ -167,7 +141,7 @@ def _update_average(average: dict[str, Tensor], network: nn.Module, keep: float)
                 average[key].copy_(value)
 
 
-def _averaged(network: nn.Module, average: dict[str, Tensor]) -> nn.Module:
+def _averaged(network: Trained, average: dict[str, Tensor]) -> Trained:
     """Return a copy of the network in evaluation mode that holds the averaged weights."""
     twin = copy.deepcopy(network)
     twin.load_state_dict(average)
@@ -214,9 +188,7 @@ def _resume(
     except Exception as error:
         raise BadTraining(f"checkpoint {path} does not belong to this training: {error}") from error
     step, saved, wanted = int(state["step"]), json.loads(state["schedule"]), asdict(schedule)
-    changed = [
-        k for k in wanted if saved.get(k) != wanted[k] and k not in ("validate_every", "save_every")
-    ]
+    changed = [k for k in wanted if saved.get(k) != wanted[k] and k != "validate_every"]
     if changed == ["steps"]:
         before = Schedule(**saved)
         if step <= schedule.steps and all(

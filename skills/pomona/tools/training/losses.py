@@ -93,12 +93,3 @@ def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Te
     )
     seen = (seen * fruit).sum() / fruit.sum().clamp(min=1.0)
     return placed.sum() + 0.2 * likelihood.mean() + 3.0 * is_fruit + 0.3 * seen
-
-
-def dope_loss(stages: list[tuple[Tensor, Tensor]], belief: Tensor, affinity: Tensor) -> Tensor:
-    """Return the published loss: mean squared error of belief and affinity, summed over the stages."""
-    total = belief.new_zeros(())
-    for stage_belief, stage_affinity in stages:
-        total = total + functional.mse_loss(stage_belief.float(), belief)
-        total = total + functional.mse_loss(stage_affinity.float(), affinity)
-    return total

@@ -6,44 +6,27 @@ Muon makes all directions of a matrix's step equally long. After 300 batches of 
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-Method = Literal["muon", "adam"]
-
-SLOW = 0.3  # rate of a part that was trained before, as a ratio of the others'
-
 BETAS = (0.9, 0.99)  # decays of AdamW's averages: runs here have hundreds of steps, not thousands
+DECAY = 0.05  # of weights, on matrices and kernels only
 
 
 class Optimiser:
-    """Steps of a network's weights along its gradients, in place, by "muon" or "adam" (AdamW alone).
+    """Steps of a network's weights along its gradients, in place."""
 
-    `decay` acts on matrices and kernels only; `slow` is a part that was trained before, moved at `SLOW` of the rate.
-    """
-
-    def __init__(
-        self, network: nn.Module, method: Method, decay: float, slow: nn.Module | None = None
-    ) -> None:
+    def __init__(self, network: nn.Module) -> None:
         parameters = [p for p in network.parameters() if p.requires_grad]
-        self._kernels = [p for p in parameters if method == "muon" and _is_hidden(p)]
+        self._kernels = [p for p in parameters if _is_hidden(p)]
         # Muon takes matrices: it moves these, and the kernels are copies of them.
         self._matrices = [nn.Parameter(p.detach().flatten(1).clone()) for p in self._kernels]
-        taken = {id(p) for p in self._kernels}
-        before = set() if slow is None else {id(p) for p in slow.parameters()}
-        others = [p for p in parameters if id(p) not in taken]
+        others = [p for p in parameters if not _is_hidden(p)]
         groups: list[dict[str, Any]] = [
-            {
-                "params": [
-                    p for p in others if (p.ndim > 1) == matrices and (id(p) in before) == is_slow
-                ],
-                "weight_decay": decay if matrices else 0.0,
-                "ratio": SLOW if is_slow else 1.0,
-            }
-            for matrices in (True, False)
-            for is_slow in (False, True)
+            {"params": [p for p in others if p.ndim > 1], "weight_decay": DECAY},
+            {"params": [p for p in others if p.ndim == 1], "weight_decay": 0.0},
         ]
         groups = [group for group in groups if group["params"]]
         self._parts: dict[str, torch.optim.Optimizer] = {
@@ -51,7 +34,7 @@ class Optimiser:
         }
         if self._matrices:
             self._parts["kernels"] = torch.optim.Muon(
-                self._matrices, weight_decay=decay, adjust_lr_fn="match_rms_adamw"
+                self._matrices, weight_decay=DECAY, adjust_lr_fn="match_rms_adamw"
             )
 
     def step(self, rate: float) -> None:
@@ -63,7 +46,7 @@ class Optimiser:
                 matrix.grad = kernel.grad.flatten(1)
             for part in self._parts.values():
                 for group in part.param_groups:
-                    group["lr"] = rate * group.get("ratio", 1.0)
+                    group["lr"] = rate
                 part.step()
             for matrix, kernel in zip(self._matrices, self._kernels, strict=True):
                 kernel.copy_(matrix.view(kernel.shape))
@@ -73,7 +56,7 @@ class Optimiser:
         return {name: part.state_dict() for name, part in self._parts.items()}
 
     def restore(self, state: dict[str, dict[str, Tensor]]) -> None:
-        """Continue from a state. Raises KeyError, ValueError: it belongs to another network or method."""
+        """Continue from a state. Raises KeyError, ValueError: it belongs to another network."""
         for name, part in self._parts.items():
             part.load_state_dict(state[name])
 

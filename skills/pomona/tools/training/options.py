@@ -42,4 +42,3 @@ class SceneOptions:
         0.1,
         0.25,
     )  # how often each kind of scene appears
-    lookalikes: int = 0  # tomatoes, oranges, peaches, balls, cans and the like, per frame, at most

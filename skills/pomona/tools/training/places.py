@@ -27,7 +27,7 @@ def find_places(
     """
     places = {}
     for index in range(len(frames)):
-        found = detector.places(frames.picture(index, halved=False), THRESHOLD)
+        found = detector.places(frames.picture(index), THRESHOLD)
         rows = [[*place.centre, place.size, place.score] for place in found]
         places[frames.name(index)] = np.array(rows, np.float64).reshape(-1, 4)
         if progress is not None:

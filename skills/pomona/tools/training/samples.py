@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -22,11 +21,9 @@ from pomona.skills.perception.detection.close_look import (
     keypoint_size,
     look_at,
 )
-from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
-from pomona.tools.pytorch.networks import IMAGENET_MEAN, IMAGENET_STD, STRIDE
+from pomona.skills.perception.detection.errors import BadTraining
 from pomona.tools.training.annotations import AnnotatedObject, Annotation, read_annotation
 from pomona.tools.training.augmentation import change_look, cover
-from pomona.tools.training.targets import dope_targets
 
 Sample = tuple[NDArray[np.generic], ...]
 
@@ -38,8 +35,8 @@ class FrameFolder:
         self.pictures = [
             picture
             for folder in folders
-            for annotation in sorted(folder.glob("[!_]*.json"))
-            if (picture := _picture_of(annotation)) is not None
+            for annotation in sorted(folder.glob("*.json"))
+            if (picture := annotation.with_suffix(".jpg")).is_file()
         ]
         if not self.pictures:
             raise BadTraining(f"no annotated frames in {', '.join(map(str, folders))}")
@@ -53,87 +50,16 @@ class FrameFolder:
         return f"{picture.parent.name}/{picture.stem}"
 
     def annotation(self, index: int) -> Annotation:
-        """Return the annotation of a picture, with the picture's own size where the file has none.
+        """Return the annotation of a picture. Raises BadAnnotation: the file cannot be read."""
+        return read_annotation(self.pictures[index].with_suffix(".json"))
 
-        Raises BadAnnotation: the file cannot be read.
-        """
-        annotation = read_annotation(self.pictures[index].with_suffix(".json"))
-        if annotation.width > 0 and annotation.height > 0:
-            return annotation
-        height, width = self.picture(index, halved=False).shape[:2]
-        return replace(annotation, width=width, height=height)
-
-    def picture(self, index: int, halved: bool) -> UInt8:
-        """RGB picture (h, w, 3), at half size where `halved`."""
-        return _read(self.pictures[index], halved)
-
-
-class _FrameBatches(Dataset[tuple[Tensor, ...]]):
-    """A number of batches of frames, each drawn from the seed and its number alone."""
-
-    def __init__(
-        self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True
-    ) -> None:
-        self.frames, self.batch, self.seed, self.steps, self.augment = (
-            frames,
-            batch,
-            seed,
-            steps,
-            augment,
-        )
-
-    def __len__(self) -> int:
-        return self.steps
-
-
-def move_boxes(boxes: Float64, size: float, shift: Float64) -> Float64:
-    """Boxes x, y, w, h (n, 4) after the picture was scaled and then moved; they end at the outer sides of pixels."""
-    return np.hstack([(boxes[:, :2] - 0.5) * size + shift + 0.5, boxes[:, 2:] * size])
-
-
-def cut_boxes(boxes: Float64, width: int, height: int) -> Float64:
-    """Return the parts of boxes x, y, w, h (n, 4) that lie in a picture."""
-    limits = np.array([width, height], np.float64)
-    low, high = (
-        np.clip(boxes[:, :2], 0.0, limits),
-        np.clip(boxes[:, :2] + boxes[:, 2:], 0.0, limits),
-    )
-    return np.hstack([low, high - low])
-
-
-class DopeBatches(_FrameBatches):
-    """Batches for the full network: normalised pictures (n, 3, 400, 400), belief and affinity maps."""
-
-    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
-        cv2.setNumThreads(1)
-        rng = np.random.default_rng((self.seed, step, 2))
-        samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
-        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
-
-    def _sample(self, index: int, rng: np.random.Generator) -> Sample:
-        """Return a square cut at a random place and angle, as DOPE's crop and rotation augmentations do."""
-        # side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then
-        annotation, side = self.frames.annotation(index), 400
-        picture = self.frames.picture(index, halved=False)
-        height, width = picture.shape[:2]
-        angle = rng.uniform(-0.5, 0.5) * np.pi if self.augment else 0.0
-        size = side / height * (rng.uniform(0.8, 1.4) if self.augment else 1.0)
-        place = np.array(
-            [rng.uniform(0.3, 0.7) * width if self.augment else 0.5 * width, 0.5 * height]
-        )
-        turn = size * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        matrix = np.column_stack([turn, 0.5 * (side - 1) - turn @ place])
-        picture = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR)
-        if self.augment:
-            picture = change_look(np.asarray(picture, np.uint8), rng)
-        keypoints = np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2)
-        cells = (keypoints @ turn.T + matrix[:, 2] + 0.5) / STRIDE - 0.5
-        visibility = np.array([item.visibility for item in annotation.objects])
-        normal = ((picture / 255.0 - np.array(IMAGENET_MEAN)) / np.array(IMAGENET_STD)).astype(
-            np.float32
-        )
-        belief, affinity = dope_targets(cells, visibility, side // STRIDE, side // STRIDE)
-        return np.ascontiguousarray(normal.transpose(2, 0, 1)), belief, affinity
+    def picture(self, index: int) -> UInt8:
+        """RGB picture (h, w, 3). Raises BadTraining: the file cannot be read."""
+        path = self.pictures[index]
+        try:
+            return read_picture(path, as_taken=True)
+        except UnusablePicture as error:
+            raise BadTraining(f"{path} {error}") from error
 
 
 class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
@@ -154,14 +80,8 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         places: Mapping[str, Float64] | None = None,
         turned: float = 0.0,
     ) -> None:
-        self.frames, self.batch, self.seed, self.steps, self.augment = (
-            frames,
-            batch,
-            seed,
-            steps,
-            augment,
-        )
-        self.places, self.turned = places or {}, turned
+        self.frames, self.batch, self.seed, self.steps = frames, batch, seed, steps
+        self.augment, self.places, self.turned = augment, places or {}, turned
 
     def __len__(self) -> int:
         return self.steps
@@ -176,20 +96,12 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*chosen, strict=True))
 
     def _samples(self, index: int, rng: np.random.Generator) -> list[Sample]:
-        annotation, picture = (
-            self.frames.annotation(index),
-            self.frames.picture(index, halved=False),
-        )
-        if min(annotation.camera[:2]) <= 0.0:
-            path = self.frames.pictures[index].with_suffix(".json")
-            raise BadAnnotation(
-                path, "names no camera: the close look needs fx, fy, cx and cy [px]"
-            )
+        annotation, picture = self.frames.annotation(index), self.frames.picture(index)
         K = annotation.K
         seen = [item for item in annotation.objects if item.visibility >= 0.12]
         samples = []
         for item in seen:
-            if item.visibility < 0.25 or max(item.box or (0, 0, 1, 1)) < 1:
+            if item.visibility < 0.25:
                 continue
             size = K[0, 0] * item.scale * REFERENCE_LENGTH / item.T_camera_object[2, 3]
             for _ in range(1 if item.visibility < 0.5 else 2):
@@ -287,20 +199,3 @@ def _on_fruit(place: Float64, size: float, keypoints: Float64) -> bool:
     return (
         bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
     )
-
-
-def _indices(batches: _FrameBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:
-    if not batches.augment:
-        return (np.arange(batches.batch) + step * batches.batch) % len(batches.frames)
-    return rng.integers(0, len(batches.frames), batches.batch)
-
-
-def _picture_of(annotation: Path) -> Path | None:
-    return next((p for s in (".jpg", ".png") if (p := annotation.with_suffix(s)).is_file()), None)
-
-
-def _read(path: Path, halved: bool) -> UInt8:
-    try:
-        return read_picture(path, as_taken=True, halved=halved)
-    except UnusablePicture as error:
-        raise BadTraining(f"{path} {error}") from error

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.fruit import FruitModel
-from pomona.tools.training.apple_mesh import AppleShape, apple_mesh, stem_mesh
+from pomona.tools.training.apple_mesh import (
+    AppleShape,
+    apple_mesh,
+    revolution_faces,
+    stem_mesh,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +134,7 @@ def revolved(outline: NDArray[np.float64], around: int = 28) -> ShadedMesh:
     vertices = np.vstack(
         [[[0.0, outline[0, 1], 0.0]], ring.reshape(-1, 3), [[0.0, outline[-1, 1], 0.0]]]
     )
-    return make_shape(vertices, _faces(around, len(inner)))
+    return make_shape(vertices, revolution_faces(around, len(inner)))
 
 
 @lru_cache(maxsize=1)
@@ -137,20 +142,6 @@ def ball() -> ShadedMesh:
     """Return a unit sphere."""
     polar = np.linspace(0.0, np.pi, 20)
     return revolved(np.stack([np.sin(polar), -np.cos(polar)], axis=1))
-
-
-def swollen_ball(ribs: int, depth: float) -> ShadedMesh:
-    """Return a unit sphere with `ribs` swellings about y, each higher by `depth` than the furrows between."""
-    x, y, z = ball().vertices.astype(np.float64).T
-    swelling = 1.0 + depth * (np.cos(ribs * np.arctan2(z, x)) - 1.0) * np.hypot(x, z)
-    return make_shape(np.stack([x * swelling, y, z * swelling], axis=1), ball().faces)
-
-
-def seamed_ball(depth: float) -> ShadedMesh:
-    """Return a unit sphere with a furrow from one end to the other."""
-    x, y, z = ball().vertices.astype(np.float64).T
-    inwards = 1.0 - depth * np.exp(-((np.arctan2(z, x) / 0.25) ** 2)) * np.hypot(x, z) ** 0.5
-    return make_shape(np.stack([x * inwards, y, z * inwards], axis=1), ball().faces)
 
 
 @lru_cache(maxsize=1)
@@ -234,17 +225,3 @@ def cylinder() -> ShadedMesh:
         (0.0, 1.0),
     ]
     return revolved(np.array(outline))
-
-
-def _faces(around: int, rings: int) -> NDArray[np.int32]:
-    here, following = np.arange(around), (np.arange(around) + 1) % around
-    ring = 1 + np.arange(rings)[:, None] * around
-    a, b, c, d = ring[:-1] + here, ring[:-1] + following, ring[1:] + here, ring[1:] + following
-    last = 1 + rings * around
-    faces = [
-        np.stack([np.zeros(around, int), 1 + here, 1 + following], axis=-1),
-        np.stack([a, c, b], axis=-1).reshape(-1, 3),
-        np.stack([b, c, d], axis=-1).reshape(-1, 3),
-        np.stack([np.full(around, last), ring[-1] + following, ring[-1] + here], axis=-1),
-    ]
-    return np.concatenate(faces).astype(np.int32)

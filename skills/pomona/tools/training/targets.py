@@ -1,4 +1,4 @@
-"""Targets of the networks: the finder's maps, and the belief maps of DOPE's full network."""
+"""Targets of the finder: a peak in the middle of each fruit, and its box."""
 
 from __future__ import annotations
 
@@ -46,57 +46,3 @@ def finder_targets(boxes: Float64, taught: NDArray[np.bool_], height: int, width
         maps[REACHES, here] = np.stack([side[here] for side in sides])
     maps[WEIGHT] = np.maximum(maps[WEIGHT], maps[HEAT] > NEAR)
     return maps
-
-
-def dope_targets(
-    keypoints: NDArray[np.float64],
-    visibility: NDArray[np.float64],
-    height: int,
-    width: int,
-    sigma: float = 0.5,
-    radius: float = 1.0,
-) -> tuple[Float32, Float32]:
-    """Return DOPE's maps of one picture: belief (9, h, w), and affinity (16, h, w) as unit vectors to the centroid.
-
-    Args:
-        keypoints: (n, 9, 2) [cells].
-        visibility: (n,), 0..1; below 0.1 fruit is left out, as DOPE's tools do.
-        sigma, radius: of the belief's Gaussians, and of the discs on which affinities are drawn [cells].
-    """
-    belief, affinity = (
-        np.zeros((9, height, width), np.float32),
-        np.zeros((16, height, width), np.float32),
-    )
-    for points, seen in zip(keypoints, visibility, strict=True):
-        if seen < 0.1:
-            continue
-        for k, (u, v) in enumerate(points):
-            rows, columns = _window((u, v), max(4.0 * sigma, radius) + 1.0, height, width)
-            distance = np.hypot(
-                np.arange(rows.start, rows.stop)[:, None] - v,
-                np.arange(columns.start, columns.stop)[None, :] - u,
-            )
-            spot = np.exp(-(distance**2) / (2.0 * sigma**2))
-            np.maximum(belief[k, rows, columns], spot, out=belief[k, rows, columns])
-            if k < 8:
-                towards = (points[8] - points[k]) / max(
-                    float(np.linalg.norm(points[8] - points[k])), 1e-6
-                )
-                affinity[2 * k, rows, columns][distance <= radius] = towards[0]
-                affinity[2 * k + 1, rows, columns][distance <= radius] = towards[1]
-    return belief, affinity
-
-
-def _window(
-    centre: tuple[float, float] | NDArray[np.float64], reach: float, height: int, width: int
-) -> tuple[slice, slice]:
-    u, v = float(centre[0]), float(centre[1])
-    columns = slice(
-        min(width, max(0, int(np.ceil(u - reach)))),
-        max(0, min(width, int(np.floor(u + reach)) + 1)),
-    )
-    rows = slice(
-        min(height, max(0, int(np.ceil(v - reach)))),
-        max(0, min(height, int(np.floor(v + reach)) + 1)),
-    )
-    return rows, columns

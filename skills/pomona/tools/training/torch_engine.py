@@ -10,20 +10,12 @@ from torch import nn
 from pomona.executive.values.arrays import Float32
 from pomona.skills.perception.detection.close_look import Network
 from pomona.skills.perception.detection.compact_detector import CompactDetector
-from pomona.skills.perception.detection.detection import DetectorOptions
-from pomona.skills.perception.detection.weights_file import Score
-from pomona.tools.pytorch.networks import CloseLookNetwork
-from pomona.tools.pytorch.weights import Finder
+from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
 
 
-def torch_detector(
-    finder: Finder,
-    close_look: CloseLookNetwork,
-    options: DetectorOptions | None = None,
-    scores: Score | None = None,
-) -> CompactDetector:
+def torch_detector(finder: FinderNetwork, close_look: CloseLookNetwork) -> CompactDetector:
     """Return a detector with copies of two networks, on the CPU and in one thread."""
-    return CompactDetector(_network(finder), _network(close_look), options, scores)
+    return CompactDetector(_network(finder), _network(close_look))
 
 
 def _network(module: nn.Module) -> Network:
@@ -35,10 +27,8 @@ def _network(module: nn.Module) -> Network:
         try:
             with torch.inference_mode():
                 given = torch.from_numpy(pictures).contiguous(memory_format=torch.channels_last)
-                outputs = twin(given)
+                return [twin(given).numpy()]
         finally:
             torch.set_num_threads(before)
-        parts = outputs if isinstance(outputs, tuple) else (outputs,)
-        return [part.float().numpy() for part in parts]
 
     return run

@@ -19,7 +19,6 @@ from pomona.tools.pytorch import dope_detector
 from pomona.tools.pytorch.dope_decode import OFFSET_DUE_TO_UPSAMPLING
 from pomona.tools.pytorch.dope_detector import DopeDetector
 from pomona.tools.pytorch.networks import STRIDE, DopeNetwork
-from pomona.tools.training.targets import dope_targets
 
 APPLE = (0.09756, 0.08539, 0.09590)
 CONFIG = "weights: {{apple: epoch_60.pth}}\ndimensions: {{apple: {cm}}}\ndownscale_height: 240\n"
@@ -32,14 +31,23 @@ def write_config(folder: Path, cm: str = "[9.756, 8.539, 9.590]") -> Path:
     return path
 
 
+def drawn_maps(cells: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Belief (9, h, w) and affinity (16, h, w) of one object whose keypoints (9, 2) lie at these cells."""
+    v, u = np.mgrid[:height, :width]
+    away = np.hypot(u - cells[:, 0, None, None], v - cells[:, 1, None, None])
+    towards = cells[8] - cells[:8]
+    towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    affinity = towards[:, :, None, None] * (away[:8, None] <= 2.0)
+    return np.exp(-0.5 * away**2).astype("f4"), affinity.reshape(16, height, width).astype("f4")
+
+
 class Drawn(DopeNetwork):
     """Returns the maps of a perfect network for one cuboid in a picture shrunk by a half."""
 
     def __init__(self, keypoints: np.ndarray) -> None:
         torch.nn.Module.__init__(self)
         cells = 0.5 * keypoints / STRIDE - OFFSET_DUE_TO_UPSAMPLING
-        belief, affinity = dope_targets(cells[None], np.ones(1), 30, 40, sigma=1.0, radius=2.0)
-        self.maps = torch.from_numpy(belief[None]), torch.from_numpy(affinity[None])
+        self.maps = [torch.from_numpy(maps[None]) for maps in drawn_maps(cells, 30, 40)]
         self.seen: list[torch.Size] = []
 
     def forward(self, x: torch.Tensor) -> tuple[list[torch.Tensor], list[torch.Tensor]]:

@@ -47,14 +47,6 @@ def test_a_trained_trunk_keeps_its_statistics_and_first_blocks() -> None:
     assert network.last.weight.grad is not None
 
 
-def test_more_of_a_trained_trunk_can_be_kept() -> None:
-    network = FinderNetwork()
-    network.keep_trunk(8)
-    assert [block.project.conv.weight.requires_grad for block in network.trunk.blocks] == [
-        False
-    ] * 8 + [True] * 7
-
-
 @pytest.fixture(scope="module")
 def network() -> DopeNetwork:
     torch.manual_seed(0)
@@ -92,6 +84,7 @@ def test_maps_have_a_cell_for_eight_pixels_and_one_entry_a_stage(network: DopeNe
     assert [tuple(a.shape) for a in affinities] == [(1, 16, 8, 10)] * 6
 
 
+@pytest.mark.slow
 def test_maps_equal_those_of_plain_functional_calls(network: DopeNetwork) -> None:
     """The first two stages, written out again from the published description."""
     tensors = network.state_dict()
@@ -142,6 +135,7 @@ def test_checkpoints_load_with_and_without_prefix(
     assert not loaded.training
 
 
+@pytest.mark.slow
 def test_wrong_keys_and_shapes_are_named(network: DopeNetwork, tmp_path: Path) -> None:
     path = tmp_path / "net.pth"
     tensors = dict(network.state_dict())

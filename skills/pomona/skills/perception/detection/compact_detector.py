@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
-from pomona.executive.values.installation import entry_points, reinstall
+from pomona.executive.values.installation import entry_points
 from pomona.executive.values.trial import trial
 from pomona.skills.perception.detection.close_look import (
     AXIS,
@@ -29,8 +27,8 @@ from pomona.skills.perception.detection.close_look import (
     check_picture,
     look_at,
 )
-from pomona.skills.perception.detection.detection import DETECTORS, WORKING_WIDTH, DetectorOptions
-from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
+from pomona.skills.perception.detection.detection import WORKING_WIDTH, DetectorOptions
+from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
 from pomona.skills.perception.detection.places import (
@@ -52,8 +50,6 @@ from pomona.skills.perception.detection.weights_file import (
     FINDER,
     PowerScore,
     Score,
-    StoredDetector,
-    is_torch_file,
     read_weights,
 )
 
@@ -99,9 +95,7 @@ class CompactDetector:
 
         A file that is not a shipped one is judged, and tried in a process of its own, before it is loaded here.
 
-        Raises:
-            BadWeights: unreadable or not fitting.
-            MissingPackage: PyTorch wrote the file, and the extra `torch` is not installed.
+        Raises BadWeights: unreadable or not fitting.
         """
         if Path(path).resolve().parent != SHIPPED:
             _tried(path)
@@ -109,7 +103,7 @@ class CompactDetector:
 
     @classmethod
     def _load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
-        stored = read_stored(path)
+        stored = read_weights(path)
         finder = onnx_network(stored.finder, path, FINDER)
         close_look = onnx_network(stored.close_look, path, CLOSE_LOOK)
         detector, kinds = (
@@ -352,47 +346,16 @@ class CompactDetector:
 
 def try_weights(path: str) -> None:
     """Load a weights file and search an empty picture; runs in a process of its own. Raises BadWeights."""
-    with contextlib.suppress(MissingPackage):  # reported where it is loaded
-        CompactDetector._load(path).warm_up()
+    CompactDetector._load(path).warm_up()
 
 
 def _tried(path: Path | str) -> None:
-    if is_torch_file(path):
-        problem = trial(f"{_torch_reader(path).value}:try_compact", str(path))
-    else:
-        stored = read_weights(path)
-        judge_network(stored.finder, path, FINDER)
-        judge_network(stored.close_look, path, CLOSE_LOOK)
-        problem = trial(f"{__name__}:{try_weights.__name__}", str(path))
+    stored = read_weights(path)
+    judge_network(stored.finder, path, FINDER)
+    judge_network(stored.close_look, path, CLOSE_LOOK)
+    problem = trial(f"{__name__}:{try_weights.__name__}", str(path))
     if problem:
         raise BadWeights(path, problem)
-
-
-def read_stored(path: Path | str) -> StoredDetector:
-    """Read a weights file; one that an earlier version wrote with PyTorch is converted.
-
-    Raises:
-        BadWeights: unreadable or not fitting.
-        MissingPackage: PyTorch wrote it, and the extra `torch` is not installed.
-    """
-    if not is_torch_file(path):
-        return read_weights(path)
-    reader = _torch_reader(path)
-    try:
-        converted: StoredDetector = reader.load().convert(path)
-    except ImportError as error:
-        purpose = f"reads {path}, which an earlier version wrote,"
-        raise MissingPackage("torch", purpose) from error
-    return converted
-
-
-def _torch_reader(path: Path | str) -> EntryPoint:
-    """Return the module that reads files of PyTorch. Raises BadWeights: no package gives it."""
-    for point in entry_points(group=DETECTORS, name="pytorch"):
-        return point
-    raise BadWeights(
-        path, f"PyTorch wrote it, and no installed package reads it: {reinstall('pomona')}"
-    )
 
 
 def _shrunk(colour: UInt8, width: int, height: int) -> UInt8:

@@ -57,7 +57,7 @@ class BoxModelFile:
     )
 
 
-DETECTORS = "pomona.detectors"  # entry points: `boxes` and `dope` load a detector, `pytorch` is a reader of weights
+DETECTORS = "pomona.detectors"  # entry points: `boxes` and `dope` load a detector
 
 Search = DetectorOptions | DopeFiles | BoxModelFile  # any of the ways to find fruit in a frame
 

@@ -132,9 +132,6 @@ FINDER, CLOSE_LOOK, ABOUT = "finder.onnx", "close_look.onnx", "about.json"
 ENDING = ".weights"
 
 MOST_BYTES = 64 << 20  # of all members, unpacked; the largest shipped file has 11 MB [byte]
-MOST_TORCH_BYTES = (
-    256 << 20
-)  # of a file of PyTorch; a checkpoint of DOPE's network has 201 MB [byte]
 
 Score = (
     FusedScore | PowerScore
@@ -212,15 +209,6 @@ def score_map(path: Path | str, said: Any) -> ScoreMap:
             path, f"maps its scores by the line {slope} x + {offset}, which does not rise"
         )
     return ScoreMap(slope, offset)
-
-
-def is_torch_file(path: Path | str) -> bool:
-    """Return True for a file that PyTorch saved, as earlier versions of Pomona and DOPE do."""
-    try:
-        with open_archive(path, MOST_TORCH_BYTES) as archive:
-            return any(name.endswith("data.pkl") for name in archive.namelist())
-    except Exception:  # zipfile's errors have no common root
-        return False
 
 
 def _members(path: Path | str, names: tuple[str, ...]) -> dict[str, bytes]:
