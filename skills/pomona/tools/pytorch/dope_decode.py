@@ -72,7 +72,8 @@ def decode_maps(
 
 
 def _checked(belief: ArrayLike, affinity: ArrayLike) -> tuple[Float64, Float64]:
-    beliefs, affinities = np.asarray(belief, np.float64), np.asarray(affinity, np.float64)
+    beliefs = np.asarray(belief, np.float64)
+    affinities = np.asarray(affinity, np.float64)
     shapes_fit = (
         beliefs.ndim == 3 and affinities.ndim == 3 and beliefs.shape[1:] == affinities.shape[1:]
     )
@@ -94,7 +95,8 @@ def _peaks(belief: Float64, thresholds: DecodeThresholds) -> Float64:
     v, u = np.nonzero(highest)
     if len(u) > MOST_PEAKS:
         strongest = np.sort(np.argsort(-belief[v, u], kind="stable")[:MOST_PEAKS])
-        v, u = v[strongest], u[strongest]
+        v = v[strongest]
+        u = u[strongest]
     located = [_weighted_mean(belief, int(a), int(b)) for a, b in zip(u, v, strict=True)]
     return np.array(
         [(a, b, belief[y, x]) for (a, b), x, y in zip(located, u, v, strict=True)]
@@ -102,7 +104,8 @@ def _peaks(belief: Float64, thresholds: DecodeThresholds) -> Float64:
 
 
 def _weighted_mean(belief: Float64, u: int, v: int) -> tuple[float, float]:
-    left, top = max(0, u - WINDOW), max(0, v - WINDOW)
+    left = max(0, u - WINDOW)
+    top = max(0, v - WINDOW)
     weights = belief[top : v + WINDOW + 1, left : u + WINDOW + 1]
     total = weights.sum()
     if total == 0.0:

@@ -32,7 +32,9 @@ class DopeDetector:
     """
 
     def __init__(self, network: DopeNetwork, config: PoseConfig, dimensions: Float64) -> None:
-        self._network, self._config, self._dimensions = network, config, dimensions
+        self._network = network
+        self._config = config
+        self._dimensions = dimensions
 
     @classmethod
     def load(
@@ -88,7 +90,8 @@ class DopeDetector:
                 )
                 continue
             drawn = cuboid_in_picture(solved.T_camera_object, self._dimensions, K)
-            belief, seen = _belief(one.score), _seen(keypoints)
+            belief = _belief(one.score)
+            seen = _seen(keypoints)
             instances.append(
                 Instance(drawn, belief, seen, solved.T_camera_object, solved.covariance)
             )

@@ -122,7 +122,8 @@ class Trunk(nn.Module):
 
     def forward(self, x: Tensor) -> list[Tensor]:
         """Features at strides 4, 8, 16 and 32 of normalised pictures (n, 3, h, w)."""
-        x, taps = functional.relu6(self.stem(x)), []
+        x = functional.relu6(self.stem(x))
+        taps = []
         for number, block in enumerate(self.blocks):
             x = block(x)
             if number in TAPS:
@@ -153,7 +154,8 @@ class FinderNetwork(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.trunk = Trunk()
-        widths, taps = (48, 64, 96, 128), (24, 40, 112, 192)
+        widths = (48, 64, 96, 128)
+        taps = (24, 40, 112, 192)
         self.lateral = nn.ModuleList(
             ConvNorm(tap, width, 1) for tap, width in zip(taps, widths, strict=True)
         )
@@ -273,7 +275,9 @@ STRIDE = 8  # input pixels per cell of the maps
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
-BELIEF_MAPS, AFFINITY_MAPS, DOPE_STAGES = 9, 16, 6
+BELIEF_MAPS = 9
+AFFINITY_MAPS = 16
+DOPE_STAGES = 6
 _VGG_WIDTHS = (64, 64, 0, 128, 128, 0, 256, 256, 256, 256, 0, 512, 512)  # 0: halving
 
 
@@ -287,7 +291,8 @@ class DopeNetwork(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.vgg = _features()
-        self.m1_2, self.m1_1 = _first_stage(BELIEF_MAPS), _first_stage(AFFINITY_MAPS)
+        self.m1_2 = _first_stage(BELIEF_MAPS)
+        self.m1_1 = _first_stage(AFFINITY_MAPS)
         inputs = 128 + BELIEF_MAPS + AFFINITY_MAPS
         for stage in range(2, DOPE_STAGES + 1):
             self.add_module(f"m{stage}_2", _later_stage(inputs, BELIEF_MAPS))
@@ -296,7 +301,8 @@ class DopeNetwork(nn.Module):
     def forward(self, x: Tensor) -> tuple[list[Tensor], list[Tensor]]:
         """Belief and affinity maps after each stage, shapes (n, 9, h / 8, w / 8) and (n, 16, h / 8, w / 8)."""
         features = self.vgg(x)
-        beliefs, affinities = [self.m1_2(features)], [self.m1_1(features)]
+        beliefs = [self.m1_2(features)]
+        affinities = [self.m1_1(features)]
         for stage in range(2, DOPE_STAGES + 1):
             joined = torch.cat([beliefs[-1], affinities[-1], features], 1)
             beliefs.append(self.get_submodule(f"m{stage}_2")(joined))
@@ -323,13 +329,15 @@ def dope_input(colour: NDArray[np.uint8], downscale_height: int = 400) -> tuple[
     scaled = (
         torch.from_numpy(np.ascontiguousarray(colour)).permute(2, 0, 1).to(torch.float32) / 255.0
     )
-    mean, std = torch.tensor(IMAGENET_MEAN).view(3, 1, 1), torch.tensor(IMAGENET_STD).view(3, 1, 1)
+    mean = torch.tensor(IMAGENET_MEAN).view(3, 1, 1)
+    std = torch.tensor(IMAGENET_STD).view(3, 1, 1)
     return ((scaled - mean) / std)[None], factor
 
 
 def _features() -> nn.Sequential:
     layers = nn.Sequential()
-    channels, index = 3, 0
+    channels = 3
+    index = 0
     for width in _VGG_WIDTHS:
         if width == 0:
             layers.add_module(str(index), nn.MaxPool2d(2, 2))
@@ -337,11 +345,13 @@ def _features() -> nn.Sequential:
             continue
         layers.add_module(str(index), nn.Conv2d(channels, width, 3, padding=1))
         layers.add_module(str(index + 1), nn.ReLU(inplace=True))
-        channels, index = width, index + 2
+        channels = width
+        index = index + 2
     for width in (256, 128):
         layers.add_module(str(index), nn.Conv2d(channels, width, 3, padding=1))
         layers.add_module(str(index + 1), nn.ReLU(inplace=True))
-        channels, index = width, index + 2
+        channels = width
+        index = index + 2
     return layers
 
 

@@ -29,7 +29,8 @@ def linearise(
         K: camera matrix (3, 3) [px].
     """
     count = model.shape[0]
-    residual, jacobian = np.empty(2 * count), np.zeros((2 * count, 6))
+    residual = np.empty(2 * count)
+    jacobian = np.zeros((2 * count, 6))
     for i in range(count):
         a = R[0, 0] * model[i, 0] + R[0, 1] * model[i, 1] + R[0, 2] * model[i, 2]
         b = R[1, 0] * model[i, 0] + R[1, 1] * model[i, 1] + R[1, 2] * model[i, 2]
@@ -37,16 +38,27 @@ def linearise(
         z = c + t[2]
         if abs(z) < 1e-6:
             z = 1e-6
-        by_x, by_y = K[0, 0] / z, K[1, 1] / z
-        u, v = by_x * (a + t[0]), by_y * (b + t[1])
+        by_x = K[0, 0] / z
+        by_y = K[1, 1] / z
+        u = by_x * (a + t[0])
+        v = by_y * (b + t[1])
         residual[2 * i] = u + K[0, 2] - seen[i, 0]
         residual[2 * i + 1] = v + K[1, 2] - seen[i, 1]
         # By the point: (fx / z, 0, -u / z) and (0, fy / z, -v / z); d(exp(w) p)/dw at w = 0 is -[p]x.
-        u, v = u / z, v / z
+        u = u / z
+        v = v / z
         row = jacobian[2 * i]
-        row[0], row[1], row[2], row[3], row[5] = -u * b, by_x * c + u * a, -by_x * b, by_x, -u
+        row[0] = -u * b
+        row[1] = by_x * c + u * a
+        row[2] = -by_x * b
+        row[3] = by_x
+        row[5] = -u
         row = jacobian[2 * i + 1]
-        row[0], row[1], row[2], row[4], row[5] = -by_y * c - v * b, v * a, by_y * a, by_y, -v
+        row[0] = -by_y * c - v * b
+        row[1] = v * a
+        row[2] = by_y * a
+        row[4] = by_y
+        row[5] = -v
     return residual, jacobian
 
 
@@ -58,7 +70,9 @@ def refine_pose(
     damping = 1e-3
     residual, jacobian = linearise(R, t, model, seen, K)
     cost = ((residual * scale) ** 2).sum()
-    normal, right, step = np.empty((6, 6)), np.empty(6), np.empty(6)
+    normal = np.empty((6, 6))
+    right = np.empty(6)
+    step = np.empty(6)
     for _ in range(MOST_STEPS):
         for i in range(6):
             right[i] = -(jacobian[:, i] * residual * scale * scale).sum()
@@ -68,7 +82,8 @@ def refine_pose(
             normal[i, i] += damping * (normal[i, i] + 1e-12)
         if not _solve(normal, right, step):
             break
-        R_new, t_new = _exp(step[:3]) @ R, t + step[3:]
+        R_new = _exp(step[:3]) @ R
+        t_new = t + step[3:]
         residual_new, jacobian_new = linearise(R_new, t_new, model, seen, K)
         cost_new = ((residual_new * scale) ** 2).sum()
         if not np.isfinite(cost_new) or cost_new > cost:
@@ -77,14 +92,12 @@ def refine_pose(
                 break
             continue
         small = cost - cost_new < 1e-8 * cost + 1e-12
-        R, t, residual, jacobian, cost, damping = (
-            R_new,
-            t_new,
-            residual_new,
-            jacobian_new,
-            cost_new,
-            damping * 0.2,
-        )
+        R = R_new
+        t = t_new
+        residual = residual_new
+        jacobian = jacobian_new
+        cost = cost_new
+        damping = damping * 0.2
         if small:
             break
     return R, t
@@ -186,7 +199,8 @@ def solve_pose(
     except np.linalg.LinAlgError as error:
         raise PoseUnsolved("the keypoints leave the pose undetermined") from error
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, t
+    T[:3, :3] = R
+    T[:3, 3] = t
     return SolvedPose(
         T, 0.5 * (covariance + covariance.T), float(np.sqrt((residual**2).mean() * 2.0))
     )
@@ -202,10 +216,9 @@ def _start(model: Float64, seen: Float64, K: Float64) -> tuple[Float64, Float64]
         raise PoseUnsolved("EPnP failed") from error
     if not found or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
         raise PoseUnsolved("EPnP failed")
-    R, t = (
-        np.asarray(cv2.Rodrigues(rotation)[0], np.float64),
-        np.asarray(translation, np.float64).ravel(),
-    )
+    R = np.asarray(cv2.Rodrigues(rotation)[0], np.float64)
+    t = np.asarray(translation, np.float64).ravel()
     if t[2] < 0.0:
-        R, t = np.diag([-1.0, -1.0, 1.0]) @ R, -t
+        R = np.diag([-1.0, -1.0, 1.0]) @ R
+        t = -t
     return R, t

@@ -125,10 +125,8 @@ def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> No
     Raises BadWeights: naming the keys that are missing or not expected, or a wrong shape.
     """
     wanted = network.state_dict()
-    missing, unknown = (
-        sorted(wanted.keys() - tensors.keys()),
-        sorted(tensors.keys() - wanted.keys()),
-    )
+    missing = sorted(wanted.keys() - tensors.keys())
+    unknown = sorted(tensors.keys() - wanted.keys())
     if missing or unknown:
         raise BadWeights(
             path,
@@ -157,7 +155,8 @@ def _exported(
     ONNX Runtime folds the casts and normalisations when it loads the graph. Raises BadWeights: a value is not finite.
     """
     onnx = _onnx()
-    content, training = io.BytesIO(), network.training
+    content = io.BytesIO()
+    training = network.training
     with warnings.catch_warnings():
         # The exporter by tracing is deprecated; its successor needs one package more and gives the same graph.
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -184,7 +183,8 @@ def _exported(
     }
     # A parameter that equals another one is exported as its copy, by a node of its name.
     nodes = [node for node in graph.node if node.output[0] not in parameters]
-    picture, casts = graph.input[0], []
+    picture = graph.input[0]
+    casts = []
     for name, value in parameters.items():
         half = value.detach().half().numpy()
         if not np.isfinite(half).all():

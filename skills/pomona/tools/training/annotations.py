@@ -94,7 +94,8 @@ def read_annotation(path: Path) -> Annotation:
 
 
 def _object_json(item: AnnotatedObject) -> dict[str, Any]:
-    rotation, place = item.T_camera_object[:3, :3], item.T_camera_object[:3, 3]
+    rotation = item.T_camera_object[:3, :3]
+    place = item.T_camera_object[:3, 3]
     return {
         "class": item.name,
         "visibility": round(item.visibility, 4),

@@ -66,7 +66,8 @@ def apple_mesh(
     """
     radius, height = _outline(shape, rings + 2)
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    ring_radius, ring_height = radius[1:-1, None], height[1:-1, None]
+    ring_radius = radius[1:-1, None]
+    ring_height = height[1:-1, None]
     towards_calyx = np.clip(0.5 - 0.5 * ring_height, 0.0, 1.0)
     wave = np.cos(5.0 * (angle[None, :] - shape.lobe_phase))
     # Five knobs stand around the calyx; higher up they fade into a barely pentagonal section.
@@ -90,7 +91,8 @@ def stem_mesh(
     azimuth: float = 0.6,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Build the stem, a bent tube that rises along -y from `base_y`: vertices (n, 3) [m], faces (m, 3)."""
-    around, rings = 8, 7
+    around = 8
+    rings = 7
     along = np.linspace(0.0, 1.0, rings)
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
     thickness = radius * (1.0 - 0.25 * along + 0.5 * np.clip(along - 0.75, 0.0, None) * 4.0)
@@ -99,17 +101,20 @@ def stem_mesh(
     z = shift[:, None] * np.sin(azimuth) + thickness[:, None] * np.sin(angle)
     y = np.broadcast_to((base_y - length * along)[:, None], x.shape)
     body = np.stack([x, y, z], axis=-1)[::-1]
-    top, bottom = body[0].mean(axis=0), body[-1].mean(axis=0)
+    top = body[0].mean(axis=0)
+    bottom = body[-1].mean(axis=0)
     vertices = np.vstack([top[None], body.reshape(-1, 3), bottom[None]])
     return vertices, revolution_faces(around, rings)
 
 
 def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points (radius, height) at equal arc lengths along the outline, from the stem's pole to the calyx's."""
-    radius, height = _OUTLINE[:, 0], _OUTLINE[:, 1].copy()
+    radius = _OUTLINE[:, 0]
+    height = _OUTLINE[:, 1].copy()
     inner = np.clip(1.0 - radius / 0.43, 0.0, 1.0)
     smooth = inner * inner * (3.0 - 2.0 * inner)
-    upper, lower = height > 0.0, height < 0.0
+    upper = height > 0.0
+    lower = height < 0.0
     height = np.where(upper, height + (1.0 - shape.cavity) * 0.36 * smooth, height)
     height = np.where(lower, height - (1.0 - shape.basin) * 0.16 * smooth, height)
     height = height + shape.belly * (1.0 - height**2) * np.clip(radius * 1.5 - 0.3, 0.0, 1.0)
@@ -130,7 +135,8 @@ def fit_to_cuboid(
     vertices: NDArray[np.float64], dimensions: tuple[float, float, float]
 ) -> NDArray[np.float64]:
     """Move and stretch vertices, (n, 3), so that they fill a cuboid (d_x, d_y, d_z) [m] about the origin."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low = vertices.min(axis=0)
+    high = vertices.max(axis=0)
     fitted: NDArray[np.float64] = (vertices - 0.5 * (low + high)) * (
         np.asarray(dimensions) / (high - low)
     )
@@ -140,9 +146,12 @@ def fit_to_cuboid(
 def revolution_faces(around: int, rings: int) -> NDArray[np.int32]:
     """Faces (n, 3) of pole, rings, pole; outwards when the ring angle runs from x to z and rings run along +y."""
     ring = 1 + np.arange(rings)[:, None] * around
-    here, following = np.arange(around), (np.arange(around) + 1) % around
-    a, b = ring[:-1] + here, ring[:-1] + following
-    c, d = ring[1:] + here, ring[1:] + following
+    here = np.arange(around)
+    following = (np.arange(around) + 1) % around
+    a = ring[:-1] + here
+    b = ring[:-1] + following
+    c = ring[1:] + here
+    d = ring[1:] + following
     last = 1 + rings * around
     faces = [
         np.stack([np.zeros(around, int), 1 + here, 1 + following], axis=-1),

@@ -39,10 +39,8 @@ def change_look(picture: UInt8, rng: np.random.Generator) -> UInt8:
         noise = rng.integers(-128, 128, size=(h, w, 1), dtype=np.int16) // int(rng.integers(6, 40))
         picture = np.clip(picture + noise, 0, 255).astype(np.uint8)
     if rng.random() < 0.2:  # sharpened, with halos along edges
-        amount, blurred = (
-            rng.uniform(0.3, 1.5),
-            cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.7, 1.6)),
-        )
+        amount = rng.uniform(0.3, 1.5)
+        blurred = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.7, 1.6))
         picture = np.asarray(
             cv2.addWeighted(picture, 1.0 + amount, blurred, -amount, 0.0), np.uint8
         )
@@ -74,7 +72,8 @@ def cover(
     h, w = picture.shape[:2]
     while rng.random() < chance:
         extent = rng.uniform(*size, 2) * h
-        u, v = rng.uniform(-0.1, 1.0) * w, rng.uniform(-0.1, 1.0) * h
+        u = rng.uniform(-0.1, 1.0) * w
+        v = rng.uniform(-0.1, 1.0) * h
         colour = rng.integers(0, 256, 3).tolist()
         cv2.rectangle(
             picture, (int(u), int(v)), (int(u + extent[0]), int(v + extent[1])), colour, -1

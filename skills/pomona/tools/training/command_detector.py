@@ -164,7 +164,8 @@ def _start(options: argparse.Namespace) -> Path | None:
     from pomona.skills.perception.fruit import load_fruit
     from pomona.tools.pytorch.weights import can_learn, load_compact
 
-    fruit, apple = load_fruit(options.fruit), load_fruit("apple")
+    fruit = load_fruit(options.fruit)
+    apple = load_fruit("apple")
     if options.start_from is not None:
         load_compact(options.start_from)
         return Path(options.start_from)

@@ -54,12 +54,11 @@ def compose(
 def _camera_pose(kind: SceneKind, rng: np.random.Generator) -> Float64:
     """T_world_camera, looking at the neighbourhood of the world's origin (the table's surface is z = 0)."""
     if kind in OUTDOORS:
-        elevation, distance = np.deg2rad(rng.uniform(-25.0, 40.0)), rng.uniform(0.55, 1.2)
+        elevation = np.deg2rad(rng.uniform(-25.0, 40.0))
+        distance = rng.uniform(0.55, 1.2)
     else:
-        elevation, distance = (
-            np.deg2rad(90.0 - 60.0 * rng.uniform(0.03, 1.0) ** 1.2),
-            rng.uniform(0.35, 0.85),
-        )
+        elevation = np.deg2rad(90.0 - 60.0 * rng.uniform(0.03, 1.0) ** 1.2)
+        distance = rng.uniform(0.35, 0.85)
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     roll = rng.normal(0.0, np.deg2rad(8.0)) if rng.random() < 0.7 else rng.uniform(0.0, 2.0 * np.pi)
     forward = -np.array(
@@ -239,14 +238,14 @@ def _add_decoy(
         shape = shapes.capsule(rng.uniform(0.5, 3.5), 1.0)
         scale = np.full(3, rng.uniform(0.01, 0.045))
     elif choice == "box":
-        shape, scale = shapes.box(), rng.uniform(0.012, 0.07, 3)
+        shape = shapes.box()
+        scale = rng.uniform(0.012, 0.07, 3)
     elif choice == "cylinder":
-        shape, scale = (
-            shapes.cylinder(),
-            np.array([1.0, rng.uniform(0.3, 2.0), 1.0]) * rng.uniform(0.015, 0.045),
-        )
+        shape = shapes.cylinder()
+        scale = np.array([1.0, rng.uniform(0.3, 2.0), 1.0]) * rng.uniform(0.015, 0.045)
     else:
-        shape, scale = shapes.turned_body(rng), np.full(3, rng.uniform(0.018, 0.04))
+        shape = shapes.turned_body(rng)
+        scale = np.full(3, rng.uniform(0.018, 0.04))
     rotation = _random_rotation(rng)
     extent = np.abs(shape.vertices * scale)
     radius = float(min(extent.max(), 0.09))
@@ -281,7 +280,8 @@ def _add_leaves(options: SceneOptions, scene: SyntheticScene, rng: np.random.Gen
     T = scene.T_world_camera
     fx, fy, cx, cy = options.camera
     for _ in range(int(rng.integers(4, 22))):
-        u, v = rng.uniform(0, options.width), rng.uniform(0, options.height)
+        u = rng.uniform(0, options.width)
+        v = rng.uniform(0, options.height)
         depth = rng.uniform(0.3, 1.3)
         centre = T[:3, 3] + T[:3, :3] @ (np.array([(u - cx) / fx, (v - cy) / fy, 1.0]) * depth)
         green = (
@@ -294,7 +294,8 @@ def _add_leaves(options: SceneOptions, scene: SyntheticScene, rng: np.random.Gen
             Item(shape, _random_rotation(rng), size, centre, paint, 800.0, (0.1, 12.0, 0.15))
         )
     for _ in range(int(rng.integers(0, 4))):
-        u, v = rng.uniform(0, options.width), rng.uniform(0, options.height)
+        u = rng.uniform(0, options.width)
+        v = rng.uniform(0, options.height)
         centre = T[:3, 3] + T[:3, :3] @ (
             np.array([(u - cx) / fx, (v - cy) / fy, 1.0]) * rng.uniform(0.45, 1.3)
         )

@@ -72,7 +72,8 @@ def render_dataset(
     options = options or SceneOptions()
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [i for i in range(frames) if not frame_paths(folder, i)[1].is_file()]
-    kept, done = frames - len(wanted), 0
+    kept = frames - len(wanted)
+    done = 0
     orders = [(wanted[i : i + CHUNK], seed, fruit, options) for i in range(0, len(wanted), CHUNK)]
     for chunk in _rendered(orders, workers):
         for index, picture, annotation in chunk:

@@ -35,7 +35,8 @@ def round_weights(path: Path, pictures: Iterable[tuple[UInt8, Float64]]) -> None
         pictures: RGB (h, w, 3) and camera matrix (3, 3) [px] of each.
     """
     stored = read_weights(path)
-    finder, close_look = _Rounding(stored.finder), _Rounding(stored.close_look)
+    finder = _Rounding(stored.finder)
+    close_look = _Rounding(stored.close_look)
     detector = CompactDetector(finder, close_look, scores=stored.scores)
     detector.warm_up()  # both networks run, whatever the pictures hold
     for colour, K in pictures:

@@ -97,7 +97,8 @@ def evaluate(
     seconds: list[float] = []
     count = min(count, len(frames))
     for index in range(count):
-        annotation, colour = frames.annotation(index), frames.picture(index)
+        annotation = frames.annotation(index)
+        colour = frames.picture(index)
         start = time.perf_counter()
         instances = find_instances(detector, colour, annotation.K, fruit)
         seconds.append(time.perf_counter() - start)
@@ -115,7 +116,9 @@ def pair(
     instances: list[Instance], objects: list[AnnotatedObject]
 ) -> tuple[list[tuple[int, int]], list[int]]:
     """Return detections and the fruit they are of, each used once, surest first; and detections of nothing."""
-    free, pairs, nothing = set(range(len(objects))), [], []
+    free = set(range(len(objects)))
+    pairs = []
+    nothing = []
     for k in sorted(range(len(instances)), key=lambda i: -instances[i].score):
         centroid = instances[k].keypoints[8]
         away = {b: float(np.linalg.norm(centroid - objects[b].keypoints[8])) for b in free}
@@ -132,15 +135,18 @@ def pair(
 def compare(found: Instance, truth: AnnotatedObject, fruit: FruitModel) -> Match:
     """Return errors of one detection."""
     errors = np.linalg.norm(found.keypoints - truth.keypoints, axis=1)
-    T, T_true = found.T_camera_object, truth.T_camera_object
+    T = found.T_camera_object
+    T_true = truth.T_camera_object
     direction = axis = add = float("nan")
     if T is not None:
-        direction, axis = _angle(T[:3, 3], T_true[:3, 3]), _angle(T[:3, 1], T_true[:3, 1])
+        direction = _angle(T[:3, 3], T_true[:3, 3])
+        axis = _angle(T[:3, 1], T_true[:3, 1])
         if np.allclose(truth.dimensions, fruit.dimensions, rtol=0.01):
             points = fruit.vertices[:: max(1, len(fruit.vertices) // 500)]
             away = points @ (T[:3, :3] - T_true[:3, :3]).T + T[:3, 3] - T_true[:3, 3]
             add = 1e3 * float(np.linalg.norm(away, axis=1).mean())
-    corner, centroid = float(errors[:8].mean()), float(errors[8])
+    corner = float(errors[:8].mean())
+    centroid = float(errors[8])
     return Match(truth.visibility, found.score, corner, centroid, direction, axis, add)
 
 
@@ -149,7 +155,8 @@ def table(result: Evaluation, score: float = 0.6) -> str:
     lines = ["| score at least | recall (≥ 60 % visible) | precision |", "|---|---|---|"]
     high = result.score_for(HIGH_RECALL)
     for threshold in (0.3, 0.5, 0.6, 0.7, 0.8, 0.9, *([] if high is None else [round(high, 3)])):
-        recall, precision = result.recall(threshold), result.precision(threshold)
+        recall = result.recall(threshold)
+        precision = result.precision(threshold)
         lines.append(f"| {threshold} | {recall:.4f} | {precision:.4f} |")
     lines += [
         "",

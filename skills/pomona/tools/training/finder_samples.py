@@ -38,7 +38,8 @@ class FinderBatches(Dataset[tuple[Tensor, ...]]):
 
     def __init__(self, sources: Sequence[tuple[FrameFolder, int]], seed: int, steps: int) -> None:
         self._drawn = [frames for frames, count in sources for _ in range(count)]
-        self._seed, self._steps = seed, steps
+        self._seed = seed
+        self._steps = steps
 
     def __len__(self) -> int:
         return self._steps
@@ -64,7 +65,8 @@ def draw_window(frames: FrameFolder, rng: np.random.Generator) -> Window:
     u, v = np.round(place).astype(int).tolist()
     canvas = np.empty((SIDE, SIDE, 3), np.uint8)
     canvas[:] = rng.integers(0, 256, 3)
-    top, left = max(0, v), max(0, u)
+    top = max(0, v)
+    left = max(0, u)
     piece = small[top - v : SIDE - v, left - u : SIDE - u]
     canvas[top : top + len(piece), left : left + piece.shape[1]] = piece
     seen = [item for item in annotation.objects if min(item.box[2:]) > 0]

@@ -49,7 +49,8 @@ def _in_view(
     options: SceneOptions, scene: SyntheticScene, depth: float, rng: np.random.Generator
 ) -> Float64:
     fx, fy, cx, cy = options.camera
-    u, v = rng.uniform(0.0, options.width), rng.uniform(0.0, options.height)
+    u = rng.uniform(0.0, options.width)
+    v = rng.uniform(0.0, options.height)
     ray = np.array([(u - cx) / fx, (v - cy) / fy, 1.0])
     place: Float64 = scene.T_world_camera[:3, 3] + scene.T_world_camera[:3, :3] @ (depth * ray)
     return place
@@ -59,7 +60,8 @@ def _in_view(
 def spray(index: int) -> ShadedMesh:
     """Three to nine leaves of up to unit length along a twig that begins at the origin and points along +z."""
     rng = np.random.default_rng((29, index))
-    vertices, faces = [], []
+    vertices = []
+    faces = []
     for k in range(int(rng.integers(3, 10))):
         leaf = shapes.leaf(int(rng.integers(0, 32)))
         outwards = np.array([0.0, 0.0, 0.8]) + rng.normal(0.0, 0.6, 3)

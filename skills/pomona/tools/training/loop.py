@@ -103,7 +103,8 @@ def train_network(
         pin_memory=on_gpu,
     )
     low_precision = on_gpu or has_bfloat16()
-    started, mean_loss = time.monotonic(), 0.0
+    started = time.monotonic()
+    mean_loss = 0.0
     for step, batch in enumerate(loader, start=first):
         on_device = tuple(part.to(place, non_blocking=True) for part in batch)
         with torch.autocast(place.type, dtype=torch.bfloat16, enabled=low_precision):
@@ -127,7 +128,8 @@ def train_network(
             if validate is not None:
                 held_out = validate(_averaged(network, average))
         if report is not None and (due or (step + 1) % REPORT_EVERY == 0):
-            seconds, rate = time.monotonic() - started, schedule.rate_at(step)
+            seconds = time.monotonic() - started
+            rate = schedule.rate_at(step)
             report(Progress(step + 1, schedule.steps, mean_loss, rate, seconds, held_out))
     return _averaged(network, average)
 
@@ -187,7 +189,9 @@ def _resume(
             average[key].copy_(value)
     except Exception as error:
         raise BadTraining(f"checkpoint {path} does not belong to this training: {error}") from error
-    step, saved, wanted = int(state["step"]), json.loads(state["schedule"]), asdict(schedule)
+    step = int(state["step"])
+    saved = json.loads(state["schedule"])
+    wanted = asdict(schedule)
     changed = [k for k in wanted if saved.get(k) != wanted[k] and k != "validate_every"]
     if changed == ["steps"]:
         before = Schedule(**saved)

@@ -30,7 +30,8 @@ def rasterise(
     u, v, nearness = project(points, (fx, fy, cx, cy))
     drawn = (points[:, 2] >= NEAR)[faces].all(axis=1)
     drawn &= two_sided[face_object] | (signed_areas(u, v, faces) < 0.0)
-    nearest, face_index = np.zeros(shape), np.full(shape, -1, np.int32)
+    nearest = np.zeros(shape)
+    face_index = np.full(shape, -1, np.int32)
     shares = np.zeros((*shape, 2), np.float32)
     draw(u, v, nearness, faces, drawn, nearest, face_index, shares)
     depth = np.where(face_index >= 0, 1.0 / np.where(nearest > 0.0, nearest, 1.0), 0.0).astype(
@@ -58,10 +59,12 @@ def _lit(x: float, y: float, z: float, light: Float32, shadow: Float32, bias: fl
     u = light[0, 0] * x + light[0, 1] * y + light[0, 2] * z + light[0, 3]
     v = light[1, 0] * x + light[1, 1] * y + light[1, 2] * z + light[1, 3]
     d = light[2, 0] * x + light[2, 1] * y + light[2, 2] * z + light[2, 3] - bias
-    iu, iv = int(np.floor(u)), int(np.floor(v))
+    iu = int(np.floor(u))
+    iv = int(np.floor(v))
     if iu < 0 or iv < 0 or iu >= size - 1 or iv >= size - 1:
         return 1.0
-    du, dv = u - iu, v - iv
+    du = u - iu
+    dv = v - iv
     s00 = 1.0 if shadow[iv, iu] > d else 0.0
     s01 = 1.0 if shadow[iv, iu + 1] > d else 0.0
     s10 = 1.0 if shadow[iv + 1, iu] > d else 0.0
@@ -130,12 +133,17 @@ def shade(
     plane, plane_axes, plane_look, spheres, texture = table
     lights, up, ambient, light_map, shadow, shadow_strength = lighting
     height, width = depth.shape
-    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
-    texture_h, texture_w = texture.shape[0], texture.shape[1]
+    fx = camera[0]
+    fy = camera[1]
+    cx = camera[2]
+    cy = camera[3]
+    texture_h = texture.shape[0]
+    texture_w = texture.shape[1]
     noise_mask = noise.shape[0] - 1
     for v in range(height):
         for u in range(width):
-            rx, ry = (u - cx) / fx, (v - cy) / fy
+            rx = (u - cx) / fx
+            ry = (v - cy) / fy
             face = face_index[v, u]
             owner[v, u] = -1
             z = depth[v, u]
@@ -144,31 +152,44 @@ def shade(
             if plane[3] != 0.0 and along != 0.0:
                 zp = plane[3] / along
                 if zp > NEAR and (face < 0 or zp < z):
-                    z, on_plane = zp, True
+                    z = zp
+                    on_plane = True
             if face < 0 and not on_plane:
                 continue
-            x, y = rx * z, ry * z
+            x = rx * z
+            y = ry * z
             if on_plane:
                 s = plane_axes[0, 0] * x + plane_axes[0, 1] * y + plane_axes[0, 2] * z
                 t = plane_axes[1, 0] * x + plane_axes[1, 1] * y + plane_axes[1, 2] * z
-                s0, t0 = s - plane_axes[0, 3], t - plane_axes[1, 3]
+                s0 = s - plane_axes[0, 3]
+                t0 = t - plane_axes[1, 3]
                 if s0 * s0 + t0 * t0 > plane_look[3] * plane_look[3]:
                     if face < 0:
                         continue
                     on_plane = False
                     z = depth[v, u]
-                    x, y = rx * z, ry * z
+                    x = rx * z
+                    y = ry * z
             if on_plane:
-                nx, ny, nz = plane[0], plane[1], plane[2]
+                nx = plane[0]
+                ny = plane[1]
+                nz = plane[2]
                 if along > 0.0:
-                    nx, ny, nz = -nx, -ny, -nz
+                    nx = -nx
+                    ny = -ny
+                    nz = -nz
                 ti = int(np.floor(t * plane_look[0])) % texture_h
                 si = int(np.floor(s * plane_look[0])) % texture_w
-                cr, cg, cb = texture[ti, si, 0], texture[ti, si, 1], texture[ti, si, 2]
-                specular, shininess = plane_look[1], plane_look[2]
+                cr = texture[ti, si, 0]
+                cg = texture[ti, si, 1]
+                cb = texture[ti, si, 2]
+                specular = plane_look[1]
+                shininess = plane_look[2]
                 openness_here = 1.0
                 for k in range(spheres.shape[0]):
-                    dx, dy, dz = spheres[k, 0] - x, spheres[k, 1] - y, spheres[k, 2] - z
+                    dx = spheres[k, 0] - x
+                    dy = spheres[k, 1] - y
+                    dz = spheres[k, 2] - z
                     d2 = dx * dx + dy * dy + dz * dz
                     r2 = spheres[k, 3] * spheres[k, 3]
                     if d2 < 9.0 * r2:
@@ -177,8 +198,11 @@ def shade(
                             openness_here *= 1.0 - min(0.85, cosine * r2 / d2)
                 object_id = -1
             else:
-                a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-                wa, wb = weights[v, u, 0], weights[v, u, 1]
+                a = faces[face, 0]
+                b = faces[face, 1]
+                c = faces[face, 2]
+                wa = weights[v, u, 0]
+                wb = weights[v, u, 1]
                 wc = 1.0 - wa - wb
                 object_id = face_object[face]
                 owner[v, u] = object_id
@@ -186,9 +210,13 @@ def shade(
                 ny = wa * normals[a, 1] + wb * normals[b, 1] + wc * normals[c, 1]
                 nz = wa * normals[a, 2] + wb * normals[b, 2] + wc * normals[c, 2]
                 length = 1.0 / (np.sqrt(nx * nx + ny * ny + nz * nz) + 1e-9)
-                nx, ny, nz = nx * length, ny * length, nz * length
+                nx = nx * length
+                ny = ny * length
+                nz = nz * length
                 if nx * rx + ny * ry + nz > 0.15:
-                    nx, ny, nz = -nx, -ny, -nz
+                    nx = -nx
+                    ny = -ny
+                    nz = -nz
                 cr = wa * albedo[a, 0] + wb * albedo[b, 0] + wc * albedo[c, 0]
                 cg = wa * albedo[a, 1] + wb * albedo[b, 1] + wc * albedo[c, 1]
                 cb = wa * albedo[a, 2] + wb * albedo[b, 2] + wc * albedo[c, 2]
@@ -198,21 +226,32 @@ def shade(
                     gx = wa * grain[a, 0] + wb * grain[b, 0] + wc * grain[c, 0]
                     gy = wa * grain[a, 1] + wb * grain[b, 1] + wc * grain[c, 1]
                     gz = wa * grain[a, 2] + wb * grain[b, 2] + wc * grain[c, 2]
-                    ix, iy, iz = int(np.floor(gx)), int(np.floor(gy)), int(np.floor(gz))
+                    ix = int(np.floor(gx))
+                    iy = int(np.floor(gy))
+                    iz = int(np.floor(gz))
                     spot = (
                         noise[ix & noise_mask, iy & noise_mask]
                         * noise[iy & noise_mask, iz & noise_mask]
                     )
                     factor = 1.0 + contrast * spot
-                    cr, cg, cb = cr * factor, cg * factor, cb * factor
-                specular, shininess = material[object_id, 0], material[object_id, 1]
+                    cr = cr * factor
+                    cg = cg * factor
+                    cb = cb * factor
+                specular = material[object_id, 0]
+                shininess = material[object_id, 1]
             sky = 0.5 + 0.5 * (nx * up[0] + ny * up[1] + nz * up[2])
             open_sky = openness_here * (0.35 + 0.65 * sky)
-            lr, lg, lb = ambient[0] * open_sky, ambient[1] * open_sky, ambient[2] * open_sky
-            hr, hg, hb = 0.0, 0.0, 0.0
+            lr = ambient[0] * open_sky
+            lg = ambient[1] * open_sky
+            lb = ambient[2] * open_sky
+            hr = 0.0
+            hg = 0.0
+            hb = 0.0
             view = 1.0 / np.sqrt(rx * rx + ry * ry + 1.0)
             for k in range(lights.shape[0]):
-                lx, ly, lz = lights[k, 0], lights[k, 1], lights[k, 2]
+                lx = lights[k, 0]
+                ly = lights[k, 1]
+                lz = lights[k, 2]
                 cosine = nx * lx + ny * ly + nz * lz
                 if cosine <= 0.0:
                     continue
@@ -224,7 +263,9 @@ def shade(
                 lg += reach * cosine * lights[k, 4]
                 lb += reach * cosine * lights[k, 5]
                 if specular > 0.0:
-                    hx, hy, hz = lx - rx * view, ly - ry * view, lz - view
+                    hx = lx - rx * view
+                    hy = ly - ry * view
+                    hz = lz - view
                     half = (nx * hx + ny * hy + nz * hz) / (
                         np.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
                     )

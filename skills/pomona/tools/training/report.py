@@ -31,7 +31,8 @@ def write_report(weights: Path, held_out: Path, out: Path, fruit: str = "apple")
     """Measure weights on a folder of frames that were not trained on; write report.md with pictures beside it."""
     out.mkdir(parents=True, exist_ok=True)
     detector = CompactDetector.load(weights)
-    folder, model = FrameFolder([held_out]), load_fruit(fruit)
+    folder = FrameFolder([held_out])
+    model = load_fruit(fruit)
     result = evaluate(detector, folder, model, FRAMES)
     lines = [
         f"# Training report: {fruit}",

@@ -80,8 +80,13 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         places: Mapping[str, Float64] | None = None,
         turned: float = 0.0,
     ) -> None:
-        self.frames, self.batch, self.seed, self.steps = frames, batch, seed, steps
-        self.augment, self.places, self.turned = augment, places or {}, turned
+        self.frames = frames
+        self.batch = batch
+        self.seed = seed
+        self.steps = steps
+        self.augment = augment
+        self.places = places or {}
+        self.turned = turned
 
     def __len__(self) -> int:
         return self.steps
@@ -96,7 +101,8 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*chosen, strict=True))
 
     def _samples(self, index: int, rng: np.random.Generator) -> list[Sample]:
-        annotation, picture = self.frames.annotation(index), self.frames.picture(index)
+        annotation = self.frames.annotation(index)
+        picture = self.frames.picture(index)
         K = annotation.K
         seen = [item for item in annotation.objects if item.visibility >= 0.12]
         samples = []
@@ -150,7 +156,8 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
             wrong.append((place, np.exp(rng.uniform(np.log(18.0), np.log(110.0)))))
         if seen:  # beside a fruit is not on it
             item = seen[int(rng.integers(len(seen)))]
-            size, angle = keypoint_size(item.keypoints), rng.uniform(0.0, 2.0 * np.pi)
+            size = keypoint_size(item.keypoints)
+            angle = rng.uniform(0.0, 2.0 * np.pi)
             away = rng.uniform(0.55, 1.3) * size * np.array([np.cos(angle), np.sin(angle)])
             wrong.append((item.keypoints[8] + away, size * np.exp(rng.normal(0.0, 0.4))))
         return wrong
@@ -180,7 +187,8 @@ def look_sample(
     colour = (
         [int(c) for c in rng.integers(0, 256, 3)] if augment and rng.random() < 0.3 else [0, 0, 0]
     )
-    flags, side = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
     view = np.asarray(
         cv2.warpPerspective(picture, look.picture_from_look, side, flags=flags, borderValue=colour),
         np.uint8,

@@ -43,10 +43,18 @@ def render_scene(fruit: FruitModel, options: SceneOptions, seed: int) -> Rendere
 def _render(
     fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator
 ) -> RenderedFrame:
-    h, w = options.height, options.width
+    h = options.height
+    w = options.width
     T_wc = scene.T_world_camera
-    R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
-    points, normals, albedo, grain, openness, faces, face_object = [], [], [], [], [], [], []
+    R_cw = T_wc[:3, :3].T
+    eye = T_wc[:3, 3]
+    points = []
+    normals = []
+    albedo = []
+    grain = []
+    openness = []
+    faces = []
+    face_object = []
     start = 0
     for k, item in enumerate(scene.items):
         local = item.shape.vertices * item.scale.astype(np.float32)
@@ -124,6 +132,7 @@ def photograph(picture: Float32, rng: np.random.Generator) -> NDArray[np.uint8]:
         level = rng.uniform(0.002, 0.03) * rng.uniform(0.2, 1.0)
         noise = textures.sensor_noise()
         for c in range(3):
-            y, x = rng.integers(0, noise.shape[0] - h), rng.integers(0, noise.shape[1] - w)
+            y = rng.integers(0, noise.shape[0] - h)
+            x = rng.integers(0, noise.shape[1] - w)
             coded[..., c] += np.float32(level) * noise[y : y + h, x : x + w]
     return (np.clip(coded, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)

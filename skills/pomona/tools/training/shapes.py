@@ -51,7 +51,8 @@ def make_shape(
 def with_hollows(shape: ShadedMesh) -> ShadedMesh:
     """Darken the stem cavity and the calyx basin by how deep a vertex lies under the rim on its side."""
     x, y, z = shape.vertices.T
-    half_height, half_width = np.abs(y).max(), np.hypot(x, z).max()
+    half_height = np.abs(y).max()
+    half_width = np.hypot(x, z).max()
     depth = (half_height - np.abs(y)) / half_height
     inside = np.clip(1.0 - np.hypot(x, z) / (0.45 * half_width), 0.0, 1.0)
     openness = 1.0 - np.clip(3.2 * depth * inside, 0.0, 0.85)
@@ -99,7 +100,8 @@ def fruit_relative(fruit: FruitModel, index: int) -> ShadedMesh:
             vertices = vertices + np.outer(
                 vertices[:, 1] ** 2, rng.normal(0.0, 0.04, 3) * (1.0, 0.0, 1.0)
             )
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        low = vertices.min(axis=0)
+        high = vertices.max(axis=0)
         fitted = (vertices - 0.5 * (low + high)) * (fruit.dimensions / (high - low))
         _RELATIVES[key] = make_shape(fitted, fruit.faces)
     return _RELATIVES[key]
@@ -152,8 +154,10 @@ def box() -> ShadedMesh:
     faces: list[list[int]] = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
-            normal, right = np.zeros(3), np.zeros(3)
-            normal[axis], right[(axis + 1) % 3] = sign, 1.0
+            normal = np.zeros(3)
+            right = np.zeros(3)
+            normal[axis] = sign
+            right[(axis + 1) % 3] = 1.0
             up = np.cross(normal, right)
             start = len(vertices)
             vertices += [
@@ -175,7 +179,8 @@ def leaf(index: int) -> ShadedMesh:
     rng = np.random.default_rng((13, index))
     t = np.linspace(0.0, 1.0, 9)
     half_width = rng.uniform(0.2, 0.36) * np.sin(np.pi * t**0.8) ** 0.9
-    fold, curl = rng.uniform(0.0, 0.5), rng.uniform(-0.5, 0.9)
+    fold = rng.uniform(0.0, 0.5)
+    curl = rng.uniform(-0.5, 0.9)
     rows = []
     for side in (-1.0, 0.0, 1.0):
         rows.append(
@@ -197,7 +202,8 @@ def capsule(length: float, radius: float) -> ShadedMesh:
     polar = np.linspace(0.0, 0.5 * np.pi, 8)
     cap = np.stack([np.sin(polar), -np.cos(polar)], axis=1) * radius
     end = np.array([0.0, 0.5 * length])
-    low, high = cap - end, cap[::-1] * np.array([1.0, -1.0]) + end
+    low = cap - end
+    high = cap[::-1] * np.array([1.0, -1.0]) + end
     return revolved(np.vstack([low, high]))
 
 

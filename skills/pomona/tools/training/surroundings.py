@@ -72,7 +72,8 @@ def cast_shadow(
     a /= np.linalg.norm(a)
     b = np.cross(d, a)
     axes = np.stack([a, b, -d])
-    middle, half = np.array([0.0, 0.0, 0.6]), 0.55
+    middle = np.array([0.0, 0.0, 0.6])
+    half = 0.55
     cells = 0.5 * SHADOW_CELLS / half
     scaling = np.array([cells, cells, 1.0])
     matrix = np.zeros((3, 4))
@@ -89,11 +90,13 @@ def lay_table(
     scene: SyntheticScene, T_wc: Float64, rng: np.random.Generator
 ) -> tuple[Float32, Float32, Float32]:
     """Return the table's plane (4,), its texture's axes (2, 4) and its paint (4,), in the camera's frame [m]."""
-    R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
+    R_cw = T_wc[:3, :3].T
+    eye = T_wc[:3, 3]
     normal = R_cw[:, 2]
     offset = -float(eye[2]) if scene.table else 0.0
     turn = rng.uniform(0.0, 2.0 * np.pi)
-    s, t = np.array([np.cos(turn), np.sin(turn), 0.0]), np.array([-np.sin(turn), np.cos(turn), 0.0])
+    s = np.array([np.cos(turn), np.sin(turn), 0.0])
+    t = np.array([-np.sin(turn), np.cos(turn), 0.0])
     axes = np.array([[*(R_cw @ s), -(s @ eye)], [*(R_cw @ t), -(t @ eye)]], np.float32)
     reach = rng.uniform(0.25, 0.6) if rng.random() < 0.3 else 9.0
     look = [

@@ -29,10 +29,12 @@ def finder_targets(boxes: Float64, taught: NDArray[np.bool_], height: int, width
         rows = slice(max(0, int(np.floor(y))), int(np.ceil(y + h)))
         maps[WEIGHT, rows, max(0, int(np.floor(x))) : int(np.ceil(x + w))] = 0.0
     fruit = boxes[taught]
-    u, v = np.arange(width) + 0.5, np.arange(height) + 0.5
+    u = np.arange(width) + 0.5
+    v = np.arange(height) + 0.5
     # Small boxes are drawn last: where boxes overlap, the nearer to its own middle is mostly the smaller one.
     for x, y, w, h in fruit[np.argsort(-fruit[:, 2:].prod(axis=1), kind="stable")]:
-        column, row = min(width - 1, int(x + 0.5 * w)), min(height - 1, int(y + 0.5 * h))
+        column = min(width - 1, int(x + 0.5 * w))
+        row = min(height - 1, int(y + 0.5 * h))
         across = np.exp(-0.5 * ((u - column - 0.5) / max(LEAST_SPREAD, SPREAD * w)) ** 2)
         down = np.exp(-0.5 * ((v - row - 0.5) / max(LEAST_SPREAD, SPREAD * h)) ** 2)
         spot = (down[:, None] * across[None, :]).astype(np.float32)

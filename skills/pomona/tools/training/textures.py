@@ -126,7 +126,8 @@ def foliage(rng: np.random.Generator, height: int, width: int) -> Float32:
 def table_top(index: int) -> Float32:
     """Table texture `index`, linear RGB, (256, 256, 3)."""
     rng = np.random.default_rng((19, index))
-    size, kind = 256, index % 6
+    size = 256
+    kind = index % 6
     base = rng.uniform(0.04, 0.85) * (np.ones(3) + rng.uniform(-0.25, 0.25, 3))
     if kind == 5:
         base = rng.uniform(0.03, 0.7, 3)

@@ -40,7 +40,8 @@ def true_fruit(
     """Return the truth about one rendered fruit: pose, keypoints, and how much of it is seen."""
     fx, fy, cx, cy = options.camera
     T_wc = scene.T_world_camera
-    R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
+    R_cw = T_wc[:3, :3].T
+    eye = T_wc[:3, 3]
     cad = cuboid_keypoints(fruit.dimensions)
     flesh = {
         item.fruit: k
