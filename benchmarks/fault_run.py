@@ -507,9 +507,9 @@ def plan_here() -> None:
             future.set_result(function(*arguments))
         except BaseException as error:
             future.set_exception(error)
-        self._pending.append(
-            (node, f"{function.__module__}.{function.__qualname__}", began, _Computed(future))
-        )  # type: ignore[arg-type]
+        named = f"{function.__module__}.{function.__qualname__}"
+        computed: Any = _Computed(future)
+        self._pending.append((node, named, began, computed))
         return self._pending[-1][3]
 
     Computations.submit = submit  # type: ignore[method-assign]

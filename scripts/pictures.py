@@ -241,20 +241,15 @@ def digest_of(picture: Picture) -> str:
 
 
 def drawn_by(path: Path) -> bytes:
-    """Return the part of a file that can change a picture: of Python all but comments, docstrings, imports, blanks."""
+    """Return the part of a file that can change a picture: of Python all but its format, comments, docstrings, imports."""
     content = path.read_bytes()
     if path.suffix != ".py":
         return content
-    silent = {
-        line
-        for node in ast.walk(ast.parse(content))
-        if is_silent(node)
-        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)  # type: ignore[attr-defined]
-    }
-    lines = [
-        line.strip() for number, line in enumerate(content.splitlines(), 1) if number not in silent
-    ]
-    return b"\n".join(line for line in lines if line and not line.startswith(b"#"))
+    tree = ast.parse(content)
+    for node in ast.walk(tree):
+        if isinstance(body := getattr(node, "body", None), list):
+            node.body = [each for each in body if not is_silent(each)]  # type: ignore[attr-defined]
+    return ast.unparse(tree).encode()
 
 
 def is_silent(node: ast.AST) -> bool:

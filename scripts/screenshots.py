@@ -56,8 +56,9 @@ class Photographer:
         self._into = into
         self._contexts = {
             name: browser.new_context(
-                viewport={"width": width, "height": height}, color_scheme=scheme
-            )  # type: ignore[arg-type]
+                viewport={"width": width, "height": height},
+                color_scheme=scheme,  # type: ignore[arg-type]
+            )
             for name, (width, height, scheme) in SCREENS.items()
         }
         self.pages: dict[str, Page] = {}
