@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import tomllib
 from importlib.util import find_spec
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from pomona.executive.cli import main
+from pomona.executive.commands.command_line import children, command_names, make_parser
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.registry import Registry
 from pomona.executive.values.installation import entry_points, installed_trees
@@ -18,6 +20,13 @@ from pomona.executive.values.removed import Removal, import_problem, removals, r
 ROOT = Path(__file__).resolve().parents[3]
 MOST = 40  # rows on one screen
 WORDS = [(row, word) for row in removals() for word in row.old]
+
+
+def words_of(parser: argparse.ArgumentParser) -> set[str]:
+    found = {word for action in parser._actions for word in action.option_strings}
+    for action in parser._actions:
+        found.update(() if action.option_strings else map(str, action.choices or ()))
+    return found.union(*(words_of(child) for _, _, child in children(parser)))
 
 
 def is_there(kind: str, word: str) -> bool:
@@ -37,6 +46,12 @@ def is_there(kind: str, word: str) -> bool:
             return find_spec(word) is not None
         except ModuleNotFoundError:  # of its package
             return False
+    if kind == "command":
+        command, _, word = word.partition(" ")
+        if command not in command_names() or not word:
+            return command in command_names()
+        parser = next(p for name, _, p in children(make_parser([command])) if name == command)
+        return word in words_of(parser)
     assert kind == "extra"
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     return word in project["optional-dependencies"]
@@ -46,13 +61,12 @@ def is_there(kind: str, word: str) -> bool:
 def test_an_old_word_is_gone_and_its_new_ones_are_there(
     row: Removal, word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert not is_there(row.kind, word)
     if row.kind == "command":
         with pytest.raises(SystemExit) as ended:
             main([*word.split(), "nothing"])
         assert ended.value.code == 2
         assert removed("command", word) in " ".join(capsys.readouterr().err.split())
-    else:
-        assert not is_there(row.kind, word)
     for new in row.instead_of(word):
         assert is_there(row.kind, new)
         found = NodeTypes.installed().get(new) if row.kind == "node" else None

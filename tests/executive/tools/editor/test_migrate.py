@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,47 @@ CHANGED = (
     .replace("Lift: {keep: 1 s}", "Lift: {hold_time: 1 s}")
 )
 LEFT = ["10:7 pipeline", "11:11 Shake", "12:30 slowly", "14:14 keep"]
+
+
+FOLDER = Path(__file__).with_name("before_0_2")
+OLD: list[tuple[str, dict[str, str], list[str]]] = [
+    (
+        "pick_and_place.yaml",  # of 2026-11-22
+        {
+            "again: never": "reselect: never",
+            "times:": "max_selections:",
+            "NO_WAY_DOWN": "LOWERING_BLOCKED",
+            "NO_WAY_BACK": "RETREAT_BLOCKED",
+        },
+        [],
+    ),
+    (
+        "pick_apple.yaml",  # of 2026-11-22; the code in a text of two lines has no place of its own
+        {
+            "then:": "force_after:",
+            "keep:": "hold_time:",
+            'NO_WAY_UP]"   # these': 'LIFT_BLOCKED]"   # these',
+            "unsure:": "fallback_score:",
+        },
+        ['59:13 "'],
+    ),
+    (
+        "signals.py.txt",
+        {
+            f"pomona.applications.signals.{name}": "pomona.devices.plc.skills"
+            for name in ("handshake", "set_signal", "wait_signal")
+        },
+        ["5:6 pomona.applications.signals", "5:41 signal_skill"],
+    ),
+    (
+        "pyproject.toml.txt",
+        {
+            f"pomona.applications.signals.{name}": "pomona.devices.plc.skills"
+            for name in ("set_signal", "wait_signal")
+        },
+        ["15:24 rerun"],
+    ),
+]
 
 
 @pytest.fixture(autouse=True)
@@ -281,3 +323,33 @@ def test_a_read_only_file_stays(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["migrate", "t.yaml"]) == 2
     assert path.read_text() == TREE
     assert "read-only" in capsys.readouterr().err
+
+
+class TestFilesOfEarlierVersions:
+    """Files as they stood in the repository, with the table as it is."""
+
+    @pytest.fixture(autouse=True)
+    def rows(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setattr("sys.stdin", io.StringIO())
+        monkeypatch.chdir(tmp_path)
+
+    @pytest.mark.parametrize(("name", "changed", "left"), OLD, ids=[row[0] for row in OLD])
+    def test_only_the_words_change_and_the_rest_is_listed(
+        self,
+        name: str,
+        changed: dict[str, str],
+        left: list[str],
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        text = (FOLDER / name).read_text("utf-8")
+        path = written(name.removesuffix(".txt"), text)
+        assert main(["migrate", str(path)]) == (1 if left else 0)
+        for old, new in changed.items():
+            assert old in text
+            text = text.replace(old, new)
+        assert path.read_bytes() == text.encode()
+        out = capsys.readouterr().out
+        found = re.findall(
+            r"^\S+?:(\d+:\d+): error\[removed\].*\n *\d+ \| (.*)\n *\| ( *)(\^+)", out, re.M
+        )
+        assert [f"{at} {line[len(gap) :][: len(mark)]}" for at, line, gap, mark in found] == left
