@@ -3,7 +3,7 @@
     python -m benchmarks.bench_editor [--edits 10000] [--seed 0]
 
 The edits go in chains of up to eight over all texts of trees in the repository (`tree_edits`): shipped, in documents,
-in tests, exported and imported again, some of them disturbed by comments and blank lines. Each edit that is made is
+in tests, some of them disturbed by comments and blank lines. Each edit that is made is
 judged; one that is refused leaves the text alone. Times are processor time of one process.
 """
 

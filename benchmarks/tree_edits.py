@@ -13,7 +13,6 @@ import random
 import re
 from collections import Counter
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +21,6 @@ from pomona.executive.language.read import read
 from pomona.executive.values.findings import Finding, TreeFileError
 from pomona.executive.values.yaml_nodes import written
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
-from pomona.tools.groot.export_xml import export_groot
-from pomona.tools.groot.import_xml import import_groot
-from pomona.tools.listings.declared_skills import with_declarations
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -167,18 +163,12 @@ root:
 
 
 def tree_texts(seed: int = 0) -> dict[str, str]:
-    """Return texts of trees: shipped, in documents, in tests, exported and imported again, and variants of them."""
+    """Return texts of trees: shipped, in documents, in tests, and variants of them."""
     found = {
         str(path.relative_to(ROOT)): path.read_text("utf-8")
         for path in _files()
         if _is_tree(path.read_text("utf-8"))
     }
-    for name, text in list(found.items()):
-        document = read(text, ROOT / name)
-        if not document.findings:
-            found[f"{name} imported"] = import_groot(
-                with_declarations(partial(export_groot, document)), "tree.xml"
-            )[0]
     for path in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
         for number, block in enumerate(
             re.findall(r"```yaml\n(.*?)```", path.read_text("utf-8"), re.DOTALL)

@@ -20,17 +20,14 @@ EXAMPLES: dict[str, str] = {
     **{
         word: _listed(word)
         for word in (
-            "sequence", "reactive_sequence", "sequence_with_memory", "fallback", "reactive_fallback", "round_robin",
-            "pipeline_sequence",
+            "sequence", "reactive_sequence", "sequence_with_memory", "fallback", "reactive_fallback",
         )
     },
     "parallel": _listed("parallel", "success_on: one"),
-    "recovery": "recovery:\n  - MoveTo: {pose: observe}\n  - Retreat: {}\nattempts: 3",
     "if": "if: '{mass} > 0.3'\nthen: {MoveTo: {pose: crate}}\nelse: {MoveTo: {pose: home}}",
     "reactive_if": "reactive_if: '{mass} > 0.3'\nthen: {MoveTo: {pose: crate}}\nelse: {MoveTo: {pose: home}}",
     "switch": "switch: '{size}'\ncases:\n  small: {MoveTo: {pose: bin}}\n  large: {MoveTo: {pose: crate}}\n"
     "default: {fail: {code: UNKNOWN_SIZE}}",
-    "untranslated": "untranslated:\n  - MoveTo: {pose: observe}\nelement: Precondition",
     "check": "check: '{found.score} > 0.8'",
     "wait_until": "wait_until: '{door} == open'",
     "wait": "wait: 2 s",

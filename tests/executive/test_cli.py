@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from pomona.executive.cell import connect as connecting
 from pomona.executive.cell.device import ConnectContext, Device
@@ -208,9 +209,11 @@ def test_a_file_that_the_command_wrote_is_written_again(tmp_path: Path) -> None:
 def test_export_and_import_give_a_tree_file_again(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    xml, again = tmp_path / "tree.xml", tmp_path / "tree.yaml"
-    assert main(["export", "pick_apple", "--out", str(xml)]) == 0
+    tree, xml, again = (tmp_path / name for name in ("a.yaml", "a.xml", "b.yaml"))
+    tree.write_text("pomona: 1\ntree: t\nroot:\n  sequence:\n    - wait: 1 s\n      timeout: 2 s\n")
+    assert main(["export", str(tree), "--out", str(xml)]) == 0
     assert main(["import", str(xml), "--out", str(again)]) == 0
+    assert yaml.safe_load(again.read_text()) == yaml.safe_load(tree.read_text())
     assert main(["check", str(again)]) == 0
     assert "nothing is wrong" in capsys.readouterr().out
 
@@ -552,9 +555,11 @@ def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
     nodes = '<Sequence><ComputePath goal="{goal}" path="{path}" planner="Grid"/><FollowPath path="{path}"/></Sequence>'
     xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{nodes}</BehaviorTree></root>')
     assert main(["import", str(xml), "--stubs", "--out", str(tree)]) == 0
-    assert "2 skills are declared in the tree" in capsys.readouterr().err
-    assert "ComputePath: {in: [planner], out: [goal, path]}" in tree.read_text()
-    assert "FollowPath: {in: [path]}" in tree.read_text()
+    assert "The tree declares them" in capsys.readouterr().err
+    assert yaml.safe_load(tree.read_text())["skills"] == {
+        "ComputePath": {"out": ["goal", "path"], "in": ["planner"]},
+        "FollowPath": {"in": ["path"]},
+    }
     assert main(["check", str(tree)]) == 0
     assert main(["show", str(tree)]) == 0
     assert main(["run", str(tree), "--dry", "--no-record", "--quiet"]) == 0
@@ -564,51 +569,19 @@ def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
     assert "declared in the tree and not installed" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_foreign_node_with_children_is_passed_through_in_a_dry_run_and_never_run(
+def test_an_import_names_every_part_without_translation_and_writes_nothing(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     xml, tree = tmp_path / "nav.xml", tmp_path / "nav.yaml"
-    nodes = '<SpeedController min_rate="0.1"><Sequence><Route/><Walk/></Sequence></SpeedController>'
+    nodes = '<Sequence><SpeedController min_rate="0.1"><Route/></SpeedController>\n<Walk/><Inverter/></Sequence>'
     xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="nav">{nodes}</BehaviorTree></root>')
-    assert main(["import", str(xml), "--stubs", "--out", str(tree)]) == 1  # the finding remains
-    assert "<SpeedController> has children" in capsys.readouterr().err
-    assert main(["check", str(tree)]) == 0
-    assert main(["run", str(tree), "--dry", "--no-record", "--json"]) == 0
-    assert main(["export", str(tree)]) == 0
-    assert '<SpeedController min_rate="0.1">' in capsys.readouterr().out
-    assert main(["run", str(tree), "--no-record"]) == 2
-    assert "Route, SpeedController, Walk: declared in the tree" in " ".join(
-        capsys.readouterr().err.split()
-    )
-
-
-@pytest.mark.parametrize(
-    ("node", "kept"),
-    [
-        ('<Action ID="moverobot" location="1"/>', '<moverobot location="1"'),
-        ('<SubTree ID="Elsewhere" goal="{goal}"/>', '<SubTree ID="Elsewhere" goal="{goal}"'),
-        (
-            '<ParallelAll max_failures="1"><Route/><Walk/></ParallelAll>',
-            '<ParallelAll max_failures="1">',
-        ),
-        (
-            '<LoopInt queue="{queue}" value="{n}"><Walk/></LoopInt>',
-            '<LoopInt queue="{queue}" value="{n}">',
-        ),
-    ],
-)
-def test_an_element_without_translation_is_kept_in_a_dry_run_and_in_the_export(
-    node: str, kept: str, tmp_path: Path
-) -> None:
-    xml, tree = tmp_path / "a.xml", tmp_path / "a.yaml"
-    nodes = f"<Sequence>{node}<Walk/></Sequence>"
-    xml.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="a">{nodes}</BehaviorTree></root>')
     assert main(["import", str(xml), "--stubs", "--out", str(tree)]) == 1
-    assert main(["check", str(tree)]) == 0
-    assert main(["run", str(tree), "--dry", "--no-record"]) == 0
-    assert main(["export", str(tree), "--out", str(tmp_path / "b.xml")]) == 0
-    assert kept in (tmp_path / "b.xml").read_text()
-    assert main(["run", str(tree), "--no-record"]) == 2
+    told = capsys.readouterr().err
+    assert "nav.xml:1:" in told
+    assert "<SpeedController> has no counterpart" in told
+    assert "nav.xml:2:" in told
+    assert "<Inverter> has 0 children instead of 1" in told
+    assert not tree.exists()
 
 
 def test_a_declared_skill_has_the_ports_of_its_declaration(

@@ -41,9 +41,6 @@ class Registry(Mapping[str, type[Skill]]):
         self._skills = dict(skills)
         self.problems: Mapping[str, str] = dict(problems or {})
         """Skills that are installed and cannot be used, with the reason."""
-        self.stand_ins: frozenset[str] = (
-            frozenset()
-        )  # names that a tree declares and no installed package has
         self.renamed_failures: Mapping[str, str] = {
             old: new
             for skill in self._skills.values()
@@ -101,11 +98,7 @@ class Registry(Mapping[str, type[Skill]]):
         missing = {
             name: _stand_in(name, *both) for name, both in ports.items() if name not in self._skills
         }
-        if not missing:
-            return self
-        registry = Registry({**self._skills, **missing}, self.problems)
-        registry.stand_ins = self.stand_ins | missing.keys()
-        return registry
+        return Registry({**self._skills, **missing}, self.problems) if missing else self
 
     def __getitem__(self, name: str) -> type[Skill]:
         return self._skills[name]

@@ -40,7 +40,7 @@ TOKENS = (
     "subtrees", "file", "in", "out", "type", "default", "choices", "perceive", "Detect", "Plan", "name", "force",
     "set", "check",
     "if", "then", "else", "switch", "cases",
-    "delay", "rate", "run_once", "untranslated", "element",
+    "delay", "rate", "run_once",
     "and", "or", "not", "(", ")", "+", "*", "/", "==", "<", "in [",
 )  # fmt: skip
 

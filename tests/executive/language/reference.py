@@ -203,11 +203,11 @@ class Parallel(Branch):
 
 
 class Tries(Branch):
-    """Retry and recovery: the second node follows a failed try."""
+    """Retry: the second node follows a failed try."""
 
-    def __init__(self, total: int, between_only: bool, *nodes: Node) -> None:
+    def __init__(self, total: int, *nodes: Node) -> None:
         super().__init__(*nodes)
-        self.total, self.between_only = total, between_only
+        self.total = total
 
     def step(self, world: World, fresh: bool) -> str:
         if fresh:
@@ -217,7 +217,7 @@ class Tries(Branch):
             if status == RUNNING:
                 return RUNNING
             self.recovering = False
-            if status == FAILURE or (status == SKIPPED and self.between_only):
+            if status == FAILURE:
                 return FAILURE
             return FAILURE if self.tried == self.total else RUNNING
         status = self.nodes[0].tick(world)
@@ -225,7 +225,7 @@ class Tries(Branch):
             return status
         self.tried += 1
         last = self.tried == self.total
-        if len(self.nodes) > 1 and not (last and self.between_only):
+        if len(self.nodes) > 1:
             self.recovering = True
             return RUNNING
         return FAILURE if last else RUNNING
@@ -259,43 +259,6 @@ class Choose(Branch):
                     other.halt(world)
             self.chosen = chosen
         return SKIPPED if self.chosen is None else self.chosen.tick(world)
-
-
-class Turns(Branch):
-    failed = 0
-
-    def halted(self) -> None:
-        self.at = self.failed = 0
-
-    def step(self, world: World, fresh: bool) -> str:
-        skipped = 0
-        while self.failed + skipped < len(self.nodes):
-            status = self.nodes[self.at].tick(world)
-            if status == RUNNING:
-                return RUNNING
-            self.at = (self.at + 1) % len(self.nodes)
-            if status == SUCCESS:
-                self.failed = 0
-                return SUCCESS
-            skipped += status == SKIPPED
-            self.failed += status == FAILURE
-        self.at = self.failed = 0
-        return SKIPPED if skipped == len(self.nodes) else FAILURE
-
-
-class Pipeline(Branch):
-    def step(self, world: World, fresh: bool) -> str:
-        if fresh:
-            self.at = 0
-        seen = []
-        for index, node in enumerate(self.nodes):
-            seen.append(node.tick(world))
-            if seen[-1] == FAILURE:
-                return FAILURE
-            if seen[-1] == RUNNING and index >= self.at:
-                self.at = index
-                return RUNNING
-        return SKIPPED if set(seen) == {SKIPPED} else SUCCESS
 
 
 class Look(Node):
@@ -522,13 +485,11 @@ class Case:
     def branch(self, depth: int) -> tuple[str, Node]:
         word = self.rng.choice(
             ("sequence", "sequence", "fallback", "fallback", "parallel", "parallel", "reactive_sequence", "if",
-             "reactive_fallback", "recovery", "sequence_with_memory", "reactive_if", "round_robin", "pipeline_sequence",
-             "switch", "subtree")
+             "reactive_fallback", "sequence_with_memory", "reactive_if", "switch", "subtree")
         )  # fmt: skip
         if word == "subtree":
             return self.called(depth)
         count = {
-            "recovery": 2,
             "if": self.rng.randint(2, 3),
             "reactive_if": self.rng.randint(2, 3),
         }.get(word)
@@ -553,11 +514,6 @@ class Case:
                 least = self.rng.randint(1, len(nodes))
                 return f"{text}, success_on: {least}", Parallel(least, *nodes)
             return text, Parallel(list(range(len(nodes))), *nodes)
-        if word == "recovery":
-            total = self.rng.randint(1, 3)
-            return f"{text}, attempts: {total}", Tries(total, True, *nodes)
-        if word in ("round_robin", "pipeline_sequence"):
-            return text, (Turns if word == "round_robin" else Pipeline)(*nodes)
         stops = SUCCESS if "fallback" in word else FAILURE
         return text, InOrder(stops, "reactive" in word, word == "sequence_with_memory", *nodes)
 
@@ -585,7 +541,7 @@ class Case:
                 after_text, after = self.node(0)
                 nodes.append(after)
                 text += f", on_failure: {{{after_text}}}"
-            node = Tries(total, False, *nodes)
+            node = Tries(total, *nodes)
         rounds = rng.randint(1, 3)
         some("repeat", str(rounds), rounds)
         items = rng.randint(1, 3)

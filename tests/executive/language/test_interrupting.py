@@ -51,7 +51,6 @@ def run():
         "root: {parallel: [{Swing: {}, name: S}, {sequence: [{wait: 50 ms}, {fail: {}}]}]}",
         "root: {sequence: [{set: {n: 0}}, {parallel: [{Swing: {}, name: S, guard: '{n} == 0'},"
         " {sequence: [{wait: 50 ms}, {set: {n: 1}}]}]}]}",
-        "root: {recovery: [{Swing: {}, name: S, timeout: 50 ms}, {fail: {}}]}",
     ],
 )
 def test_an_interrupted_skill_is_handed_over_to_let_go(run, body):

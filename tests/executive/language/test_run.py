@@ -99,18 +99,6 @@ class TestBranches:
         assert run.run() == "FAILURE"
         assert reason_of(run.tree.root).code == "NO_PATH"
 
-    def test_recovery_recovers_between_two_tries_only(self, built):
-        run = built(f"root: {{recovery: [{move('A')}, {move('B')}], attempts: 3}}").script(
-            "t/A", "NO_PATH"
-        )
-        assert run.run() == "FAILURE"
-        assert starts(run, "A", "B") == [3, 2]
-        run = built(f"root: {{recovery: [{move('A')}, {move('B')}]}}").script(
-            "t/A", "NO_PATH", None
-        )
-        assert run.run() == "SUCCESS"
-        assert starts(run, "A", "B") == [2, 1]
-
 
 class TestRetry:
     def test_the_number_is_that_of_all_tries(self, built):

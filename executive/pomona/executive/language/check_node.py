@@ -370,9 +370,6 @@ class LayerCheck:
     def item(self) -> str:
         return next(iter(self.found.outputs.values()), "")
 
-    def is_stand_in(self, name: str) -> bool:
-        return name in self.whole.skills.stand_ins
-
     def look_up_skill(self) -> None:
         skill = self.found.skill = self.whole.skill(self.node)
         if skill is not None:

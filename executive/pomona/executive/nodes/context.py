@@ -216,9 +216,6 @@ class CheckContext(WalkContext[Around, None], Protocol):
     def item(self) -> str:
         """Return the name that this layer writes; empty without one."""
 
-    def is_stand_in(self, name: str) -> bool:
-        """Return True for a name that the tree declares and no installed package has: it runs dry only."""
-
     def look_up_skill(self) -> None:
         """Find the skill that the node calls, and declare its outputs."""
 

@@ -41,8 +41,8 @@ class Attempt:
 class Retry(Branch):
     """Ticks its first child until it succeeds or all tries are used up; one tick at least for each try.
 
-    The second child, if there is one, runs after each failed try; also after the last one unless `between_only`. When
-    it fails itself, the retry fails at once, with both reasons. A try that is skipped skips the retry.
+    The second child, if there is one, runs after each failed try, also after the last one. When it fails itself, the
+    retry fails at once, with both reasons. A try that is skipped skips the retry.
 
     Attributes:
         attempts: the tries of the newest start that have ended.
@@ -59,19 +59,13 @@ class Retry(Branch):
         *,
         count: RetryCount | None = None,
         on_failure: Behaviour | None = None,
-        between_only: bool = False,
         retry_if: Callable[[], bool] | None = None,
         last_failure: LastFailure | None = None,
     ) -> None:
         super().__init__(name, [child] if on_failure is None else [child, on_failure])
         self.attempts: tuple[Attempt, ...] = ()
         self.listener: Callable[[Retry, Attempt], None] | None = None
-        self._now, self._total, self._retry_if, self._between_only = (
-            now,
-            total,
-            retry_if,
-            between_only,
-        )
+        self._now, self._total, self._retry_if = now, total, retry_if
         self._count = count or RetryCount()
         self._last_failure = last_failure or LastFailure()
         self._recovering = self._last = False
@@ -145,7 +139,7 @@ class Retry(Branch):
             return Status.SUCCESS
         self._last_failure.see(reason)
         self._last = number >= self.total or (self._retry_if is not None and not self._retry_if())
-        if len(self.children) > 1 and not (self._last and self._between_only):
+        if len(self.children) > 1:
             self._recovering = True
             return Status.RUNNING
         return Status.FAILURE if self._last else Status.RUNNING
@@ -154,12 +148,8 @@ class Retry(Branch):
         if child.status is Status.RUNNING:
             return Status.RUNNING
         self._recovering = False
-        if child.status is Status.SUCCESS or (
-            child.status is Status.INVALID and not self._between_only
-        ):
+        if child.status is not Status.FAILURE:
             return Status.FAILURE if self._last else Status.RUNNING
-        if child.status is Status.INVALID:
-            return Status.FAILURE  # a recovery that is skipped: there is none
         broken = reason_of(child)
         tried = tuple(attempt.reason for attempt in self.attempts if attempt.reason is not None)
         message = f"{child.name}, which follows a failed attempt, failed: {broken.message}"

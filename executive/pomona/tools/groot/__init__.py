@@ -1,1 +1,1 @@
-"""Trees of BehaviorTree.CPP, Groot and Nav2: import and export of their XML."""
+"""Trees of BehaviorTree.CPP and Groot2: import and export of their XML."""

@@ -1,23 +1,34 @@
-"""Document → XML for Groot2 and BehaviorTree.CPP (version 4), with the model of every node."""
+"""Document → XML for Groot2 and BehaviorTree.CPP (version 4), with the model of every node.
+
+Words that BehaviorTree.CPP lacks become nodes whose names begin with `Pomona`, so that Groot2 draws them.
+"""
 
 from __future__ import annotations
 
-import json
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from pomona.executive.language.expression import ExpressionSyntaxError, Reference, parse_expression
-from pomona.executive.language.model import Declared, Definition, Document, TreeNode
+from pomona.executive.language.model import Definition, Document, TreeNode
+from pomona.executive.nodes.check import CheckType
+from pomona.executive.nodes.choosing import SwitchType
+from pomona.executive.nodes.leaves import SKILL, SUBTREE
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.ports import TIME, Port, type_name
 from pomona.executive.registry import Registry, default_text
-from pomona.executive.values.findings import Finding, Findings, TreeFileError
+from pomona.executive.values.findings import Findings, TreeFileError
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
-from pomona.tools.groot.forms import form_of
-from pomona.tools.groot.names import BUILTIN, LITERAL, PREFIX
-from pomona.tools.groot.yaml_text import flow
+from pomona.tools.groot.elements import READERS
+from pomona.tools.groot.names import COMPOSITES, LITERAL, NO_SKILLS, PREFIX, free_name
+from pomona.tools.groot.yaml_text import Written, to_yaml
+
+_TAGS = {word: tag for tag, word in reversed(COMPOSITES.items())}
+_DURATIONS = {
+    "wait": ("Sleep", "msec"),
+    "delay": ("Delay", "delay_msec"),
+    "timeout": ("Timeout", "msec"),
+}
 
 
 def export_groot(document: Document, skills: Registry) -> str:
@@ -37,51 +48,52 @@ class _Exporter:
         self.document, self.skills = document, skills
         self.findings = Findings()
         self.ids: dict[int, str] = {}
-        self.own: dict[str, tuple[NodeType, set[str]]] = {}
+        self.own: dict[
+            str, tuple[NodeType, set[str]]
+        ] = {}  # Pomona's own words that are used, with attributes
         self.used: dict[str, TreeNode] = {}
 
     def text(self) -> str:
         main = self.document.main.main
-        assert main is not None
-        definitions = [d for d in self.document.definitions() if d.root is not None]
-        for definition in definitions:
-            self.ids[id(definition)] = self.unique(definition.name)
-        root = Element("root", {"BTCPP_format": "4", "main_tree_to_execute": self.ids[id(main)]})
-        for definition in definitions:
-            assert definition.root is not None
-            tree = SubElement(root, "BehaviorTree", {"ID": self.ids[id(definition)]})
-            tree.append(self.node(definition.root, definition))
-        self.models(SubElement(root, "TreeNodesModel"), definitions)
-        errors: list[Finding] = self.findings.sorted()
+        for definition in self.document.definitions():
+            taken = set(self.ids.values())
+            self.ids[id(definition)] = free_name(definition.name, taken.__contains__, "_")
+        head = {"BTCPP_format": "4", "main_tree_to_execute": self.ids[id(main)]}
+        root = Element("root", head)
+        for definition in self.document.definitions():
+            if definition.root is not None:
+                tree = SubElement(root, "BehaviorTree", {"ID": self.ids[id(definition)]})
+                tree.append(self.layer(definition.root, 0, definition))
+        self.models(SubElement(root, "TreeNodesModel"))
+        errors = self.findings.sorted()
         if errors:
             raise TreeFileError(errors)
         ElementTree.indent(root, "  ")
-        return (
-            '<?xml version="1.0" encoding="UTF-8"?>\n'
-            + ElementTree.tostring(root, encoding="unicode")
-            + "\n"
-        )
-
-    def unique(self, name: str) -> str:
-        taken = set(self.ids.values())
-        found, number = name, 1
-        while found in taken:
-            number += 1
-            found = f"{name}_{number}"
-        return found
+        text = ElementTree.tostring(root, encoding="unicode")
+        return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
     # ------------------------------------------------------------------------------------------- nodes
-
-    def node(self, node: TreeNode, definition: Definition) -> Element:
-        return self.layer(node, 0, definition)
 
     def layer(self, node: TreeNode, index: int, definition: Definition) -> Element:
         """Return the element of a node without its outer modifiers."""
         layer = node.layers[index]
-        at = LayerXml(self, node, index, layer, definition)
+        at = LayerXml(node, layer)
         if not layer.needed(at) and layer.pauses(at) is None:
             return self.layer(node, index + 1, definition)
-        element = form_of(layer).to_xml(at)
+        if layer is SKILL:
+            tag, attributes = self.skill(node), self.ports(node)
+        elif layer is SUBTREE:
+            called = definition.file.subtrees.get(node.key.text)
+            name = node.key.text if called is None else self.ids[id(called)]
+            tag, attributes = "SubTree", {"ID": name, **self.ports(node)}
+        else:
+            tag, attributes = at.native() or self.pomona(at)
+        element = Element(tag, attributes)
+        inner = node.children
+        if layer is not node.type:
+            element.append(self.layer(node, index + 1, definition))
+            inner = [node.parts[slot] for slot in layer.fields if slot in node.parts]
+        element.extend(self.layer(child, 0, definition) for child in inner)
         if layer is node.type:
             if node.name is not None:
                 element.set("name", node.name.text)
@@ -90,92 +102,69 @@ class _Exporter:
                 element.set("_description", described)
         return element
 
+    def skill(self, node: TreeNode) -> str:
+        """Return the tag that calls the skill."""
+        name = node.key.text
+        if name in READERS or name in NO_SKILLS or name == "SubTree" or name.startswith(PREFIX):
+            message = f"'{name}' means something else to BehaviorTree.CPP"
+            hint = "a skill with this name cannot be exported"
+            self.findings.error(node.key, "groot-name", message, hint)
+        self.used.setdefault(name, node)
+        return name
+
     def ports(self, node: TreeNode) -> dict[str, str]:
-        found = {}
-        for port, (key, value) in node.ports.items():
+        for port, (key, _) in node.ports.items():
             if port in ("name", "ID") or port.startswith("_"):
                 message = f"a port named '{port}' means something else to BehaviorTree.CPP"
                 self.findings.error(key, "groot-name", message)
-            found[port] = _attribute(value)
-        return found
+        return {port: _attribute(value) for port, (_, value) in node.ports.items()}
+
+    def pomona(self, at: LayerXml) -> tuple[str, dict[str, str]]:
+        """Return a node of Pomona's own, with its words as attributes; the file then holds its model."""
+        words = {
+            "value" if slot == at.layer.key else slot: at.text(slot)
+            for slot, taken in at.layer.slots.items()
+            if not (taken.nodes or taken.wires)
+        }
+        if at.layer.value.wires:
+            words.update(self.ports(at.node))
+        attributes = {name: text for name, text in words.items() if text}
+        tag = PREFIX + "".join(part.capitalize() for part in at.layer.key.split("_"))
+        self.own.setdefault(tag, (at.layer, set()))[1].update(attributes)
+        return tag, attributes
 
     # ------------------------------------------------------------------------------------------- models
 
-    def models(self, parent: Element, definitions: list[Definition]) -> None:
-        for name in sorted(self.used):
+    def models(self, parent: Element) -> None:
+        for name, node in sorted(self.used.items()):
             skill = self.skills.get(name)
             if skill is None:
                 model = SubElement(parent, "Action", {"ID": name})
-                for unknown in self.used[name].ports:
+                for unknown in node.ports:
                     SubElement(model, "inout_port", {"name": unknown})
                 continue
-            model = SubElement(
-                parent, "Condition" if skill.__name__.startswith("Is") else "Action", {"ID": name}
-            )
-            for direction, ports in (("input_port", skill.inputs), ("output_port", skill.outputs)):
-                for port_name, port in ports.items():
-                    self.port(model, direction, port_name, port)
-        for tag, (found, used) in sorted(self.own.items()):
-            parts = any(taken.nodes for taken in found.fields.values())
-            category = "Decorator" if found.role == "modifier" and not parts else "Control"
-            model = SubElement(
-                parent,
-                category if found.role != "leaf" else "Condition" if found.ends else "Action",
-                {"ID": tag},
-            )
+            is_condition = skill.__name__.startswith("Is")
+            model = SubElement(parent, "Condition" if is_condition else "Action", {"ID": name})
+            for port_name, port in skill.inputs.items():
+                _port(model, "input_port", port_name, port)
+            for port_name, port in skill.outputs.items():
+                _port(model, "output_port", port_name, port)
+        for tag, (layer, used) in sorted(self.own.items()):
+            parts = any(taken.nodes for taken in layer.fields.values())
+            category = "Decorator" if layer.role == "modifier" and not parts else "Control"
+            if layer.role == "leaf":
+                category = "Condition" if layer.ends else "Action"
+            model = SubElement(parent, category, {"ID": tag})
             for port_name in sorted(used):
-                SubElement(model, "input_port", {"name": port_name}).text = found.summary
-        for definition in definitions:
-            self.subtree_model(parent, definition)
-
-    @staticmethod
-    def port(model: Element, direction: str, name: str, port: Port) -> None:
-        attributes = {"name": name, "type": type_name(port.type)}
-        if not port.required and port.default is not None:
-            attributes["default"] = default_text(port)
-        SubElement(model, direction, attributes).text = port.help
-
-    def subtree_model(self, parent: Element, definition: Definition) -> None:
-        model = SubElement(parent, "SubTree", {"ID": self.ids[id(definition)]})
-        file = definition.file
-        parameters = file.parameters if definition.main else {}
-        for direction, declared in (
-            ("input_port", {**parameters, **definition.inputs}),
-            ("output_port", definition.outputs),
-        ):
-            for name, port in declared.items():
-                attributes = {"name": name, "type": port.type.text if port.type is not None else ""}
-                if port.default is not None:
-                    attributes["default"] = _attribute(port.default) or "none"
-                elif direction == "output_port":
-                    attributes["default"] = (
-                        f"{{_{name}}}"  # BehaviorTree.CPP wants every port wired
-                    )
-                SubElement(model, direction, attributes).text = port.help
-        metadata: dict[str, object] = (
-            {"description": definition.description} if definition.description else {}
-        )
-        for key, declared in (
-            ("parameters", parameters),
-            ("constants", file.constants if definition.main else {}),
-            ("in", definition.inputs),
-            ("out", definition.outputs),
-        ):
-            if declared:
-                metadata[key] = {name: _declaration(port) for name, port in declared.items()}
-        fields = SubElement(model, "MetadataFields")
-        SubElement(fields, "Metadata", {"pomona": json.dumps(metadata, ensure_ascii=False)})
+                SubElement(model, "input_port", {"name": port_name}).text = layer.summary
 
 
 @dataclass(frozen=True, slots=True)
 class LayerXml:
     """One layer of a node being written."""
 
-    exporter: _Exporter
     node: TreeNode
-    index: int
     layer: NodeType
-    definition: Definition
 
     def written(self, slot: str) -> YamlNode | None:
         entry = self.node.entry(self.layer, slot)
@@ -190,80 +179,71 @@ class LayerXml:
         written = self.written(slot)
         return "" if written is None else _attribute(written)
 
-    def plain(self, slot: str) -> bool:
-        """Return True for a number or a wire, which BehaviorTree.CPP can read."""
-        written = self.written(slot)
-        return written is not None and _is_simple(written)
-
-    def milliseconds(self, slot: str) -> str:
-        """Return a literal duration in whole milliseconds, else an empty text."""
-        written = self.written(slot)
-        return "" if written is None else _milliseconds(written)
-
-    def ports(self) -> dict[str, str]:
-        """Return the ports as attributes."""
-        return self.exporter.ports(self.node)
-
-    def element(self, tag: str, attributes: Mapping[str, str] | None = None) -> Element:
-        """Return an element of BehaviorTree.CPP that contains the inner nodes."""
-        element = Element(tag, dict(attributes or {}))
-        node, exporter = self.node, self.exporter
-        if self.layer is node.type:
-            element.extend(exporter.node(child, self.definition) for child in node.children)
-            return element
-        element.append(exporter.layer(node, self.index + 1, self.definition))
-        parts = [node.parts[slot] for slot in self.layer.fields if slot in node.parts]
-        element.extend(exporter.node(part, self.definition) for part in parts)
-        return element
-
-    def own(self, attributes: Mapping[str, str]) -> Element:
-        """Return an element of Pomona; the file then holds its model."""
-        given = {name: value for name, value in attributes.items() if value}
-        tag = form_of(self.layer).own_tag
-        _, ports = self.exporter.own.setdefault(tag, (self.layer, set()))
-        ports.update(given)
-        return self.element(tag, given)
-
-    def skill(self) -> Element:
-        """Return the element that calls the skill."""
-        name = self.node.key.text
-        if name in BUILTIN or name.startswith(PREFIX):
-            message = f"'{name}' means something else to BehaviorTree.CPP"
-            self.exporter.findings.error(
-                self.node.key, "groot-name", message, "a skill with this name cannot be exported"
-            )
-        self.exporter.used.setdefault(name, self.node)
-        return Element(name, self.ports())
-
-    def subtree(self) -> Element:
-        """Return the element that calls the subtree."""
-        name = self.node.key.text
-        called = self.definition.file.subtrees.get(name)
-        called_id = name if called is None else self.exporter.ids.get(id(called), name)
-        return Element("SubTree", {"ID": called_id, **self.ports()})
+    def native(self) -> tuple[str, dict[str, str]] | None:
+        """Return the element of BehaviorTree.CPP that means the same, with its attributes; None without one."""
+        word, node = self.layer.key, self.node
+        text = self.text(word)
+        if word in _TAGS:
+            return _TAGS[word], {}
+        if word in _DURATIONS:
+            tag, attribute = _DURATIONS[word]
+            milliseconds = _milliseconds(text)
+            return (tag, {attribute: milliseconds}) if milliseconds else None
+        match word:
+            case "succeed":
+                return "AlwaysSuccess", {}
+            case "set" if len(node.ports) == 1:
+                ((name, (_, value)),) = node.ports.items()
+                if isinstance(value, YamlScalar) and (
+                    _is_simple(value.text) or "{" not in value.text
+                ):
+                    return "SetBlackboard", {"output_key": name, "value": value.text}
+            case "fail" if not node.ports:
+                return "AlwaysFailure", {}
+            case "invert":
+                return "Inverter", {}
+            case "run_once":
+                return "RunOnce", {}
+            case "force" if text in ("success", "failure"):
+                return f"Force{text.capitalize()}", {}
+            case "repeat" if text == "forever" or _is_simple(text):
+                return "Repeat", {"num_cycles": "-1" if text == "forever" else text}
+            case "retry" if (
+                _is_simple(text) and not self.layer.fields.keys() & node.modifiers.keys()
+            ):
+                return "RetryUntilSuccessful", {"num_attempts": text}
+            case "if" if len(node.children) == 3:
+                return "IfThenElse", {}
+            case "reactive_if" if len(node.children) == 3 and _asks_at_once(node.children[0]):
+                return "WhileDoElse", {}
+            case "parallel":
+                success_on = self.text("success_on") or "all"
+                count = {"all": "-1", "one": "1"}.get(success_on, success_on)
+                if count.removeprefix("-").isdecimal():
+                    return "Parallel", {"success_count": count, "failure_count": "1"}
+        if isinstance(self.layer, SwitchType):
+            words = self.layer.words(self)
+            if 2 <= len(words) <= 6 and self.layer.has_default(self) and _is_simple(text):
+                cases = {f"case_{number}": case for number, case in enumerate(words, start=1)}
+                return f"Switch{len(words)}", {"variable": text, **cases}
+        return None
 
 
-def _declaration(declared: Declared) -> object:
-    if declared.type is None:
-        return "" if declared.default is None else flow(_plain(declared.default))
-    found: dict[str, object] = {"type": declared.type.text}
-    nodes: Mapping[str, YamlNode | None] = {
-        "default": declared.default,
-        "min": declared.min,
-        "max": declared.max,
-    }
-    found.update({key: flow(_plain(node)) for key, node in nodes.items() if node is not None})
-    if declared.choices:
-        found["choices"] = [choice.text for choice in declared.choices]
-    if declared.help:
-        found["help"] = declared.help
-    return found
+def _asks_at_once(asked: TreeNode) -> bool:
+    return asked.kind == CheckType.key and not asked.modifiers
+
+
+def _port(model: Element, direction: str, name: str, port: Port) -> None:
+    attributes = {"name": name, "type": type_name(port.type)}
+    if not port.required and port.default is not None:
+        attributes["default"] = default_text(port)
+    SubElement(model, direction, attributes).text = port.help
 
 
 def _plain(node: YamlNode) -> object:
     """Return a YAML node as plain values, every scalar as its text."""
     if isinstance(node, YamlScalar):
-        return None if node.is_null else node.text
+        return None if node.is_null else Written(node.text)
     if isinstance(node, YamlList):
         return [_plain(item) for item in node.items]
     assert isinstance(node, YamlMapping)
@@ -271,12 +251,13 @@ def _plain(node: YamlNode) -> object:
 
 
 def _attribute(node: YamlNode) -> str:
-    return node.text if isinstance(node, YamlScalar) else LITERAL + flow(_plain(node))
+    if isinstance(node, YamlScalar):
+        return node.text
+    return LITERAL + to_yaml(_plain(node), flow=True).strip()
 
 
-def _is_simple(node: YamlNode) -> bool:
+def _is_simple(text: str) -> bool:
     """Return True if BehaviorTree.CPP reads it as a number or a blackboard key."""
-    text = _attribute(node).strip()
     if text.isdigit():
         return True
     try:
@@ -286,14 +267,11 @@ def _is_simple(node: YamlNode) -> bool:
     return isinstance(found, Reference)
 
 
-def _milliseconds(node: YamlNode) -> str:
+def _milliseconds(text: str) -> str:
     """Return a literal duration of whole milliseconds; an empty text for anything else."""
     try:
-        milliseconds = TIME.parse(_attribute(node)) * 1e3
+        milliseconds = TIME.parse(text) * 1e3
     except ValueError:
         return ""
-    return (
-        f"{milliseconds:.0f}"
-        if 0 < milliseconds < 1e9 and abs(milliseconds - round(milliseconds)) < 1e-6
-        else ""
-    )
+    is_whole = 0 < milliseconds < 1e9 and abs(milliseconds - round(milliseconds)) < 1e-6
+    return f"{milliseconds:.0f}" if is_whole else ""

@@ -7,15 +7,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pomona.executive.language.expression import SPECIAL
-from pomona.tools.groot.names import LITERAL, in_ascii
+from pomona.tools.groot.names import LITERAL, free_name, in_ascii
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NUMBER = re.compile(r"-?\d+\.?\d*([eE][-+]?\d+)?")
-_WIRE = re.compile(r"\{(\w+)\}")
 
 
-class ScriptError(ValueError):
-    """A script without an equivalent expression; the text ends a sentence about it."""
+class NoEquivalentError(ValueError):
+    """An element without an equivalent in a tree file; the text follows the element's name in a sentence."""
+
+    def __init__(self, why: str, hint: str = "write it with other nodes") -> None:
+        self.hint = hint
+        super().__init__(why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,17 +29,15 @@ class GivenText:
 
     @property
     def expression(self) -> str:
-        """As a part of an expression. Raises ScriptError: expressions have no quotes for it."""
+        """As a part of an expression.
+
+        Raises NoEquivalentError: it has no equivalent in a tree file.
+        """
         if _NUMBER.fullmatch(self.text) or self.text in ("true", "false"):
             return self.text
         if "'" in self.text:
-            raise ScriptError(f"uses the text {self.text}")
+            raise NoEquivalentError(f"uses the text {self.text}, which no expression can hold")
         return f"'{self.text}'"
-
-
-def small(name: str) -> str:
-    """Return a name of small letters."""
-    return re.sub(r"[^a-z0-9_]", "_", in_ascii(name).lower()).lstrip("_0123456789") or "port"
 
 
 def key_in(text: str, port: str) -> str | None:
@@ -55,9 +56,8 @@ class KeyNames:
     outer: KeyNames | None = None  # the caller's, for a subtree that is written out
     wires: Mapping[str, str | GivenText] = field(
         default_factory=dict
-    )  # the caller's wiring: its keys, or constants
+    )  # the caller's keys, constants
     shares: bool = False  # whether the other keys are the caller's, too (`_autoremap`)
-    private: bool = True  # whether those with `_` in front never are; version 3 shares them
     prefix: str = ""  # of this subtree's own keys
     given: dict[str, str] = field(default_factory=dict)
 
@@ -68,7 +68,7 @@ class KeyNames:
         if self.outer is not None and key in self.wires:
             wired = self.wires[key]
             return wired if isinstance(wired, GivenText) else self.outer.meaning(wired)
-        if self.outer is not None and self.shares and not (self.private and key.startswith("_")):
+        if self.outer is not None and self.shares and not key.startswith("_"):
             return self.outer.meaning(key)
         if key not in self.given:
             self.given[key] = self._fresh(key)
@@ -82,50 +82,38 @@ class KeyNames:
     def _fresh(self, key: str) -> str:
         if self.outer is None and NAME.fullmatch(key) and key not in SPECIAL:
             return key
-        start = f"{self.prefix}{small(key)}"
-        number, found = 1, start
-        while found in self.taken:
-            number += 1
-            found = f"{start}_{number}"
+        small = re.sub(r"[^a-z0-9_]", "_", in_ascii(key).lower()).lstrip("_0123456789") or "port"
+        found = free_name(f"{self.prefix}{small}", self.taken.__contains__, "_")
         self.taken.add(found)
         return found
 
     def target(self, key: str) -> str:
         """Return the name that a key's value is written to.
 
-        Raises ScriptError: the key is a constant of the caller's.
+        Raises NoEquivalentError: it has no equivalent in a tree file.
         """
         found = self.meaning(key)
         if isinstance(found, GivenText):
-            raise ScriptError(f"writes '{key}', which the caller gives as a text")
+            raise NoEquivalentError(f"writes '{key}', which the caller gives as a text")
         return found
 
     def read(self, key: str) -> str:
-        """Return a key in an expression. Raises ScriptError: expressions have no words for it."""
+        """Return a key in an expression."""
         found = self.meaning(key)
         return found.expression if isinstance(found, GivenText) else f"{{{found}}}"
 
-    def wired_key(self, key: str) -> str:
-        """Return an attribute that is a key: its name here in braces, or the constant that stands for it.
+    def wired(self, text: str, port: str) -> str:
+        """Return an attribute with the key in it as it is called here, or the constant that stands for the key.
 
-        Raises ScriptError: the constant has braces, which would stand for a key.
+        Raises NoEquivalentError: it has no equivalent in a tree file.
         """
-        found = self.meaning(key)
+        key = key_in(text, port)
+        found = GivenText(text) if key is None else self.meaning(key)
         if not isinstance(found, GivenText):
             return f"{{{found}}}"
-        if "{" in found.text or "}" in found.text:
-            raise ScriptError(
-                f"reads the text '{found.text}', whose braces would stand for a key in a tree file"
+        if "{" in found.text or "}" in found.text or found.text.startswith(LITERAL):
+            why = (
+                f"has the text '{found.text}', whose signs would mean something else in a tree file"
             )
+            raise NoEquivalentError(why)
         return found.text
-
-    def wired(self, text: str) -> str:
-        """Return an attribute that Pomona has written with the keys in it as they are called here."""
-        if text.startswith(LITERAL):
-            return text
-        whole = _WIRE.fullmatch(text)
-        return (
-            self.wired_key(whole[1])
-            if whole is not None
-            else _WIRE.sub(lambda wire: self.read(wire[1]), text)
-        )

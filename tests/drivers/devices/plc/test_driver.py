@@ -268,7 +268,7 @@ def test_a_heartbeat_that_stands_still_is_refused_before_the_run() -> None:
 
 def test_a_heartbeat_at_a_wrong_address_is_named() -> None:
     beats = SignalHeartbeat(output="coil 0", input="input 999")
-    with pytest.raises(UnfitSignal, match="heartbeat.* cannot be read") as raised:
+    with pytest.raises(UnfitSignal, match=r"heartbeat.* cannot be read") as raised:
         PlcRig().signals(beats=beats).connect()
     assert raised.value.key == "heartbeat"
 
