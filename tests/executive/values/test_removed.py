@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import tomllib
 from importlib.util import find_spec
@@ -15,10 +16,17 @@ from pomona.executive.commands.command_line import children, command_names, make
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.registry import Registry
 from pomona.executive.values.installation import entry_points, installed_trees
-from pomona.executive.values.removed import Removal, import_problem, removals, removed
+from pomona.executive.values.removed import (
+    Removal,
+    import_problem,
+    removal,
+    removals,
+    removed,
+)
 
 ROOT = Path(__file__).resolve().parents[3]
 MOST = 40  # rows on one screen
+BEFORE = json.loads(Path(__file__).with_name("words_before_0_2.json").read_text("utf-8"))
 WORDS = [(row, word) for row in removals() for word in row.old]
 
 
@@ -35,12 +43,13 @@ def is_there(kind: str, word: str) -> bool:
     if kind == "port":
         skill, port = word.split(".")
         found = Registry({}).choosing({}, (skill,))[skill]
-        return port in {**found.inputs, **found.outputs}
+        former = {declared.was for declared in found.inputs.values()}
+        return port in {*found.inputs, *found.outputs, *former}
     if kind == "node":
         return word in NodeTypes.installed() or word in NodeTypes.installed().fields
     if kind in ("tree", "cell"):
-        folder = installed_trees() / ("cells" if kind == "cell" else "")
-        return (folder / f"{word}.yaml").is_file()
+        folders = ("cells",) if kind == "cell" else ("", "experimental")
+        return any((installed_trees() / folder / f"{word}.yaml").is_file() for folder in folders)
     if kind == "module":
         try:
             return find_spec(word) is not None
@@ -72,6 +81,15 @@ def test_an_old_word_is_gone_and_its_new_ones_are_there(
         found = NodeTypes.installed().get(new) if row.kind == "node" else None
         # beside a node that has it already, a new modifier would be there twice
         assert found is None or found.role != "modifier"
+
+
+@pytest.mark.parametrize("kind", BEFORE)
+def test_a_word_of_0_1_is_there_or_in_the_table(kind: str) -> None:
+    words = BEFORE[kind]
+    if kind == "port":
+        words = [word for word in words if removal("skill", word.split(".")[0]) is None]
+    lacking = [word for word in words if not (removal(kind, word) or is_there(kind, word))]
+    assert lacking == [], "a row of removed.toml tells its users what to do instead"
 
 
 def test_a_word_stands_in_one_row() -> None:
