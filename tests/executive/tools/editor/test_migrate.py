@@ -76,6 +76,11 @@ OLD: list[tuple[str, dict[str, str], list[str]]] = [
         ['59:13 "'],
     ),
     (
+        "navigate.yaml",  # imported from a tree of Nav2
+        {},
+        ["4:3 recovery", "5:7 pipeline_sequence", "10:7 round_robin", "14:3 attempts"],
+    ),
+    (
         "signals.py.txt",
         {
             f"pomona.applications.signals.{name}": "pomona.devices.plc.skills"
