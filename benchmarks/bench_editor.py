@@ -18,9 +18,9 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.tree_edits import disturbed, judge, random_edit, refused, tree_texts
+from pomona.executive.registry import Registry
 from pomona.tools.editor.edits import TreeEdit, apply, nodes
 from pomona.tools.editor.service import TreeService
-from pomona.tools.listings.declared_skills import declared_skills
 
 CHAIN = 8  # edits of one text, one after the other
 ROUNDS = 20  # timed edits of each kind
@@ -81,7 +81,7 @@ def tree_of(count: int) -> str:
 
 def timed(count: int) -> float:
     """Print the times of edits of a tree with so many nodes; return the median until the findings."""
-    text, skills = tree_of(count), declared_skills()
+    text, skills = tree_of(count), Registry.installed()
     service = TreeService(Path("large.yaml"), skills)
     groups = count // 5
     rng = random.Random(0)

@@ -34,7 +34,6 @@ from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, Work
 from pomona.executive.skill_testing import BenchContext
 from pomona.tools.editor.service import TreeService
-from pomona.tools.listings.declared_skills import declared_skills
 
 SIZES = (10, 100, 1000)
 ROUNDS = 15
@@ -139,7 +138,7 @@ def check_afresh(text: str, skills: Registry) -> None:
 
 def print_check(nodes: int) -> None:
     """Print the time for the check of a file, and the waiting times of an editor."""
-    skills, text = declared_skills(), wired_text(nodes)
+    skills, text = Registry.installed(), wired_text(nodes)
     found = check(read(text, "long.yaml"), skills)
     document = read(text, "long.yaml")
     print(f"{nodes} nodes with ports, {len(text) // 1024} KiB, {len(found)} findings:")

@@ -18,9 +18,8 @@ import mkdocs_gen_files
 from pomona.executive.commands.command_line import children, command_names, make_parser
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
 from pomona.executive.reasons import failure_codes
-from pomona.executive.registry import SkillListing
+from pomona.executive.registry import Registry, SkillListing
 from pomona.executive.values.public_names import full_name
-from pomona.tools.listings.declared_skills import declared_skills
 from scripts.node_examples import beside
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -194,7 +193,7 @@ def listed(pages: list[Path]) -> str:
 
 write("overview.md", overview())
 write("reference/commands.md", "# Commands\n\n" + "\n".join(commands(make_parser(command_names()))))
-own = [one for one in declared_skills().listing() if one.module.startswith("pomona.")]
+own = [one for one in Registry.installed().listing() if one.module.startswith("pomona.")]
 write("reference/skills.md", "# Skills\n\n" + "\n".join(skill(one) for one in own))
 write("reference/failures.md", failures(own))
 kinds = {

@@ -20,7 +20,6 @@ from pomona.executive.cli import main
 from pomona.executive.recording.scan import examine
 from pomona.executive.running.runner import Runner
 from pomona.executive.values.processes import WORDS
-from pomona.tools.listings.declared_skills import declared_skills
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -229,7 +228,6 @@ SMALL_COMMANDS = """
 import sys
 from pomona.executive.cli import main
 from pomona.executive.commands.command_line import make_parser
-from pomona.tools.listings.declared_skills import declared_skills
 from pomona.executive.running.runner import Runner
 
 assert "count and measure" in make_parser([]).format_help()
@@ -241,10 +239,7 @@ def loaded(arguments, *heavy):
         assert name not in sys.modules, f"{arguments[0]} imports {name}"
 
 compiled = ("torch", "numba", "mujoco", "matplotlib", "scipy", "trimesh", "cv2", "ompl")
-for arguments in (["show"], ["export"]):
-    loaded([*arguments, "pick_apple"], *compiled, "numpy", "rich", "pomona.executive.execute")
-loaded(["skills"], *compiled, "numpy")
-loaded(["schema"], *compiled, "numpy")
+loaded(["show", "pick_apple"], *compiled, "numpy", "rich", "pomona.executive.execute")
 running = "pomona.executive.execute", "pomona.executive.recording.recorder"
 loaded(["runs", "list", "--record", "nowhere"], *compiled, "numpy", *running)
 loaded(["check", "pick_apple"], "torch", "matplotlib", "pomona.executive.execute")
@@ -253,7 +248,6 @@ loaded(["check", "pick_apple"], "torch", "matplotlib", "pomona.executive.execute
 
 @pytest.mark.slow
 def test_small_commands_load_only_needed_modules() -> None:
-    declared_skills()  # kept from here on, where they were not
     command = [sys.executable, "-c", SMALL_COMMANDS]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

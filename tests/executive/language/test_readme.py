@@ -8,7 +8,7 @@ from pathlib import Path
 from pomona.executive import language
 from pomona.executive.language import read
 from pomona.executive.language.check import analyse
-from pomona.tools.listings.declared_skills import declared_skills
+from pomona.executive.registry import Registry
 
 FOLDER = Path(language.__file__).parent
 PAGE = (FOLDER / "README.md").read_text("utf-8")
@@ -17,7 +17,7 @@ EXAMPLE = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[0]
 
 def test_the_example_has_the_layers_outcomes_and_values_that_are_described() -> None:
     document = read(EXAMPLE, "look.yaml")
-    skills = declared_skills()
+    skills = Registry.installed()
     analysis = analyse(document, skills)
     assert analysis.errors == []
     root = next(iter(document.definitions())).root
@@ -44,5 +44,5 @@ def test_a_name_that_is_not_written_on_every_path_is_found() -> None:
     )
     text = text.replace("    - Refine", "        - wait: 1 s\n    - Refine")
     assert [
-        finding.code for finding in analyse(read(text, "look.yaml"), declared_skills()).errors
+        finding.code for finding in analyse(read(text, "look.yaml"), Registry.installed()).errors
     ] == ["unset"]

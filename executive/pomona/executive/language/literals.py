@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, Any
 from pomona.executive.language.expression import UNITS
 from pomona.executive.language.value_types import (
     ANY,
-    DECLARED_FIELDS,
     SI_NUMBER,
     ListType,
-    NotLoadedError,
     ValueType,
     describe,
     fields_of,
@@ -182,8 +180,6 @@ def _mapping(node: YamlMapping, value_type: ValueType) -> Any:
         return _pose(node)
     if value_type in (ANY, object, dict):
         return {key.text: literal(value, ANY) for key, value in node.entries.values()}
-    if isinstance(value_type, type) and DECLARED_FIELDS in vars(value_type):
-        raise NotLoadedError(f"a literal of {describe(value_type)} is checked by the class itself")
     if isinstance(value_type, type) and dataclasses.is_dataclass(value_type):
         return _dataclass(node, value_type)
     raise LiteralError(node, f"{describe(value_type)} is needed here, this is a mapping")

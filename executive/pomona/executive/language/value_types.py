@@ -11,15 +11,8 @@ from enum import Enum
 from functools import cache
 from typing import Any
 
-from pomona.executive.errors import PomonaError
 from pomona.executive.ports import RATIO, Quantity, type_name, without_alias
 from pomona.executive.values.units import Array, with_article
-
-DECLARED_FIELDS = "__declared_fields__"  # of a class that stands in for one which is not imported: its fields and types
-
-
-class NotLoadedError(PomonaError):
-    """Something needs a class that is not imported; only its declaration is known."""
 
 
 class Loose(Enum):
@@ -144,9 +137,6 @@ def fields_of(value_type: ValueType) -> dict[str, ValueType] | None:
     if not isinstance(value_type, type) or value_type in (bool, int, float, str, object):
         return {} if value_type is not ANY and value_type is not object else None
     cls: Any = value_type
-    if DECLARED_FIELDS in vars(cls):
-        declared = vars(cls)[DECLARED_FIELDS]
-        return None if declared is None else dict(declared)
     return dict(_fields_of_class(cls))
 
 

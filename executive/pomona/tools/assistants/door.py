@@ -23,7 +23,6 @@ from pomona.tools.assistants.approvals import Approvals
 from pomona.tools.assistants.bounded import Answer, Commands
 from pomona.tools.assistants.work_folder import WorkFolder, version_of
 from pomona.tools.library.index import RunIndex
-from pomona.tools.listings.declared_skills import declared_skills
 
 QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer a check takes 8 s
 MOST_SETTINGS, MOST_VALUE = 30, 200  # settings of a command, characters of a value
@@ -112,17 +111,13 @@ class Door:
 
         Raises UsageError: there is none of this name.
         """
-        registry = declared_skills()
-        listing = registry.listing()
+        words = ["skills", "--json", *(["--", name] if name else [])]
+        found = json.loads(self._command(words, QUICK).out)
         if not name:
-            return json_text({skill.name: skill.summary for skill in listing})
-        found = next((skill for skill in listing if skill.name == name), None)
-        if found is None:
-            raise UsageError(
-                f"no skill '{name[:60]}'; {did_you_mean(name, registry) or 'call skills without a name'}"
-            )
-        codes = {code: _meaning(code) for code in found.failures}
-        return json_text({**dataclasses.asdict(found), "failures": codes}, indent=1)
+            return json_text({skill["name"]: skill["summary"] for skill in found})
+        (skill,) = found
+        codes = {code: _meaning(code) for code in skill["failures"]}
+        return json_text({**skill, "failures": codes}, indent=1)
 
     def words(self, name: str = "") -> str:
         """List the words of the tree language, or one by its name with the words that may stand beside it.

@@ -17,7 +17,6 @@ from pomona.tools.editor.format import STEP
 from pomona.tools.editor.patching import LiftedNode, TextPatch
 from pomona.tools.editor.wrapping import on_its_lines
 from pomona.tools.editor.written_tree import EditError, WrittenNode
-from pomona.tools.listings.declared_skills import with_declarations
 
 
 def extract(
@@ -90,12 +89,8 @@ def refuse_errors_of(
     text: str, path: Path, skills: Registry | None, why: str, node: str
 ) -> Analysis:
     """Return the check of a text. Raises EditError: it has an error."""
-
-    def checked(known: Registry) -> Analysis:
-        return analyse(document, known)
-
     document = read(text, path, tree_folders=[installed_trees()])
-    found = checked(skills) if skills is not None else with_declarations(checked)
+    found = analyse(document, Registry.installed() if skills is None else skills)
     if found.errors:
         error = found.errors[0]
         raise EditError(f"{why}: {error.path}, line {error.line}: {error.message}", node)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import gc
-import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
@@ -22,7 +20,6 @@ from pomona.executive.values.installation import installed_version
 from pomona.tools.editor.format import FormatError, formatted
 from pomona.tools.editor.renaming import RenameRefused
 from pomona.tools.editor.service import Offer, TreeService
-from pomona.tools.listings.declared_skills import declared_skills
 
 KINDS = {
     "skill": lsp.CompletionItemKind.Function,
@@ -39,16 +36,17 @@ KINDS = {
 
 
 class TreeServer(LanguageServer):
-    """Knows the open files; skills are loaded beside the first answers."""
+    """Knows the open files and the installed skills."""
 
     def __init__(self, cell: Path | None = None) -> None:
         super().__init__(
             "pomona", installed_version(), text_document_sync_kind=lsp.TextDocumentSyncKind.Full
         )
-        self.skills = declared_skills()
+        self.skills = Registry.installed()
+        gc.collect()
+        gc.freeze()  # a keystroke must not wait for a scan of the imported modules
         self.cell = cell
         self.open: dict[str, TreeService] = {}
-        self.loading: threading.Thread | None = None
         self.elsewhere: set[str] = (
             set()
         )  # files that are not open, with findings that were published
@@ -65,14 +63,6 @@ class TreeServer(LanguageServer):
     def texts(self) -> dict[str, str]:
         """Return the contents of the editor, saved or not, by path."""
         return {str(service.path): service.text for service in self.open.values()}
-
-    def load_skills(self) -> None:
-        """Import the skills themselves: they know the names of a cell, their declarations do not."""
-        self.skills = Registry.installed()
-        for service in self.open.values():
-            service.skills = self.skills
-        gc.collect()
-        gc.freeze()  # exclude the imported modules from collection: a keystroke must not wait for a scan of them
 
     def judge(self, uri: str, text: str) -> None:
         """Take a text, and publish the findings of it and of the open trees that call it."""
@@ -113,22 +103,13 @@ def _undisturbed() -> Iterator[None]:
         gc.enable()
 
 
-def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
+def serve(cell: Path | None = None) -> TreeServer:
     """Create a server that is ready to start.
 
     Args:
         cell: the cell file with the names to offer; an editor may name another one.
-        load: import the skills after the editor's `initialize` request.
     """
     server = TreeServer(cell)
-
-    @server.feature(lsp.INITIALIZED)
-    def _(_params: Any) -> None:
-        if load and server.loading is None:
-            server.loading = threading.Thread(
-                target=server.load_skills, name="pomona-skills", daemon=True
-            )
-            server.loading.start()
 
     @server.feature(lsp.INITIALIZE)
     def _(params: lsp.InitializeParams) -> None:

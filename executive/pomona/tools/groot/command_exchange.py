@@ -17,7 +17,6 @@ from pomona.executive.values.findings import format_findings
 from pomona.executive.values.plain_text import is_file
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
-from pomona.tools.listings.declared_skills import declared_skills, with_declarations
 
 _OUT = "file to write (default: standard output)"
 
@@ -49,13 +48,10 @@ def add_import(subparsers: Any) -> None:
 
 def export(options: argparse.Namespace) -> int:
     """Write the XML."""
-
-    def xml(registry: Registry) -> str:
-        document = read_document(find_tree(options.tree))
-        refuse_errors(document, registry, {}, None)
-        return export_groot(document, registry.declaring(document.main.declared_skills))
-
-    write_text(with_declarations(xml), options.out, replaces="<?xml")
+    document, registry = read_document(find_tree(options.tree)), Registry.installed()
+    refuse_errors(document, registry, {}, None)
+    xml = export_groot(document, registry.declaring(document.main.declared_skills))
+    write_text(xml, options.out, replaces="<?xml")
     return 0
 
 
@@ -67,7 +63,7 @@ def import_(options: argparse.Namespace) -> int:
     """
     if options.out is not None and is_file(options.out):
         refuse_taken(options.out)
-    skills = declared_skills()
+    skills = Registry.installed()
     text, findings = import_groot(
         read_text(options.xml),
         options.xml,

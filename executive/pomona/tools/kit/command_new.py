@@ -13,11 +13,11 @@ from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.registry import Registry
 from pomona.executive.values.installation import elsewhere, entry_points
 from pomona.tools.kit.cell_folder import CAMERA, NONE, begin_cell
 from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
 from pomona.tools.kit.piece import Piece
-from pomona.tools.listings.declared_skills import declared_skills
 
 GROUP = "pomona.new"
 FROM_FILE = "pomona.new_from_file"  # a kind that is begun from a file: (file, folder, options) -> files, next commands
@@ -108,7 +108,7 @@ def _begin(options: argparse.Namespace) -> int:
         written = begin(options.into / words["name"], words["name"])
     elif options.kind == "tree":
         written = _write(
-            OWN_TREE if "MoveTo" in declared_skills() else EMPTY_TREE, words, options.into
+            OWN_TREE if "MoveTo" in Registry.installed() else EMPTY_TREE, words, options.into
         )
     else:
         _refuse_taken(options.kind, words)
@@ -144,7 +144,7 @@ def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
     name = words["Name"] if kind == "skill" else words["name"]
     taken: Mapping[str, object] = {}
     if kind == "skill":
-        taken = declared_skills()
+        taken = Registry.installed()
     elif kind == "node":
         taken = NodeTypes.installed()
     found = taken.get(name)

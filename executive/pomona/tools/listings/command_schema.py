@@ -6,8 +6,8 @@ import argparse
 from typing import Any
 
 from pomona.executive.files import file_kind, kind_names
+from pomona.executive.registry import Registry
 from pomona.executive.terminal.output import write_json
-from pomona.tools.listings.declared_skills import with_declarations
 from pomona.tools.listings.schema import schema
 
 TREE = "tree"
@@ -31,7 +31,7 @@ def add(subparsers: Any) -> None:
 def main(options: argparse.Namespace) -> int:
     """Print the schema."""
     if options.kind == TREE:
-        found = with_declarations(schema)
+        found = schema(Registry.installed())
     else:
         found = {
             "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -12,11 +12,10 @@ from rich.table import Table
 
 from pomona.executive.errors import UsageError
 from pomona.executive.reasons import failure_codes
-from pomona.executive.registry import SkillListing
+from pomona.executive.registry import Registry, SkillListing
 from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.findings import did_you_mean
-from pomona.tools.listings.declared_skills import declared_skills
 
 NONE = "No skill is installed here: `pomona new skill NAME` begins a package with one."
 
@@ -33,7 +32,7 @@ def add(subparsers: Any) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """List the skills."""
-    registry = declared_skills()
+    registry = Registry.installed()
     if not registry and not registry.problems and not options.json:
         if options.name:
             raise UsageError(NONE)

@@ -41,7 +41,6 @@ from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.removed import report_removed
 from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.yaml_nodes import Reader, Refused, YamlMapping, YamlNode, YamlScalar
-from pomona.tools.listings.declared_skills import with_declarations
 from pomona.tools.scenarios.scenario_kinds import (
     Answers,
     ByNode,
@@ -241,11 +240,8 @@ class ScenarioKind:
 
     def check(self, path: Path, findings: Findings) -> None:
         """Everything that is wrong with a file."""
-
-        def read(skills: Registry) -> Scenario:
-            return read_scenario(read_text(path), path, skills, tree_folders=[installed_trees()])
-
-        findings.extend(with_declarations(read).findings)
+        skills, folders = Registry.installed(), [installed_trees()]
+        findings.extend(read_scenario(read_text(path), path, skills, tree_folders=folders).findings)
 
     def schema(self) -> Schema:
         """Return the JSON Schema of scenario files."""

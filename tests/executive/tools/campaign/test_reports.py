@@ -9,6 +9,7 @@ import pytest
 from recorded_events import started
 
 from pomona.executive.reasons import Reason, failure_codes
+from pomona.executive.registry import Registry
 from pomona.executive.running.events import (
     AttemptEnded,
     Event,
@@ -24,7 +25,6 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import figure, row_of
 from pomona.tools.campaign.report import title
-from pomona.tools.listings.declared_skills import declared_skills
 
 NODES = (
     {"path": "pick", "parent": None, "name": "pick", "type": "sequence"},
@@ -278,7 +278,7 @@ def test_a_skill_that_a_stop_interrupted_has_not_failed() -> None:
 def test_every_failure_code_that_can_occur_has_a_meaning_and_a_remedy() -> None:
     of_skills = {
         code
-        for skill in declared_skills().values()
+        for skill in Registry.installed().values()
         if skill.__module__.startswith("pomona.")
         for code in skill.failures
     }

@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.tree_edits import ODD, disturbed, judge, random_edit, refused, tree_texts
 from pomona.executive.language import check, read
+from pomona.executive.registry import Registry
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
-from pomona.tools.listings.declared_skills import declared_skills
 
 FOLDER = Path(__file__).resolve().parents[4]
 HEAD = "pomona: 1\ntree: t\nroot:\n"
@@ -372,7 +372,7 @@ class TestExtract:
         after = apply(
             self.tree(),
             edit_of({"do": "extract", "node": "root/1/1", "name": "plan"}),
-            declared_skills(),
+            Registry.installed(),
         )
         assert (
             '- plan: {candidates: "{candidates}", map: "{map}", grasp: "{grasp}", path: "{path}"}\n'
@@ -380,13 +380,13 @@ class TestExtract:
         )
         assert "  plan:\n    in: {candidates: grasp_candidates, map: occupancy_map}\n" in after
         assert "    out: {grasp: grasp, path: trajectory}\n    root:\n      fallback:\n" in after
-        assert not check(read(after, "tree.yaml"), declared_skills())
+        assert not check(read(after, "tree.yaml"), Registry.installed())
 
     def test_modifiers_stay_at_the_call(self):
         after = apply(
             self.tree(),
             edit_of({"do": "extract", "node": "perceive:root/1", "name": "find"}),
-            declared_skills(),
+            Registry.installed(),
         )
         assert '        - find: {detection: "{detection}"}\n          timeout: 5 s\n' in after
 
@@ -395,7 +395,7 @@ class TestExtract:
             apply(
                 self.tree(),
                 edit_of({"do": "extract", "node": "root/1", "name": "attempt"}),
-                declared_skills(),
+                Registry.installed(),
             )
 
     def test_what_only_its_place_knows_is_refused(self):
@@ -407,7 +407,7 @@ class TestExtract:
             apply(
                 text,
                 edit_of({"do": "extract", "node": "root/1", "name": "late"}),
-                declared_skills(),
+                Registry.installed(),
             )
 
     @pytest.mark.slow
@@ -422,13 +422,15 @@ class TestExtract:
                     after = apply(
                         text,
                         TreeEdit("extract", node=node["id"], name="apart"),
-                        declared_skills(),
+                        Registry.installed(),
                         path,
                     )
                 except EditError:
                     continue
                 errors = [
-                    f for f in check(read(after, path), declared_skills()) if f.severity == "error"
+                    f
+                    for f in check(read(after, path), Registry.installed())
+                    if f.severity == "error"
                 ]
                 assert not errors, (path, node["id"], errors)
                 made += 1

@@ -21,7 +21,6 @@ from pomona.executive.values.findings import Spot
 from pomona.tools.editor import service as service_module
 from pomona.tools.editor.renaming import RenameRefused
 from pomona.tools.editor.service import TreeService
-from pomona.tools.listings.declared_skills import declared_skills
 from tests.executive.loops import in_loop
 
 TREE = """\
@@ -50,7 +49,7 @@ subtrees:
 
 @pytest.fixture(scope="module")
 def skills() -> Registry:
-    return declared_skills()
+    return Registry.installed()
 
 
 @pytest.fixture
