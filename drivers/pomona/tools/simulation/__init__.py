@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
+    from pomona.tools.simulation.bruises import FruitPress as FruitPress
     from pomona.tools.simulation.camera import SimCamera as SimCamera
     from pomona.tools.simulation.fruit_shape import (
         APPLES as APPLES,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     )
 
 PUBLIC = {
+    "bruises": "FruitPress",
     "camera": "SimCamera",
     "fruit_shape": "APPLES FruitShape SKINS UnusableModel make_fruit read_model",
     "gl": "load_mujoco",

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.tools.simulation.bruises import FruitPress
 from pomona.tools.simulation.layout import PADS
 from pomona.tools.simulation.scene import SimScene, container_of, fixed_names
 
@@ -20,12 +21,7 @@ from the gripped position at which the pads have released a fruit: a jolt interr
 milliseconds repeatedly without that.
 """
 
-
-BRUISE_PRESSURE, BRUISE_TIME = 0.10e6, 0.05
-"""Mean pressure over this time by which an apple bruises [Pa, s]: trees/walls/apple_wall.yaml has the source."""
-
-MODULI = 1.0e6, 1.5e6
-"""Of contact with a pad and with anything hard [Pa], as there."""
+LOOK = 0.01  # time between two looks [s]
 
 
 @dataclass(slots=True)
@@ -98,11 +94,7 @@ class FruitRecord:
     lost: int = 0
     touches: int = 0
     bumps: int = 0
-    pressed: tuple[float, float] = (
-        0.0,
-        0.0,
-    )  # mean force of the harder pad, and of the robot's other parts [N]
-    press: float = 0.0  # largest such force, as a share of the one that bruises
+    press: FruitPress = field(default_factory=FruitPress)
     touching: bool = False
 
     def end_grip(self) -> None:
@@ -191,18 +183,12 @@ class Scorer:
                 self._watch_grip(i, record, sensors)
 
     def _watch_press(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
-        """Compare the robot's force on a fruit with the one that bruises it; by Hertz's contact of a ball."""
+        """Compare the robot's force on a fruit with the one that bruises it."""
         pads = [pad[1:4] for pad in sensors.pads]
-        now = (
-            max(float(np.linalg.norm(pad)) for pad in pads),
-            float(np.linalg.norm(sensors.robot[1:4] - sum(pads))),
-        )
-        share = 0.01 / BRUISE_TIME  # of a mean over this time that one look adds
-        old, radius = record.pressed, float(self.scene.fruits[i].dimensions[0]) / 2.0
-        record.pressed = old[0] + share * (now[0] - old[0]), old[1] + share * (now[1] - old[1])
-        for force, modulus in zip(record.pressed, MODULI, strict=True):
-            limit = np.pi**3 * radius**2 * BRUISE_PRESSURE**3 / (6.0 * modulus**2)
-            record.press = max(record.press, force / limit)
+        harder = max(float(np.linalg.norm(pad)) for pad in pads)
+        beside = float(np.linalg.norm(sensors.robot[1:4] - sum(pads)))
+        radius = float(self.scene.fruits[i].dimensions[0]) / 2.0
+        record.press.add(harder, beside, radius, LOOK)
 
     def note_look(self) -> None:
         """Note an exposure, perhaps many times a second; a fruit in the hand or in a crate is not measured later."""
@@ -321,8 +307,8 @@ class Scorer:
             **(grip.held if grip else HeldForce()).report(),
             "drops": sum(each.drops for each in self._fruits),
             "lost": sum(each.lost for each in self._fruits),
-            "bruised": sum(each.press > 1.0 for each in self._fruits),
-            "largest_press": max(each.press for each in self._fruits),
+            "bruised": sum(each.press.largest > 1.0 for each in self._fruits),
+            "largest_press": max(each.press.largest for each in self._fruits),
             "collisions": sum(hits.values()),
             "collided_with": sorted(hits),
             "pushed_n": {name: round(force, 2) for name, force in sorted(self._pushes.items())},

@@ -9,13 +9,10 @@ import numpy as np
 
 from pomona.applications.conveyor.belt_model import BeltModel
 from pomona.executive import Float64
-from pomona.tools.simulation import PADS, container_of
+from pomona.tools.simulation import PADS, FruitPress, container_of
 
 LIFTED = 0.08  # height over its place on the belt from which a fruit between the pads counts as lifted [m]
 TOUCH = 0.05  # a pad touches a fruit that it presses by more than this [N]
-BRUISE_PRESSURE, BRUISE_TIME = 0.10e6, 0.05
-"""Mean pressure over this time by which an apple bruises [Pa, s]: trees/walls/apple_wall.yaml has the source."""
-MODULI = 1.0e6, 1.5e6  # of contact with a pad and with anything hard [Pa], as there
 LOOK = 0.01  # time between two looks [s]
 
 
@@ -28,8 +25,7 @@ class FruitFate:
         lifted, slip: whether it was lifted, and how far the held point moved along the pads meanwhile [m].
         peak: largest force of one pad [N]; put_down: of a crate, or a fruit in it, while a pad touches the
             fruit [N].
-        mean: forces of the harder pad and of all else lately [N]; press: the larger of their largest values, as a share
-            of the force that bruises.
+        press: mean forces of the harder pad and of everything else, beside those that bruise.
         touches: contacts with the robot, each counted at its begin.
         ending: passed, in a crate's name, fell; empty while it is under way.
     """
@@ -41,8 +37,7 @@ class FruitFate:
     slip: float = 0.0
     peak: float = 0.0
     put_down: float = 0.0
-    mean: tuple[float, float] = (0.0, 0.0)
-    press: float = 0.0
+    press: FruitPress = field(default_factory=FruitPress)
     touches: int = 0
     ending: str = ""
     touching: bool = False
@@ -118,8 +113,8 @@ class BeltScore:
             "slip_mm": 1e3 * max((fate.slip for fate in lifted), default=0.0),
             "finger_peak_n": max((fate.peak for fate in lifted), default=0.0),
             "put_down_n": max((fate.put_down for fate in lifted), default=0.0),
-            "bruised": sum(fate.press > 1.0 for fate in self.fates),
-            "largest_press": max((fate.press for fate in self.fates), default=0.0),
+            "bruised": sum(fate.press.largest > 1.0 for fate in self.fates),
+            "largest_press": max((fate.press.largest for fate in self.fates), default=0.0),
             "fates": [
                 {
                     "kind": f.kind,
@@ -136,7 +131,8 @@ class BeltScore:
         pressed, beside = self._pressed(number), self._beside(number)
         fate.peak = max(fate.peak, *pressed)
         fate.put_down = max(fate.put_down, beside) if fate.lifted else 0.0
-        self._watch_press(number, fate, (max(pressed), beside))
+        radius = float(self.built.fruits[number].dimensions[0]) / 2.0
+        fate.press.add(max(pressed), beside, radius, LOOK)
         body, tool = self.state.body(f"fruit_{number}"), self.state.body("tool0")
         R_tool, R_fruit = tool.xmat.reshape(3, 3), body.xmat.reshape(3, 3)
         if min(pressed) < TOUCH or self._view(f"belt_{number}")[0] > 0.0:
@@ -151,16 +147,6 @@ class BeltScore:
         fate.slip = max(fate.slip, float(np.hypot(now[0] - before[0], now[2] - before[2])))
         half = float(self.built.fruits[number].dimensions.min()) / 2.0
         fate.lifted = fate.lifted or bool(body.xpos[2] > self.built.belt.top + half + LIFTED)
-
-    def _watch_press(self, number: int, fate: FruitFate, forces: tuple[float, float]) -> None:
-        """Compare the forces of the pads and of all else with those that bruise; by Hertz's contact of a ball."""
-        share, radius = LOOK / BRUISE_TIME, float(self.built.fruits[number].dimensions[0]) / 2.0
-        old, new = fate.mean, forces
-        fate.mean = old[0] + share * (new[0] - old[0]), old[1] + share * (new[1] - old[1])
-        for force, modulus in zip(fate.mean, MODULI, strict=True):
-            fate.press = max(
-                fate.press, force / (np.pi**3 * radius**2 * BRUISE_PRESSURE**3 / (6.0 * modulus**2))
-            )
 
     def _beside(self, number: int) -> float:
         """Force on a fruit of all but the pads [N]: each sensor has the force on the second of a pair."""

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from pomona.drivers import ForceSensor, Gripper
-from pomona.skills.grip import ForceLoopSettings, GripSettings, Hold, SoftContact, WatchSettings
+from pomona.skills.grip import (
+    ForceLoopSettings,
+    GripSettings,
+    Hold,
+    SoftContact,
+    WatchSettings,
+    bruising_force,
+)
 from pomona.skills.perception import MeasuredFruit, mass_of
 
 EARLY = (
@@ -20,9 +27,9 @@ FIRST_FORCE, MOST = (
     14.0,
 )  # force before the lift and the largest force of both fingers [N], as of SlipAvoidGrasp
 GRAVITY = 9.81  # [m/s²]
-PUSH, PUSH_SIZE = 3.7, 0.076
-"""Force with which one finger may push a fruit of this diameter [N, m], and it grows with the square: half of the force
-that browns the flesh (Hertz's law at 0.10 MPa). A large apple rests on the belt with more force than 3 N."""
+PUSH = 0.5
+"""Largest force with which one finger may push a fruit, over the force that bruises it. A large apple rests on the belt
+with more than 3 N."""
 
 
 def grip_settings(
@@ -54,7 +61,7 @@ def grip_settings(
             closing_speed=min(ForceLoopSettings().closing_speed, limits.speed_max),
         ),
         watch=WatchSettings(
-            push_limit=max(WatchSettings().push_limit, PUSH * (width / PUSH_SIZE) ** 2)
+            push_limit=max(WatchSettings().push_limit, PUSH * bruising_force(width / 2.0))
         ),
         width_min=limits.width_min,
         rate=sensor.rate,

@@ -8,6 +8,7 @@ import numpy as np
 
 from pomona.applications.crates.hooks import pull_of, rolled_height
 from pomona.executive import Float64
+from pomona.skills.grip import EDGE_MODULUS, bruising_force
 from pomona.skills.motion import Grasp
 
 RELIEF = 0.1e-3
@@ -27,18 +28,24 @@ HITS = 8
 """Steps in succession that end at the limit of something that holds the fruit: it starts to roll with a jerk."""
 HARDER = 1.5
 """By which the limit grows with each of these steps [N]; a step that the fruit follows sets it back."""
-BEARS = 960.0
-"""Largest limit over the square of the fruit's width [N/m²]: three quarters of the force that browns an apple, 7.4 N
-at 76 mm (Hertz's law at 0.10 MPa)."""
-EDGES = BEARS / 1.5**2
-"""The same of the fingers' edges, whose contact is 1.5 times as stiff (trees/walls/apple_wall.yaml)."""
+BEARS = 0.75
+"""Largest limit of a step over the force that bruises the fruit."""
 ENOUGH = 0.015
 """A pull that ended at its force after this distance has made room [m]: a finger is 12 mm thick."""
 
 
+def bears_at_pads(hook: Grasp) -> float:
+    """Return the largest limit of a step [N]."""
+    return BEARS * bruising_force(_radius(hook))
+
+
 def bears_at_edges(hook: Grasp) -> float:
-    """Return the force of the fingers' edges that ends a pull [N]: they are hard, and brown a fruit before the pads."""
-    return EDGES * float(hook.fruit.dimensions[0]) ** 2
+    """Return the force of the fingers' edges that ends a pull [N]: they are hard, and bruise a fruit before the pads."""
+    return BEARS * bruising_force(_radius(hook), EDGE_MODULUS)
+
+
+def _radius(hook: Grasp) -> float:
+    return float(hook.fruit.dimensions[0]) / 2.0
 
 
 class HookPull:
@@ -53,7 +60,7 @@ class HookPull:
     def __init__(self, hook: Grasp, p_start: Float64, limit: float) -> None:
         """Begin at a place of the tool, shape (3,) [m]; `limit` is the force that ends a step [N], at first."""
         self._start, self._along = p_start, pull_of(hook)
-        self._first, self._most = limit, max(limit, BEARS * float(hook.fruit.dimensions[0]) ** 2)
+        self._first, self._most = limit, max(limit, bears_at_pads(hook))
         self._radius = float(hook.fruit.dimensions.min()) / 2.0
         self._behind = hook.width / 2.0 - float(
             (p_start - hook.fruit.T_base_fruit[:3, 3]) @ self._along

@@ -250,9 +250,10 @@ def grasp_force(
 
 
 NO_BRUISE = 0.10e6  # contact pressure below which no apple bruises [Pa] (Processes 2024, 12, 543)
-PAD_MODULUS = (
-    1.0e6  # of the contact of a pad and an apple [Pa]: 8 N on a fruit of 76 mm give that pressure
-)
+PAD_MODULUS = 1.0e6
+"""Modulus of the contact of a pad and an apple [Pa], assumed: 8 N on a fruit of 76 mm give that pressure."""
+EDGE_MODULUS = 1.5e6
+"""Modulus of the contact of a finger's edge and an apple [Pa], assumed: half of the flesh's 3 MPa."""
 
 
 def pressure(f_n: float, contact: SoftContact | None = None) -> float:
@@ -262,6 +263,10 @@ def pressure(f_n: float, contact: SoftContact | None = None) -> float:
     return float(xi(contact.k) * f_n / (math.pi * radius**2))
 
 
-def bruising_force(radius: float) -> float:
-    """Return the force of one finger below which no apple of a radius [m] bruises [N], by Hertz's contact of a ball."""
-    return math.pi**3 * radius**2 * NO_BRUISE**3 / (6.0 * PAD_MODULUS**2)
+def bruising_force(radius: float, modulus: float = PAD_MODULUS) -> float:
+    """Return the force below which no apple of a radius [m] bruises [N], by Hertz's contact of a ball.
+
+    Args:
+        modulus: of the contact with the apple [Pa].
+    """
+    return math.pi**3 * radius**2 * NO_BRUISE**3 / (6.0 * modulus**2)

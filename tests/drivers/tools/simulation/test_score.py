@@ -91,7 +91,7 @@ def test_a_light_grip_bruises_nothing_and_a_hard_one_does(open_cell, probe_of, p
     assert truth["bruised"] == 0
     assert 0.05 < truth["largest_press"] < 1.0
     record = probe.world.score._fruits[0]
-    assert record.pressed[1] < 0.1 * record.pressed[0], "pads are no hard parts"
+    assert record.press.beside < 0.1 * record.press.pad, "pads are no hard parts"
     probe.force_wanted = 7.0  # 5.0 N bruise a fruit of 62 mm
     for _ in range(100):
         cell.clock.advance(0.02)

@@ -8,7 +8,7 @@ from pomona.applications.crates import feeling
 from pomona.applications.crates.feeling import PRESSED
 from pomona.applications.crates.hook import OUTER, Hook
 from pomona.applications.crates.hooks import pull_of
-from pomona.applications.crates.pull import BEARS, bears_at_edges
+from pomona.applications.crates.pull import bears_at_edges, bears_at_pads
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import LoadSensor, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
@@ -42,7 +42,7 @@ def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     assert outcome.status is Status.SUCCESS
     assert outcome.outputs["finger"] == pytest.approx(0.045, abs=1e-3)
     assert ball.rolled > 0.018
-    assert ball.most < BEARS * 0.089**2 + 1.0
+    assert ball.most < bears_at_pads(a_hook()) + 1.0
     assert is_up_again(scene)
     assert outcome.duration < 24.0
 
@@ -53,7 +53,7 @@ def test_a_finger_that_loses_a_larger_fruit_does_not_press_after_it():
     ball = RollingBall(scene, 0.0425)
     outcome = draw(scene)
     assert outcome.reason is None or outcome.reason.code == "NOTHING_MOVED"
-    assert ball.most < BEARS * 0.089**2 + 1.0
+    assert ball.most < bears_at_pads(a_hook()) + 1.0
     assert is_up_again(scene)
 
 
@@ -66,7 +66,7 @@ def test_a_fruit_that_is_stopped_ends_the_pull_and_counts_once_it_has_made_room(
     assert (outcome.reason.code if outcome.reason else None) == code
     moved = outcome.reason.data["moved_m"] if code else outcome.outputs["finger"]
     assert (moved < 0.015) is (code is not None)
-    assert ball.most < BEARS * 0.089**2 + 1.0
+    assert ball.most < bears_at_pads(a_hook()) + 1.0
     assert is_up_again(scene)
 
 

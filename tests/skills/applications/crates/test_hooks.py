@@ -6,13 +6,13 @@ from hypothesis import given, strategies as st
 
 from pomona.applications.crates.hooks import STEP, WALL_AIR, Beside, behind, pull_of, rolled_height
 from pomona.applications.crates.pull import (
-    BEARS,
     DOWNWARDS,
     FARTHEST_OFF,
     HARDER,
     HITS,
     LOWER,
     HookPull,
+    bears_at_pads,
 )
 from pomona.drivers.interfaces import Box
 from pomona.skills.geometry import transform
@@ -161,9 +161,7 @@ def test_a_pull_ends_when_its_force_is_reached_in_succession_or_the_finger_canno
     assert pull.limit == 2.0
     for hit in range(1, HITS):
         assert not pull.ends(0.003 * (1 + hit), at_limit=True, change=2.1, down=0.2)
-        assert pull.limit == pytest.approx(
-            min(2.0 + hit * HARDER, BEARS * hook.fruit.dimensions[0] ** 2)
-        )
+        assert pull.limit == pytest.approx(min(2.0 + hit * HARDER, bears_at_pads(hook)))
     assert pull.came == 0.003
     assert pull.ends(0.003 * (1 + HITS), at_limit=True, change=2.2, down=0.2)
     assert (pull.came, pull.most) == (0.003, 2.2)
