@@ -217,15 +217,6 @@ mutate: $(STAMP) ## small mistakes in the pure mathematics, and how many of them
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices
 
-orchard-detach: $(STAMP) ## Detach alone at true grasps of simulated walls, ablations and ± 50 % of numbers, in runs/reports/orchard_detach; WALLS=301..303
-	$(BIN)/python -m benchmarks.orchard_detach --walls $(or $(WALLS),301..303)
-
-orchard-law: $(STAMP) ## simulated pulls of apples beside measured ones, in runs/reports/orchard_law; DATA=… the traces (half an hour)
-	$(BIN)/python -m benchmarks.orchard_law $(if $(DATA),--data $(DATA))
-
-orchard: $(STAMP) ## simulated fruit walls picked by trees/experimental/pick_tree.yaml, in runs/reports/orchard_pick; WALLS=201..203 STOPS=-350,0,350 CELL=orchard
-	$(BIN)/python -m benchmarks.orchard_pick --walls $(or $(WALLS),201..203) --stops=$(or $(STOPS),0) --cell $(or $(CELL),orchard)
-
 bench-crate: $(STAMP) ## heaps and crates of fruit that touches, cleared of n with intervals; SEEDS=1..20 KINDS=heap5,crate6 (hours)
 	$(BIN)/python -m benchmarks.bench_crate --seeds $(or $(SEEDS),1..20) $(if $(KINDS),--kinds $(KINDS))
 

@@ -77,9 +77,6 @@ class Operator(FaultSwitch):
 
     schedules: ClassVar[dict[str, list[tuple[float, str]]]] = {
         "pauses": [(0.0, "pause"), (1.5, "resume")],
-        "pauses_1_s": [(0.0, "pause"), (1.0, "resume")],
-        "pauses_3_s": [(0.0, "pause"), (3.0, "resume")],
-        "pauses_60_s": [(0.0, "pause"), (60.0, "resume")],
         "pauses_briefly": [
             (0.12 * n + late, act)
             for n in range(5)
@@ -87,7 +84,6 @@ class Operator(FaultSwitch):
         ],
         "steps": [(0.0, "pause"), *((0.5 + 0.1 * n, "step") for n in range(10)), (2.0, "resume")],
         "slows": [(0.0, "slow"), (2.0, "full")],
-        "slows_for_good": [(0.0, "slow")],
         "hurries": [(0.05 * n, ("slow", "full")[n % 2]) for n in range(20)],
         "acknowledges": [(0.0, "acknowledge")],
         "stops": [(0.0, "stop")],

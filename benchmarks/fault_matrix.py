@@ -2,7 +2,7 @@
 
     python -m benchmarks.fault_matrix [--cell sim] [--only fingers.stuck …] [--phases lifting …] [--seed 3] [--jobs 2]
     python -m benchmarks.fault_matrix --cases fingers.zero@closing arm.frozen@following
-    python -m benchmarks.fault_matrix --cell orchard [--phases rolling …]        # trees/experimental/pick_tree.yaml
+    python -m benchmarks.fault_matrix --cell conveyor [--phases rising …]        # trees/pick_from_conveyor.yaml
 
 For each case: the run ends as its row says, within its deadline; the device is named; the arm comes to rest within its
 limits; a grip that held is never opened; no force above the limit; the record can be read and agrees; nothing resumes;

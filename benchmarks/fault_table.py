@@ -12,7 +12,7 @@ import yaml
 from pomona.executive.values.units import TIME
 
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
-OWN_PHASES = {"orchard": "wall", "conveyor": "belt", "sim_crate": "crate"}
+OWN_PHASES = {"conveyor": "belt", "sim_crate": "crate"}
 """Cells with a tree of their own, and the table of its phases."""
 ENDS = ("safe", "failure", "success", "harmless", "recovered", "refused")
 
@@ -74,7 +74,7 @@ class CaseVerdict:
         noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN without either.
         gave_up: the same to a skill that gives up what it does, where the row says when it must [s].
         rested: from the safe state to an arm that stands [s].
-        peak: the largest force of both pads together, on the wall of one pad on an apple [N].
+        peak: the largest force of both pads together [N].
         contact: the largest force between the robot and the table, a fruit or a fixed thing [N], and its name.
         true: whether the fruit was where the nodes reported it; None without a report.
     """

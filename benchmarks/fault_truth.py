@@ -1,8 +1,7 @@
-"""The truth of a case of the fault matrix: of fruit on the table or in a crate, of an apple on the wall, of a belt.
+"""The truth of a case of the fault matrix: of fruit on the table, in a crate, or on a belt.
 
-No word of a skill is used. A claim is the success of a node: Lift that the fruit hangs, Detach that the apple is in the
-hand, Intercept that the fruit hangs, Release that it lies in the bin or a crate. The truth judges it in the tick in
-which it is made.
+No word of a skill is used. A claim is the success of a node: Lift and Intercept that the fruit hangs, Release that it
+lies in a crate. The truth judges it in the tick in which it is made.
 """
 
 from __future__ import annotations
@@ -13,17 +12,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from pomona.applications.conveyor.world import ConveyorWorld
-from pomona.applications.harvest.stems import HANGS
-from pomona.applications.harvest.world import FruitWallWorld
 from pomona.executive.values.arrays import Float64
 from pomona.tools.simulation.layout import PADS
 from pomona.tools.simulation.world import SimWorld
 
 FORCE_MAX = 14.0
 """Limit of the table's tree for both fingers together [N]: SlipAvoidGrasp's default."""
-PAD_MAX = 20.0
-"""Largest force of one pad on an apple of the wall [N]: the gripper's own, `force_max` in orchard.yaml. More than that
-is the arm, which presses the apple with a pad."""
 OVERSHOOT = 1.05
 """The arm's deceleration and the grip's force, as measured in the world, over their limits."""
 DRAWN = 0.01
@@ -32,12 +26,8 @@ HUNG = 0.05
 """A fruit this far above where it stood hangs [m]."""
 PRESSED = 0.3
 """A fruit that both pads press with more is held [N]."""
-ROLLED = np.radians(20.0)
-"""A hand that has turned so far since the grip rolls: an undisturbed stem breaks from 57° on [rad]."""
 SETS_OFF = 0.05
 """A joint of an arm that has set off is faster [rad/s]."""
-BIN = "bin"
-"""Where the cell's apples belong."""
 
 
 class RowTruth(Protocol):
@@ -71,9 +61,6 @@ class RowTruth(Protocol):
 
     def judge_claim(self, node: str) -> None:
         """Compare the success of a node with the truth."""
-
-    def is_over(self, node: str) -> bool:
-        """Whether nothing more is asked of the run once this node has succeeded."""
 
     def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
         """Yield all that must not have happened to fruit; `told` is the world's score at the end of the run."""
@@ -123,9 +110,6 @@ class TableTruth:
         if node == "Lift":
             self.claimed = self.raised > HUNG
 
-    def is_over(self, node: str) -> bool:
-        return False
-
     def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
         if told.get("drops", 0):
             yield "dropped the fruit"
@@ -158,83 +142,6 @@ class CrateTruth(TableTruth):
         yield from super().troubles(told)
         if told.get("bruised", 0):
             yield f"pressed a fruit with {told['largest_press']:.2f} times the force that bruises it"
-
-
-class WallTruth:
-    """The first apple of a wall that both pads hold, its stem and its neighbours."""
-
-    force_max = PAD_MAX
-    failing = frozenset({"Detach", "Release"})
-    kept_from_stop = True
-    may_end_empty = False
-
-    def __init__(self, world: FruitWallWorld) -> None:
-        self._world = world
-        count = len(world.built.fruit_bodies)
-        world._reachable = (
-            False,
-        ) * count  # which apples are in reach is asked by no case, and takes seconds
-        self._R: Float64 = world.state.site_xmat[world.model.site(PADS[0]).id].reshape(3, 3)
-        self._R_gripped = np.eye(3)
-        self.contact = 0.0, ""
-        self.claimed: bool | None = None
-        self.apple: int | None = None
-        self._left_in_hand = False
-
-    @property
-    def forces(self) -> list[float]:
-        return [0.0, 0.0] if self.apple is None else [float(f) for f in self._pads[self.apple]]
-
-    @property
-    def force(self) -> float:
-        return float(self._pads.max())
-
-    @property
-    def _pads(self) -> Float64:
-        pads: Float64 = self._world.score.touches.pads
-        return pads
-
-    @property
-    def _off(self) -> bool:
-        return self.apple is not None and bool(self._world.stems.state[self.apple] != HANGS)
-
-    def look(self, begun: Collection[str]) -> Iterator[str]:
-        self.contact = max(self.contact, (self._world.score.touches.fixed, "a fixed object"))
-        if (
-            self.apple is None
-            and "Detach" in begun
-            and (least := self._pads.min(axis=1)).max() > PRESSED
-        ):
-            self.apple, self._R_gripped = int(least.argmax()), self._R.copy()
-        if self.apple is not None:
-            yield "gripped"
-            if np.trace(self._R_gripped.T @ self._R) < 1.0 + 2.0 * np.cos(ROLLED):
-                yield "rolled"
-        if self._off:
-            yield "broken"
-
-    def judge_claim(self, node: str) -> None:
-        if node == "KeepTally":
-            self._left_in_hand |= self._off and self._place() == "hand"
-        if node not in ("Detach", "Release"):
-            return
-        true = self._place() == ("hand" if node == "Detach" else BIN)
-        self.claimed = true and self.claimed is not False
-
-    def _place(self) -> str:
-        return "" if self.apple is None else self._world.score.place(self.apple)
-
-    def is_over(self, node: str) -> bool:
-        return node == "KeepTally" and self._place() != BIN
-
-    def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
-        now: Any = self._world.score.report()  # an apple may have fallen since
-        if now["dropped"]:
-            yield "dropped the apple"
-        if now["knocked_off"] or now["fell"]:
-            yield "knocked an apple off"
-        if self._left_in_hand:
-            yield "goes on with the apple in the hand: the fingers open before the next one"
 
 
 class BeltTruth:
@@ -292,9 +199,6 @@ class BeltTruth:
             )
             self.claimed = true and self.claimed is not False
 
-    def is_over(self, node: str) -> bool:
-        return False
-
     def troubles(self, told: Mapping[str, Any]) -> Iterator[str]:
         now = self._world.score.report()
         if now["drops"]:
@@ -303,10 +207,8 @@ class BeltTruth:
             yield "touched the belt or itself"
 
 
-def truth_of(world: Any) -> TableTruth | WallTruth | BeltTruth:
+def truth_of(world: Any) -> TableTruth | BeltTruth:
     """Return the truth of a simulated world."""
     if isinstance(world, SimWorld) and world.scene.gathering is not None:
         return CrateTruth(world)
-    if isinstance(world, ConveyorWorld):
-        return BeltTruth(world)
-    return WallTruth(world) if isinstance(world, FruitWallWorld) else TableTruth(world)
+    return BeltTruth(world) if isinstance(world, ConveyorWorld) else TableTruth(world)

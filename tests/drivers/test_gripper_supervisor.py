@@ -72,7 +72,7 @@ def test_fingers_that_follow_their_commands_are_left_alone(fingers: Fingers) -> 
 def test_a_speed_that_follows_a_move_at_once_is_a_command(
     fingers: Fingers, speed: float, after: float
 ) -> None:
-    """Detach closes, and fingers give way to a push, while those of a move may still come to rest."""
+    """Fingers give way to a push while those of a move may still come to rest."""
     fingers.supervisor.rest(fingers.now)
     assert fingers.run(after) == []
     for _ in range(20):

@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.interfaces import Arm, Box, Carrier, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, Carrier, Gripper, Workspace
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.skill_testing import drive
-from pomona.skills.geometry import transform
 from pomona.skills.motion.collision import CollisionWorld, Convex
-from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.move_to import MoveTo
 from pomona.skills.shared.moving import named_pose
 from tests.skills.motion.planning.test_arm_space import GOAL as UPRIGHT, tilts
@@ -85,33 +83,6 @@ def test_a_start_inside_the_table_names_the_link():
     outcome = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "START_IN_COLLISION"
     assert outcome.reason.data["obstacle"] in ("table", "pedestal")
-
-
-def test_branches_around_the_standing_arm_do_not_keep_it_there():
-    scene, given = scene_with_pose("START_IN_COLLISION")
-    inputs = {"pose": "there", **given["inputs"]}
-    refused = drive(MoveTo(), inputs, scene.devices, clock=scene.clock)
-    assert refused.reason.code == "START_IN_COLLISION"
-    moved = drive(MoveTo(), {**inputs, "start_free": True}, scene.devices, clock=scene.clock)
-    assert moved.status is Status.SUCCESS
-
-
-def test_an_arm_nearer_to_an_obstacle_than_the_clearance_leaves_with_less():
-    scene = PickingScene(q=HOME.copy())
-
-    def beside(distance: float) -> Workspace:
-        at = ROBOT_MODEL.tcp(HOME)[:3, 3] + [distance, 0.0, 0.0]
-        return replace(WORKSPACE, obstacles=(Box("post", transform(None, at), (0.05, 0.05, 0.05)),))
-
-    def stands_free(workspace: Workspace, clearance: float) -> bool:
-        return arm_space(scene.arm, workspace, None, scene.gripper.width, clearance).free(HOME)
-
-    posts = [beside(distance) for distance in np.arange(0.08, 0.3, 2e-3)]
-    near = next(post for post in posts if stands_free(post, 0.01) and not stands_free(post, 0.02))
-    inputs, devices = {"pose": "observe", "clearance": 0.02}, {**scene.devices, Workspace: near}
-    assert drive(MoveTo(), inputs, devices, clock=scene.clock).reason.code == "START_IN_COLLISION"
-    moved = drive(MoveTo(), {**inputs, "start_free": True}, devices, clock=scene.clock)
-    assert moved.status is Status.SUCCESS, moved.reason
 
 
 def test_interrupted_it_stops():

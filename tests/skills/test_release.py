@@ -83,32 +83,17 @@ def test_over_nothing_the_fruit_stays_held():
     assert scene.gripper.moves == []
 
 
-def test_a_fruit_that_nothing_carries_is_raised_again_where_that_is_asked():
+def test_fingers_that_are_pushed_beside_the_fruit_end_the_way_down():
     scene = over_ground(None)
-    before = scene.tcp
-    outcome = drive(
-        Release(), {"depth": 0.05, "raise_again": True}, scene.devices, clock=scene.clock
-    )
-    assert outcome.reason.code == "NO_CONTACT"
-    np.testing.assert_allclose(scene.tcp, before, atol=1e-4)
-    assert scene.gripper.moves == []
-
-
-def test_fingers_that_are_pushed_beside_the_fruit_end_the_way_down_and_it_is_raised_again():
-    scene = over_ground(None)
-    before = scene.tcp
 
     def push(tick: int) -> None:
         if 20 < tick < 25:  # by 20 mm/s
             scene.gripper.width -= 0.4e-3
         scene.gripper.check()
 
-    outcome = drive(
-        Release(), {"raise_again": True}, scene.devices, clock=scene.clock, each_tick=push
-    )
+    outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=push)
     assert outcome.reason.code == "LOWERING_BLOCKED"
     assert "pushes the fingers" in outcome.reason.message
-    np.testing.assert_allclose(scene.tcp, before, atol=1e-4)
 
 
 def test_a_push_counts_from_the_start_of_the_way_down_also_after_a_jolt():
@@ -643,14 +628,11 @@ def test_without_a_force_sensor_and_a_grasp_the_fruit_stays_held():
     assert len(scene.gripper.moves) == 1
 
 
-@pytest.mark.parametrize("inputs", [{}, {"raise_again": True}])
-def test_without_a_force_sensor_and_a_known_object_below_the_fruit_stays_held(
-    inputs: dict[str, Any],
-):
+def test_without_a_force_sensor_and_a_known_object_below_the_fruit_stays_held():
     scene = plainly_held()
     outcome = drive(
         Release(),
-        {"depth": 0.03, "grasp": a_grasp(), **inputs},
+        {"depth": 0.03, "grasp": a_grasp()},
         scene.without_sensor,
         clock=scene.clock,
     )

@@ -23,7 +23,7 @@ from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.executive.views import SceneView
 from pomona.skills.geometry import rot_y, transform
 from pomona.skills.motion.collision import fruit_points
-from pomona.skills.motion.occupancy import HIDDEN, OCCUPIED, OccupancyMap
+from pomona.skills.motion.occupancy import OCCUPIED, OccupancyMap
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
@@ -121,15 +121,6 @@ def test_the_measured_fruits_look_is_fused_without_the_fruit() -> None:
     assert topic == "map"
     assert isinstance(view, SceneView)
     assert "occupied" in view.caption
-
-
-def test_a_shorter_shadow_blocks_less_behind_what_is_seen() -> None:
-    frame, _ = table_with_apple()
-    hidden = [
-        int((run(frame, **extra).outputs["map"].states == HIDDEN).sum())
-        for extra in ({}, {"shadow": 0.04})
-    ]
-    assert 0 < hidden[1] < 0.7 * hidden[0]
 
 
 def test_without_inputs_the_cameras_newest_frame_is_fused_into_the_previous_map() -> None:

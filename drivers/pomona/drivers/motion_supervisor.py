@@ -23,7 +23,7 @@ from pomona.executive.values.units import ANGLE, TIME
 PERIOD = 0.01  # period of the checks [s]; a controller pushes its state every 25 ms
 STANDING, STANDING_AFTER = 0.25, 0.5
 """Share of the following error that an arm may stand from a set-point that stands, and the time for which it must
-stand, beside the lag [s]: a branch held a detaching arm 0.0035 rad off."""
+stand, beside the lag [s]: an object in its way held an arm 0.0035 rad off."""
 OVERSPEED = 1.5  # highest measured speed over the limit: controllers stop an arm at 1.05 to 1.2
 
 

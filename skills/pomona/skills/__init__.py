@@ -22,11 +22,7 @@ if TYPE_CHECKING:
         MovingSkill as MovingSkill,
     )
     from pomona.skills.shared.frame_trust import require_true_look as require_true_look
-    from pomona.skills.shared.grasp_view import (
-        TAKEN as TAKEN,
-        fruit_mesh as fruit_mesh,
-        summary as summary,
-    )
+    from pomona.skills.shared.grasp_view import fruit_mesh as fruit_mesh, summary as summary
     from pomona.skills.shared.held_fruit import show_grip as show_grip
     from pomona.skills.shared.live_watch import (
         KnownAround as KnownAround,
@@ -48,13 +44,12 @@ if TYPE_CHECKING:
     from pomona.skills.shared.touch import Touch as Touch
     from pomona.skills.shared.touch_view import record_touches as record_touches
     from pomona.skills.shared.warm_motion import prepare_moving as prepare_moving
-    from pomona.skills.shared.yielding import YieldingFingers as YieldingFingers
 
 PUBLIC = {
     "geometry": "inverse rot_x rot_z transform",
     "shared.following": "MOTION_FAILURES MovingSkill",
     "shared.frame_trust": "require_true_look",
-    "shared.grasp_view": "TAKEN fruit_mesh summary",
+    "shared.grasp_view": "fruit_mesh summary",
     "shared.held_fruit": "show_grip",
     "shared.live_watch": "KnownAround LiveWatch prepare_watch",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
@@ -63,7 +58,6 @@ PUBLIC = {
     "shared.touch_view": "record_touches",
     "shared.planning": "usable_field",
     "shared.warm_motion": "prepare_moving",
-    "shared.yielding": "YieldingFingers",
 }
 """Public names by the module that defines them."""
 

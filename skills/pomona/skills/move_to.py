@@ -50,12 +50,6 @@ class MoveTo(PoseSkill):
         speed: Annotated[
             Ratio, Port(min=0.02, max=1.0, help="speed relative to the arm's limits")
         ] = 1.0,
-        start_free: Annotated[
-            bool,
-            Port(
-                help="map cells that the arm occupies at the start are free: branches that bend aside"
-            ),
-        ] = False,
     ) -> Work[None]:
         yield from move_to_pose(
             self,
@@ -68,6 +62,5 @@ class MoveTo(PoseSkill):
             avoiding,
             speed,
             upright,
-            start_free,
         )
         return None

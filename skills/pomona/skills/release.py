@@ -41,7 +41,6 @@ from pomona.skills.shared.touch import feels_support
 LOWERING = (1.0, 10.0)  # acceleration [m/s²] and jerk [m/s³] of the fruit while nothing is near
 TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia resembles a contact
 RISING = Manner(0.5, 3.0, 30.0)  # of the empty gripper's way up
-RISING_HELD = Manner(0.15, *LOWERING)  # of a fruit that nothing carries
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
 JOLTS = (
@@ -56,8 +55,7 @@ RELEASED_WIDTH = 0.02  # width by which the fingers open beyond the fruit before
 class Release(PoseSkill):
     """Put a held fruit down: lower it until it touches, open gently, rise again.
 
-    Without a support within `depth`, or with an obstacle too near, the fruit stays held and the skill fails; with
-    `raise_again` it is raised first.
+    Without a support within `depth`, or with an obstacle too near, the fruit stays held and the skill fails.
 
     Without force fingers and a fine load sensor no contact is measured: the fruit is lowered to the known object below
     it and falls the last `BESIDE`. Without a `grasp` its lower end is unknown, and it stays held.
@@ -151,15 +149,6 @@ class Release(PoseSkill):
                 help="maximum acceleration of the held fruit on the way to the pose",
             ),
         ] = CARRIED_ACCELERATION,
-        start_free: Annotated[
-            bool,
-            Port(
-                help="map cells that the arm occupies at the start are free: branches that bend aside"
-            ),
-        ] = False,
-        raise_again: Annotated[
-            bool, Port(help="raise a fruit that nothing carries to where lowering began")
-        ] = False,
     ) -> Work[None]:
         if not is_held(self):
             raise self._not_held()
@@ -174,7 +163,6 @@ class Release(PoseSkill):
                 grasp,
                 clearance,
                 upright=upright,
-                start_free=start_free,
                 carried_acceleration=acceleration,
             )
         gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
@@ -196,18 +184,7 @@ class Release(PoseSkill):
             Leg(way[: slow_from + 1], Manner(fast, *LOWERING)),
             Leg(way[slow_from:], Manner(speed, *TOUCHING)),
         )
-        try:
-            yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
-        except SkillFailure as failed:
-            lowered = before - tool_pose(self)[2, 3]
-            if (
-                raise_again
-                and lowered > RESUMED
-                and failed.failure.code in ("NO_CONTACT", "LOWERING_BLOCKED")
-            ):
-                back = vertical_way(self, lowered, "LOWERING_BLOCKED")
-                yield from follow_way(self, back, RISING_HELD, held=grasp)
-            raise
+        yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
         width = self._opening(map, clearance)
         take_over(gripper)
         yield from self._open(width)

@@ -32,7 +32,7 @@ TILT_TOLERANCE = 0.2  # how far the gripper may be turned out of the grasp's ori
 SUPPORTED = 3e-3  # a fruit that is held this little above where it was taken still stands on its support [m]
 OPENING_SPEED = 0.05  # of the fingers [m/s]
 AT_GOAL = 5e-3
-"""Distance below which the tool is back at the pre-grasp [m]: a branch may hold it so far beside, and would again."""
+"""Distance below which the tool is back at the pre-grasp [m]."""
 
 
 class StoppedAt(Enum):

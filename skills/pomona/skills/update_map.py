@@ -13,7 +13,6 @@ from pomona.executive.views import Points3, SceneView
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.occupancy.integrate import (
-    Sensing,
     check_camera_pose,
     integrate,
     pose_of_camera,
@@ -73,26 +72,6 @@ class UpdateMap(Skill):
             Length, Port(min="5 mm", max="50 mm", help="edge of a cell")
         ] = LENGTH("10 mm"),
         max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
-        target_margin: Annotated[
-            Length,
-            Port(min="0 mm", max="50 mm", help="depth within this distance counts as the fruit"),
-        ] = LENGTH("10 mm"),
-        shadow: Annotated[
-            Length,
-            Port(
-                min="0 mm",
-                max="200 mm",
-                help="depth behind a seen surface that counts as blocked, too",
-            ),
-        ] = LENGTH("100 mm"),
-        foliage: Annotated[
-            float,
-            Port(
-                min=0.0,
-                max=2.0,
-                help="excess green from which a pixel is a leaf that may be touched; 2: none is",
-            ),
-        ] = 2.0,
     ) -> Work[Mapped]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         model = RobotModel.load(arm.description)
@@ -118,9 +97,8 @@ class UpdateMap(Skill):
             robot = RobotShape.of(model).spheres(q, self.device(Gripper).state().width)
             lower, upper = workspace.lower, workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
-            sensing = Sensing(target_margin=target_margin, shadow=shadow, foliage=foliage)
             fused = yield from self.compute(
-                _fuse, grid, frame, T_base_camera, workspace, robot, measured, sensing
+                _fuse, grid, frame, T_base_camera, workspace, robot, measured
             )
         except NothingMeasured as error:
             raise self.failure(
@@ -152,7 +130,6 @@ def _fuse(
     workspace: Workspace,
     robot: Float64,
     measured: MeasuredFruit | None,
-    sensing: Sensing,
 ) -> OccupancyMap:
     """Integrate, and compute the distance field where it does not keep the tick waiting."""
     target = None if measured is None else Convex.of_fruit(measured)
@@ -160,8 +137,6 @@ def _fuse(
         grid = replace(
             grid, shapes=tuple(Convex.of_fruit(other, NEIGHBOUR) for other in measured.beside)
         )
-    fused = integrate(
-        grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing
-    )
+    fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target)
     _ = fused.field
     return fused

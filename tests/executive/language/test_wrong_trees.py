@@ -124,7 +124,7 @@ tree: t
 root:
   Plan: {path: "{path}"}
 """,
-        "4:3: error[missing-port]: Plan needs 'to', a grasp_candidates: SampleGrasp and SampleHanging write one; write "
+        "4:3: error[missing-port]: Plan needs 'to', a grasp_candidates: SampleGrasp and SampleHook write one; write "
         'to: "{candidates}"',
     ),
     "approach_needs_the_grasp_that_a_plan_for_these_candidates_gives": WrongTree(

@@ -207,11 +207,10 @@ def test_a_finger_that_meets_something_beside_the_held_fruit_ends_the_way_down()
         return pressed[-1]
 
     hand = beside_fingers(presses)
-    outcome = hand.run(Release(), {"raise_again": True, "speed": 0.05})
+    outcome = hand.run(Release(), {"speed": 0.05})
     assert outcome.reason.code == "LOWERING_BLOCKED"
     assert "a finger met something" in outcome.reason.message
     assert hand.scene.gripper.moves == []  # the fruit is still held
-    assert hand.scene.tcp[2, 3] == pytest.approx(start, abs=1e-3)
     assert 1.0 < max(pressed) < 30.0  # 26 N; 32 N if the arm were stopped in the next tick
 
 

@@ -12,11 +12,8 @@ if TYPE_CHECKING:
     from pomona.tools.simulation.camera import SimCamera as SimCamera
     from pomona.tools.simulation.fruit_shape import (
         APPLES as APPLES,
-        SKINS as SKINS,
         FruitShape as FruitShape,
-        UnusableModel as UnusableModel,
         make_fruit as make_fruit,
-        read_model as read_model,
     )
     from pomona.tools.simulation.gl import load_mujoco as load_mujoco
     from pomona.tools.simulation.intruder import (
@@ -24,7 +21,6 @@ if TYPE_CHECKING:
         add_intruder as add_intruder,
     )
     from pomona.tools.simulation.layout import (
-        FINGERS as FINGERS,
         FRICTION as FRICTION,
         PADS as PADS,
         CellFruitSection as CellFruitSection,
@@ -52,10 +48,10 @@ if TYPE_CHECKING:
 PUBLIC = {
     "bruises": "FruitPress",
     "camera": "SimCamera",
-    "fruit_shape": "APPLES FruitShape SKINS UnusableModel make_fruit read_model",
+    "fruit_shape": "APPLES FruitShape make_fruit",
     "gl": "load_mujoco",
     "intruder": "IntruderSection add_intruder",
-    "layout": "CellFruitSection FINGERS FRICTION FruitOnTable PADS read_robot",
+    "layout": "CellFruitSection FRICTION FruitOnTable PADS read_robot",
     "scene": (
         "TABLE_FRICTION TIMESTEP add_fixed add_fruit add_lights add_material container_of quaternion set_physics "
         "standing_pose"

@@ -20,7 +20,6 @@ from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
 
 OFFSET = 1.0  # of a channel that jumps [N]
 CLIPPED = 0.5  # where a channel that clips has its end, unknown to its `saturated` flag [N]
-NOISE = 1.0  # standard deviation of a channel that is noisy, white, per sample [N]
 STEP = 0.5  # of a force that is measured coarsely [N]
 LATE, EARLY = 0.5, 10.0  # how old, and how far in the future, wrong stamps are [s]
 
@@ -71,18 +70,11 @@ def _round(wrenches: Float64, _before: Float64) -> None:
     wrenches[:, :3] = STEP * np.round(wrenches[:, :3] / STEP)
 
 
-def _scale(index: Any, factor: float) -> Callable[[Float64, Float64], None]:
+def _scale(factor: float) -> Callable[[Float64, Float64], None]:
     def change(wrenches: Float64, _before: Float64) -> None:
-        wrenches[index] *= factor
+        wrenches *= factor
 
     return change
-
-
-def _noisy(sample: WrenchSample, _before: WrenchSample) -> WrenchSample:
-    """Add noise that follows from the sample's number."""
-    wrenches = sample.wrenches.copy()
-    wrenches[:, :3] += np.random.default_rng([sample.sequence, 10]).normal(0.0, NOISE, (2, 3))
-    return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
 
 
 class _Slow:
@@ -157,11 +149,8 @@ LIES: dict[str, Lie] = {
     "both_press_more": _changed(_add((slice(None), 2), -OFFSET)),
     "pulls_more": _changed(_add((0, 0), OFFSET)),
     "clipped_left": _changed(_clip),
-    "halved": _changed(_scale(slice(None), 0.5)),
-    "doubled": _changed(_scale(slice(None), 2.0)),
-    "halved_left": _changed(_scale(0, 0.5)),
-    "doubled_left": _changed(_scale(0, 2.0)),
-    "noisy": _noisy,
+    "halved": _changed(_scale(0.5)),
+    "doubled": _changed(_scale(2.0)),
     "drifts_along": _drift((slice(None), 0)),
     "drifts_pressing": _drift((0, 2), -1.0),
     "coarse": _changed(_round),

@@ -54,7 +54,7 @@ def did_not_work(overrun: TickOverran) -> bool:
 
 
 MOST_LINES = 20  # of the lines that nodes logged, the last ones are listed
-LONGEST_ACCOUNT = 700  # letters: a wall leaves twenty apples, each with its reason
+LONGEST_ACCOUNT = 700  # letters: a crate may leave twenty fruit, each with its reason
 MOST_ATTEMPTS = 4  # maximum number of attempts to list; of more, the first and the last are listed
 
 

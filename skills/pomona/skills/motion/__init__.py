@@ -23,14 +23,6 @@ if TYPE_CHECKING:
         GripperShape as GripperShape,
         gripper_shape as gripper_shape,
     )
-    from pomona.skills.motion.grasps.sample import (
-        CandidateRejected as CandidateRejected,
-        GraspRules as GraspRules,
-        grasp_setting as grasp_setting,
-        judge_candidate as judge_candidate,
-        warm_up as warm_up,
-    )
-    from pomona.skills.motion.grasps.sphere import Sphere as Sphere
     from pomona.skills.motion.lines import straight_line as straight_line
     from pomona.skills.motion.occupancy import OccupancyMap as OccupancyMap
     from pomona.skills.motion.planning.arm_space import ArmSpace as ArmSpace, arm_space as arm_space
@@ -44,8 +36,6 @@ PUBLIC = {
     "collision": "Convex RobotShape fruit_points",
     "grasp": "Grasp GraspCandidates RuledOut SAME_PLACE",
     "grasps.gripper_shape": "GripperShape gripper_shape",
-    "grasps.sample": "CandidateRejected GraspRules grasp_setting judge_candidate warm_up",
-    "grasps.sphere": "Sphere",
     "lines": "straight_line",
     "occupancy": "OccupancyMap",
     "planning.arm_space": "ArmSpace arm_space",

@@ -17,7 +17,6 @@ from pomona.executive.values.sections import Problem
 from pomona.skills.motion.collision import Convex
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
-from pomona.skills.motion.occupancy.integrate import without_robot
 from pomona.skills.motion.planning.arm_space import ArmSpace, UprightSpace, arm_space
 from pomona.skills.motion.planning.plan import PlanRequest
 from pomona.skills.motion.robot import RobotModel
@@ -29,9 +28,6 @@ from pomona.skills.shared.warm_motion import prepare_planning
 
 CARRIED_ACCELERATION = 2.0
 """Usual largest acceleration of a held fruit [m/s²]: every bit of it must be held by friction."""
-
-MAP_PADDING = 4e-3
-"""Least distance around the arm in which cells are taken as free, with `start_free`, beyond one cell [m]."""
 
 POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", *WATCH_FAILURES)
 """Codes of every skill that moves to a named pose."""
@@ -80,7 +76,6 @@ def move_to_pose(
     avoiding: MeasuredFruit | None = None,
     speed: float = 1.0,
     upright: float = np.pi,
-    start_free: bool = False,
     carried_acceleration: float = CARRIED_ACCELERATION,
 ) -> Watching:
     """Plan to a named pose of the cell file and move there.
@@ -94,8 +89,6 @@ def move_to_pose(
         upright: largest tilt of the fruit on the path [rad], against its pose at the grasp, or without `carrying`
             against the present one; π: no limit.
         carried_acceleration: largest acceleration of a held fruit [m/s²].
-        start_free: take map cells as free that the arm or the held fruit occupies: branches that bend aside. An arm
-            that stands nearer to something else than `clearance` keeps half of that, or a quarter.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
     try:
@@ -112,14 +105,6 @@ def move_to_pose(
         return
     field, width = usable_field(skill, map), skill.device(Gripper).state().width
     space = arm_space(arm, workspace, field, width, clearance, held=carrying)
-    if start_free and map is not None and not space.free(q):
-        padding = max(clearance, MAP_PADDING) + map.resolution
-        map = without_robot(map, space.world.shape.spheres(q, width), padding)
-        space = arm_space(arm, workspace, map.field, width, clearance, held=carrying)
-    for share in (0.5, 0.25):
-        if start_free and not space.free(q):
-            near = None if map is None else map.field
-            space = arm_space(arm, workspace, near, width, share * clearance, held=carrying)
     if avoiding is not None:
         space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
     keeps = space if upright >= np.pi else _upright(skill, space, upright, q, q_goal, carrying)

@@ -111,8 +111,8 @@ def test_fingers_held_just_before_their_width_fail_a_move_instead_of_the_run(cel
     assert "blocked at" in motion.problem
 
 
-def test_fingers_that_a_swaying_branch_holds_open_fail_a_move_instead_of_the_run(cell, gripper):
-    """Wood stood between the pads and swayed: the fingers neither arrived nor rested, and the run ended (wall 374)."""
+def test_fingers_that_something_swaying_holds_open_fail_a_move_instead_of_the_run(cell, gripper):
+    """The fingers neither arrive nor rest: without an end of its own such a move ended the run."""
     run_out(cell, gripper.move(0.078, 0.1))
     state = cell.devices["world"].state
     motion = gripper.move(0.0769, 0.1)

@@ -21,7 +21,6 @@ from pomona.skills.motion.occupancy import (
     NothingMeasured,
     OccupancyMap,
     Sensing,
-    excess_green,
     integrate,
 )
 
@@ -278,37 +277,3 @@ def test_few_stray_points_do_not_block() -> None:
     assert not (integrate(empty(), frame, FROM_ABOVE, CELL).states == OCCUPIED).any()
     wary = integrate(empty(), frame, FROM_ABOVE, CELL, sensing=Sensing(min_points=1))
     assert (wary.states == OCCUPIED).any()
-
-
-def test_leaves_neither_block_nor_hide_and_what_is_before_them_is_free():
-    """One ball is green, the other brown."""
-    frame = look(FROM_ABOVE, LEFT, RIGHT)
-    colour = np.empty_like(frame.colour)
-    colour[:, :160], colour[:, 160:] = (50, 97, 31), (92, 69, 51)
-    frame = replace(frame, colour=colour)
-    plain = integrate(empty(), frame, FROM_ABOVE, CELL)
-    leafy = integrate(empty(), frame, FROM_ABOVE, CELL, sensing=Sensing(foliage=0.2))
-    sides = {}
-    for name, map in (("plain", plain), ("leafy", leafy)):
-        blocked = np.concatenate([map.centres(OCCUPIED), map.centres(HIDDEN)])
-        sides[name] = [
-            int((np.linalg.norm(blocked - ball, axis=1) < 0.06).sum()) for ball in (LEFT, RIGHT)
-        ]
-    assert min(sides["plain"]) > 50
-    assert sorted(sides["leafy"])[0] == 0
-    assert max(sides["leafy"]) == sides["plain"][int(np.argmax(sides["leafy"]))]
-    assert (leafy.states == FREE).sum() >= (plain.states == FREE).sum()
-
-
-@pytest.mark.parametrize(
-    ("rgb", "index"),
-    [
-        ((0, 0, 0), 0.0),
-        ((0, 255, 0), 2.0),
-        ((255, 0, 0), -1.0),
-        ((80, 80, 80), 0.0),
-        ((50, 97, 31), 0.635),
-    ],
-)
-def test_the_excess_green_of_a_colour(rgb, index):
-    assert excess_green(np.array([[rgb]], np.uint8))[0, 0] == pytest.approx(index, abs=1e-3)

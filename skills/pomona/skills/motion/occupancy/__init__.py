@@ -3,7 +3,6 @@
 from pomona.skills.motion.occupancy.integrate import (
     Sensing,
     check_camera_pose,
-    excess_green,
     integrate,
     pose_of_camera,
 )
@@ -33,7 +32,6 @@ __all__ = [
     "OccupancyMap",
     "Sensing",
     "check_camera_pose",
-    "excess_green",
     "integrate",
     "pose_of_camera",
 ]

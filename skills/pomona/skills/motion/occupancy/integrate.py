@@ -70,7 +70,7 @@ def check_camera_pose(
         )
 
 
-_INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT, _FOLIAGE = 0, 1, 2, 3, 4, 5
+_INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT = 0, 1, 2, 3, 4
 _BELOW_TABLE = 0.03  # points this far under the table cannot be [m] …
 _BELOW_TABLE_SHARE = 0.2  # … in a larger share of the points over the table
 
@@ -92,8 +92,6 @@ class Sensing:
     other_margin: float = (
         0.010  # the same of neighbours, and of the target's cells in earlier looks, if larger [m]
     )
-    # excess green from which a pixel is a leaf, which may be touched: it neither blocks nor hides; above 2 none is
-    foliage: float = 2.0
 
 
 def integrate(
@@ -143,17 +141,12 @@ def integrate(
     planes = np.vstack([np.empty((0, 4)), *(shape.planes for shape in left_out)])
     start = np.cumsum([0] + [len(shape.planes) for shape in left_out])
     bounds = np.array([shape.bound for shape in left_out]).reshape(-1, 4)
-    leaves = (
-        excess_green(frame.colour) > how.foliage
-        if how.foliage < 2.0
-        else np.zeros(depth.shape, np.bool_)
-    )
     lens = frame.intrinsics
     camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
     table_z = -np.inf if workspace.table_z is None else workspace.table_z
     valid, inside, below = _label_pixels(
         depth, camera, T, origin, previous.resolution, table_z,
-        how.table, own, planes, start, bounds, margins, leaves, labels, points,
+        how.table, own, planes, start, bounds, margins, labels, points,
     )  # fmt: skip
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
         raise CameraPoseMismatch(
@@ -177,21 +170,6 @@ def integrate(
     )
 
 
-def excess_green(colour: UInt8) -> Float32:
-    """Return the excess green index 2g - r - b of chromatic coordinates, shape (h, w), -1 to 2.
-
-    Leaves lie near 0.5, bark and wires near 0, red fruit below 0 (Woebbecke et al. 1995, Trans. ASAE 38(1)).
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-    """
-    total = colour.sum(axis=2, dtype=np.float32)
-    index: Float32 = np.where(
-        total > 0.0, 3.0 * colour[..., 1] / np.maximum(total, 1.0) - 1.0, 0.0
-    ).astype(np.float32)
-    return index
-
-
 def _clear_shape(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
     """Clear the blocked cells inside a shape: it is an obstacle of its own."""
     reach = target.bound[3] + margin + grid.resolution
@@ -204,13 +182,6 @@ def _clear_shape(states: UInt8, grid: OccupancyMap, target: Convex, margin: floa
     centres = grid.origin + (cells + first + 0.5) * grid.resolution
     within = cells[target.distance(centres) < margin] if len(cells) else cells
     block[within[:, 0], within[:, 1], within[:, 2]] = UNKNOWN
-
-
-def without_robot(known: OccupancyMap, spheres: Float64, padding: float) -> OccupancyMap:
-    """Return a map in which the cells within spheres, shape (n, 4), grown by `padding` [m], are free."""
-    own = np.zeros(known.states.shape, np.bool_)
-    mark_spheres(np.ascontiguousarray(spheres), padding, known.origin, known.resolution, own)
-    return replace(known, states=np.where(own, FREE, known.states).astype(np.uint8))
 
 
 @njit(cache=True, nogil=True)
@@ -243,7 +214,7 @@ def mark_spheres(
 def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
     own: NDArray[np.bool_], planes: Float64, start: Int64, bounds: Float64, margins: Float64,
-    leaves: NDArray[np.bool_], labels: UInt8, points: NDArray[np.uint16],
+    labels: UInt8, points: NDArray[np.uint16],
 ) -> tuple[int, int, int]:  # fmt: skip
     """Label every pixel, and count the surface's points in each cell."""
     nx, ny, nz = own.shape
@@ -304,9 +275,7 @@ def _label_pixels(
                         break
             if labels[v, u] == _TARGET:
                 continue
-            if leaves[v, u]:
-                labels[v, u] = _FOLIAGE
-            elif points[i, j, k] < 65535:
+            if points[i, j, k] < 65535:
                 points[i, j, k] += 1
     return valid, inside, below
 

@@ -1,1 +1,0 @@
-"""The harvest: a simulated fruit wall, hanging fruit that is gripped and detached."""
