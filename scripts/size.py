@@ -156,8 +156,8 @@ def read(path: Path) -> Module:
     is_core = len(path.parts) > 2 and path.parts[2] not in LEAVES
     return Module(
         path=path,
-        tokens=tokens(text),
-        code_lines=code_lines(text),
+        tokens=tokens(text, nodes),
+        code_lines=code_lines(text, nodes),
         tuple_assignments=sum(map(is_tuple_assignment, nodes)),
         settings=sum(is_setting(statement) for each in classes for statement in each.body),
         attributes=max(map(attributes, classes), default=0),
@@ -166,20 +166,20 @@ def read(path: Path) -> Module:
     )
 
 
-def tokens(text: str) -> int:
+def tokens(text: str, nodes: Sequence[ast.AST]) -> int:
     """Return the number of names, operators, numbers and texts; docstrings do not count."""
-    docstrings = sum(map(is_docstring, ast.walk(ast.parse(text))))
+    docstrings = sum(map(is_docstring, nodes))
     read_all = tokenize.generate_tokens(io.StringIO(text).readline)
     return sum(token.type in COUNTED for token in read_all) - docstrings
 
 
-def code_lines(text: str) -> int:
+def code_lines(text: str, nodes: Sequence[ast.AST]) -> int:
     """Return the number of lines that are neither empty, nor a comment, nor part of a docstring."""
     lines = [line.strip() for line in text.splitlines()]
     written = sum(bool(line) and not line.startswith("#") for line in lines)
     return written - sum(
         1 + (node.end_lineno or node.lineno) - node.lineno
-        for node in ast.walk(ast.parse(text))
+        for node in nodes
         if isinstance(node, ast.Expr) and is_docstring(node)
     )
 
