@@ -182,6 +182,23 @@ def test_a_choice_is_asked_for_on_a_terminal_alone(
     assert "t.yaml:3:38: pipeline → sequence" in capsys.readouterr().out
 
 
+def test_an_answer_changes_no_line_that_another_program_has_changed_meanwhile(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    head = "pomona: 1\ntree: t\n"
+    path = written("t.yaml", f"{head}root: {{pipeline: []}}\n")
+    meanwhile = f"{head}root: {{sequence: [], description: pipeline}}\n"
+
+    def answer(_question: str) -> str:
+        path.write_text(meanwhile)
+        return "sequence"
+
+    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    assert main(["migrate", "t.yaml"]) == 0
+    assert path.read_text() == meanwhile
+
+
 def test_the_check_and_a_run_name_the_new_place(capsys: pytest.CaptureFixture[str]) -> None:
     written("t.yaml", TREE)
     for command in (["check", "t.yaml"], ["run", "t.yaml", "--no-record", "--dry"]):
