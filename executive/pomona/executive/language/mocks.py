@@ -33,6 +33,7 @@ from pomona.executive.values.findings import (
     few_hints,
 )
 from pomona.executive.values.kinds import Kind, MappingOf, Measure, Schema, Text, Whole, read_each
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.sections import Placed, Section, value
 from pomona.executive.values.yaml_nodes import (
     Reader,
@@ -290,6 +291,8 @@ class MockedSkills(Kind[Mapping[str, tuple[MockResult, ...]]]):
         """Return the skill that a mock stands in for."""
         skill = tree.registry.get(tree.skills.get(key.text, ""))
         if skill is None:
+            if report_removed(reader.findings, key, "skill", key.text):
+                raise Refused(key.text)
             hint = did_you_mean(key.text, tree.skills) or "name a skill or a node of the tree"
             raise reader.refuse(
                 key, f"the tree has no skill or node '{key.text}'", hint, "unknown-node"

@@ -81,6 +81,22 @@ OLD: list[tuple[str, dict[str, str], list[str]]] = [
         ["4:3 recovery", "5:7 pipeline_sequence", "10:7 round_robin", "14:3 attempts"],
     ),
     (
+        "pick_tree.yaml",  # the apples of a wall; it keeps what remains
+        {},
+        [
+            *("19:74 shadow", "19:89 foliage", "31:90 start_free", "56:187 start_free"),
+            *("56:205 raise_again", "62:208 start_free", "62:226 raise_again", "90:127 shadow"),
+            *("90:142 foliage", "90:156 target_margin", "92:15 SampleHanging", "115:11 Detach"),
+        ],
+    ),
+    ("pick_tree_cases.yaml", {}, ["3:7 ../experimental/pick_tree.yaml"]),
+    ("orchard.yaml", {}, ["65:11 fruit-wall"]),
+    (
+        "orchard_ur5e.yaml",  # without the cell that it includes
+        {},
+        ["2:10 orchard.yaml", "6:12 orchard.yaml#options", "11:12 orchard.yaml#world"],
+    ),
+    (
         "signals.py.txt",
         {
             f"pomona.applications.signals.{name}": "pomona.devices.plc.skills"
@@ -371,7 +387,8 @@ class TestFilesOfEarlierVersions:
             text = text.replace(old, new)
         assert path.read_bytes() == text.encode()
         out = capsys.readouterr().out
-        found = re.findall(
-            r"^\S+?:(\d+:\d+): error\[removed\].*\n *\d+ \| (.*)\n *\| ( *)(\^+)", out, re.M
-        )
-        assert [f"{at} {line[len(gap) :][: len(mark)]}" for at, line, gap, mark in found] == left
+        found = re.findall(r"^\S+?:(\d+):(\d+): error\[removed\]", out, re.MULTILINE)
+        assert [f"{line}:{column}" for line, column in found] == [at.split()[0] for at in left]
+        for (line, column), at in zip(found, left, strict=True):
+            rest = text.splitlines()[int(line) - 1][int(column) - 1 :]
+            assert rest.startswith(at.split()[1])
