@@ -20,7 +20,6 @@ from packaging.requirements import Requirement
 from pomona.executive.commands import command_line
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import install_extra, need, pip, reinstall, remedy
-from pomona.tools.kit.command_new import KINDS_ELSEWHERE
 
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "executive" / "trees"
@@ -371,7 +370,6 @@ def test_commands_that_the_part_lacks_are_listed() -> None:
     part, whole = project(ROOT / "executive")["entry-points"], project(ROOT)["entry-points"]
     commands = whole["pomona.commands"].keys() - part["pomona.commands"].keys()
     assert commands == set(command_line.ELSEWHERE)
-    assert whole["pomona.new"].keys() - part["pomona.new"].keys() == set(KINDS_ELSEWHERE)
 
 
 class Named(NamedTuple):

@@ -12,7 +12,7 @@ import pytest
 
 from pomona.executive.cli import main
 
-MOST = 150  # lines of a gripper's driver, with the emulated gripper at the other end of its wire
+MOST = 190  # lines of a gripper's driver, with the emulated gripper at the other end of its wire
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,10 @@ import argparse
 import keyword
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from pomona.executive.errors import UsageError
@@ -16,49 +17,48 @@ from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.registry import Registry
 from pomona.executive.values.installation import elsewhere, entry_points
 from pomona.tools.kit.cell_folder import CAMERA, NONE, begin_cell
-from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE, PACKAGE, TREE
-from pomona.tools.kit.piece import Piece
+from pomona.tools.kit.pieces import (
+    EMPTY_TREE,
+    EXAMPLE_TREE,
+    KINDS,
+    KINDS_ELSEWHERE,
+    OWN_TREE,
+    PACKAGE,
+    SKILL,
+    Names,
+    Piece,
+    capitals,
+)
 
-GROUP = "pomona.new"
 FROM_FILE = "pomona.new_from_file"  # a kind that is begun from a file: (file, folder, options) -> files, next commands
-KINDS_ELSEWHERE = (
-    "arm",
-    "cell",
-    "driver",
-    "fruit",
-    "gripper",
-)  # kinds of the distribution `pomona` that the executive alone lacks
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    kinds = sorted({point.name for point in entry_points(group=GROUP)} | {"package", "tree"})
-    parser = subparsers.add_parser(
-        "new", help="create a tree, a package, or a part of a package such as a skill"
-    )
-    parser.add_argument("kind", type=_kind, choices=kinds)
+    known = _known()
+    about = "create a tree, a package, or a part of a package such as a skill"
+    parser = subparsers.add_parser("new", help=about)
+    parser.add_argument("kind", type=_kind, choices=sorted({*known, "package", "tree"}))
     parser.add_argument("name", help="such as Weigh; of an arm also its URDF: my_arm.urdf")
     about = "folder; an existing package gets the new part, otherwise a package is created"
     parser.add_argument("--into", type=Path, default=Path(), metavar="DIR", help=about)
-    for option, about in (
-        ("arm", "ur5e"),
-        ("hand", "hand-e; a word that is none lists all"),
-        ("camera", f"{CAMERA}, or {NONE} ({CAMERA})"),
+    devices = "of a cell with these devices, such as"
+    for option, metavar, about in (
+        ("--arm", "MODEL", f"{devices} ur5e"),
+        ("--hand", "MODEL", f"{devices} hand-e; a word that is none lists all"),
+        ("--camera", "MODEL", f"{devices} {CAMERA}, or {NONE} ({CAMERA})"),
+        ("--flange", "LINK", "of an arm from its URDF: the link that the hand is bolted on"),
     ):
-        shown = (
-            f"of a cell with these devices, such as {about}"
-            if "cell" in kinds
-            else argparse.SUPPRESS
-        )
-        parser.add_argument(f"--{option}", metavar="MODEL", help=shown)
-    about = (
-        "of an arm from its URDF: the link that the hand is bolted on"
-        if "cell" in kinds
-        else argparse.SUPPRESS
-    )
-    parser.add_argument("--flange", metavar="LINK", help=about)
+        shown = about if "cell" in known else argparse.SUPPRESS
+        parser.add_argument(option, metavar=metavar, help=shown)
     parser.set_defaults(main=main)
+
+
+def _known() -> Mapping[str, Piece]:
+    """Return the kinds that this installation can begin."""
+    is_whole = find_spec("pomona.drivers") is not None
+    return {**KINDS, **KINDS_ELSEWHERE} if is_whole else KINDS
 
 
 def _kind(word: str) -> str:
@@ -66,7 +66,7 @@ def _kind(word: str) -> str:
 
     Raises UsageError: the distribution `pomona` begins it, and this is the executive alone.
     """
-    if word in KINDS_ELSEWHERE and not entry_points(group=GROUP, name=word):
+    if word in KINDS_ELSEWHERE and word not in _known():
         raise UsageError(f"pomona new {word}: {elsewhere('this kind')}")
     return word
 
@@ -90,31 +90,31 @@ def _begin(options: argparse.Namespace) -> int:
     if Path(options.name).suffix:  # no name, but a file
         written, commands = _from_file(options)
         return _report(written, commands)
-    words, commands = _words(options.name), []
+    names = _names(options.name)
     if options.flange is not None:
         raise UsageError("--flange belongs to `pomona new arm FILE.urdf`")
     if (options.arm, options.hand, options.camera) != (None, None, None):
-        if options.kind != "cell":
-            raise UsageError(
-                f"--arm, --hand and --camera belong to `pomona new cell`, not to {options.kind}"
-            )
-        camera = CAMERA if options.camera is None else options.camera
-        written, commands = begin_cell(
-            options.into / words["name"], options.arm, options.hand, camera
-        )
-        if options.camera is None:
-            sys.stderr.write(f"camera: {CAMERA}, as none was named; without one: --camera {NONE}\n")
-    elif options.kind == "package":
-        written = begin(options.into / words["name"], words["name"])
+        return _begin_cell(options, options.into / names.small)
+    if options.kind == "package":
+        written = begin(options.into / names.small, names.small)
     elif options.kind == "tree":
-        written = _write(
-            OWN_TREE if "MoveTo" in Registry.installed() else EMPTY_TREE, words, options.into
-        )
+        piece = OWN_TREE if "MoveTo" in Registry.installed() else EMPTY_TREE
+        written = _write(piece, names, options.into)
     else:
-        _refuse_taken(options.kind, words)
-        (point,) = entry_points(group=GROUP, name=options.kind)
-        written = put(point.load(), words, options.into)
-    return _report(written, commands or [_next(written)])
+        _refuse_taken(options.kind, names)
+        written = put(_known()[options.kind], names, options.into)
+    return _report(written, [_next(written)])
+
+
+def _begin_cell(options: argparse.Namespace, folder: Path) -> int:
+    if options.kind != "cell":
+        words = "--arm, --hand and --camera belong to `pomona new cell`"
+        raise UsageError(f"{words}, not to {options.kind}")
+    camera = CAMERA if options.camera is None else options.camera
+    written, commands = begin_cell(folder, options.arm, options.hand, camera)
+    if options.camera is None:
+        sys.stderr.write(f"camera: {CAMERA}, as none was named; without one: --camera {NONE}\n")
+    return _report(written, commands)
 
 
 def _report(written: list[Path], commands: list[str]) -> int:
@@ -125,125 +125,109 @@ def _report(written: list[Path], commands: list[str]) -> int:
 
 
 def _from_file(options: argparse.Namespace) -> tuple[list[Path], list[str]]:
-    """Begin a kind from a file. Raises UsageError: no file begins this kind."""
+    """Begin a kind from a file; where nothing begins this kind from one, the file is taken for a name."""
     for point in entry_points(group=FROM_FILE, name=options.kind):
-        begun: tuple[list[Path], list[str]] = point.load()(
-            Path(options.name), options.into, options
-        )
+        file = Path(options.name)
+        begun: tuple[list[Path], list[str]] = point.load()(file, options.into, options)
         return begun
-    raise UsageError(
-        f"'{options.name}' is not a valid name: letters, digits and _, beginning with a letter"
-    )
+    raise _no_name(options.name)
 
 
-def _refuse_taken(kind: str, words: Mapping[str, str]) -> None:
+def _refuse_taken(kind: str, names: Names) -> None:
     """Refuse a name that another package has: a tree that uses it would be refused.
 
     Raises UsageError: the name is taken.
     """
-    name = words["Name"] if kind == "skill" else words["name"]
-    taken: Mapping[str, object] = {}
-    if kind == "skill":
-        taken = Registry.installed()
-    elif kind == "node":
-        taken = NodeTypes.installed()
-    found = taken.get(name)
+    name = names.capital if kind == "skill" else names.small
+    installed: Mapping[str, Callable[[], Mapping[str, object]]] = {
+        "skill": Registry.installed,
+        "node": NodeTypes.installed,
+    }
+    found = installed[kind]().get(name) if kind in installed else None
     if found is not None:
         module = found.__module__ if isinstance(found, type) else type(found).__module__
-        raise UsageError(
-            f"{kind} '{name}' is installed already, in {module}: take another name. Nothing was written."
-        )
+        words = f"{kind} '{name}' is installed already, in {module}"
+        raise UsageError(f"{words}: take another name. Nothing was written.")
 
 
 def _next(written: list[Path]) -> str:
     """Return the next step: the new names of an installed package are found after it is installed again."""
     code = next((path for path in written if path.suffix == ".py"), None)
-    if code is not None:
-        project = next(folder for folder in code.parents if (folder / "pyproject.toml").is_file())
-        return (
-            f"pip install -e {project}, after which its new names are found; then pytest {project}"
-        )
-    return f"pomona check {next(path for path in written if path.suffix == '.yaml')}"
+    if code is None:
+        return f"pomona check {next(path for path in written if path.suffix == '.yaml')}"
+    project = next(folder for folder in code.parents if (folder / "pyproject.toml").is_file())
+    return f"pip install -e {project}, after which its new names are found; then pytest {project}"
 
 
-def put(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:
+def put(piece: Piece, names: Names, into: Path) -> list[Path]:
     """Write a piece into a folder; code goes into the package that stands there, or into a new one.
 
     Raises UsageError: a file is there already, or the package is none.
     """
-    if piece.entry is None:
-        return _write(piece, words, into)
+    if not piece.entry:
+        return _write(piece, names, into)
     written = []
     if not (into / "pyproject.toml").is_file():
-        into = into / words["name"]
-        written = begin(into, f"pomona_{words['name']}", example=False)
-    module = _module(into)
-    filled = {**words, "module": module}
-    written += _write(piece, filled, into)
-    _register(into / "pyproject.toml", *(Template(text).substitute(filled) for text in piece.entry))
+        into = into / names.small
+        written = begin(into, f"pomona_{names.small}", example=False)
+    names = replace(names, module=_module(into))
+    written += _write(piece, names, into)
+    _register(into / "pyproject.toml", *(piece.renamed(text, names) for text in piece.entry))
     return written
 
 
 def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
     """Begin a package; with an example skill and a tree that uses it. Raises UsageError: there is something already."""
-    words = {"name": module, "Name": _capitals(module), "module": module}
-    written = _write(PACKAGE, words, folder)
+    written = _write(PACKAGE, Names(module, capitals(module), module), folder)
     if example:
-        (point,) = entry_points(group=GROUP, name="skill")
-        skill = {"name": "hover", "Name": "Hover"}
-        written += put(point.load(), skill, folder) + _write(TREE, {**words, **skill}, folder)
+        names = Names(SKILL.name, capitals(SKILL.name), module)
+        written += put(SKILL, names, folder) + _write(EXAMPLE_TREE, names, folder)
     return written
 
 
-def _write(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:
-    texts = {
-        into / Template(path).substitute(words): Template(text).substitute(words).encode()
-        for path, text in piece.files.items()
-    }
-    texts |= {into / Template(path).substitute(words): make() for path, make in piece.data.items()}
-    taken = [str(path) for path in texts if path.exists()]
+def _write(piece: Piece, names: Names, into: Path) -> list[Path]:
+    files = {into / path: data for path, data in piece.contents(names).items()}
+    taken = [str(path) for path in files if path.exists()]
     if taken:
         raise UsageError(f"{', '.join(taken)} is there already. Nothing was written.")
-    for path, text in texts.items():
+    for path, data in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(text)
-    return list(texts)
+        path.write_bytes(data)
+    return list(files)
 
 
 def _register(path: Path, group: str, name: str, target: str) -> None:
     """Add an entry point to a pyproject.toml, as text: comments stay."""
-    text, head = path.read_text(encoding="utf-8"), f'[project.entry-points."{group}"]\n'
+    text = path.read_text(encoding="utf-8")
+    head = f'[project.entry-points."{group}"]\n'
     line = f'{name} = "{target}"\n'
-    text = (
-        text.replace(head, head + line, 1) if head in text else f"{text.rstrip()}\n\n{head}{line}"
-    )
+    if head in text:
+        text = text.replace(head, head + line, 1)
+    else:
+        text = f"{text.rstrip()}\n\n{head}{line}"
     path.write_text(text, encoding="utf-8")
 
 
 def _module(folder: Path) -> str:
     """Return the package that a project holds: the folder with an `__init__.py` and a `py.typed`."""
-    found = sorted(
-        path.parent.name
-        for path in folder.glob("*/py.typed")
-        if (path.parent / "__init__.py").is_file()
-    )
+    found = [path.parent for path in folder.glob("*/py.typed")]
+    found = [module for module in found if (module / "__init__.py").is_file()]
     if len(found) != 1:
-        raise UsageError(
-            f"{folder} holds no package with __init__.py and py.typed: `pomona new package` begins one"
-        )
-    return found[0]
+        words = "holds no package with __init__.py and py.typed"
+        raise UsageError(f"{folder} {words}: `pomona new package` begins one")
+    return found[0].name
 
 
-def _words(name: str) -> dict[str, str]:
+def _names(name: str) -> Names:
     if not _NAME.fullmatch(name):
-        raise UsageError(
-            f"'{name}' is not a valid name: letters, digits and _, beginning with a letter"
-        )
+        raise _no_name(name)
     small = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
     if keyword.iskeyword(small) or small in ("pomona", "tests"):
         raise UsageError(f"'{small}' means something else already; take another name")
-    return {"name": small, "Name": _capitals(name)}
+    return Names(small, capitals(name))
 
 
-def _capitals(name: str) -> str:
-    return "".join(part[:1].upper() + part[1:] for part in name.split("_"))
+def _no_name(name: str) -> UsageError:
+    return UsageError(
+        f"'{name}' is not a valid name: letters, digits and _, beginning with a letter"
+    )

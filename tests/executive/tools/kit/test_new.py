@@ -12,8 +12,18 @@ import pytest
 
 from pomona.executive.cli import main
 from pomona.executive.registry import Registry
-from pomona.tools.kit.package import EMPTY_TREE, OWN_TREE
-from pomona.tools.kit.piece import Piece
+from pomona.tools.kit import cell_folder
+from pomona.tools.kit.pieces import (
+    EMPTY_TREE,
+    EXAMPLE_TREE,
+    KINDS,
+    KINDS_ELSEWHERE,
+    OWN_TREE,
+    PACKAGE,
+    TEMPLATES,
+    Names,
+    Piece,
+)
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +36,26 @@ def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for kind, name in map(str.split, pieces):
         assert main(["new", kind, name, "--into", str(package)]) == 0
     return package
+
+
+def test_every_template_is_written_by_a_piece() -> None:
+    pieces = *KINDS.values(), *KINDS_ELSEWHERE.values(), PACKAGE, EXAMPLE_TREE, OWN_TREE, EMPTY_TREE
+    written = {path for piece in pieces for path in piece.files}
+    there = {str(path.relative_to(TEMPLATES)) for path in TEMPLATES.rglob("*") if path.is_file()}
+    assert {path for path in there - written if "__pycache__" not in path} == {
+        f"devices/{name}" for name in cell_folder.FILES
+    }
+
+
+@pytest.mark.parametrize("kind", [*KINDS, *KINDS_ELSEWHERE])
+def test_no_name_of_a_template_is_left_in_the_files(kind: str) -> None:
+    piece = {**KINDS, **KINDS_ELSEWHERE}[kind]
+    names = Names("zzz_kind", "ZzzKind", "zzz_package")
+    for path, data in piece.contents(names).items():
+        text = path + ("" if path.endswith(".ply") else data.decode())
+        assert "my_package" not in text
+        assert piece.name not in text.lower()
+        assert "zzz" in text.lower()
 
 
 @pytest.mark.slow

@@ -1,13 +1,4 @@
-"""Files written by `pomona new arm`: a driver on the base of arms that get their path ahead, and an emulated arm."""
-
-from __future__ import annotations
-
-from pomona.tools.kit.piece import Piece
-
-ARM = Piece(
-    "an arm on the base `PathArm`, with an emulated one at the other end of its wire",
-    {
-        "$module/$name.py": '''"""The driver `$name` of a cell file: an arm that gets its path a moment ahead."""
+"""The driver `reacher` of a cell file: an arm that gets its path a moment ahead."""
 
 from __future__ import annotations
 
@@ -16,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
 from pomona.drivers import (
     POINT_PERIOD,
     Address,
@@ -42,17 +34,27 @@ from pomona.drivers import (
 )
 from pomona.executive import TIME, Clock, Float64, Measure, PathTo, Problem, Whole, value
 
-ASK, TELL, SILENCE = 0.01, 0.03, 0.1  # between questions, between paths; without an answer for this long it is lost [s]
+ASK = 0.01  # between questions for the joints [s]
+TELL = 0.03  # between paths [s]
+SILENCE = 0.1  # without an answer for this long it is lost [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ${Name}Options:
+class ReacherOptions:
     """An arm on TCP; without an address an emulated one in this process."""
 
-    tcp: tuple[str, int] | None = value(Address(4002), None, "HOST or HOST:PORT; default: an emulated arm")
-    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
+    tcp: tuple[str, int] | None = value(
+        Address(4002), None, "HOST or HOST:PORT; default: an emulated arm"
+    )
+    robot: Path = value(
+        PathTo("file"), help="the robot's description (MJCF or URDF), with its limits"
+    )
     joints: int = value(Whole(1, 12), 7, "joints of the description")
-    lead: float = value(Measure(TIME, "40 ms", "700 ms"), "150 ms", "how far ahead in time points are sent to the arm")
+    lead: float = value(
+        Measure(TIME, "40 ms", "700 ms"),
+        "150 ms",
+        "how far ahead in time points are sent to the arm",
+    )
 
     @property
     def wires(self) -> tuple[str, ...]:
@@ -65,11 +67,17 @@ class ${Name}Options:
             yield Problem("robot", str(error))
 
 
-class $Name(PathArm):
+class Reacher(PathArm):
     """The arm. Its lines: `joints?`, and `path SECONDS Q… SECONDS Q…`, which replaces the last and ends at rest."""
 
     def __init__(
-        self, wire: Link, clock: Clock, robot: Path, limits: ArmLimits, lead: float, name: str = "arm"
+        self,
+        wire: Link,
+        clock: Clock,
+        robot: Path,
+        limits: ArmLimits,
+        lead: float,
+        name: str = "arm",
     ) -> None:
         super().__init__(name, clock, robot, limits, Supervision(), POINT_PERIOD)
         self._wire, self._begun, self._lead = wire, b"", lead
@@ -96,8 +104,8 @@ class $Name(PathArm):
         now = self._clock.now()
         if now - self._asked_at >= ASK:
             self._asked_at = now
-            self._wire.send(b"joints?\\n")
-        *lines, self._begun = (self._begun + self._wire.receive(0.004)).split(b"\\n")
+            self._wire.send(b"joints?\n")
+        *lines, self._begun = (self._begun + self._wire.receive(0.004)).split(b"\n")
         for line in lines:
             try:
                 q = np.array([float(word) for word in line.split()]).reshape(len(self.limits.lower))
@@ -122,7 +130,8 @@ class $Name(PathArm):
         self._told_at = now
         points = [(point.due - now, *point.q) for point in path.window() if point.due > now]
         if points:
-            self._wire.send(" ".join(["path", *(f"{n:.6f}" for point in points for n in point)]).encode() + b"\\n")
+            numbers = " ".join(f"{n:.6f}" for point in points for n in point)
+            self._wire.send(f"path {numbers}\n".encode())
 
     @property
     def _stream(self) -> RollingPath | None:
@@ -145,9 +154,10 @@ class $Name(PathArm):
             self._told_at = -np.inf
 
     def _failed(self, error: BaseException) -> None:
-        found = error if isinstance(error, DeviceError) else DeviceFault(self.name, f"the driver failed: {error!r}")
-        self._blame(found)
-        self._abandon(found.message)
+        if not isinstance(error, DeviceError):
+            error = DeviceFault(self.name, f"the driver failed: {error!r}")
+        self._blame(error)
+        self._abandon(error.message)
 
     def _release(self) -> None:
         self._problem = None
@@ -167,7 +177,7 @@ class $Name(PathArm):
         return self._state
 
 
-class Emulated$Name:
+class EmulatedReacher:
     """The other end of the wire: joints that follow the newest path exactly."""
 
     def __init__(self, clock: Clock, joints: int) -> None:
@@ -185,11 +195,12 @@ class Emulated$Name:
         for line in chunk.decode().splitlines():
             word, *numbers = line.split()
             if word == "path":
-                rows, now = np.array(numbers, float).reshape(-1, 1 + self._path.shape[1]), self._clock.now()
+                rows = np.array(numbers, float).reshape(-1, 1 + self._path.shape[1])
+                now = self._clock.now()
                 self._path = np.vstack([self.q, rows[:, 1:]])
                 self._times = np.concatenate([[now], now + rows[:, 0]])
             elif not self.silent:
-                self._answers += " ".join(f"{angle:.6f}" for angle in self.q).encode() + b"\\n"
+                self._answers += " ".join(f"{angle:.6f}" for angle in self.q).encode() + b"\n"
 
     def receive(self, timeout: float) -> bytes:
         self._clock.advance(timeout)
@@ -200,98 +211,19 @@ class Emulated$Name:
         """Nothing: the newest path ends at rest."""
 
 
-@driver($Name, ${Name}Options)
-def connect(settings: Settings[${Name}Options], context: ConnectContext) -> $Name:
-    """`driver: $name`"""
+@driver(Reacher, ReacherOptions)
+def connect(settings: Settings[ReacherOptions], context: ConnectContext) -> Reacher:
+    """`driver: reacher`"""
     options, clock = settings.values, context.clock
     limits = read_limits(options.robot, options.joints)
     try:
-        emulated = Emulated$Name(clock, options.joints)
+        emulated = EmulatedReacher(clock, options.joints)
         wire = emulated if options.tcp is None else tcp_opener(*options.tcp, context.wires)()
-        arm = $Name(wire, clock, options.robot, limits, options.lead)
+        arm = Reacher(wire, clock, options.robot, limits, options.lead)
         arm.connect()
     except (OSError, DeviceError) as error:
-        raise settings.error(str(error), "tcp", "is the controller switched on, and on this network?") from error
+        raise settings.error(
+            str(error), "tcp", "is the controller switched on, and on this network?"
+        ) from error
     arm.start()
     return arm
-''',
-        "tests/test_$name.py": '''"""The driver `$name` at the emulated arm, on a clock that the test moves."""
-
-from __future__ import annotations
-
-from pathlib import Path
-
-import numpy as np
-import pytest
-from pomona.drivers.errors import DeviceLost, MotionRefused
-from pomona.drivers.interfaces import Arm, ArmLimits, MotionState, Trajectory
-from pomona.executive.clock import ManualClock
-
-from $module.$name import Emulated$Name, $Name
-
-WIDE = np.full(7, 3.0)
-LIMITS = ArmLimits(-WIDE, WIDE, velocity=WIDE, acceleration=5.0 * WIDE, jerk=50.0 * WIDE)
-Pair = tuple[$Name, Emulated$Name]
-
-
-@pytest.fixture
-def pair() -> Pair:
-    clock = ManualClock()
-    wire = Emulated$Name(clock, 7)
-    arm = $Name(wire, clock, Path("robot.xml"), LIMITS, lead=0.15)
-    arm.connect()
-    serve(arm, 50)
-    return arm, wire
-
-
-def serve(arm: $Name, steps: int) -> None:
-    for _ in range(steps):  # of 4 ms
-        arm.step()
-
-
-def sweep(angle: float = 0.5, duration: float = 1.5) -> Trajectory:
-    """A path of the first joint, from rest to rest."""
-    x = np.linspace(0.0, 1.0, 151)
-    shape = 10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5, 30.0 * x**2 * (1.0 - x) ** 2, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
-    q, qd, qdd = (part[:, None] * np.eye(7)[0] * (angle / duration**n) for n, part in enumerate(shape))
-    return Trajectory(x * duration, q, qd, qdd)
-
-
-def test_it_follows_a_path_to_its_end(pair: Pair) -> None:
-    arm, wire = pair
-    motion = arm.follow(sweep())
-    serve(arm, 600)
-    assert isinstance(arm, Arm)
-    assert (motion.state, motion.settled) == (MotionState.DONE, True)
-    assert wire.q[0] == pytest.approx(0.5, abs=1e-4)
-    arm.check()
-
-
-def test_a_safe_stop_brakes_on_the_path_and_refuses_another(pair: Pair) -> None:
-    arm, wire = pair
-    motion = arm.follow(sweep())
-    serve(arm, 150)
-    arm.safe_stop("test")
-    serve(arm, 250)
-    assert (motion.state, arm.settled()) == (MotionState.STOPPED, True)
-    assert 0.05 < wire.q[0] < 0.45
-    with pytest.raises(MotionRefused, match="latched"):
-        arm.follow(sweep())
-
-
-def test_silence_is_a_loss_until_it_is_acknowledged(pair: Pair) -> None:
-    arm, wire = pair
-    wire.silent = True
-    serve(arm, 50)
-    with pytest.raises(DeviceLost, match="no answer for"):
-        arm.check()
-    wire.silent = False
-    serve(arm, 50)
-    with pytest.raises(MotionRefused, match="not ready"):
-        arm.follow(sweep())
-    arm.acknowledge()
-    arm.check()
-''',
-    },
-    entry=("pomona.drivers", "$name", "$module.$name:connect"),
-)

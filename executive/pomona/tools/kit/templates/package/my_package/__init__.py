@@ -1,0 +1,1 @@
+"""Skills, drivers and words of trees for Pomona."""
