@@ -94,9 +94,13 @@ def _points(depth: Float32, K: Float64, box: Float64) -> tuple[Float64, Float64,
     v, u = np.mgrid[top : max(top, bottom), left : max(left, right)]
     z = np.asarray(depth[top : max(top, bottom), left : max(left, right)], np.float64)
     measured = np.isfinite(z) & (z > 0.0)
-    u, v, z = u[measured], v[measured], z[measured]
+    u = u[measured]
+    v = v[measured]
+    z = z[measured]
     each = max(1, -(-len(z) // MOST_POINTS))
-    u, v, z = u[::each], v[::each], z[::each]
+    u = u[::each]
+    v = v[::each]
+    z = z[::each]
     points = np.column_stack([(u - K[0, 2]) / K[0, 0] * z, (v - K[1, 2]) / K[1, 1] * z, z])
     return points, np.column_stack([u, v]).astype(np.float64), float(each)
 
@@ -146,7 +150,9 @@ class BoxDetector:
     def __init__(
         self, model: BoxModel, close_look: CompactDetector | None, dimensions: Float64
     ) -> None:
-        self._model, self._close_look, self._dimensions = model, close_look, dimensions
+        self._model = model
+        self._close_look = close_look
+        self._dimensions = dimensions
 
     @classmethod
     def load(

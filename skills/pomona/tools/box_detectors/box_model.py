@@ -1,12 +1,11 @@
 """A detector of boxes as an ONNX file of any origin.
 
-Input: one picture, float32 or float16, (1, 3, h, w) or (3, h, w), and perhaps its size, (1, 2) int64.
+Input: one picture, float32 or float16, (1, 3, h, w) or (3, h, w), RGB in 0..1, in its middle with grey at the sides.
 `box_forms` lists the forms of the outputs that are read, `box_settings` the settings of a file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -16,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.arrays import Float64, UInt8
 from pomona.executive.values.pictures import LFS_POINTER
 from pomona.executive.values.trial import MEMORY, trial
 from pomona.skills.perception.detection.close_look import check_picture
@@ -24,14 +23,7 @@ from pomona.skills.perception.detection.detection import WORKING_WIDTH
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.onnx_runtime import BadGraph, judge_model, open_session
 from pomona.skills.perception.detection.places import distinct
-from pomona.tools.box_detectors.box_forms import (
-    LEAST_SCORE,
-    PAIRS,
-    BadForm,
-    BoxForm,
-    form_of,
-    read_boxes,
-)
+from pomona.tools.box_detectors.box_forms import BadForm, read_boxes
 from pomona.tools.box_detectors.box_settings import read_settings
 
 GREY = (114, 114, 114)  # colour beside the picture, as in the training of YOLO networks
@@ -40,9 +32,6 @@ DTYPES = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
 }  # types of the input that are served
-
-IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Mean and standard deviation of ImageNet's red, green and blue in 0..1, by which RF-DETR's input is normalised."""
 
 MOST_WORDS = 200  # letters of ONNX Runtime's reason that are quoted
 
@@ -94,7 +83,7 @@ class FittedPicture:
     """A picture as a network's input."""
 
     planes: NDArray[np.floating[Any]]  # (3, h, w)
-    factors: Float64  # pixels of the input per pixel of the picture, across and down, (2,)
+    factor: float  # pixels of the input per pixel of the picture
     offset: Float64  # place of the picture's upper left corner in the input, (2,) [px]
 
 
@@ -110,7 +99,8 @@ class BoxModel:
     """
 
     def __init__(self, path: Path, fruit: str, working_width: int = WORKING_WIDTH) -> None:
-        self._path, self._fruit = path, fruit
+        self._path = path
+        self._fruit = fruit
         if not path.is_file():
             raise BadWeights(path, "no such file")
         try:
@@ -123,20 +113,7 @@ class BoxModel:
         self._settings = read_settings(path, self._session.get_modelmeta().custom_metadata_map)
         self._read_input(working_width)
         self._outputs = [output.name for output in self._session.get_outputs()]
-        self._scale, self._shift = self._normalisation()
-        self._stretched = self._settings.fit == "stretch"
-        fitted = self._fit(np.zeros((480, 640, 3), np.uint8))
-        outputs = self._run(fitted)
-        try:
-            self._form = form_of(outputs, self._settings)
-        except BadForm as error:
-            raise BadWeights(path, str(error)) from error
-        if not self._settings.fit:  # networks with queries learnt from stretched pictures
-            self._stretched = self._sizes is not None or self._form in (
-                BoxForm.QUERIES,
-                BoxForm.LOGITS,
-            )
-        self._read(outputs, fitted)
+        self._read(self._fit(np.zeros((480, 640, 3), np.uint8)))
 
     def find(self, colour: UInt8) -> list[ScoredBox]:
         """Return boxes around the fruit in a picture, by falling score.
@@ -150,35 +127,34 @@ class BoxModel:
         """
         check_picture(colour)
         fitted = self._fit(colour)
-        corners, scores = self._read(self._run(fitted), fitted)
+        corners, scores = self._read(fitted)
         height, width = colour.shape[:2]
-        corners = (corners - np.tile(fitted.offset, 2)) / np.tile(fitted.factors, 2)
+        corners = (corners - np.tile(fitted.offset, 2)) / fitted.factor
         corners = np.clip(corners, 0.0, [width, height, width, height])
         boxes = np.hstack([corners[:, :2], corners[:, 2:] - corners[:, :2]])
-        usable = (boxes[:, 2:] >= 1.0).all(axis=1) & (scores >= LEAST_SCORE)
-        boxes, scores = boxes[usable], scores[usable]
+        usable = (boxes[:, 2:] >= 1.0).all(axis=1)
+        boxes = boxes[usable]
+        scores = scores[usable]
         order = np.argsort(-scores, kind="stable")[:MOST_BOXES]
-        boxes, scores = boxes[order], scores[order]
+        boxes = boxes[order]
+        scores = scores[order]
         return [ScoredBox(boxes[k], float(scores[k])) for k in distinct(boxes)]
 
     def _read_input(self, working_width: int) -> None:
-        inputs = self._session.get_inputs()
         expected = "one input (1, 3, h, w) or (3, h, w) of float32"
-        sizes = [
-            given for given in inputs if given.type == "tensor(int64)" and _ends(given.shape, 2)
-        ]
-        pictures = [given for given in inputs if given not in sizes]
-        if len(pictures) != 1 or len(sizes) > 1:
+        inputs = self._session.get_inputs()
+        if len(inputs) != 1:
             raise BadWeights(self._path, f"has {len(inputs)} inputs, expected {expected}")
-        shape, kind = list(pictures[0].shape), pictures[0].type
+        (picture,) = inputs
+        shape = list(picture.shape)
         leading = shape[:-3] if len(shape) in (3, 4) else [0]
         several = any(isinstance(n, int) and n != 1 for n in leading)
-        if kind not in DTYPES or several or not _is_size(shape[-3], 3) or shape[-1] == 3:
-            raise BadWeights(
-                self._path, f"has the input {_words(shape)} of {kind}, expected {expected}"
-            )
-        self._name, self._dtype, self._batched = pictures[0].name, DTYPES[kind], len(shape) == 4
-        self._sizes = sizes[0].name if sizes else None
+        if picture.type not in DTYPES or several or shape[-3] != 3:
+            given = f"({', '.join(str(side) for side in shape)}) of {picture.type}"
+            raise BadWeights(self._path, f"has the input {given}, expected {expected}")
+        self._name = picture.name
+        self._dtype = DTYPES[picture.type]
+        self._batched = len(shape) == 4
         own = self._settings.imgsz or (0, 0)
         height, width = (
             int(n) if isinstance(n, int) else side for n, side in zip(shape[-2:], own, strict=True)
@@ -186,65 +162,41 @@ class BoxModel:
         self._fixed = (width, height) if width > 0 and height > 0 else None
         self._working_width = width or working_width
 
-    def _normalisation(self) -> tuple[Float32, Float32]:
-        """Return factor and summand from a colour, 0 to 255, to the input, (3,) each."""
-        mean, std = IMAGENET if set(PAIRS[0]) <= set(self._outputs) else ((0.0,) * 3, (1.0,) * 3)
-        middle, spread = np.array(self._settings.mean or mean), np.array(self._settings.std or std)
-        factor = (255.0 if self._settings.range == "0..255" else 1.0) / spread
-        return (factor / 255.0).astype(np.float32), (-middle * factor).astype(np.float32)
-
     def _fit(self, colour: UInt8) -> FittedPicture:
-        """Return a picture in the form of the input: stretched, or in its middle with grey at the sides."""
+        """Return a picture in the form of the input: in its middle with grey at the sides."""
         height, width = colour.shape[:2]
-        factors = np.full(2, self._working_width / width)
+        factor = self._working_width / width
         if self._fixed is not None:
-            factors[1] = self._fixed[1] / height
-            if not self._stretched:
-                factors[:] = factors.min()
-        across, down = (
-            max(1, round(side * factor))
-            for side, factor in zip((width, height), factors, strict=True)
-        )
-        flag = cv2.INTER_AREA if factors.max() < 1.0 else cv2.INTER_LINEAR
+            factor = min(factor, self._fixed[1] / height)
+        across, down = (max(1, round(side * factor)) for side in (width, height))
+        flag = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_LINEAR
         picture = cv2.resize(np.ascontiguousarray(colour), (across, down), interpolation=flag)
         stride = self._settings.stride
         full = self._fixed or tuple(-(-side // stride) * stride for side in (across, down))
-        right, below = full[0] - across, full[1] - down
-        left, top = right // 2, below // 2
+        right = full[0] - across
+        below = full[1] - down
+        left = right // 2
+        top = below // 2
         border = top, below - top, left, right - left
         picture = cv2.copyMakeBorder(picture, *border, cv2.BORDER_CONSTANT, value=GREY)
-        colours = (picture * self._scale + self._shift)[
-            ..., :: -1 if self._settings.order == "bgr" else 1
-        ]
-        planes = np.ascontiguousarray(colours.transpose(2, 0, 1)).astype(self._dtype)
-        return FittedPicture(planes, factors, np.array([left, top], float))
+        planes = np.ascontiguousarray(picture.transpose(2, 0, 1)) * np.float32(1.0 / 255.0)
+        return FittedPicture(planes.astype(self._dtype), factor, np.array([left, top], float))
 
-    def _run(self, fitted: FittedPicture) -> Mapping[str, NDArray[Any]]:
-        """Return the outputs by name, fractions as float64."""
-        planes = fitted.planes
-        inputs: dict[str, NDArray[Any]] = {self._name: planes[None] if self._batched else planes}
-        if self._sizes is not None:  # boxes then come in pixels of the input
-            inputs[self._sizes] = np.array([planes.shape[:0:-1]], np.int64)
+    def _read(self, fitted: FittedPicture) -> tuple[Float64, Float64]:
+        """Return corners (n, 4) [px of the input] and scores (n,) of the fruit's class."""
+        planes = fitted.planes[None] if self._batched else fitted.planes
         try:
-            outputs = self._session.run(None, inputs)
+            outputs = self._session.run(None, {self._name: planes})
         except Exception as error:  # ONNX Runtime's errors have no common root
-            shape = inputs[self._name].shape
-            raise BadWeights(
-                self._path, f"fails on a picture {shape}: {type(error).__name__}"
-            ) from error
+            words = f"fails on a picture {planes.shape}: {type(error).__name__}"
+            raise BadWeights(self._path, words) from error
         arrays = (np.asarray(output) for output in outputs)
         plain = [
             array if array.dtype.kind in "iu" else array.astype(np.float64) for array in arrays
         ]
-        return dict(zip(self._outputs, plain, strict=True))
-
-    def _read(
-        self, outputs: Mapping[str, NDArray[Any]], fitted: FittedPicture
-    ) -> tuple[Float64, Float64]:
-        """Return corners (n, 4) [px of the input] and scores (n,) of the fruit's class."""
-        height, width = fitted.planes.shape[1:]
         try:
-            return read_boxes(outputs, self._form, self._settings, self._fruit, width, height)
+            named = dict(zip(self._outputs, plain, strict=True))
+            return read_boxes(named, self._settings, self._fruit)
         except BadForm as error:
             raise BadWeights(self._path, str(error)) from error
 
@@ -263,15 +215,3 @@ def _judge(path: Path) -> None:
         if start == LFS_POINTER:
             raise BadGraph("is a pointer of Git LFS, not the model: run `git lfs pull`")
         judge_model(memoryview(mmap(stream.fileno(), 0, access=ACCESS_READ)))
-
-
-def _ends(shape: Any, side: int) -> bool:
-    return bool(shape) and shape[-1] == side
-
-
-def _is_size(given: object, wanted: int) -> bool:
-    return not isinstance(given, int) or given == wanted
-
-
-def _words(shape: Any) -> str:
-    return f"({', '.join(str(side) for side in shape)})"

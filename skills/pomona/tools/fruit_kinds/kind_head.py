@@ -10,7 +10,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import cv2
 import numpy as np
@@ -28,11 +27,12 @@ CONTEXT = 1.5  # side of that picture over the longer side of the find's box
 BATCH = 32  # pictures that go through the network at once
 NONE = "none"  # the last kind: none of the others
 
-FORMAT, NETWORK, ABOUT = "pomona kinds of fruit 1", "kinds.onnx", "about.json"
+FORMAT = "pomona kinds of fruit 1"
+NETWORK = "kinds.onnx"
+ABOUT = "about.json"
 ENDING = ".kinds"
 CALIBRATION = "score"  # note about a file: the meaning of a score of 0.5
 MOST_BYTES = 32 << 20  # of both members, unpacked [byte]
-_YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of each member: equal weights give equal files
 EDGE = 1e-4  # scores and probabilities are kept so far from 0 and 1 before their logits are taken
 
 
@@ -66,24 +66,12 @@ class StoredKinds:
     about: Mapping[str, str] = field(default_factory=dict)  # how the weights were made
 
 
-def write_kinds(path: Path, stored: StoredKinds) -> None:
-    """Write a file of kinds atomically."""
-    score = {"found": stored.score.found, "kind": stored.score.kind, "offset": stored.score.offset}
-    about = {"format": FORMAT, "kinds": stored.kinds, "score": score, "about": dict(stored.about)}
-    text = json.dumps(about, indent=2, ensure_ascii=False) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    with ZipFile(part, "w") as archive:
-        for name, content in ((NETWORK, stored.network), (ABOUT, text.encode())):
-            archive.writestr(ZipInfo(name, _YEAR_ZERO), content, ZIP_DEFLATED, 9)
-    part.replace(path)
-
-
 def read_kinds(path: Path) -> StoredKinds:
     """Read a file of kinds. Raises BadWeights: unreadable, or another format."""
     try:
         with open_archive(path, MOST_BYTES) as archive:
-            about, network = json.loads(archive.read(ABOUT)), archive.read(NETWORK)
+            about = json.loads(archive.read(ABOUT))
+            network = archive.read(NETWORK)
         if about["format"] != FORMAT:
             raise BadWeights(
                 path, f"has the format {str(about['format'])[:60]!r}, expected {FORMAT!r}"
@@ -115,10 +103,8 @@ def find_picture(colour: UInt8, box: Float64, side: int = SIDE) -> UInt8:
     step = 2.0 * half / side
     source = colour
     if step > 1.0:  # large fruit is shrunk with the means of its pixels
-        first, last = (
-            np.maximum(np.floor(low).astype(int), 0),
-            np.ceil(low + 2.0 * half).astype(int),
-        )
+        first = np.maximum(np.floor(low).astype(int), 0)
+        last = np.ceil(low + 2.0 * half).astype(int)
         source = colour[
             first[1] : max(last[1], first[1] + 1), first[0] : max(last[0], first[0] + 1)
         ]
@@ -151,7 +137,10 @@ class KindHead:
     def __init__(
         self, network: Network, kinds: tuple[str, ...], score: KindScore, path: Path = Path()
     ) -> None:
-        self.kinds, self.score, self.path, self._network = kinds, score, path, network
+        self.kinds = kinds
+        self.score = score
+        self.path = path
+        self._network = network
 
     @classmethod
     def load(cls, path: Path) -> KindHead:

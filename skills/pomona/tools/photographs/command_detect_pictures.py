@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import math
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -22,11 +20,18 @@ from pomona.executive import (
     raise_again,
     read_picture,
 )
-from pomona.tools.photographs.picture_results import FORMATS, SHEET, PictureResults, UnusableInput
+from pomona.tools.photographs.labels import BadLabels
+from pomona.tools.photographs.picture_results import (
+    COCO,
+    COLUMNS,
+    TABLE,
+    Outlined,
+    PictureResults,
+    shown,
+)
 
 if TYPE_CHECKING:
     from pomona.skills.perception import CompactDetector, DetectorOptions, FoundFruit
-    from pomona.tools.box_detectors.box_model import ScoredBox
 
 BESIDE = (
     ".txt",
@@ -39,15 +44,14 @@ BESIDE = (
     ".npy",
 )  # labels and notes, beside pictures
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
-TABLE = "found.csv"
-COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
 MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH = 3000, 200  # places that are looked at closely in one picture
 BOXES_WIDTH = 1280  # width at which a detector of boxes searches, unless --width gives another [px]
 
+Search = Callable[[UInt8], Sequence[Outlined]]  # finds the fruit in a picture (h, w, 3) uint8 RGB
 
-Search = Callable[
-    [UInt8], "Sequence[FoundFruit | ScoredBox]"
-]  # finds the fruit in a picture (h, w, 3) uint8 RGB
+
+class UnusableInput(Exception):
+    """Options that do not go together, a missing file, or a folder without pictures."""
 
 
 def add(subparsers: Any) -> None:
@@ -61,7 +65,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--fruit",
         default="apple",
-        help="name in the catalogue, or a path; or a kind of the apple's photo_weights, as tomato (apple)",
+        help="name in the catalogue, or a path (apple)",
     )
     parser.add_argument(
         "--weights",
@@ -87,13 +91,7 @@ def add(subparsers: Any) -> None:
         "--eval",
         type=Path,
         metavar="LABELS",
-        help="your own labels: a folder of COCO, YOLO or tables, or a .json of COCO; gives recall and precision",
-    )
-    parser.add_argument(
-        "--format",
-        choices=FORMATS,
-        default="csv",
-        help=f"of the boxes, beside {TABLE}: coco, yolo (csv: that table)",
+        help="your own labels, a .json of COCO; gives recall and precision",
     )
     parser.add_argument(
         "--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)"
@@ -115,7 +113,7 @@ def main(options: argparse.Namespace) -> int:
         if table.exists():
             raise UnusableInput(f"{table} is there already: name another folder with --out")
         files = list(_files(options.pictures))
-        results = PictureResults(options, files)
+        results = PictureResults(options)
         search = _search(options)
         options.out.mkdir(parents=True, exist_ok=True)
         with table.open("x", newline="", encoding="utf-8") as stream:
@@ -123,7 +121,7 @@ def main(options: argparse.Namespace) -> int:
                 unusable = _all(files, search, results, stream)
             finally:
                 results.write()
-    except (UnusableInput, DetectError, FruitError, OSError) as error:
+    except (UnusableInput, BadLabels, DetectError, FruitError, OSError) as error:
         sys.stderr.write(f"pomona detect: {error}\n")
         return 2
     except KeyboardInterrupt:
@@ -131,7 +129,7 @@ def main(options: argparse.Namespace) -> int:
             sys.stderr.write(f"interrupted: {table} holds the results so far\n")
         raise
     sys.stdout.write(
-        f"written to {options.out}: {TABLE}, {SHEET}, and each picture with its boxes\n"
+        f"written to {options.out}: {TABLE}, {COCO}, and each picture with its boxes\n"
     )
     return 2 if unusable else 0
 
@@ -181,11 +179,14 @@ def _search(options: argparse.Namespace) -> Search:
         BadWeights,
         CompactDetector,
         find_weights,
+        load_fruit,
     )
     from pomona.tools.box_detectors.box_model import load_boxes
     from pomona.tools.fruit_kinds.kind_head import CALIBRATION, kinds_beside
 
-    name, weights = _fruit(options.fruit)
+    fruit = load_fruit(options.fruit)
+    name = fruit.name
+    weights = fruit.photo_weights or fruit.weights
     if options.boxes is not None:
         if options.weights is not None:
             raise UnusableInput("--boxes and --weights: name one of them")
@@ -223,31 +224,11 @@ def photo_options(width: int | None, kind: str = "") -> DetectorOptions:
     return DetectorOptions(working_width=width, most_fruit=MOST_LOOKS_AT_ONE_WIDTH, kind=kind)
 
 
-def _fruit(name: str) -> tuple[str, Path | None]:
-    """Return a fruit's name and weights: of the catalogue, else of a kind of the apple's photo_weights.
-
-    Raises FruitError, BadWeights: there is neither, or a file cannot be used.
-    """
-    from pomona.skills.perception import FruitError, load_fruit
-    from pomona.tools.fruit_kinds.kind_head import kinds_beside
-
-    try:
-        fruit = load_fruit(name)
-    except FruitError:
-        weights = load_fruit("apple").photo_weights
-        kinds = None if weights is None else kinds_beside(weights)
-        if kinds is None or name not in kinds.kinds[:-1]:
-            raise
-        return name, weights
-    return fruit.name, fruit.photo_weights or fruit.weights
-
-
 def _all(files: Sequence[Path], search: Search, results: PictureResults, stream: TextIO) -> int:
     """Return how many pictures could not be used; each other one gets its line on the screen and rows in the table."""
     from pomona.skills.perception import BadFrame
 
-    table = csv.writer(stream)
-    table.writerow(COLUMNS)
+    csv.writer(stream).writerow(COLUMNS)
     unusable = total = 0
     for number, file in enumerate(files):
         raise_again()
@@ -255,34 +236,16 @@ def _all(files: Sequence[Path], search: Search, results: PictureResults, stream:
             picture = read_picture(file)
             found = search(picture)
         except (UnusablePicture, BadFrame) as error:
-            sys.stderr.write(f"pomona detect: {_shown(file)}: {error}\n")
+            sys.stderr.write(f"pomona detect: {shown(file)}: {error}\n")
             unusable += 1
             continue
-        sure = [fruit for fruit in found if fruit.score >= results.score]
-        results.add(number, file, picture, found)
-        height, width = picture.shape[:2]
-        table.writerows(_row(file, k + 1, fruit, width, height) for k, fruit in enumerate(sure))
-        stream.flush()
-        total += len(sure)
-        sys.stdout.write(f"{number + 1}/{len(files)}  {_shown(file)}: {len(sure)} found\n")
+        count = results.add(number + 1, file, picture, found, stream)
+        total += count
+        sys.stdout.write(f"{number + 1}/{len(files)}  {shown(file)}: {count} found\n")
         sys.stdout.flush()
     used = len(files) - unusable
     sys.stdout.write(f"{total} fruit in {used} {'picture' if used == 1 else 'pictures'}\n")
     return unusable
-
-
-def _row(
-    file: Path, number: int, fruit: FoundFruit | ScoredBox, width: int, height: int
-) -> tuple[object, ...]:
-    box = (f"{value:.1f}" for value in fruit.outline(width, height))
-    visible = "" if math.isnan(fruit.visibility) else f"{fruit.visibility:.2f}"
-    return _shown(file), number, f"{fruit.score:.3f}", *box, visible
-
-
-def _shown(file: Path) -> str:
-    """Return a name that every screen can show in one line: bytes that are not UTF-8 as \\xNN, a new line as \\n."""
-    text = os.fsencode(file).decode("utf-8", "backslashreplace")
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:

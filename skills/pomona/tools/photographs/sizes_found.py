@@ -30,7 +30,8 @@ class SizesFound:
     """
 
     def __init__(self, width: int | None, range_known: bool = True) -> None:
-        self._width, self._range_known = width, range_known
+        self._width = width
+        self._range_known = range_known
         self._known: set[tuple[int, int]] = set()
         self._sizes: list[Float64] = []
         self._lower = self._upper = self._widest = 0
@@ -61,11 +62,9 @@ class SizesFound:
         if not self._range_known:
             return
         lower, upper = at_edge(sizes, self._sides(width, height), width, height)
-        self._lower, self._upper, self._widest = (
-            self._lower + lower,
-            self._upper + upper,
-            max(self._widest, width),
-        )
+        self._lower = self._lower + lower
+        self._upper = self._upper + upper
+        self._widest = max(self._widest, width)
 
     def lines(self) -> list[str]:
         """Return the sizes found, and a warning where they lie at an edge of the range."""

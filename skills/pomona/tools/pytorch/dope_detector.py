@@ -80,21 +80,19 @@ class DopeDetector:
         instances = []
         for one in sorted(found, key=lambda one: -one.score):
             keypoints = one.keypoints / factor
+            score = float(np.clip(one.score, 0.0, 1.0))
+            # DOPE estimates no visibility: the ratio of corners with a peak stands for it.
+            seen = float(np.isfinite(keypoints[:8]).all(axis=1).mean())
             try:
                 solved = solve_pose(keypoints, self._dimensions, K)
             except PoseUnsolved as error:
                 # Keypoints without a peak are drawn at the centroid.
                 drawn = np.where(np.isfinite(keypoints), keypoints, keypoints[8])
-                instances.append(
-                    Instance(drawn, _belief(one.score), _seen(keypoints), None, None, str(error))
-                )
+                instances.append(Instance(drawn, score, seen, None, None, str(error)))
                 continue
-            drawn = cuboid_in_picture(solved.T_camera_object, self._dimensions, K)
-            belief = _belief(one.score)
-            seen = _seen(keypoints)
-            instances.append(
-                Instance(drawn, belief, seen, solved.T_camera_object, solved.covariance)
-            )
+            T = solved.T_camera_object
+            drawn = cuboid_in_picture(T, self._dimensions, K)
+            instances.append(Instance(drawn, score, seen, T, solved.covariance))
         return instances
 
 
@@ -111,12 +109,3 @@ def _try(weights: Path) -> None:
     )
     if problem:
         raise BadWeights(weights, problem)
-
-
-def _belief(score: float) -> float:
-    return float(np.clip(score, 0.0, 1.0))
-
-
-def _seen(keypoints: Float64) -> float:
-    """Return the ratio of corners with a peak: DOPE estimates no visibility."""
-    return float(np.isfinite(keypoints[:8]).all(axis=1).mean())

@@ -278,7 +278,7 @@ IMAGENET_STD = (0.229, 0.224, 0.225)
 BELIEF_MAPS = 9
 AFFINITY_MAPS = 16
 DOPE_STAGES = 6
-_VGG_WIDTHS = (64, 64, 0, 128, 128, 0, 256, 256, 256, 256, 0, 512, 512)  # 0: halving
+_VGG_WIDTHS = (64, 64, 0, 128, 128, 0, 256, 256, 256, 256, 0, 512, 512, 256, 128)  # 0: halving
 
 
 class DopeNetwork(nn.Module):
@@ -335,24 +335,15 @@ def dope_input(colour: NDArray[np.uint8], downscale_height: int = 400) -> tuple[
 
 
 def _features() -> nn.Sequential:
-    layers = nn.Sequential()
+    layers: list[nn.Module] = []
     channels = 3
-    index = 0
     for width in _VGG_WIDTHS:
         if width == 0:
-            layers.add_module(str(index), nn.MaxPool2d(2, 2))
-            index += 1
+            layers.append(nn.MaxPool2d(2, 2))
             continue
-        layers.add_module(str(index), nn.Conv2d(channels, width, 3, padding=1))
-        layers.add_module(str(index + 1), nn.ReLU(inplace=True))
+        layers += [nn.Conv2d(channels, width, 3, padding=1), nn.ReLU(inplace=True)]
         channels = width
-        index = index + 2
-    for width in (256, 128):
-        layers.add_module(str(index), nn.Conv2d(channels, width, 3, padding=1))
-        layers.add_module(str(index + 1), nn.ReLU(inplace=True))
-        channels = width
-        index = index + 2
-    return layers
+    return nn.Sequential(*layers)
 
 
 def _stage(widths: list[tuple[int, int, int]]) -> nn.Sequential:

@@ -19,9 +19,8 @@ def write(
     names: str | None = None,
     kind: int = FLOAT,
     metadata: dict[str, str] | None = None,
-    sizes: str = "",
 ) -> Path:
-    """A model with constant outputs; lists of whole numbers are int64, `sizes` names a second input."""
+    """A model with constant outputs; lists of whole numbers are int64."""
     nodes, declared = [], []
     for name, value in outputs.items():
         array = np.asarray(value)
@@ -33,11 +32,7 @@ def write(
             )
         )
     picture = helper.make_tensor_value_info("images", kind, shape or [1, 3, 240, 320])
-    inputs = [
-        picture,
-        *([helper.make_tensor_value_info(sizes, TensorProto.INT64, [1, 2])] if sizes else []),
-    ]
-    return save(path, nodes, inputs, declared, names, metadata)
+    return save(path, nodes, [picture], declared, names, metadata)
 
 
 def save(

@@ -106,7 +106,7 @@ def test_a_model_that_cannot_be_used_is_a_failure_in_one_line(
     assert outcome.reason is not None
     assert outcome.reason.code == "NO_WEIGHTS"
     assert (
-        "model.onnx: has the outputs logits (1, 1), expected boxes (n, 4)" in outcome.reason.message
+        "model.onnx: has the outputs logits (1, 1), expected one output" in outcome.reason.message
     )
 
 

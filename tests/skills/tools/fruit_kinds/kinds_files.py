@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
 from pomona.skills.perception.detection.onnx_runtime import INPUT
-from pomona.tools.fruit_kinds.kind_head import NONE, KindScore, StoredKinds, write_kinds
+from pomona.tools.fruit_kinds.kind_head import ABOUT, FORMAT, NETWORK, NONE
 
 STEEP = 20.0  # logit of a kind for one unit of its colour
 
@@ -36,8 +38,13 @@ def colour_kinds(
     path: Path, kinds: tuple[str, ...] = ("apple", "lime", NONE), rows: int = 3
 ) -> Path:
     """A file whose first kind is red, whose second is green, and whose third is blue."""
-    write_kinds(
-        path,
-        StoredKinds(colour_network(rows), kinds, KindScore(1.0, 1.0, 0.0), {"made": "for tests"}),
-    )
+    about = {
+        "format": FORMAT,
+        "kinds": kinds,
+        "score": {"found": 1.0, "kind": 1.0, "offset": 0.0},
+        "about": {"made": "for tests"},
+    }
+    with ZipFile(path, "w") as archive:
+        archive.writestr(NETWORK, colour_network(rows))
+        archive.writestr(ABOUT, json.dumps(about))
     return path

@@ -58,18 +58,6 @@ def test_eight_corners_without_centroid_are_enough() -> None:
     assert np.allclose(solve_pose(project(T)[:8], APPLE, K).T_camera_object, T, atol=1e-4)
 
 
-def test_an_unsure_keypoint_hardly_moves_the_pose() -> None:
-    T = pose((0.2, 0.4, -0.1, 0.8), (0.03, -0.02, 0.5))
-    keypoints, spreads = project(T), np.ones(9)
-    keypoints[3] += 40.0
-    spreads[3] = 200.0
-    trusting = np.linalg.norm(solve_pose(keypoints, APPLE, K).T_camera_object[:3, 3] - T[:3, 3])
-    weighing = np.linalg.norm(
-        solve_pose(keypoints, APPLE, K, spreads=spreads).T_camera_object[:3, 3] - T[:3, 3]
-    )
-    assert weighing < 0.05 * trusting
-
-
 def test_covariance_agrees_with_the_scatter_of_noisy_solutions() -> None:
     rng = np.random.default_rng(0)
     T = pose((0.3, 0.5, -0.1, 0.8), (0.03, -0.02, 0.5))

@@ -140,7 +140,7 @@ class CompactDetector:
         seen = (
             self._look_at_all_widths(colour, K)
             if self.options.working_width is None
-            else self.look(colour, K)[1]
+            else self._look_at_one_width(colour, K)
         )
         seen = sorted(self.judge(colour, seen, self.options.kind), key=lambda fruit: -fruit.score)
         centres, sizes = (
@@ -154,29 +154,15 @@ class CompactDetector:
                 kept.append(k)
         return [seen[k] for k in kept]
 
-    def look(
-        self, colour: UInt8, K: Float64, hopeless: float | None = None
-    ) -> tuple[list[Proposal], list[FoundFruit], Float64]:
-        """Return the finder's places, the fruit there, and the logits of their scores, (n, 4).
-
-        Args:
-            colour: (h, w, 3) uint8 RGB.
-            K: camera matrix (3, 3) [px].
-            hopeless: a place with less score after one look gets no second one; None for that of the weights.
-
-        Raises:
-            BadFrame: another shape or type.
-        """
+    def _look_at_one_width(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
+        """Return the fruit at the finder's places in a picture that is searched at one width."""
         places = self.places(colour, self.options.finder_threshold)[: self.options.most_fruit]
-        seen, features = self._look_at_places(colour, K, places, hopeless)
+        seen, features = self._look_at_places(colour, K, places)
         judged = zip(places, seen, self.scores.of(features), strict=True)
-        found = [
-            replace(fruit, score=float(score), box=place.box) for place, fruit, score in judged
-        ]
-        return places, found, features
+        return [replace(fruit, score=float(score), box=place.box) for place, fruit, score in judged]
 
     def _look_at_places(
-        self, colour: UInt8, K: Float64, places: list[Proposal], hopeless: float | None = None
+        self, colour: UInt8, K: Float64, places: list[Proposal]
     ) -> tuple[list[FoundFruit], Float64]:
         """Return the fruit at places, as yet without score and box, and the logits of their scores, (n, 4)."""
         if not places:
@@ -188,11 +174,10 @@ class CompactDetector:
             [(place.centre, place.size) for place in places],
             options.mirrored and options.looks == 1,
         )
-        least = self.scores.hopeless if hopeless is None else hopeless
         answers = zip(places, kinds, strict=True)
         features = np.array([[place.heat, place.quality, kind, kind] for place, kind in answers])
         for number in range(2, options.looks + 1):
-            again = np.nonzero(self.scores.of(features) >= least)[0].tolist()
+            again = np.nonzero(self.scores.of(features) >= self.scores.hopeless)[0].tolist()
             if not again:
                 break
             spots = [(seen[k].centre, seen[k].size) for k in again]

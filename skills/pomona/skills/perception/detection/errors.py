@@ -6,7 +6,6 @@ DetectError
 ├── BadWeights       a weights file that cannot be read or does not fit the network
 ├── BadPoseConfig    a config_pose.yaml that cannot be read
 ├── BadAnnotation    an annotation file that cannot be read
-├── BadPhotographs   a folder of labelled photographs that cannot be used
 ├── PoseUnsolved     keypoints from which no pose follows
 ├── MissingPackage   a package of the extra `torch` is needed and not installed
 └── BadTraining      a training run that cannot start or continue
@@ -71,10 +70,6 @@ class BadPoseConfig(_BadFile):
 
 class BadAnnotation(_BadFile):
     """An annotation file that cannot be used."""
-
-
-class BadPhotographs(_BadFile):
-    """A folder of labelled photographs, or a file of it, that cannot be used."""
 
 
 class MissingPackage(DetectError):
