@@ -25,6 +25,7 @@ from pomona.executive.values.removed import (
 )
 
 ROOT = Path(__file__).resolve().parents[3]
+PARTS = ("executive", "skills", "drivers")
 MOST = 40  # rows on one screen
 BEFORE = json.loads(Path(__file__).with_name("words_before_0_2.json").read_text("utf-8"))
 WORDS = [(row, word) for row in removals() for word in row.old]
@@ -61,6 +62,9 @@ def is_there(kind: str, word: str) -> bool:
             return command in command_names()
         parser = next(p for name, _, p in children(make_parser([command])) if name == command)
         return word in words_of(parser)
+    if kind == "group":
+        sources = [path for part in PARTS for path in (ROOT / part / "pomona").rglob("*.py")]
+        return any(f'"{word}"' in path.read_text("utf-8") for path in sources)
     assert kind == "extra"
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     return word in project["optional-dependencies"]

@@ -1,4 +1,4 @@
-"""Modules and extras of an earlier version in a text that is no YAML: code, or pyproject.toml."""
+"""Modules, extras and groups of entry points of an earlier version in a text that is no YAML: code, or pyproject.toml."""
 
 from __future__ import annotations
 
@@ -33,6 +33,9 @@ def _named(text: str) -> Iterator[tuple[str, str, re.Match[str]]]:
     for word in _words("extra"):
         for found in re.finditer(rf"pomona\[(?:[^]\n]*\W)?({word})\b", text):
             yield "extra", word, found
+    for word in _words("group"):
+        for found in re.finditer(rf"entry-points\.[\"']({word})[\"']", text):
+            yield "group", word, found
 
 
 def _words(kind: str) -> list[str]:

@@ -26,6 +26,7 @@ ROWS = (
     Removal("module", ["pomona.applications.plc"], "it is a device", ["pomona.devices.*"]),
     Removal("module", ["pomona.applications.wall"], "no simulated wall is left"),
     Removal("extra", ["wall"], "no simulated wall is left"),
+    Removal("group", ["pomona.walls"], "no simulated wall is left"),
 )
 
 TREE = """\
@@ -269,6 +270,7 @@ def test_modules_and_extras_of_a_package(capsys: pytest.CaptureFixture[str]) -> 
         "name = '\u2028' 'pomona.applications.plc'\n"
     )
     project = (
+        "[project.entry-points.'pomona.walls']\n"
         'dependencies = ["pomona[torch, wall]>=0.1", "wall"]\n'
         'H = "pomona.applications.plc.handshake:Handshake"   # x\n'
     )
@@ -282,7 +284,7 @@ def test_modules_and_extras_of_a_package(capsys: pytest.CaptureFixture[str]) -> 
     assert Path("pyproject.toml").read_text() == project.replace(old, new)
     out = capsys.readouterr().out
     places = [line.split(": ")[0] for line in out.splitlines() if "error[removed]" in line]
-    assert places == ["m.py:4:5", "m.py:5:5", "pyproject.toml:1:32"]
+    assert places == ["m.py:4:5", "m.py:5:5", "pyproject.toml:1:24", "pyproject.toml:2:32"]
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
