@@ -152,11 +152,9 @@ def now_and_then(
     ) -> list[tuple[int, float, np.ndarray]]:
         nonlocal count
         count += 1
-        return (
-            [(sequence, stamp, wrenches)]
-            if count < at
-            else change(count - at, stamp, wrenches.copy(), sequence)
-        )  # type: ignore[call-arg]
+        if count < at:
+            return [(sequence, stamp, wrenches)]
+        return change(count - at, stamp, wrenches.copy(), sequence)  # type: ignore[call-arg]
 
     return corrupt
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from pomona.devices.emulators.emulated import EmulatedDevice, EmulatedWire, EmulatorKind
 from pomona.devices.emulators.server import Peer
@@ -188,15 +189,17 @@ def _make(cell: Cell, addresses: tuple[str, ...]) -> EmulatedDevice:
     plc = PlcEmulator()
     mirror(
         plc,
-        {name: lambda name=name: bool(signals.read(name).value) for name in signals.names.inputs},  # type: ignore[misc]
-        {
-            name: lambda value, name=name: signals.write(name, value)
-            for name in signals.names.outputs
-        },  # type: ignore[misc]
+        {name: partial(_is_on, signals, name) for name in signals.names.inputs},
+        {name: partial(signals.write, name) for name in signals.names.outputs},
     )
     return EmulatedDevice(
         (EmulatedWire("wire", addresses[0], plc, clients=4),), plc.advance, {"": plc}
     )
+
+
+def _is_on(signals: Signals, name: str) -> bool:
+    """Return the state of a simulated signal."""
+    return bool(signals.read(name).value)
 
 
 MODBUS_PLC = EmulatorKind(lambda address: (address,), _make)

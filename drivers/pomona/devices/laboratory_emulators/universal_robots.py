@@ -301,14 +301,14 @@ class UrEmulator(FaultSwitch):
         }
 
     def _motions(self) -> dict[str, Any]:
-        def servoj(
+        def servoj(  # type: ignore[no-untyped-def]
             q: Any,
             a: float = 0,
             v: float = 0,
             t: float = 0.0,
             lookahead_time: float = 0.1,
             gain: float = 0,
-        ):  # type: ignore[no-untyped-def]
+        ):
             self._owed += max(t, self.cycle)
             while self._owed > 1e-9:
                 self.servo(np.array(q, dtype=np.float64), lookahead_time)

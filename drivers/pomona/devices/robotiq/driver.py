@@ -118,10 +118,10 @@ class RobotiqGripper(ParallelGripper):
             self._command = RobotiqCommand(active=active)
             wanted = ACTIVE if active else 0
             self._await(
-                lambda status, wanted=wanted: status.activation == wanted,
+                lambda status, wanted=wanted: status.activation == wanted,  # type: ignore[misc]
                 ACTIVATION,
                 "was not activated",
-            )  # type: ignore[misc]
+            )
         self._command = None
 
     def _await(
