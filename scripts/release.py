@@ -6,7 +6,7 @@
     python scripts/release.py --python python3.12 --python python3.13   # with these, not with each that is found
 
 Each environment holds the newest allowed packages. It tests the version, the check of a shipped tree, the simulated
-pick, its replay, its tables, a detection in the pictures of these tables, and a campaign of two runs.
+pick, its tables, a detection in the pictures of these tables, and a campaign of two runs.
 """
 
 from __future__ import annotations
@@ -41,7 +41,6 @@ TRIED = (
     ("check", "pick_apple"),
     ("run", "pick_apple", "--seed", "3"),
     ("explain", "last"),
-    ("replay", "last"),
     ("runs", "export", "last", "tables", "--to", "frames"),
     ("detect", "tables/frames", "--weights", "apple.weights"),
     ("campaign", "two.campaign.yaml", "--workers", "1"),
@@ -57,7 +56,6 @@ TRIED_ALONE = (
     ("check", "count_down"),
     ("run", "count_down"),
     ("explain", "last"),
-    ("replay", "last"),
 )
 """Commands of an installed Pomona, and of `pomona-executive`, that must end with 0."""
 

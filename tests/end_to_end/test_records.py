@@ -98,7 +98,7 @@ def test_a_pick_travels_in_one_file(
     said(capsys, "runs", "export", str(record), str(tmp_path / "pick.zip"))
     with zipfile.ZipFile(tmp_path / "pick.zip") as archive:
         archive.extractall(tmp_path / "there")
-    assert "✓ pick_apple" in said(capsys, "replay", "last", "--record", str(tmp_path / "there"))
+    assert "It succeeded" in said(capsys, "explain", "last", "--record", str(tmp_path / "there"))
     assert "1 success" in said(capsys, "runs", "list", "--record", str(tmp_path / "there"))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from fake_cell import FakeCell, Wheel
 
 from pomona.executive.language import BuiltTree, build, read
+from pomona.executive.language.changes import Takeover
 from pomona.executive.ports import Outputs, Time
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, Listener
@@ -60,11 +61,12 @@ def make(
     attended: bool = False,
     go_on: bool = False,
     listeners: Sequence[Listener] = (),
-    reread: Callable[[], str] | None = None,
+    reread: Callable[[], str] = lambda: "",
+    takeover: Callable[..., Takeover] | None = None,
 ) -> tuple[Runner, FakeCell, list[Event]]:
     """A runner on a fake cell. `at_tick` acts at the start of the n-th look at the cell, paused ones counted too.
 
-    `go_on` resumes whenever the run is paused; `reread` returns the text of the changed file.
+    `go_on` resumes whenever the run is paused; `takeover` takes the changed file over, whose text `reread` returns.
     """
     cell, events, received = FakeCell(), EventStream(), []
     for listener in (received.append, *listeners):
@@ -73,17 +75,16 @@ def make(
     def built(text: str, context: Any, board: Any, around: Any = ()) -> BuiltTree:
         return build(read(text, "tree.yaml"), registry, context=context, board=board, around=around)
 
-    again = (
-        None
-        if reread is None
-        else lambda context, board, around: built(reread(), context, board, around)
-    )
+    def take_over(context: Any, board: Any, running: BuiltTree, held: str) -> Takeover:
+        assert takeover is not None
+        return takeover(running, held, lambda around: built(reread(), context, board, around))
+
     runner = Runner(
         lambda context, board: built(text, context, board),
         cell,
         events,
         attended=attended,
-        rebuild=again,
+        take_over=None if takeover is None else take_over,
     )
     looks = iter(range(1, 10_000))
     check = cell.check

@@ -264,10 +264,9 @@ def test_commands_work_without_robots_and_fruit(alone: Alone, words: tuple[str, 
 
 
 @pytest.mark.slow
-def test_a_run_is_recorded_explained_and_replayed(alone: Alone) -> None:
+def test_a_run_is_recorded_and_explained(alone: Alone) -> None:
     assert alone.pomona("run", "count_down", "--record", "kept").returncode == 0
     assert "It succeeded after 2." in alone.pomona("explain", "last", "--record", "kept").stdout
-    assert "count_down  succeeded" in alone.pomona("replay", "last", "--record", "kept").stdout
 
 
 @pytest.mark.slow
@@ -425,7 +424,7 @@ def test_a_device_of_somebody_else_is_checked_connected_commanded_and_released(
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("the oven is released") == 1
     assert "the heating is off" not in done.stdout
-    assert "bake  succeeded" in with_oven.pomona("replay", "last", "--record", "kept").stdout
+    assert "It succeeded" in with_oven.pomona("explain", "last", "--record", "kept").stdout
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 
 from pomona.executive.encode import encoded, plain
 from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
-from pomona.executive.recording.read import reason_from
+from pomona.executive.recording.typed import reason_from
 
 
 @dataclass(frozen=True)

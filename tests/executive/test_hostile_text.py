@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import re
-import sqlite3
 from pathlib import Path
 
 import pytest
@@ -25,7 +23,6 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.terminal.output import json_text, visible
 from pomona.executive.terminal.screen import Screen
-from pomona.tools.library.index import INDEX_FILE, RunIndex
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x1b[31m\u202eevil\u200b\x9b5n\r[red]x[/] \ud800"
 ACTING = re.compile(
@@ -65,7 +62,7 @@ def test_json_has_the_same_content_and_acts_no_more() -> None:
     "command",
     [
         ["runs", "list"], ["runs", "list", "--json"], ["runs", "show", "odd"], ["runs", "show", "odd", "--json"],
-        ["runs", "compare", "odd", "other"], ["explain", "odd"], ["replay", "odd"], ["rerun", "odd"],
+        ["runs", "compare", "odd", "other"], ["explain", "odd"], ["rerun", "odd"],
         ["why", "odd"],
         ["runs", "repair", "odd"], ["runs", "show", f"no{EVIL[:-1]}"],
     ],
@@ -133,7 +130,7 @@ def test_whatever_events_say_no_command_ends_in_a_traceback(
     foreign(Path("runs/more"), HOSTILE["half_character"], HOSTILE[name])
     for record in ("odd", "more"):
         for command in (
-            ["runs", "list"], ["runs", "show", record], ["explain", record], ["replay", record], ["rerun", record],
+            ["runs", "list"], ["runs", "show", record], ["explain", record], ["rerun", record],
             ["why", record],
             ["runs", "compare", record, record], ["runs", "export", record, f"{record}.jsonl"],
             ["runs", "export", record, "--to", "frames"], ["runs", "repair", record],
@@ -142,25 +139,3 @@ def test_whatever_events_say_no_command_ends_in_a_traceback(
             said = capsys.readouterr()
             assert said.out + said.err
             assert "Traceback" not in said.out + said.err
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        "codes = '[1, 2]'", "settings = '\"x\"'", "parameters = 'not JSON'", "truth = '{\"a\": NaN}'", "seed = 'three'",
-        "wall_time = 'noon'", "state = 7", "picture = 5", "settings = '{\"a\": 1}'", "codes = NULL", "run = x'ff00'",
-        "codes = '" + "[" * 5000 + "'",
-    ],
-)  # fmt: skip
-def test_a_row_of_the_index_with_anything_in_it_is_read_from_its_record(
-    tmp_path: Path, change: str
-) -> None:
-    write(tmp_path / "a", RUN[:1])
-    before = RunIndex(tmp_path).read()
-    with contextlib.closing(sqlite3.connect(tmp_path / INDEX_FILE, isolation_level=None)) as file:
-        file.execute(f"UPDATE runs SET {change}")
-    index = RunIndex(tmp_path)
-    found = index.read()
-    assert [run.run for run in found] == ["a"]
-    if "NaN" not in change:
-        assert found == before

@@ -85,7 +85,6 @@ QUICK = (
     ("show", "pick_apple"),
     ("schema",),
     ("explain", "last"),
-    ("replay", "last"),
     ("lsp",),  # the last one: it closes the streams
 )
 

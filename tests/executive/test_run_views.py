@@ -80,14 +80,12 @@ def offered(monkeypatch: pytest.MonkeyPatch) -> None:
     points = [EntryPoint(name, value, GROUP) for name, value in names.items()]
     loaded = {"Second": Second, "Counting": Counting, "Failing": Failing}
 
-    def load(point: EntryPoint) -> type[RunView]:
-        return (
-            loaded[point.attr]
-            if point.attr in loaded
-            else EntryPoint.load(EntryPoint("x", "no_module:View", GROUP))
-        )
+    found = EntryPoint.load
 
-    monkeypatch.setattr(run_views, "_load", load)
+    def load(point: EntryPoint) -> object:
+        return loaded.get(point.attr) or found(point)
+
+    monkeypatch.setattr(EntryPoint, "load", load)
     monkeypatch.setattr(run_views, "entry_points", lambda group: points if group == GROUP else [])
     CALLS.clear()
 

@@ -11,7 +11,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -24,13 +24,14 @@ from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
 from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
 from pomona.executive.language.built import Side
-from pomona.executive.language.changes import Around
+from pomona.executive.language.changes import Around, ReloadRefusedError, Takeover
 from pomona.executive.language.check import read_document, refuse_errors
 from pomona.executive.language.mocks import MockPlan, read_mocks
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.folder import refuse_unwritable
 from pomona.executive.recording.session import Reader, RecordingSession, unfinished
 from pomona.executive.registry import Registry
+from pomona.executive.run_views import RunViews
 from pomona.executive.running.cell_watch import installed_watchers
 from pomona.executive.running.events import Listener, OperatorActed, RunEnded, RunStarted
 from pomona.executive.running.runner import Runner
@@ -45,7 +46,6 @@ from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.installation import (
     commit_here,
     distribution,
-    entry_points,
     installed_trees,
 )
 from pomona.executive.values.sentences import sentence_of
@@ -189,8 +189,8 @@ def execute(
 
 def admitted(order: RunOrder, cell: CellFile) -> RunOrder:
     """Return the order as packages admit it, perhaps slower. Raises UsageError: one refuses it; nothing has moved."""
-    for point in entry_points(group="pomona.admissions"):
-        order = point.load()(order, cell)
+    for view in RunViews.installed():
+        order = view.admit(order, cell)
     return order
 
 
@@ -387,6 +387,16 @@ class _Work:
             around=around,
         )
 
+    def take_over(
+        self, context: SkillContext, board: Board, running: BuiltTree, held: str
+    ) -> Takeover:
+        """See `RunView.takeover`."""
+        for view in RunViews.installed():
+            found = view.takeover(running, held, partial(self.rebuild, context, board))
+            if found is not None:
+                return found
+        raise ReloadRefusedError("no package is installed that takes changed files over")
+
     def rebuild(self, context: SkillContext, board: Board, around: Around) -> BuiltTree:
         """As `build`, from the tree's files as they are now. Raises UsageError: they cannot be read, or have errors."""
         order = self.order
@@ -414,7 +424,7 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         heartbeat=supervision.beat,
         speed=order.speed,
         speeds=order.speeds,
-        rebuild=None if order.texts else work.rebuild,
+        take_over=None if order.texts else work.take_over,
     )
     _set_breakpoints(runner, order.breaks)
     events.subscribe(summary.on_event, feedback=False)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.errors import PomonaError
+from pomona.executive.language.built import BuiltTree
+from pomona.executive.language.changes import Around, Takeover
 from pomona.executive.recording.session import Reader
 from pomona.executive.running.events import Event, Listener
 from pomona.executive.running.runner import Runner
@@ -62,6 +64,29 @@ class RunView:
         """
         return False
 
+    def admit(self, order: Any, cell: CellFile) -> Any:
+        """Return the `RunOrder` of a run as this package admits it, perhaps slower; also of one that it does not show.
+
+        Raises UsageError: it is refused; nothing has moved.
+        """
+        return order
+
+    def takeover(
+        self, running: BuiltTree, held: str, rebuild: Callable[[Around], BuiltTree]
+    ) -> Takeover | None:
+        """Return the takeover of the files that `rebuild` reads; None if this package takes none over.
+
+        Args:
+            held: path of the node at which a breakpoint holds the tick; empty without one.
+
+        Raises ReloadRefusedError: with file, line and reason of a change that this run cannot take over.
+        """
+        return None
+
+    def explain(self, record: Path) -> str:
+        """Return a sentence about a record, for `pomona explain`; empty for none."""
+        return ""
+
     def preparing(self, tree: str) -> Starting | None:
         """Return the receiver of the progress of the run's preparation; None if this view shows none."""
         return None
@@ -88,11 +113,6 @@ class RunView:
         """Release everything. Called once for each opened view, in the reverse order."""
 
 
-def _load(point: EntryPoint) -> type[RunView]:
-    view: type[RunView] = point.load()
-    return view
-
-
 class RunViews:
     """The views of one command, in the order of their names."""
 
@@ -106,12 +126,15 @@ class RunViews:
         views: list[RunView] = []
         for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
             try:
-                views.append(_load(point)())
+                views.append(point.load()())
             except Exception as error:  # a foreign module may raise anything when it is imported
                 logger.warning(
                     "the view '%s' of %s cannot be used: %s", point.name, point.value, error
                 )
         return cls(views)
+
+    def __iter__(self) -> Iterator[RunView]:
+        return iter(self._views)
 
     def add(self, parser: argparse.ArgumentParser) -> None:
         """Add the options of all."""

@@ -16,6 +16,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -94,13 +95,16 @@ def first_sentence() -> str:
     return once
 
 
-def examine() -> ReportLine:
+def examine(records: Sequence[Path] = (), cell: str = "") -> Iterator[ReportLine]:
     """Report for `pomona doctor` where the compiled code is kept, and whether it is there."""
     place = Path(os.environ[PLACE])
+    if records:
+        return
     if is_compiled():
-        return ReportLine("compiled code", True, f"kept in {place}")
+        yield ReportLine("compiled code", True, f"kept in {place}")
+        return
     is_kept = is_writable(place) and not place.is_relative_to(TEMPORARY)
-    return ReportLine(
+    yield ReportLine(
         "compiled code", is_kept, f"none yet in {place}; the first run: {first_sentence()}", KEEP
     )
 

@@ -27,7 +27,7 @@ LIMIT = 10.0
 
 READERS: tuple[tuple[str, ...], ...] = (
     ("runs", "list"), ("runs", "list", "--json"), ("runs", "show", "odd"), ("runs", "show", "odd", "--json"),
-    ("explain", "odd", "--all"), ("replay", "odd"), ("runs", "compare", "odd", "good"), ("rerun", "odd"),
+    ("explain", "odd", "--all"), ("runs", "compare", "odd", "good"), ("rerun", "odd"),
     ("why", "odd"),
     ("runs", "export", "odd", "odd.html"), ("runs", "export", "odd", "odd.jsonl"),
     ("runs", "export", "odd", "frames", "--to", "frames"), ("runs", "export", "odd", "bag", "--to", "rosbag2"),

@@ -20,6 +20,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.digest import digest
 from pomona.executive.recording.folder import ENDING_FILE, EVENTS_FILE, why_cut
+from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.mcap_file import HEAD, MAGIC
 from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
@@ -27,7 +28,6 @@ from pomona.executive.recording.scan import DamagedRecordError, examine
 from pomona.executive.running.events import Event, RunEnded, StateChanged
 from pomona.tools.dashboard.record_messages import image, overview, record_messages
 from pomona.tools.library.export import export
-from pomona.tools.library.index import RunIndex
 from pomona.tools.library.repair import repair
 
 
@@ -124,7 +124,7 @@ def test_a_byte_that_turned_a_failure_into_a_success_is_believed_by_no_command(
     write(Path("runs/good"), FAILED)
     path.write_bytes(path.read_bytes().replace(b'"outcome":"failure"', b'"outcome":"success"'))
     for command in (
-        ["runs", "show", "odd"], ["runs", "show", "odd", "--json"], ["explain", "odd"], ["replay", "odd"],
+        ["runs", "show", "odd"], ["runs", "show", "odd", "--json"], ["explain", "odd"],
         ["rerun", "odd"], ["why", "odd"], ["runs", "compare", "good", "odd"], ["runs", "export", "odd", "odd.mcap"],
         ["runs", "export", "odd", "odd.jsonl"], ["runs", "export", "odd", "odd.zip"],
         ["runs", "export", "odd", "--to", "frames"],

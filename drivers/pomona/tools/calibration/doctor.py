@@ -24,10 +24,10 @@ from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.cell.connect import load_cell
 from pomona.executive.cell.device import Device
+from pomona.executive.recording.folder import records_in
 from pomona.executive.values.findings import Findings, place_of
+from pomona.executive.values.installation import further_checks
 from pomona.executive.values.sentences import ReportLine
-from pomona.tools.library.index import records_in
-from pomona.tools.library.record_checks import check_records
 
 WATCHED = 1.0  # duration for which streams are watched [s]
 ENOUGH = 0.95  # ratio of the measured rate to the nominal one below which it is reported
@@ -67,7 +67,7 @@ def examine(
         for name, device in cell.devices.items():
             yield from _device(name, device, rates.get(name, _Watched()), cell)
         if records is not None and (found := sorted(path.parent for path in records_in(records))):
-            yield from check_records(found, cell.name)
+            yield from further_checks(found, cell.name)
     finally:
         cell.close()
 

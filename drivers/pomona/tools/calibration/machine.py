@@ -14,7 +14,12 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
-from pomona.executive.values.installation import entry_points, import_under, install_extra, pip
+from pomona.executive.values.installation import (
+    further_checks,
+    import_under,
+    install_extra,
+    pip,
+)
 from pomona.executive.values.sentences import ReportLine
 
 MODULES = {
@@ -55,7 +60,7 @@ def examine_machine(records: Path) -> Iterator[ReportLine]:
     yield from _packages()
     yield from _extras()
     yield _graphics()
-    yield from _checks()
+    yield from further_checks()
     found = next(
         (name for name in ("chromium", "chromium-browser", "google-chrome") if shutil.which(name)),
         None,
@@ -131,15 +136,6 @@ def _graphics() -> ReportLine:
     except Exception as error:  # MuJoCo that is not there, no library, no driver, no device
         return ReportLine("EGL", False, f"nothing can be rendered: {error}", EGL)
     return ReportLine("EGL", True, f"renders with {drawn}")
-
-
-def _checks() -> Iterator[ReportLine]:
-    # entry point group of further checks: functions without arguments that return a ReportLine
-    for point in sorted(entry_points(group="pomona.checks"), key=lambda point: point.name):
-        try:
-            yield point.load()()
-        except Exception as error:  # a package of a third party, or one that lacks another
-            yield ReportLine(point.name, False, f"{point.value} cannot be asked: {error}")
 
 
 def _drawn(renderer: object, data: object) -> str:

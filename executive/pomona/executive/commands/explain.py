@@ -11,10 +11,10 @@ from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import events_file, find_record, is_being_written
 from pomona.executive.recording.read import read_events
+from pomona.executive.run_views import RunViews
 from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import UNCHECKED
-from pomona.executive.values.installation import entry_points
 
 
 def add(subparsers: Any) -> None:
@@ -46,10 +46,10 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _further(record: Path) -> Iterator[str]:
-    """Yield the sentences of others about a record: functions of its folder, by entry point `pomona.explain`."""
-    for point in sorted(entry_points(group="pomona.explain"), key=lambda point: point.name):
+    """Yield the sentences of other packages about a record."""
+    for view in RunViews.installed():
         try:
-            if sentence := point.load()(record):
+            if sentence := view.explain(record):
                 yield sentence
         except Exception as error:  # a package of a third party, or one that lacks another
-            yield f"{point.name}: nothing can be added: {error}"
+            yield f"{type(view).__name__}: nothing can be added: {error}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
@@ -11,7 +11,6 @@ from pomona.executive.language.literals import LiteralError, literal
 from pomona.executive.language.values import out_of_range
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Findings, Source, did_you_mean
-from pomona.executive.values.installation import entry_points
 from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar, read_yaml
 
 
@@ -79,14 +78,3 @@ class Takeover(Protocol):
 
     def apply(self, running: BuiltTree) -> BuiltTree:
         """Put its nodes into the run's tree, and return that. Raises ReloadRefusedError: it has changed meanwhile."""
-
-
-def takeover(running: BuiltTree, held: str, rebuild: Callable[[Around], BuiltTree]) -> Takeover:
-    """Return the takeover of the files that `rebuild` reads, in a tick that is held at the node `held`, if it is.
-
-    Raises ReloadRefusedError: with file, line and reason of a change that this run cannot take over.
-    """
-    for point in entry_points(group="pomona.reload"):
-        found: Takeover = point.load()(running, held, rebuild)
-        return found
-    raise ReloadRefusedError("no package is installed that takes changed files over")

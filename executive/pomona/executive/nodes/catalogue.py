@@ -154,10 +154,6 @@ class NodeTypes(Mapping[str, NodeType]):
         """Words of all fields."""
         return tuple(self._owners)
 
-    def of_other_name(self, name: str) -> NodeType | None:
-        """Return the type with this name in other libraries."""
-        return self._elsewhere.get(name)
-
     def known_elsewhere(self, word: str) -> NodeType | None:
         """Return the type that other libraries call by this word, in capitals or not."""
         word = word.replace("_", "").lower()

@@ -182,7 +182,7 @@ def find_record(name: str, root: Path) -> Path:
 
     Raises UsageError: there is none; the text lists similar names.
     """
-    records = sorted(path.parent for path in root.glob(f"*/{EVENTS_FILE}"))
+    records = sorted(path.parent for path in records_in(root))
     if name == "last":
         if not records:
             raise UsageError(
@@ -204,6 +204,11 @@ def find_record(name: str, root: Path) -> Path:
     )
     hint = close or f"`pomona runs list --record {root}` lists them"
     raise UsageError(f"no record '{name}' in {root}: {hint}")
+
+
+def records_in(root: Path) -> list[Path]:
+    """Return the MCAP files of a folder's records, except those in folders with unprintable names."""
+    return [path for path in root.glob(f"*/{EVENTS_FILE}") if path.parent.name.isprintable()]
 
 
 def events_file(record: Path) -> Path:

@@ -156,6 +156,32 @@ def made_whole(place: Path) -> Iterator[Path]:
             shutil.rmtree(beside, ignore_errors=True)
 
 
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all; mode and owner of the one that it replaces stay. Raises OSError: it cannot be."""
+    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".saving")
+    try:
+        with os.fdopen(number, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        about = path.stat() if path.exists() else None
+        os.chmod(name, 0o644 & ~_umask() if about is None else about.st_mode & 0o7777)
+        if about is not None:
+            with contextlib.suppress(PermissionError):  # of another owner: the content counts more
+                os.chown(name, about.st_uid, about.st_gid)
+        os.replace(name, path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
 def refuse_taken(place: Path) -> None:
     """Raises UsageError: the path exists, also as a broken link."""
     if os.path.lexists(place):

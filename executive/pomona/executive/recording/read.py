@@ -10,9 +10,8 @@ import binascii
 import dataclasses
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +21,11 @@ from pomona.executive import views
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.images import from_file
 from pomona.executive.ports import without_alias
-from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
 from pomona.executive.recording.digest import tree_of
 from pomona.executive.recording.folder import EVENTS, events_file
-from pomona.executive.recording.plain_file import LONGEST, moment_of, parse_object
+from pomona.executive.recording.plain_file import moment_of, parse_object
 from pomona.executive.recording.scan import scan
+from pomona.executive.recording.typed import checked, hints_of, typed
 from pomona.executive.running import events
 from pomona.executive.running.events import Event, Published
 from pomona.executive.values.image_bytes import size_of_image
@@ -55,7 +54,7 @@ def event_from(message: Any) -> Event:
     cls: Any = _EVENTS.get(name) if isinstance(name, str) else None
     if cls is None:
         raise ForeignRecordError(f"'{str(name)[:60]}' is no event of a run")
-    hints = _hints(cls)
+    hints = hints_of(cls)
     try:
         event: Event = cls(
             **{
@@ -76,77 +75,13 @@ def _value(cls: type, key: str, hint: Any, value: Any) -> Any:
         return tuple(tree_of(value))
     if cls is events.RunStarted and key == "wall_time":
         return moment_of(value)
-    return _typed(hint)(value)
-
-
-@cache
-def _typed(hint: Any) -> Callable[[Any], Any]:
-    """Return the decoder of a field with this type; it raises TypeError for a wrong value."""
-    hint = without_alias(hint)
-    if hint is Any:
-        return lambda value: value
-    if hint is float:
-        return _number
-    origin = typing.get_origin(hint) or hint
-    if origin in (types.UnionType, typing.Union):
-        inner = _typed(next(h for h in typing.get_args(hint) if h is not type(None)))
-        return lambda value: None if value is None else inner(value)
-    if hint is Reason:
-        return reason_from
-    if origin is Mapping:
-        of = typing.get_args(hint)[1]
-        return lambda value: {key: _typed(of)(item) for key, item in _is(value, Mapping).items()}
-    return lambda value: _is(value, origin)
-
-
-def _is(value: Any, kind: Any) -> Any:
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise TypeError(f"{str(value)[:40]!r} stands where {kind.__name__} is expected")
-    return value
-
-
-def _number(value: Any) -> float:
-    """Return a float; a value that was not finite is null in a record and becomes zero."""
-    if value is None:
-        return 0.0
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:
-        raise TypeError(
-            f"{str(value)[:40]!r} stands where a number is expected, {LONGEST:g} at most"
-        )
-    return float(value)
-
-
-def reason_from(value: Any) -> Reason:
-    """Return a reason with all its causes.
-
-    Raises:
-        TypeError, KeyError: the value is no reason.
-        ValueError: it has too many causes, or they are nested too deeply.
-    """
-    left = [MOST_CAUSES]
-    return _reason(value, 0, left)
-
-
-def _reason(value: Any, depth: int, left: list[int]) -> Reason:
-    left[0] -= 1
-    if depth > DEEPEST_CAUSE or left[0] < 0:
-        raise ValueError(
-            f"a reason with causes more than {DEEPEST_CAUSE} deep, or more than {MOST_CAUSES}"
-        )
-    path, code, message = (_is(value[key], str) for key in ("node_path", "code", "message"))
-    causes = tuple(_reason(cause, depth + 1, left) for cause in _is(value["causes"], list))
-    return Reason(path, code, message, _is(value["data"], Mapping), causes)
+    return typed(hint)(value)
 
 
 def _view(value: Mapping[str, Any]) -> Any:
     cls = _VIEWS[value["type"]]
-    hints = _hints(cls)
+    hints = hints_of(cls)
     return cls(**{key: _field(hints[key], item) for key, item in value.items() if key != "type"})
-
-
-@cache
-def _hints(cls: Any) -> dict[str, Any]:
-    return typing.get_type_hints(cls)
 
 
 def _field(hint: Any, value: Any) -> Any:
@@ -171,9 +106,9 @@ def _field(hint: Any, value: Any) -> Any:
         return array.astype(dtype) if array.size else np.empty((0, 2), dtype)
     if origin is tuple:
         inner = typing.get_args(hint)[0]
-        return tuple(_field(inner, item) for item in _is(value, list))
+        return tuple(_field(inner, item) for item in checked(value, list))
     if hint in (str, bool, int, float):
-        return _typed(hint)(value)
+        return typed(hint)(value)
     if isinstance(value, Mapping):
         inner = typing.get_args(hint)[1] if len(typing.get_args(hint)) == 2 else Any
         return {key: _field(inner, item) for key, item in value.items()}

@@ -23,6 +23,7 @@ from pomona.executive.recording.folder import (
     in_order,
     is_being_written,
     new_record_folder,
+    records_in,
     why_cut,
 )
 from pomona.executive.recording.picture import Picture
@@ -211,7 +212,7 @@ def unfinished(root: Path, cell: Path) -> Unfinished | None:
     Args:
         root: folder of records.
     """
-    runs = [path for path in root.glob(f"*/{EVENTS_FILE}") if not is_being_written(path)]
+    runs = [path for path in records_in(root) if not is_being_written(path)]
     doubtful: Unfinished | None = None
     for record in reversed(in_order((path.parent for path in runs), _written)):
         started = _started(record)

@@ -16,7 +16,6 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 from py_trees.common import Status
@@ -27,11 +26,9 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.language import BuiltTree
 from pomona.executive.language.built import Side
 from pomona.executive.language.changes import (
-    Around,
     ReloadRefusedError,
     Takeover,
     change_input,
-    takeover,
 )
 from pomona.executive.lease import viewed
 from pomona.executive.reasons import Reason
@@ -101,7 +98,9 @@ BLOCKED = 1.0  # wall-clock seconds of a tick on a simulated clock that are repo
 
 
 Build = Callable[[SkillContext, Board], BuiltTree]  # makes a tree that is bound to a run
-Rebuild = Callable[[SkillContext, Board, Around], BuiltTree]  # inside the nodes that stay
+TakeOver = Callable[
+    [SkillContext, Board, BuiltTree, str], Takeover
+]  # of this tree, held at this node
 
 
 class Runner(Requests):
@@ -121,7 +120,7 @@ class Runner(Requests):
         heartbeat: Callable[[], None] = lambda: None,
         speed: float = 1.0,
         speeds: Sequence[OperatorActed] = (),
-        rebuild: Rebuild | None = None,
+        take_over: TakeOver | None = None,
     ) -> None:
         """
         Args:
@@ -137,8 +136,7 @@ class Runner(Requests):
             heartbeat: called in every tick, also while paused or coming to rest.
             speed: initial ratio of the arm's speed to the commanded one.
             speeds: changes of that, to repeat at the moments of another run.
-            rebuild: as `build`, from the files as they are then, with the `BuiltTree.around` of the nodes that stay;
-                None without files.
+            take_over: takes the files over as they are then; None without files.
 
         Raises:
             UsageError: a reduced speed is requested, here or in the tree, and the arm's driver has none.
@@ -152,7 +150,7 @@ class Runner(Requests):
         self.board.subscribe(self._written)
         self.tree = build(viewed(self.context, SkillContext), self.board)
         self._speed, self._repeated = speed, deque(speeds)
-        self._rebuild, self._takeovers = rebuild, dict[str, Takeover]()
+        self._changed_files, self._takeovers = take_over, dict[str, Takeover]()
         self._refuse_full_speed_only(self.tree)
         self._breakpoints = Breakpoints(self.tree.behaviours)
         self._attended = attended
@@ -404,10 +402,10 @@ class Runner(Requests):
         self._refuse_other_pause(number)
         if self._state is not RunState.PAUSED:
             raise AnswerRefusedError("the run still comes to rest")
-        if self._rebuild is None:
+        if self._changed_files is None:
             raise ReloadRefusedError("this run has no tree file")
-        rebuild = partial(self._rebuild, viewed(self.context, SkillContext), self.board)
-        found = takeover(self.tree, self._breakpoints.held, rebuild)
+        context = viewed(self.context, SkillContext)
+        found = self._changed_files(context, self.board, self.tree, self._breakpoints.held)
         self._refuse_full_speed_only(found.fresh)
         self._takeovers[found.difference] = found
         self._ask("reload", who, found.difference, number)

@@ -6,7 +6,6 @@ import contextlib
 import errno
 import os
 import sys
-import threading
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, NoReturn
@@ -95,10 +94,3 @@ def in_browser(console: Screen, link: str) -> Iterator[None]:
         with contextlib.suppress(webbrowser.Error, OSError):  # the link is printed, too
             webbrowser.open(page.as_uri())
         yield
-
-
-def stay_open(console: Screen) -> None:
-    """Keep the page of an ended run until Ctrl-C."""
-    console.print("the page stays open; Ctrl-C ends it")
-    with contextlib.suppress(KeyboardInterrupt):
-        threading.Event().wait()

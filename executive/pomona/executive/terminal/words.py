@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pomona.executive.reasons import Reason
 
 if TYPE_CHECKING:
-    from pomona.executive.recording.digest import Digest
+    pass
 
 ICONS = {"SUCCESS": "✓", "FAILURE": "✗", "RUNNING": "▶", "INVALID": "·"}
 STYLES = {"SUCCESS": "green", "FAILURE": "red", "RUNNING": "bold cyan", "INVALID": "dim"}
@@ -143,25 +142,3 @@ def _number(value: Any, resolution: float) -> str:
     if isinstance(value, list):
         return "(" + ", ".join(_number(item, resolution) for item in value) + ")"
     return str(value)
-
-
-def how(run: Digest) -> str:
-    """Return a run's outcome, or its state when it has none; `empty` for a record of zero length."""
-    if run.state == "cut off" and run.bytes == 0:
-        return "empty"
-    return run.outcome if run.state == "ended" and run.outcome in MARKS else run.state
-
-
-def ending(run: Digest) -> str:
-    """Why a run ended as it did, in a few words; empty for a success of which nothing was lost."""
-    lost = f"repaired, lost {run.lost}   " if run.lost else ""
-    if how(run) == "success":
-        return lost.strip()
-    if run.state == "running":
-        return f"running for {seconds(time.time() - run.wall_time)}"
-    if run.state == "cut off":
-        return f"{lost}{how(run)}: {run.message}"
-    if run.state == "damaged":
-        return run.message or "damaged"
-    why = f"{run.code}: {run.message}" if run.code else run.message or ""
-    return f"{lost}{why}".strip()

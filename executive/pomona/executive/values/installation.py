@@ -14,6 +14,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from functools import cache, lru_cache
 from importlib.metadata import (
     EntryPoints,
@@ -28,6 +29,7 @@ from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
 from pomona.executive.errors import UsageError
+from pomona.executive.values.sentences import ReportLine
 
 WHOLE, ALONE = "pomona", "pomona-executive"  # distributions: everything, and the executive alone
 
@@ -59,6 +61,20 @@ def entry_points(**wanted: str) -> EntryPoints:
 @lru_cache(maxsize=1)
 def _read_entry_points(_folders: tuple[tuple[str, int], ...]) -> Any:
     return importlib.metadata.entry_points()
+
+
+def further_checks(records: Sequence[Path] = (), cell: str = "") -> Iterator[ReportLine]:
+    """Yield the lines of functions (records, cell) -> lines, by entry point `pomona.checks`.
+
+    Args:
+        records: their folders, of any cells; without any, the installation itself is checked.
+        cell: name of the only cell to look at, as its newest record has it; empty: all of them.
+    """
+    for point in sorted(entry_points(group="pomona.checks"), key=lambda point: point.name):
+        try:
+            yield from point.load()(records, cell)
+        except Exception as error:  # a package of a third party, or one that lacks another
+            yield ReportLine(point.name, False, f"{point.value} cannot be asked: {error}")
 
 
 def pip() -> str:

@@ -17,12 +17,12 @@ from pomona.executive.errors import UsageError
 from pomona.executive.files import find_cell, find_tree, read_text
 from pomona.executive.language.check import read_document
 from pomona.executive.language.model import Document
+from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import RunStarted
 from pomona.executive.terminal.output import json_text
 from pomona.executive.values.findings import Findings
 from pomona.tools.assistants.work_folder import WorkFolder, version_of
-from pomona.tools.library.index import RunIndex
 
 PLACE = "approvals"  # folder of the requests, in the folder of records
 REQUEST, DIFFERENCE = "request.json", "difference.patch"

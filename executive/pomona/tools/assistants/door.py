@@ -16,13 +16,13 @@ from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, find_cell, find_tree
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.reasons import failure_codes
+from pomona.executive.recording.index import RunIndex
 from pomona.executive.terminal.output import json_text
 from pomona.executive.values.findings import Findings, did_you_mean
 from pomona.executive.values.installation import installed_trees
 from pomona.tools.assistants.approvals import Approvals
 from pomona.tools.assistants.bounded import Answer, Commands
 from pomona.tools.assistants.work_folder import WorkFolder, version_of
-from pomona.tools.library.index import RunIndex
 
 QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer a check takes 8 s
 MOST_SETTINGS, MOST_VALUE = 30, 200  # settings of a command, characters of a value

@@ -20,12 +20,12 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import INTERNAL_ERROR, INVALID_PARAMS, Resource, ToolAnnotations
 
 from pomona.executive.errors import PomonaError
+from pomona.executive.recording.index import RunIndex
 from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.installation import installed_version
 from pomona.tools.assistants.call_log import CallLog
 from pomona.tools.assistants.door import PARTS, Door, call_number
 from pomona.tools.assistants.readable_lines import ReadableLines
-from pomona.tools.library.index import RunIndex
 
 INSTRUCTIONS = (
     "Pomona runs tasks that are written as behaviour trees in YAML. Read an installed tree (list_files, read_file), "

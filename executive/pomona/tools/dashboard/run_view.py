@@ -5,15 +5,19 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
+import threading
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pomona.executive.errors import UsageError
+from pomona.executive.language.built import BuiltTree
+from pomona.executive.language.changes import Around, Takeover
 from pomona.executive.run_views import RunView, ViewedRun
 from pomona.executive.running.events import Event
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
-from pomona.executive.terminal.screen import in_browser, stay_open
+from pomona.executive.terminal.screen import in_browser
 from pomona.tools.dashboard.options import add_address, make_access
 
 if TYPE_CHECKING:
@@ -67,6 +71,13 @@ class PageView(RunView):
             self._held_open = stack.pop_all()
         return True
 
+    def takeover(
+        self, running: BuiltTree, held: str, rebuild: Callable[[Around], BuiltTree]
+    ) -> Takeover:
+        from pomona.tools.dashboard.takeover import FileTakeover
+
+        return FileTakeover(running, held, rebuild)
+
     def preparing(self, tree: str) -> Starting:
         return self.page.control.prepare(tree)
 
@@ -91,7 +102,9 @@ class PageView(RunView):
         self.page.control.clear(problem)
 
     def stay(self) -> None:
-        stay_open(self._console)
+        self._console.print("the page stays open; Ctrl-C ends it")
+        with contextlib.suppress(KeyboardInterrupt):
+            threading.Event().wait()
 
     def close(self) -> None:
         self._held_open.close()

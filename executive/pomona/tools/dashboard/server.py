@@ -27,7 +27,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.reasons import failure_codes
-from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.folder import EVENTS_FILE, records_in
+from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
 from pomona.tools.assistants.approvals import request_facts
@@ -46,10 +47,9 @@ from pomona.tools.dashboard.record_messages import (
     record_messages,
     thumbnail,
 )
+from pomona.tools.dashboard.redrawing import redrawing
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
-from pomona.tools.library.index import RunIndex, records_in
-from pomona.tools.reload.redrawing import redrawing
 from pomona.tools.tree_editor.asides import Asides
 
 STATIC = Path(__file__).parent / "static"

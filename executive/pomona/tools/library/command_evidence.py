@@ -10,14 +10,13 @@ from typing import Any
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name
-from pomona.executive.recording.folder import find_record
+from pomona.executive.recording.folder import find_record, records_in
 from pomona.executive.terminal.output import json_text
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sentences import ReportLine
 from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
 from pomona.tools.library.evidence import Evidence, Hazard, Measured, gather, read_hazards
-from pomona.tools.library.index import records_in
 
 NO_CLAIM = (
     "a run measures only the situations that it met: a maximum over runs is no bound",

@@ -11,16 +11,20 @@ from typing import TYPE_CHECKING, Any
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import Digest, trusted
-from pomona.executive.recording.folder import events_file, find_record, is_being_written
+from pomona.executive.recording.folder import (
+    events_file,
+    find_record,
+    is_being_written,
+    records_in,
+)
+from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.terminal.words import how
 from pomona.executive.values.kinds import Whole
 from pomona.tools.library import prune as pruning
 from pomona.tools.library.export import FORMATS, export
-from pomona.tools.library.index import RunIndex, records_in
-from pomona.tools.library.run_list import print_comparison, print_list, size, wide_console
+from pomona.tools.library.run_list import how, print_comparison, print_list, size, wide_console
 
 if (
     TYPE_CHECKING
@@ -48,9 +52,6 @@ def add(subparsers: Any) -> None:
         help="maximum number (default: 30)",
     )
     listing.add_argument("--all", action="store_true", help="no limit")
-    listing.add_argument(
-        "--rebuild", action="store_true", help="rebuild the index from the records"
-    )
     listing.add_argument("--json", action="store_true", help="one JSON object a line")
 
     show = _command(commands, "show", _show, "one run: settings, result, contents of its record")
@@ -134,7 +135,7 @@ def _list(options: argparse.Namespace) -> int:
             f"no folder {options.record}: `pomona run` makes it, --record names another"
         )
     index = RunIndex(options.record)
-    runs = index.rebuild() if options.rebuild else index.read()
+    runs = index.read()
     if index.problem:
         Screen(stderr=True).print(index.problem, style="yellow", soft_wrap=True)
     chosen = [run for run in runs if _wanted(run, options)]

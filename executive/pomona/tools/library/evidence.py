@@ -23,9 +23,9 @@ from pomona.executive.recording.digest import Digest, digest
 from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
 from pomona.executive.recording.plain_file import open_plain, parse_object
 from pomona.executive.recording.scan import scan
+from pomona.executive.values.installation import further_checks
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.sentences import ReportLine
-from pomona.tools.library.record_checks import check_records
 
 _OF_THE_RUN = ("outcome", "code", "tree", "tree_hash", "cell", "cell_kind", "git")
 TAKES = ("largest", "sum", "rate")
@@ -183,7 +183,7 @@ def gather(records: Sequence[Path], hazards: tuple[Hazard, ...]) -> Evidence:
             IndexError,
         ) as error:
             evidence.left_out[record.name] = f"it cannot be measured: {error}"
-    evidence.checks += check_records(
+    evidence.checks += further_checks(
         [record for record in records if record.name not in evidence.left_out]
     )
     return evidence

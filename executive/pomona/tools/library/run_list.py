@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -12,7 +13,29 @@ from rich.text import Text
 
 from pomona.executive.recording.digest import Digest
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.terminal.words import MARKS, ending, how, row_of, seconds
+from pomona.executive.terminal.words import MARKS, row_of, seconds
+
+
+def how(run: Digest) -> str:
+    """Return a run's outcome, or its state when it has none; `empty` for a record of zero length."""
+    if run.state == "cut off" and run.bytes == 0:
+        return "empty"
+    return run.outcome if run.state == "ended" and run.outcome in MARKS else run.state
+
+
+def ending(run: Digest) -> str:
+    """Why a run ended as it did, in a few words; empty for a success of which nothing was lost."""
+    lost = f"repaired, lost {run.lost}   " if run.lost else ""
+    if how(run) == "success":
+        return lost.strip()
+    if run.state == "running":
+        return f"running for {seconds(time.time() - run.wall_time)}"
+    if run.state == "cut off":
+        return f"{lost}{how(run)}: {run.message}"
+    if run.state == "damaged":
+        return run.message or "damaged"
+    why = f"{run.code}: {run.message}" if run.code else run.message or ""
+    return f"{lost}{why}".strip()
 
 
 def wide_console() -> Screen:

@@ -16,8 +16,8 @@ from pomona.executive.recording.scan import scan
 from pomona.executive.speed import words_of
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
-from pomona.executive.terminal.words import MARKS, UNCHECKED, ending, how
-from pomona.tools.library.run_list import size, when
+from pomona.executive.terminal.words import MARKS, UNCHECKED
+from pomona.tools.library.run_list import ending, how, size, when
 
 
 def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) -> None:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.recording.plain_file import replace_file
 from pomona.executive.values.plain_text import NotUtf8Error
 from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
-from pomona.tools.editor.replacing import replace_file
 
 MOST_BYTES = 4 * MAX_CHARACTERS  # of a file: a character of UTF-8 has four bytes at most
 BOM = "\ufeff"

@@ -87,7 +87,7 @@ def picks_before(root: Path, cell: CellFile) -> Picks:
     """Return the picks of earlier runs with a cell as it is now; of another pose of the camera there are none."""
     import numpy as np
 
-    from pomona.executive.recording.folder import EVENTS_FILE, hash_of, in_order
+    from pomona.executive.recording.folder import hash_of, in_order, records_in
     from pomona.tools.caliper.explain import add_back
     from pomona.tools.caliper.records import SAME_POSE, Picks
     from pomona.tools.caliper.self_calibration import read_pose
@@ -95,7 +95,7 @@ def picks_before(root: Path, cell: CellFile) -> Picks:
     own = cell.files.get(cell.path.name, "")
     texts = [text for name, text in cell.files.items() if name != cell.path.name]
     read = Picks.of_run("this run", cell.name, hash_of(own, *texts), ())
-    records = {path.parent for path in root.glob(f"*/{EVENTS_FILE}")}
+    records = {path.parent for path in records_in(root)}
     for _ in add_back(read, in_order(records, lambda record: record.name)):
         pass
     read.runs.remove("this run")

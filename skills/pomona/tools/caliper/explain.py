@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.folder import EVENTS_FILE, in_order
+from pomona.executive.recording.folder import in_order, records_in
 from pomona.tools.caliper.estimate import CameraErrors, estimate
 from pomona.tools.caliper.findings import find_error, next_picks
 from pomona.tools.caliper.pick import Pick
@@ -24,7 +24,7 @@ def explain(record: Path) -> str:
 
     Runs of its cell before it are read back to the first of another calibration.
     """
-    beside = {path.parent for path in record.parent.glob(f"*/{EVENTS_FILE}")}
+    beside = {path.parent for path in records_in(record.parent)}
     read = read_back(record, in_order(beside, lambda run: run.name))
     if not read.picks:
         return (

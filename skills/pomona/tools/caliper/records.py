@@ -20,6 +20,7 @@ from pomona.executive.recording.folder import (
     events_file,
     find_record,
     in_order,
+    records_in,
 )
 from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object
 from pomona.executive.recording.scan import scan
@@ -155,7 +156,7 @@ def find_runs(names: Sequence[str], root: Path) -> list[Path]:
     for name in names:
         folder = Path(name)
         if folder.is_dir() and not (folder / EVENTS_FILE).is_file():
-            inside = sorted(path.parent for path in folder.glob(f"*/{EVENTS_FILE}"))
+            inside = sorted(path.parent for path in records_in(folder))
             if not inside:
                 raise UsageError(
                     f"no records in {folder}: `pomona run --record {folder}` leaves one there"

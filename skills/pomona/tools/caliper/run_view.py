@@ -14,9 +14,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.encode import plain
 from pomona.executive.errors import PomonaError
-from pomona.executive.recording.folder import EVENTS_FILE, hash_of, in_order
+from pomona.executive.execute import RunOrder
+from pomona.executive.recording.folder import EVENTS_FILE, hash_of, in_order, records_in
 from pomona.executive.run_views import RunView, ViewedRun
 from pomona.executive.running.events import Event, Published, RunEnded, RunStarted
 from pomona.executive.terminal.screen import Screen
@@ -40,6 +42,16 @@ class TouchesView(RunView):
         self._words = CameraWords(run.records)
         self._at = 0.0, 0
         return True
+
+    def admit(self, order: RunOrder, cell: CellFile) -> RunOrder:
+        from pomona.tools.caliper.admission import admit
+
+        return admit(order, cell)
+
+    def explain(self, record: Path) -> str:
+        from pomona.tools.caliper.explain import explain
+
+        return explain(record)
 
     def on_event(self, event: Event) -> None:
         self._at = event.t, event.tick
@@ -147,7 +159,7 @@ class CameraWords:
                 said.add(reason)
                 continue
             if past is None:
-                beside = {path.parent for path in self._records.glob(f"*/{EVENTS_FILE}")}
+                beside = {path.parent for path in records_in(self._records)}
                 past = [
                     other
                     for other in in_order(beside, lambda other: other.name)

@@ -60,7 +60,7 @@ def test_records_of_the_cell_are_looked_over_under_its_name(
         asked.append((records, cell))
         return [ReportLine("camera of bench", False, "sits beside its place")]
 
-    monkeypatch.setattr("pomona.tools.calibration.doctor.check_records", check)
+    monkeypatch.setattr("pomona.tools.calibration.doctor.further_checks", check)
     run = tmp_path / "runs" / "one"
     run.mkdir(parents=True)
     (run / EVENTS_FILE).touch()

@@ -227,7 +227,7 @@ def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     "command",
     [
-        ("runs", "show"), ("runs", "export"), ("runs", "repair"), ("replay",), ("rerun",),
+        ("runs", "show"), ("runs", "export"), ("runs", "repair"), ("rerun",),
         ("explain",), ("runs", "compare", "a"),
     ],
 )  # fmt: skip
@@ -238,23 +238,11 @@ def test_an_unknown_run_is_refused_in_words(
     assert "no record 'nonsense'" in say(capsys, *command, "nonsense", status=2)
 
 
-@pytest.mark.parametrize("speed", ["nan", "0", "-1", "inf", "1e-300", "fast"])
-def test_a_speed_that_is_none_is_refused_in_words(
-    capsys: pytest.CaptureFixture[str], speed: str
-) -> None:
-    write(Path("runs/a"), SUCCEEDED)
-    with pytest.raises(SystemExit, match="2"):
-        main(["replay", "a", "--speed", speed])
-    said = capsys.readouterr().err
-    assert "argument --speed: " in said
-    assert "is not a number" in said or "must be between 0.001 and 1000" in said
-
-
 @pytest.mark.parametrize(
     "content", [b"", b"not an mcap file", b"\x89MCAP0\r\n" + b"\xff" * 100, b"\x89MCAP0\r\n"]
 )
 @pytest.mark.parametrize(
-    "command", [("runs", "show"), ("replay",), ("rerun",), ("explain",), ("runs", "export")]
+    "command", [("runs", "show"), ("rerun",), ("explain",), ("runs", "export")]
 )
 def test_a_foreign_or_broken_file_gets_words_and_no_traceback(
     capsys: pytest.CaptureFixture[str], command: tuple[str, ...], content: bytes
@@ -278,7 +266,6 @@ def test_another_programs_mcap_is_refused_in_words(capsys: pytest.CaptureFixture
         channel = writer.register_channel("/events", "json", schema)
         writer.add_message(channel, 0, b'{"event": "Launched"}', 0)
         writer.finish()
-    assert "'Launched' is no event of a run" in say(capsys, "replay", "foreign.mcap", status=2)
     assert "'Launched' is no event of a run" in say(capsys, "explain", "foreign.mcap", status=2)
     assert say(capsys, "runs", "show", "foreign.mcap", status=2)
 

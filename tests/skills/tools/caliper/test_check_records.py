@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from pomona.executive.cli import main
+from pomona.executive.values.installation import further_checks
 from pomona.tools.caliper.check_records import check
-from pomona.tools.library.record_checks import check_records
 from tests.skills.tools.caliper.recorded_runs import picks_of, runs_of, write_run
 from tests.skills.tools.caliper.synthetic import recorded
 
@@ -94,7 +94,7 @@ def test_a_check_that_cannot_be_loaded_is_a_line_of_its_own(monkeypatch: pytest.
     def broken(group: str) -> list[EntryPoint]:
         return [EntryPoint("broken", "pomona.nowhere:check", group)]
 
-    monkeypatch.setattr("pomona.tools.library.record_checks.entry_points", broken)
-    (line,) = check_records([])
+    monkeypatch.setattr("pomona.executive.values.installation.entry_points", broken)
+    (line,) = further_checks()
     assert not line.ok
     assert "No module named 'pomona.nowhere'" in line.found

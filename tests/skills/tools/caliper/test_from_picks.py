@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -180,12 +180,10 @@ def test_a_run_without_touches_gets_no_sentence(tmp_path):
 def test_a_sentence_that_cannot_be_added_does_not_stop_the_explanation(
     tmp_path, capsys, monkeypatch
 ):
-    def broken(group: str) -> list[EntryPoint]:
-        return [EntryPoint("broken", "pomona.nowhere:explain", group)]
+    def broken(_record: Path) -> str:
+        raise ValueError("no word")
 
-    monkeypatch.setattr("pomona.executive.commands.explain.entry_points", broken)
+    monkeypatch.setattr("pomona.tools.caliper.explain.explain", broken)
     run = write_run(tmp_path / "run", recorded())
     assert main(["explain", str(run)]) == 0
-    assert "broken: nothing can be added: No module named 'pomona.nowhere'" in " ".join(
-        capsys.readouterr().out.split()
-    )
+    assert "TouchesView: nothing can be added: no word" in " ".join(capsys.readouterr().out.split())

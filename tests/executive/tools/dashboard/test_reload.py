@@ -15,6 +15,7 @@ from pomona.executive.running.events import NodeChanged, OperatorActed, TreeChan
 from pomona.executive.running.requests import AnswerRefusedError
 from pomona.executive.running.starting import RunState
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
+from pomona.tools.dashboard.takeover import FileTakeover
 
 TEXT = """
 pomona: 1
@@ -57,7 +58,9 @@ class Reloaded:
         script[pause_at] = lambda runner, _cell: (
             runner.break_at(held) if held else runner.pause("ada")
         )
-        self.runner, _, self.events = make(before, skills, script, reread=lambda: text)
+        self.runner, _, self.events = make(
+            before, skills, script, reread=lambda: text, takeover=FileTakeover
+        )
         self.outcome = self.runner.run().outcome
 
     def look(self, runner, _cell):
@@ -227,7 +230,9 @@ def test_a_run_reloads_only_in_its_pause_and_at_rest():
             refuse(runner)
 
     script = {3: pause, 4: moving}
-    runner, *_ = make(TEXT, SKILLS, script, go_on=True, reread=lambda: SLOWER)
+    runner, *_ = make(
+        TEXT, SKILLS, script, go_on=True, reread=lambda: SLOWER, takeover=FileTakeover
+    )
     assert runner.run().outcome == "success"
     assert refused == ["the run is not paused", "the run still comes to rest"]
 
@@ -240,7 +245,7 @@ def test_a_request_that_the_pause_has_outlived_is_recorded_as_too_late():
 
     script = dict.fromkeys(range(4, 400), act)
     script[3] = lambda runner, _cell: runner.pause()
-    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: SLOWER)
+    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: SLOWER, takeover=FileTakeover)
     assert runner.run().outcome == "success"
     late = [
         event.detail
@@ -288,7 +293,7 @@ def test_a_second_reload_compares_with_the_first():
 
     script = dict.fromkeys(range(4, 400), act)
     script[3] = lambda runner, _cell: runner.pause()
-    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: current[0])
+    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: current[0], takeover=FileTakeover)
     assert runner.run().outcome == "success"
     before, after = (e.difference.splitlines()[3:] for e in events if isinstance(e, TreeChanged))
     assert before == ["-    - Turn: {duration: 100 ms}", "+    - Turn: {duration: 400 ms}"]
@@ -312,7 +317,7 @@ def test_on_the_page_the_operator_in_control_reloads():
 
     script = dict.fromkeys(range(4, 400), act)
     script[3] = lambda runner, _cell: runner.pause()
-    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: SLOWER)
+    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: SLOWER, takeover=FileTakeover)
     assert runner.run().outcome == "success"
     assert refused == ["the run is in pause 1; the request names pause 7"]
     assert any(
@@ -438,7 +443,7 @@ def test_a_breakpoint_stays_at_a_node_that_is_made_new():
 
     script = {3: begin, **dict.fromkeys(range(4, 400), act)}
     text = changed("    - part: {}", "    - part: {}\n      timeout: 5 s")
-    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: text)
+    runner, _, events = make(TEXT, SKILLS, script, reread=lambda: text, takeover=FileTakeover)
     assert runner.run().outcome == "success"
     assert len(paused) == 2
 
@@ -470,7 +475,9 @@ def test_a_question_of_the_changed_file_is_asked():
 
     script = {3: lambda runner, _cell: runner.pause(), **dict.fromkeys(range(4, 400), act)}
     text = changed("    - part: {}", "    - ask: Go on?\n      name: Ask")
-    runner, *_ = make(TEXT, SKILLS, script, reread=lambda: text, attended=True)
+    runner, *_ = make(
+        TEXT, SKILLS, script, reread=lambda: text, takeover=FileTakeover, attended=True
+    )
     assert runner.run().outcome == "success"
     assert asked == ["", "turn/Ask"]
 
@@ -503,7 +510,9 @@ def test_an_approval_holds_for_the_inputs_that_it_was_given_for(how: str):
             runner.safe_stop("nobody answers again")
 
     script = dict.fromkeys(range(1, 400), look)
-    runner, _, events = make(text, SKILLS, script, reread=lambda: later, attended=True)
+    runner, _, events = make(
+        text, SKILLS, script, reread=lambda: later, takeover=FileTakeover, attended=True
+    )
     runner.run()
     assert answers == [1, 0]
     started = {event.path for event in events if isinstance(event, NodeChanged)}

@@ -10,7 +10,7 @@ from recorded_events import started
 
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import TreeChanged
-from pomona.tools.reload.redrawing import patched, redrawing
+from pomona.tools.dashboard.redrawing import patched, redrawing
 
 LINES = st.lists(
     st.sampled_from(["", "a", "- b", "+ c", "--- d", "+++ d", "@@ -1 +1 @@", "e: 1"]), max_size=12

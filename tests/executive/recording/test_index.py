@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import sqlite3
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +10,13 @@ import pytest
 from recorded_events import FAILED, SUCCEEDED, write
 
 from pomona.executive.cli import main
+from pomona.executive.recording import index as index_module
 from pomona.executive.recording.folder import EVENTS_FILE, hash_of
+from pomona.executive.recording.index import INDEX_FILE, RunIndex
 from pomona.executive.recording.picture import Picture
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import Published
 from pomona.executive.views import SeriesView
-from pomona.tools.library import index as index_module
-from pomona.tools.library.index import INDEX_FILE, MIGRATIONS, RunIndex
 
 
 @pytest.fixture
@@ -42,6 +41,7 @@ def test_an_entry_holds_outcome_codes_durations_hashes_and_commit(runs: Path) ->
     assert oldest.git == "0123abc"
     assert oldest.settings == {"fruit": "apple_5"}
     assert oldest.truth == {"lifted": False}
+    assert RunIndex(runs).read() == [newest, oldest]  # from the file
 
 
 def test_a_clock_that_was_set_back_does_not_make_the_newest_run_an_old_one(tmp_path: Path) -> None:
@@ -76,13 +76,6 @@ def test_records_that_come_and_go_are_seen(runs: Path) -> None:
     assert [run.run for run in index.read()] == ["2026-01-03_new", "2026-01-01_failed"]
 
 
-def test_the_index_can_be_thrown_away_and_made_again(runs: Path) -> None:
-    before = RunIndex(runs).read()
-    (runs / INDEX_FILE).unlink()
-    assert RunIndex(runs).read() == before
-    assert RunIndex(runs).rebuild() == before
-
-
 def test_foreign_cut_off_and_empty_records_are_listed_as_such(runs: Path) -> None:
     for name, content in {"a_foreign": b"not an mcap file at all", "b_empty": b""}.items():
         (runs / name).mkdir()
@@ -99,47 +92,45 @@ def test_foreign_cut_off_and_empty_records_are_listed_as_such(runs: Path) -> Non
     )
 
 
-def test_an_older_index_is_brought_to_the_schema_of_today(runs: Path) -> None:
-    RunIndex(runs).read()
-    added = "ALTER TABLE runs ADD COLUMN note TEXT; UPDATE runs SET stamp = 0"
-    entries = RunIndex(runs, (*MIGRATIONS, added)).read()
-    assert len(entries) == 2
-    with contextlib.closing(sqlite3.connect(runs / INDEX_FILE, isolation_level=None)) as file:
-        assert file.execute("PRAGMA user_version").fetchone() == (len(MIGRATIONS) + 1,)
-        assert [row[0] for row in file.execute("SELECT note FROM runs")] == [None, None]
+@pytest.mark.parametrize("content", [b"", b"\x00\xff" * 50, b"[1]", b'{"version": 0}', b"{" * 900])
+def test_an_index_that_is_none_is_made_again(runs: Path, content: bytes) -> None:
+    before = RunIndex(runs).read()
+    good = (runs / INDEX_FILE).read_bytes()
+    (runs / INDEX_FILE).write_bytes(content)
+    index = RunIndex(runs)
+    assert index.read() == before
+    assert index.problem == ""
+    assert (runs / INDEX_FILE).read_bytes() == good
 
 
-def test_a_newer_index_is_left_alone(runs: Path) -> None:
-    RunIndex(runs, (*MIGRATIONS, "ALTER TABLE runs ADD COLUMN note TEXT")).read()
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"codes": [1, 2]}, {"codes": {"NO_PATH": "two"}}, {"settings": {"a": 1}}, {"truth": 7}, {"seed": "three"},
+        {"wall_time": "noon"}, {"state": 7}, {"picture": 5}, {"outcome": ["success"]}, {"unknown": 1, "run": None},
+    ],
+)  # fmt: skip
+def test_an_entry_with_anything_in_it_is_read_from_its_record(
+    runs: Path, change: dict[str, object]
+) -> None:
+    before = RunIndex(runs).read()
+    content = json.loads((runs / INDEX_FILE).read_text())
+    for _stamp, about in content["runs"].values():
+        about |= change
+    (runs / INDEX_FILE).write_text(json.dumps(content))
+    assert RunIndex(runs).read() == before
+
+
+def test_an_index_that_cannot_be_written_does_not_hide_the_runs(
+    runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_arguments: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(index_module, "replace_file", refuse)
     index = RunIndex(runs)
     assert len(index.read()) == 2
-    assert f"version {len(MIGRATIONS) + 1}, this Pomona knows {len(MIGRATIONS)}" in index.problem
-    with contextlib.closing(sqlite3.connect(runs / INDEX_FILE, isolation_level=None)) as file:
-        assert file.execute("PRAGMA user_version").fetchone() == (len(MIGRATIONS) + 1,)
-
-
-def test_a_damaged_index_does_not_hide_the_runs(runs: Path) -> None:
-    (runs / INDEX_FILE).write_bytes(b"this was a database once, or never" * 100)
-    index = RunIndex(runs)
-    assert len(index.read()) == 2
-    assert "cannot be used" in index.problem
-    assert len(index.rebuild()) == 2
-    assert index.problem == ""
-
-
-def test_a_locked_index_does_not_hide_the_runs(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(index_module, "PATIENCE", 0.05)
-    RunIndex(runs).read()
-    write(runs / "2026-01-03_new", SUCCEEDED)
-    other = sqlite3.connect(runs / INDEX_FILE, isolation_level=None)
-    other.execute("BEGIN EXCLUSIVE")
-    index = RunIndex(runs)
-    assert len(index.read()) == 3
-    assert "locked" in index.problem
-    other.execute("ROLLBACK")
-    other.close()
-    assert len(index.read()) == 3
-    assert index.problem == ""
+    assert index.problem.endswith("cannot be written: No space left on device")
 
 
 def test_a_folder_that_is_not_there_holds_no_runs(tmp_path: Path) -> None:

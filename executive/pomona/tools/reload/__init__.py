@@ -1,1 +1,0 @@
-"""A paused run takes a changed tree file over."""
