@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -195,3 +196,13 @@ def test_fingers_that_move_in_steps_hold_a_small_fruit_that_keeps_them_off_their
     rig.scene.gripper.width = 0.085
     outcome = rig.grasp(fruit=apple_at(5, 2), force=40.0)
     assert (outcome.status is Status.SUCCESS) == held
+
+
+def test_a_gripper_that_presses_harder_than_the_fruit_bears_is_refused_before_it_moves():
+    rig = Rig(0.085)
+    rig.scene.gripper.limits = replace(rig.scene.gripper.limits, force_min=10.0)
+    outcome = rig.grasp(force=10.0)
+    assert outcome.reason.code == "REFUSED"
+    assert "20 N at least, and 'force' allows 10 N" in outcome.reason.message
+    assert rig.scene.gripper.moves == []
+    assert rig.grasp(force=20.0).status is Status.SUCCESS

@@ -11,7 +11,14 @@ from pomona.executive.values.public_names import on_first_use
 
 if TYPE_CHECKING:
     from pomona.drivers.base.knot_maker import KnotMaker as KnotMaker
-    from pomona.drivers.base.parallel_gripper import ParallelGripper as ParallelGripper
+    from pomona.drivers.base.parallel_gripper import (
+        ParallelGripper as ParallelGripper,
+        SpeedOrder as SpeedOrder,
+        Stop as Stop,
+        Wanted as Wanted,
+        WidthOrder as WidthOrder,
+    )
+    from pomona.drivers.base.position_gripper import PositionGripper as PositionGripper
     from pomona.drivers.camera_options import IntrinsicsSection as IntrinsicsSection
     from pomona.drivers.depth_model import (
         D4XX as D4XX,
@@ -141,7 +148,8 @@ if TYPE_CHECKING:
 
 PUBLIC = {
     "base.knot_maker": "KnotMaker",
-    "base.parallel_gripper": "ParallelGripper",
+    "base.parallel_gripper": "SpeedOrder WidthOrder ParallelGripper Stop Wanted",
+    "base.position_gripper": "PositionGripper",
     "camera_options": "IntrinsicsSection",
     "depth_model": "D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model",
     "errors": (

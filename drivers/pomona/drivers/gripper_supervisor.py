@@ -93,7 +93,8 @@ class GripperSupervisor:
         self.rest_by = -math.inf
         self._limits, self._acceleration = limits, acceleration
         self._supervision = supervision or GripperSupervision()
-        self._due, self._target = math.inf, 0.0
+        self._due = math.inf
+        self._target = math.inf  # width of the newest move; none after a streamed speed
         self._free_until = (
             -math.inf
         )  # until then they may move within the way of a move, or come to rest from it
@@ -123,7 +124,7 @@ class GripperSupervisor:
         if math.isinf(self._free_until):
             self.rest(now)
         self._account(now)
-        self._speed = speed
+        self._speed, self._target = speed, math.inf
         self._opening, self._closing = max(self._opening, speed), max(self._closing, -speed)
         if speed:
             self.rest_by = max(self.rest_by, now + watchdog + self._supervision.lag)
@@ -241,6 +242,8 @@ class GripperSupervisor:
     def _astray(self, commanded: float, width: float) -> str:
         how = "opens" if width > commanded else "closes"
         way = f"{1e3 * commanded:.1f} → {1e3 * width:.1f} mm"
+        if self._target <= width < commanded:
+            return f"closes further: {way}; the object between the fingers is gone"
         return f"{how} without a command: {way}; it does not follow its commands, or something pushes the fingers"
 
     def _reach(self, least: float, most: float) -> tuple[float, float]:
@@ -266,9 +269,15 @@ class GripperMotion:
     """A move of the gripper that was started. Its driver reports the progress and the end."""
 
     def __init__(
-        self, width: float, speed: float, start: float, stop: Callable[[GripperMotion], None]
+        self,
+        width: float,
+        speed: float,
+        start: float,
+        stop: Callable[[GripperMotion], None],
+        force: float = math.inf,
     ) -> None:
-        self.width, self.speed = width, speed
+        """`force`: of one finger at most [N]."""
+        self.width, self.speed, self.force = width, speed, force
         self.state = MotionState.RUNNING
         self.settled = False
         self.problem = ""
@@ -300,13 +309,18 @@ class DirectMotion(GripperMotion):
     """A move whose end is its rest, as of fingers without a wire and an owner thread."""
 
     def __init__(
-        self, width: float, speed: float, start: float, stopped: Callable[[], None] = lambda: None
+        self,
+        width: float,
+        speed: float,
+        start: float,
+        stopped: Callable[[], None] = lambda: None,
+        force: float = math.inf,
     ) -> None:
         """
         Args:
             stopped: called when the move is stopped, by its skill or its driver; tells the supervisor.
         """
-        super().__init__(width, speed, start, self._stop_now)
+        super().__init__(width, speed, start, self._stop_now, force)
         self._stopped = stopped
 
     def _stop_now(self, _move: GripperMotion) -> None:
@@ -319,10 +333,12 @@ class DirectMotion(GripperMotion):
         self.settled = True
 
 
-def require_move(name: str, limits: GripperLimits, width: float, speed: float) -> None:
-    """Check a width [m] and a speed [m/s] that a move asks of the gripper `name`.
+def require_move(
+    name: str, limits: GripperLimits, width: float, speed: float, force: float
+) -> None:
+    """Check the width [m], speed [m/s] and force [N] that a move asks of the gripper `name`.
 
-    Raises MotionRefused: one lies outside the limits.
+    Raises MotionRefused: one lies outside the limits; a force above them is bounded by them.
     """
     if not limits.width_min - 1e-6 <= width <= limits.width_max + 1e-6:
         span = f"{1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
@@ -331,6 +347,9 @@ def require_move(name: str, limits: GripperLimits, width: float, speed: float) -
         raise MotionRefused(
             name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s"
         )
+    if not max(limits.force_min, 1e-6) <= force * (1.0 + 1e-6):
+        least = f"a finger presses with {limits.force_min:g} N at least"
+        raise MotionRefused(name, f"a force of {force:g} N is too small: {least}")
 
 
 def allowed_speed(speed: float, limits: GripperLimits, is_latched: bool) -> float:

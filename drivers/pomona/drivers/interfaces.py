@@ -345,8 +345,11 @@ class Gripper(Protocol):
         """Opening and speed as last measured."""
 
     @command
-    def move(self, width: float, speed: float) -> Motion:
+    def move(self, width: float, speed: float, force: float | None = None) -> Motion:
         """Start moving to an opening [m] with a speed [m/s]; ends an earlier move or speed.
+
+        Args:
+            force: with which one finger presses at most on what it meets [N]; None: the largest.
 
         Raises:
             MotionRefused: outside the limits, or the gripper is latched.

@@ -82,11 +82,8 @@ class Grasp(MovingSkill):
             (None if cell is None else cell.known(GripperLimits)),
             known.get("force", DEFAULT_FORCE),
         )
-        if limits is not None and force is not None and 2.0 * limits.force_min > force + 1e-6:
-            words = f"{2.0 * limits.force_min:g} N at least, and 'force' allows {force:g} N on the fruit"
-            yield Problem(
-                "force", f"the gripper presses with {words}", "allow it, or take another gripper"
-            )
+        if limits is not None and force is not None and (words := _too_strong(limits, force)):
+            yield Problem("force", words, "allow it, or take another gripper")
         if cell is not None and cell.place(ForceSensor) is None:
             tips = cell.place(PressSensor)
             words, where = (
@@ -120,8 +117,11 @@ class Grasp(MovingSkill):
         ] = TIME("0.3 s"),
     ) -> Work[None]:
         gripper = self.device(Gripper)
+        limits = gripper.limits
+        if too_strong := _too_strong(limits, force):
+            raise self.failure("REFUSED", f"{too_strong}; nothing has moved")
         take_over(gripper)
-        start, limits = gripper.state(), gripper.limits
+        start = gripper.state()
         narrowest = 0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min())
         aim = max(width or narrowest, limits.width_min + AIMED)
         if start.width - aim < LEAST_WAY:
@@ -164,7 +164,7 @@ class Grasp(MovingSkill):
             return f"{1e3 * state.width:.0f} mm"
 
         try:
-            yield from follow_motion(gripper.move(aim, speed), watch)
+            yield from follow_motion(gripper.move(aim, speed, force / 2.0), watch)
         except MotionRefused as refused:
             raise self.failure(
                 "REFUSED", f"{refused}; nothing has moved", device=refused.device
@@ -187,3 +187,11 @@ class Grasp(MovingSkill):
         force = {} if state.motor_force is None else {"motor_force_n": round(state.motor_force, 3)}
         message = f"nothing is gripped: {why}, at {1e3 * state.width:.1f} mm"
         return self.failure(code, message, width_m=round(state.width, 5), **force)
+
+
+def _too_strong(limits: GripperLimits, force: float) -> str:
+    """Return why a gripper cannot press as gently as a force on the fruit [N]; empty if it can."""
+    least = 2.0 * limits.force_min
+    if least <= force + 1e-6:
+        return ""
+    return f"the gripper presses with {least:g} N at least, and 'force' allows {force:g} N on the fruit"

@@ -6,17 +6,22 @@ from collections.abc import Callable
 
 import pytest
 
-from pomona.drivers.base.parallel_gripper import ParallelGripper
+from pomona.drivers.base.parallel_gripper import (
+    ParallelGripper,
+    SpeedOrder,
+    Stop,
+    Wanted,
+    WidthOrder,
+)
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from pomona.drivers.gripper_supervisor import GripperMotion
-from pomona.drivers.interfaces import Gripper, GripperLimits, MotionState
+from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
 from pomona.executive.clock import ManualClock
 
 LIMITS = GripperLimits(0.0, 0.1, 0.1, 20.0)
 STEP = 0.005
 
 
-class Fingers(ParallelGripper):
+class Fingers(ParallelGripper[GripperState, Wanted]):
     """Fingers that follow their commands at once, and the commands that they got."""
 
     def __init__(self) -> None:
@@ -25,7 +30,7 @@ class Fingers(ParallelGripper):
         self.silent, self.broken = False, ""
         self.commands: list[str] = []
 
-    def step(self) -> None:
+    def _serve(self) -> None:
         self._clock.advance(STEP)
         way = self.speed * STEP
         before = self.width
@@ -36,19 +41,24 @@ class Fingers(ParallelGripper):
             self._lose(DeviceLost(self.name, "does not answer"))
         else:
             self._measured(self._clock.now(), self.width, (self.width - before) / STEP)
-        self._supervise()
+            self._status = self._state
 
-    def _start_move(self, move: GripperMotion) -> None:
-        self.commands.append("move")
-        self.aim, self.speed = move.width, move.speed
+    def next_command(self, wanted: Wanted, status: GripperState) -> Wanted | None:
+        return wanted
 
-    def _start_stream(self, speed: float) -> None:
-        self.commands.append(f"speed {speed:g}")
-        self.aim, self.speed = (1.0 if speed > 0.0 else -1.0), abs(speed)
-
-    def _start_rest(self) -> None:
-        self.commands.append("rest")
-        self.speed = 0.0
+    def _send(self, command: Wanted) -> None:
+        if self.broken:
+            raise BrokenPipeError(self.broken)
+        match command:
+            case WidthOrder(width, speed):
+                self.commands.append("move")
+                self.aim, self.speed = width, speed
+            case SpeedOrder(speed):
+                self.commands.append(f"speed {speed:g}")
+                self.aim, self.speed = (1.0 if speed > 0.0 else -1.0), abs(speed)
+            case Stop():
+                self.commands.append("rest")
+                self.speed = 0.0
 
 
 @pytest.fixture
@@ -120,6 +130,7 @@ def test_a_safe_stop_commands_rest_and_lets_nothing_open(fingers: Fingers) -> No
     fingers.safe_stop("first")
     fingers.safe_stop("second")
     assert motion.state is MotionState.STOPPED
+    serve(fingers, STEP)
     assert fingers.commands[-1] == "rest"
     with pytest.raises(MotionRefused, match=r"latched in the safe state \(first\)"):
         fingers.move(0.05, 0.1)
@@ -189,15 +200,17 @@ def test_a_lost_move_is_settled_when_its_last_command_must_have_ended(fingers: F
 
 
 def test_a_wire_that_is_cut_does_not_end_the_stop(fingers: Fingers) -> None:
-    def cut() -> None:
-        raise BrokenPipeError("cut")
-
     motion = fingers.move(0.02, 0.05)
-    fingers._start_rest = cut  # type: ignore[method-assign]
+    serve(fingers, 0.1)
+    fingers.broken = "cut"
     fingers.safe_stop("test")
     assert motion.state is MotionState.STOPPED
+    serve(fingers, STEP)
     with pytest.raises(DeviceLost, match="the wire failed: cut"):
         fingers.check()
+    fingers.broken = ""
+    serve(fingers, 0.1)
+    assert fingers.commands[-1] == "rest"
 
 
 def test_a_paused_move_goes_on(fingers: Fingers) -> None:

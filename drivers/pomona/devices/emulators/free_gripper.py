@@ -31,17 +31,15 @@ class FreeGripper:
         """Force of one finger on an elastic obstacle [N]."""
         return self.stiffness * max((self.obstacle or 0.0) - self.state().width, 0.0) / 2.0
 
-    def limit_force(self, force: float) -> None:
-        """Press with this force of one finger at most [N], from the next motion on."""
-        self._strength = min(force, self.limits.force_max)
-
     def state(self) -> GripperState:
         """Where the fingers are now [m], as they move by themselves."""
         self._advance()
         return GripperState(self._then, self._width, self._speed, self._speed != 0.0)
 
-    def move(self, width: float, speed: float) -> GripperMotion:
+    def move(self, width: float, speed: float, force: float | None = None) -> GripperMotion:
         self._advance()
+        most = self.limits.force_max
+        self._strength = most if force is None else min(force, most)
         if not self.limits.width_min <= width <= self.limits.width_max:
             raise MotionRefused("gripper", f"{1e3 * width:.1f} mm is outside the stroke")
         self._motion = GripperMotion(width, speed, self._width, self._stop)

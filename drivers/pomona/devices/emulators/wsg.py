@@ -5,10 +5,7 @@ from __future__ import annotations
 from pomona.devices.emulators.server import Peer
 from pomona.devices.wsg.codec import (
     Command,
-    GraspCommand,
-    GraspState,
     Homing,
-    Loop,
     Move,
     Observe,
     Plain,
@@ -24,6 +21,9 @@ from pomona.devices.wsg.codec import (
 )
 from pomona.devices.wsg.frame import FrameDecoder, encode_frame
 from pomona.drivers import Gripper, Malformed, Motion, MotionRefused, MotionState
+
+FORCE_MIN = 5.0
+"""Least limit of the force of one finger [N] (data sheet of the WSG 32)."""
 
 
 class WsgEmulator:
@@ -132,15 +132,13 @@ class WsgEmulator:
     # ----------------------------------------------------------------------------------------- commands
 
     def _answer(self, request: Request) -> None:
-        command = _command_of(request)
+        command = request.command
         if command in self.deaf:
             return
         if command in self.refusing:
             self._reply(command, Status.ACCESS_DENIED)
             return
         match request:
-            case Loop(payload):
-                self._send(encode_reply(Reply(Command.LOOP, Status.SUCCESS, payload=payload)))
             case Plain(Command.DISCONNECT):
                 self._said_goodbye = True
                 self._reply(Command.DISCONNECT)
@@ -162,11 +160,6 @@ class WsgEmulator:
                 self._reply(
                     Command.GET_FORCE_LIMIT, values=(self._settings[Command.SET_FORCE_LIMIT],)
                 )
-            case Plain(Command.GET_SOFT_LIMITS):
-                if self._soft_limits is None:
-                    self._reply(Command.GET_SOFT_LIMITS, Status.NOT_AVAILABLE)
-                else:
-                    self._reply(Command.GET_SOFT_LIMITS, values=self._soft_limits)
             case Plain(Command.CLEAR_SOFT_LIMITS):
                 self._soft_limits = None
                 self._reply(Command.CLEAR_SOFT_LIMITS)
@@ -177,12 +170,15 @@ class WsgEmulator:
             case Plain(Command.LIMITS):
                 hardware = self._fingers.limits
                 stroke, force = hardware.width_max - hardware.width_min, hardware.force_max
-                values = (stroke, 0.005, hardware.speed_max, 0.1, 5.0, 5.0, force, force)
+                values = (stroke, 0.005, hardware.speed_max, 0.1, 5.0, FORCE_MIN, force, force)
                 self._reply(Command.LIMITS, values=values)
             case SetValue(command, value):
-                if value > 0.0:
+                of_force = FORCE_MIN, self._fingers.limits.force_max
+                least, most = of_force if command is Command.SET_FORCE_LIMIT else (1e-3, 10.0)
+                fits = least <= value <= most
+                if fits:
                     self._settings[command] = value
-                self._reply(command, Status.SUCCESS if value > 0.0 else Status.RANGE_ERROR)
+                self._reply(command, Status.SUCCESS if fits else Status.RANGE_ERROR)
             case SetSoftLimits(minus, plus):
                 fits = minus < plus
                 if fits:
@@ -196,13 +192,10 @@ class WsgEmulator:
                 self._reply(command, values=self._observe(command))
             case Homing():
                 self._begin(Command.HOMING, self._fingers.limits.width_max - self._offset, 0.1)
-            case Move(width, speed, relative, _):
-                target = width + (self._jaw() if relative else 0.0)
-                self._begin(Command.MOVE, target, speed)
-            case GraspCommand(width, speed, command):
-                self._begin(command, width, speed)
-            case Script(command, width, speed):
-                self._run_script(command, width, speed)
+            case Move(width, speed):
+                self._begin(Command.MOVE, width, speed)
+            case Script(command, _, speed):
+                self._run_script(command, speed)
 
     def _begin(self, command: Command, width: float, speed: float) -> None:
         refusal = self._refusal(command)
@@ -211,7 +204,8 @@ class WsgEmulator:
             refusal = Status.RANGE_ERROR
         if refusal is None and not self.busy:
             try:
-                motion = self._fingers.move(width + self._offset, speed)
+                force = min(self._settings[Command.SET_FORCE_LIMIT], self._fingers.limits.force_max)
+                motion = self._fingers.move(width + self._offset, speed, force)
             except MotionRefused:
                 refusal = Status.RANGE_ERROR
             else:
@@ -231,14 +225,11 @@ class WsgEmulator:
             return Status.NOT_INITIALIZED
         return Status.ALREADY_RUNNING if self._motion is not None else None
 
-    def _run_script(self, command: Command, width: float, speed: float) -> None:
+    def _run_script(self, command: Command, speed: float) -> None:
         if not self.has_script:
             self._reply(command, Status.CMD_UNKNOWN)
             return
-        if command is Command.SCRIPT_POSITION:
-            self._end_motion(Status.CMD_ABORTED)
-            self._fingers.move(width + self._offset, abs(speed))
-        elif command is Command.SCRIPT_SPEED:
+        if command is Command.SCRIPT_SPEED:
             if self._bits & SystemState.FAST_STOP or not self.referenced:
                 self._reply(command, Status.ACCESS_DENIED)
                 return
@@ -282,8 +273,6 @@ class WsgEmulator:
             return (self._jaw() if self.reported_width is None else self.reported_width,)
         if command is Command.SPEED:
             return (self._fingers.state().speed,)
-        if command is Command.GRASP_STATE:
-            return (GraspState.POSITIONING if self._motion is not None else GraspState.IDLE,)
         return (0.0,)
 
     def _system_state(self) -> SystemState:
@@ -301,17 +290,3 @@ class WsgEmulator:
     def _send(self, chunk: bytes) -> None:
         if self._peer is not None and not self.silent:
             self._peer.send(chunk)
-
-
-def _command_of(request: Request) -> Command:
-    match request:
-        case Loop():
-            return Command.LOOP
-        case Homing():
-            return Command.HOMING
-        case Move():
-            return Command.MOVE
-        case SetSoftLimits():
-            return Command.SET_SOFT_LIMITS
-        case Plain() | GraspCommand() | SetValue() | Observe() | Script():
-            return request.command

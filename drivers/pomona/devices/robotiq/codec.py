@@ -22,16 +22,17 @@ OPENING, CLOSING, THERE = (
     3,
 )  # object detection: stopped by something while it opened, closed; at its position
 
+_ACTIVATE = "look for what blocks the fingers, then activate it at the pendant, or start with 'activate: yes' and --cleared"
 FAULTS = {
     5: "waits for its activation to end",
-    7: "is not activated",
+    7: f"is not activated, as after its power was off: {_ACTIVATE}",
     8: "is too hot; let it cool down",
-    10: "has too little supply voltage",
-    11: "releases automatically",
+    10: "has too little supply voltage; check its power supply",
+    11: "is opening by itself: its automatic release was commanded; wait for its end",
     12: "has an internal fault; switch its power off and on",
-    13: "could not be activated; look for something that blocks the fingers",
-    14: "drew too much current",
-    15: "has released automatically; activate it again",
+    13: f"could not be activated: {_ACTIVATE}",
+    14: "drew too much current; look for what blocks the fingers",
+    15: f"has opened by itself, by its automatic release: {_ACTIVATE}",
 }
 """Faults by their code (instruction manual, gFLT). 9 is the time without communication before the connection."""
 
@@ -53,19 +54,35 @@ class RobotiqCommand:
 
 @dataclass(frozen=True, slots=True)
 class RobotiqStatus:
-    """Activation status, object detection, fault code, position that was requested, and position, in counts."""
+    """Activation status, object detection, fault code, position that was requested, and position, in counts.
+
+    Attributes:
+        go: whether motion is allowed.
+    """
 
     activation: int
     object: int
     fault: int
     requested: int
     position: int
+    go: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether something has stopped fingers that may still press on it."""
+        return bool(self.go) and self.object in (OPENING, CLOSING)
+
+    @property
+    def problem(self) -> str:
+        """Fault of the gripper in words; empty without one."""
+        inactive = "" if self.activation == ACTIVE else FAULTS[7]
+        return FAULTS.get(self.fault, inactive)
 
     @classmethod
     def decode(cls, registers: bytes) -> RobotiqStatus:
         """Return the status in the registers, six bytes."""
         first, _, fault, requested, position, _ = registers
-        return cls(first >> 4 & 3, first >> 6, fault & 15, requested, position)
+        return cls(first >> 4 & 3, first >> 6, fault & 15, requested, position, first >> 3 & 1)
 
 
 def crc(message: bytes) -> bytes:

@@ -7,13 +7,12 @@ force of the command is the limit of the motor's current while it moves; at the 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from functools import partial
 
 from pomona.devices.robotiq.codec import (
     ACTIVE,
     CLOSING,
-    FAULTS,
     OPENING,
     RobotiqCommand,
     RobotiqStatus,
@@ -24,31 +23,31 @@ from pomona.drivers import (
     DeviceError,
     DeviceFault,
     DeviceLost,
-    GripperMotion,
     GripperState,
     Malformed,
-    MotionState,
     Nonsense,
-    ParallelGripper,
+    PositionGripper,
+    SpeedOrder,
+    Stop,
+    Wanted,
+    WidthOrder,
 )
 from pomona.executive import Clock
 
 PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
 AHEAD = 3  # most steps by which a position that advances precedes the measured one, beside its way in DELAY
-DELAY = (
-    0.04  # time from a command to the width that shows it [s]: two exchanges and the fingers' own
-)
+# time from a command to the width that shows it [s]: two exchanges and the fingers' own
+DELAY = 0.04
 CATCH_UP = 1.5  # speed of the fingers towards a position that advances, as a multiple of its own
-SPEED_WINDOW = 0.04  # window of a speed by differences [s]: positions are counts
 ACCELERATION = 1.0  # assumed acceleration for the supervisor [m/s²]
 CONNECT, ACTIVATION = (
     1.0,
     8.0,
 )  # deadlines of the first status, and of the activation, which moves the fingers [s]
-RECONNECT = 0.5  # pause between attempts to open a lost wire again [s]
+RECONNECT = 0.5  # a wire without an answer for this long is opened again, and again after it [s]
 
 
-class RobotiqGripper(ParallelGripper):
+class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
     """The gripper. One thread owns the wire; requests are posted to it."""
 
     outlives = True
@@ -72,13 +71,8 @@ class RobotiqGripper(ParallelGripper):
         self._open_session = open_session
         self._session: RobotiqSession | None = None
         self._retry_at = self._heard_at = clock.now()
-        self._status: RobotiqStatus | None = None
-        self._command: RobotiqCommand | None = (
-            None  # None: nothing was commanded yet, or the last is no longer known
-        )
-        self._set_point: float | None = None  # that advances [m]
-        self._stepped_at = clock.now()
-        self._widths: list[tuple[float, float]] = []
+        # None: nothing was commanded yet, or the last is no longer known
+        self._written: RobotiqCommand | None = None
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -95,7 +89,8 @@ class RobotiqGripper(ParallelGripper):
                 self._activate()
                 status = self._await(lambda status: True, CONNECT, "does not answer")
             before, status = status, self._await(lambda status: True, CONNECT, "does not answer")
-            self._check_fault(status)
+            if status.problem:
+                raise DeviceFault(self.name, status.problem)
             if abs(status.position - before.position) > 1:
                 raise DeviceFault(
                     self.name, "moves without a command of this run: another program moves it"
@@ -114,15 +109,10 @@ class RobotiqGripper(ParallelGripper):
             )
             remedy = "activate it at the pendant, or set 'activate: yes' and start with --cleared"
             raise DeviceFault(self.name, f"{words}: {remedy}")
-        for active in (False, True):
-            self._command = RobotiqCommand(active=active)
-            wanted = ACTIVE if active else 0
-            self._await(
-                lambda status, wanted=wanted: status.activation == wanted,  # type: ignore[misc]
-                ACTIVATION,
-                "was not activated",
-            )
-        self._command = None
+        for active, wanted in ((False, 0), (True, ACTIVE)):
+            self._written = RobotiqCommand(active=active)
+            self._await(partial(_has_activation, wanted=wanted), ACTIVATION, "was not activated")
+        self._written = None
 
     def _await(
         self, until: Callable[[RobotiqStatus], bool], seconds: float, problem: str
@@ -131,7 +121,7 @@ class RobotiqGripper(ParallelGripper):
         end, nonsense = self._clock.now() + seconds, ""
         while self._clock.now() < end:
             try:
-                status = self._session.serve(self._command, PATIENCE)
+                status = self._session.serve(self._written, PATIENCE)
             except Malformed as error:
                 nonsense = nonsense or f": {error}"
                 continue
@@ -143,56 +133,54 @@ class RobotiqGripper(ParallelGripper):
                 return status
         raise DeviceLost(self.name, f"{problem} within {seconds:g} s{nonsense}")
 
-    def step(self) -> None:
-        """Serve the gripper once; its own thread calls this in a loop.
-
-        Raises OSError, DeviceLost, Nonsense: the wire failed, or no gripper answers.
-        """
+    def _serve(self) -> None:
+        """Exchange the command for the status. Raises OSError: the wire failed."""
         now = self._clock.now()
         if self._session is None:
-            self._supervise()
             if now < self._retry_at:
                 self._clock.advance(min(self._retry_at - now, 0.05))
                 return
             self._session, self._heard_at = self._open_session(), now
+        nonsense: DeviceError | None = None
         try:
-            status = self._session.serve(self._command, PATIENCE)
+            status = self._session.serve(self._written, PATIENCE)
             if status is not None:
                 self._heard_at = self._clock.now()
-                self._check_fault(status)
                 self._take(status)
         except Malformed as error:
-            if self._clock.now() - self._heard_at > self.options.deadline:
-                raise Nonsense(self.name, error) from error
+            nonsense = Nonsense(self.name, error)
         except DeviceFault as error:
-            self._lose(error)
+            self._give_up(error)
         silent = self._clock.now() - self._heard_at
         if silent > self.options.deadline:
-            raise DeviceLost(self.name, f"does not answer for {1e3 * silent:.0f} ms")
-        self._supervise()
+            words = f"does not answer for {1e3 * silent:.0f} ms"
+            self._lose(nonsense or DeviceLost(self.name, words))
+        if silent > RECONNECT:
+            self._forget()
 
     def _failed(self, error: BaseException) -> None:
         """As the base; the wire is opened again."""
         super()._failed(error)
-        self._leave()
+        self._forget()
         self._retry_at = self._clock.now() + RECONNECT
 
-    def _check_fault(self, status: RobotiqStatus) -> None:
-        if status.fault in FAULTS or status.activation != ACTIVE:
-            raise DeviceFault(self.name, FAULTS.get(status.fault, "is no longer activated"))
+    def _forget(self) -> None:
+        """Close the wire. A gripper that was switched off meanwhile must not be activated by the last command."""
+        self._leave()
+        self._written = self._status = self._set_point = None
 
     def _take(self, status: RobotiqStatus) -> None:
-        """Take a status: the width by its position, the speed by differences, the force by the cause of a stop."""
-        now = self._clock.now()
-        self._status, width = status, self.width_of(status.position)
-        recent = [(t, w) for t, w in self._widths if t >= now - SPEED_WINDOW]
-        self._widths = [*(recent or self._widths[-1:]), (now, width)]
-        then, before = self._widths[0]
-        speed = (width - before) / (now - then) if now - then > 0.5 * SPEED_WINDOW else 0.0
-        limit = (
-            2.0 * self.limits.force_max
-        )  # reached when the fingers were stopped; below it the force is unknown
-        self._measured(now, width, speed, {CLOSING: limit, OPENING: -limit}.get(status.object))
+        """Take a status: the width by its position, the force by the cause of a stop."""
+        now, width = self._clock.now(), self.width_of(status.position)
+        self._status = status
+        # reached when the fingers were stopped; below it the force is unknown
+        limit = 2.0 * self.limits.force_max
+        force = {CLOSING: limit, OPENING: -limit}.get(status.object)
+        self._measured(now, width, self._rate(now, width), force)
+        if status.activation != ACTIVE:
+            self._sent = None  # it does not move
+        if status.problem:
+            self._give_up(DeviceFault(self.name, status.problem))
 
     # ------------------------------------------------------------------------------------------- counts
 
@@ -207,72 +195,58 @@ class RobotiqGripper(ParallelGripper):
         closed = self.options.counts[1]
         return round(closed - (width - self.options.finger_offset) / self.limits.step)
 
-    def _speed_code(self, speed: float) -> int:
-        slowest, fastest = self.model.speeds
-        return min(max(round((speed - slowest) / (fastest - slowest) * 255.0), 0), 255)
-
     # ---------------------------------------------------------------------------------------- commands
 
-    def _start_move(self, move: GripperMotion) -> None:
-        self._set_point, self._stepped_at = self.state().width, self._clock.now()
-        if move.speed >= self.model.speeds[0]:
-            self._go_to(move.width, move.speed)
-            self._set_point = move.width
+    def next_command(self, wanted: Wanted, status: RobotiqStatus) -> RobotiqCommand | None:
+        """Return the registers; none for a gripper that is not activated, which a command would activate."""
+        if status.activation != ACTIVE:
+            return None
+        if isinstance(wanted, Stop):
+            if status.holds:  # it keeps its command, and presses on
+                return self._written
+            self._set_point = None
+            return RobotiqCommand(True, False, status.requested)
+        assert self._set_point is not None
+        speed, force = CATCH_UP * abs(wanted.speed), self.limits.force_max
+        if isinstance(wanted, WidthOrder):
+            speed, force = (wanted.speed if self._is_direct(wanted) else speed), wanted.force
+        codes = _code(speed, self.model.speeds), _code(force, self.model.forces)
+        return RobotiqCommand(True, True, self.position_of(self._set_point), *codes)
 
-    def _start_stream(self, speed: float) -> None:
-        if self._set_point is None:
-            self._set_point, self._stepped_at = self.state().width, self._clock.now()
+    def shows(self, wanted: Wanted, status: RobotiqStatus) -> bool:
+        stopped = not status.go or status.holds or status.activation != ACTIVE
+        return stopped and super().shows(wanted, status)
 
-    def _start_rest(self) -> None:
-        holds = self._status is not None and self._status.object in (OPENING, CLOSING)
-        self._set_point = None
-        if (
-            self._command is not None and not holds
-        ):  # fingers that hold something keep their command, and press on
-            command = self._command
-            self._command = RobotiqCommand(
-                True, False, command.position, command.speed, command.force
-            )
+    def _send(self, command: RobotiqCommand) -> None:
+        self._written = command
 
-    def _go_to(self, width: float, speed: float) -> None:
-        least, most = self.model.forces
-        force = round((self.limits.force_max - least) / (most - least) * 255.0)
-        self._command = RobotiqCommand(
-            True, True, self.position_of(width), self._speed_code(speed), force
-        )
+    def _is_direct(self, wanted: WidthOrder) -> bool:
+        """Return True for a move at a speed of the gripper's own: one command."""
+        return wanted.speed >= self.model.speeds[0]
+
+    def _advanced(self, wanted: WidthOrder | SpeedOrder, width: float, elapsed: float) -> float:
+        if isinstance(wanted, WidthOrder) and self._is_direct(wanted):
+            return wanted.width
+        return super()._advanced(wanted, width, elapsed)
+
+    def _ahead(self, speed: float) -> float:
+        return AHEAD * self.limits.step + speed * DELAY
 
     def _watch(self, state: GripperState) -> None:
-        now, move = self._clock.now(), self._move
-        elapsed, self._stepped_at = (
-            min(max(now - self._stepped_at, 0.0), 0.02),
-            now,
-        )  # no jump after a stall
-        if self._set_point is None:
-            return
-        running = move is not None and move.state is MotionState.RUNNING
-        if self._speed or (running and move is not None and self._set_point != move.width):
-            target = (
-                move.width if running and move is not None else math.copysign(math.inf, self._speed)
-            )
-            speed = move.speed if running and move is not None else abs(self._speed)
-            self._advance(target, speed, elapsed, state.width)
-        self._judge_move(state, self._set_point, 1.5 * self.limits.step)
-
-    def _advance(self, target: float, speed: float, elapsed: float, width: float) -> None:
-        """Let the set-point advance towards `target` at a speed [m/s], for fingers at `width` [m]."""
-        assert self._set_point is not None
-        limits, ahead = self.limits, AHEAD * self.limits.step + speed * DELAY
-        left = target - self._set_point
-        wanted = self._set_point + math.copysign(min(abs(left), speed * elapsed), left)
-        wanted = min(max(wanted, limits.width_min), limits.width_max)
-        least, most = min(width - ahead, self._set_point), max(width + ahead, self._set_point)
-        self._set_point = min(max(wanted, least), most)
-        self._go_to(self._set_point, CATCH_UP * speed)
-
-    def _forget(self) -> None:
-        self._command, self._set_point = None, None
+        if self._set_point is not None:
+            self._judge_move(state, self._set_point, 1.5 * self.limits.step)
 
     def _leave(self) -> None:
         session, self._session = self._session, None
         if session is not None:
             session.close()
+
+
+def _has_activation(status: RobotiqStatus, wanted: int) -> bool:
+    return status.activation == wanted
+
+
+def _code(value: float, span: tuple[float, float]) -> int:
+    """Return a speed [m/s] or a force [N] in counts of its span."""
+    least, most = span
+    return min(max(round((value - least) / (most - least) * 255.0), 0), 255)

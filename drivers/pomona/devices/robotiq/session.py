@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pomona.devices.robotiq.codec import SLAVE, RobotiqCommand, RobotiqStatus, answer, request
+from pomona.devices.robotiq.codec import (
+    ACTIVE,
+    SLAVE,
+    RobotiqCommand,
+    RobotiqStatus,
+    answer,
+    request,
+)
 from pomona.drivers import DeviceFault, Link, Malformed
 from pomona.executive import Clock
 
@@ -60,8 +67,12 @@ QUESTIONS = {
     "FLT": "fault",
     "PRE": "requested",
     "POS": "position",
+    "GTO": "go",
 }
 """Questions of the URCap by the field of the status that each answers."""
+
+
+FOREIGN = "another program commands it: only one may, so stop the other one"
 
 
 class UrcapSession:
@@ -75,6 +86,8 @@ class UrcapSession:
         self._sent: RobotiqCommand | None = None
         self._told: dict[str, int] = {}
         self._asked = ""
+        self._go: bool | None = None  # of the newest command, or as it was read
+        self._was_read = False
 
     def serve(self, command: RobotiqCommand | None, patience: float) -> RobotiqStatus | None:
         if not self._asked:
@@ -91,11 +104,13 @@ class UrcapSession:
         if name != self._asked or not number.strip().isdigit():
             raise Malformed(line, f"is no answer to GET {self._asked}")
         self._told[QUESTIONS[name]], self._asked = int(number), ""
-        if name == "PRE":
+        if name == "PRE" and self._told["activation"] == ACTIVE:
             self._own(int(number))
         if len(self._told) < len(QUESTIONS):
             return None
         status, self._told = RobotiqStatus(**self._told), {}
+        if status.activation == ACTIVE:
+            self._require_go(bool(status.go))
         return status
 
     def _own(self, position: int) -> None:
@@ -103,13 +118,22 @@ class UrcapSession:
         ours = [position, *self._ours[1:]] if self._ours[0] is None else self._ours
         self._ours = ours[ours.index(position) :] if position in ours else [position]
         if position not in ours:
-            raise DeviceFault(
-                self._device, "another program commands it: only one may, so stop the other one"
-            )
+            raise DeviceFault(self._device, FOREIGN)
+
+    def _require_go(self, go: bool) -> None:
+        """Send a command again that is not read back. Raises DeviceFault: it was, and is not any more."""
+        was_read, self._was_read = self._was_read, True
+        expected, self._go = self._go, go
+        if expected is None or go is expected:
+            return
+        if was_read:
+            raise DeviceFault(self._device, FOREIGN)
+        self._sent, self._was_read = None, False
 
     def _ask(self, command: RobotiqCommand | None) -> None:
         if command is not None and command != self._sent:
             self._sent, self._asked = command, "SET"
+            self._go, self._was_read = command.go, False
             self._ours.append(command.position)
             values = {
                 "ACT": command.active,

@@ -10,7 +10,6 @@ Over rosbridge an action of `control_msgs/GripperCommand` can take the controlle
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -21,12 +20,13 @@ from pomona.drivers import (
     DeviceError,
     DeviceLost,
     GripperLimits,
-    GripperMotion,
     GripperState,
     GripperSupervision,
-    MotionState,
-    ParallelGripper,
+    PositionGripper,
     Settings,
+    Stop,
+    Wanted,
+    WidthOrder,
     driver,
 )
 from pomona.executive import (
@@ -55,9 +55,6 @@ BLOCKED = (
     0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
 )
 GOAL_PERIOD = 0.05  # shortest time between goals of an action [s]: each ends the one before
-SPEED_WINDOW = (
-    0.04  # window of a speed by differences [s], without velocities: positions are quantised
-)
 FIRST_STATE = 3.0  # deadline for the first joint state [s]
 ACCELERATION = (
     1.0  # assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
@@ -85,7 +82,7 @@ class Ros2GripperOptions:
     )
 
 
-class Ros2Gripper(ParallelGripper):
+class Ros2Gripper(PositionGripper[GripperState, float]):
     """The gripper. One thread owns the set-point; requests are posted to it."""
 
     outlives = True
@@ -113,12 +110,9 @@ class Ros2Gripper(ParallelGripper):
             name, wire, options.states, (options.joint,), clock, options.silence, host_time
         )
         self._coder = coder(COMMAND)
-        self._widths: list[tuple[float, float]] = []
-        self._set_point: float | None = (
-            None  # None: nothing was commanded yet, or the last command is no longer known
-        )
-        self._stepped_at = self._sent_at = clock.now()
-        self._sent: float | None = None
+        self._published_at = clock.now()
+        self._published: float | None = None  # newest set-point that the controller has
+        self._effort = limits.force_max  # of an action [N]
 
     def connect(self, deadline: float = FIRST_STATE) -> None:
         """Wait for the first state; nothing is sent. Raises DeviceLost: none came; DeviceFault: it is implausible."""
@@ -136,8 +130,7 @@ class Ros2Gripper(ParallelGripper):
         if self._problem is not None:
             raise self._problem
 
-    def step(self) -> None:
-        """Serve the gripper once; its own thread calls this in a loop."""
+    def _serve(self) -> None:
         sample = self._feed.newest(PATIENCE)
         try:
             if sample is not None:
@@ -145,67 +138,44 @@ class Ros2Gripper(ParallelGripper):
             self._feed.check()
         except DeviceLost as error:
             self._lose(error)
-        self._supervise()
 
     def _believe(self, sample: JointSample) -> None:
         options = self.options
         width = options.finger_offset + options.scale * float(sample.q[0])
-        if sample.qd is not None:
-            speed = options.scale * float(sample.qd[0])
-        else:
-            lately = [(t, w) for t, w in self._widths if t >= sample.stamp - SPEED_WINDOW]
-            self._widths = [*(lately or self._widths[-1:]), (sample.stamp, width)]
-            then, before = self._widths[0]
-            elapsed = sample.stamp - then
-            speed = (width - before) / elapsed if elapsed > 0.5 * SPEED_WINDOW else 0.0
+        rate = self._rate(sample.stamp, width)
+        speed = rate if sample.qd is None else options.scale * float(sample.qd[0])
         self._measured(sample.stamp, width, speed)
+        self._status = self._state
 
-    def _watch(self, state: GripperState) -> None:
-        now = self._clock.now()
-        # no jump after a stall of this thread
-        elapsed = min(max(now - self._stepped_at, 0.0), 2.0 * SET_POINT_PERIOD)
-        self._stepped_at = now
-        if self._set_point is None:
-            return
-        self._set_point = self._advanced(self._set_point, elapsed, state.width)
-        # period at which a set-point that does not change is repeated [s], in case one was lost on the way
-        often, again = (GOAL_PERIOD, 0.5) if self.options.action else (SET_POINT_PERIOD, 0.1)
-        if now - self._sent_at >= (often if self._set_point != self._sent else again):
-            self._publish(self._set_point)
-        self._judge_move(state, self._set_point, ARRIVED, self.options.supervision.lag + BLOCKED)
-
-    def _advanced(self, set_point: float, elapsed: float, width: float) -> float:
-        """Return the next set-point [m], `elapsed` [s] after the last one, for fingers that stand at `width` [m]."""
-        move = self._move
-        if move is not None and move.state is MotionState.RUNNING:
-            way = move.width - set_point
-            wanted = set_point + math.copysign(min(abs(way), move.speed * elapsed), way)
+    def next_command(self, wanted: Wanted, status: GripperState) -> float | None:
+        """Return the set-point, once it has changed and again some time later: one may be lost on the way."""
+        if isinstance(wanted, Stop):
+            self._set_point = self._published
         else:
-            wanted = set_point + self._speed * elapsed
-        wanted = min(max(wanted, self.limits.width_min), self.limits.width_max)
-        ahead = self.options.ahead
-        if wanted < set_point:
-            return min(max(wanted, width - ahead), set_point)
-        return max(min(wanted, width + ahead), set_point)
+            self._effort = wanted.force if isinstance(wanted, WidthOrder) else self.limits.force_max
+        often, again = (GOAL_PERIOD, 0.5) if self.options.action else (SET_POINT_PERIOD, 0.1)
+        waited = self._clock.now() - self._published_at
+        new = self._set_point != self._published
+        return self._set_point if waited >= (often if new else again) else None
 
-    def _publish(self, width: float) -> None:
-        self._sent, self._sent_at = width, self._clock.now()
-        position = (width - self.options.finger_offset) / self.options.scale
+    def _send(self, command: float) -> None:
+        self._published, self._published_at = command, self._clock.now()
+        position = (command - self.options.finger_offset) / self.options.scale
         if self.options.action and isinstance(self._wire, RosbridgePeer):
-            goal = {"command": {"position": position, "max_effort": self.limits.force_max}}
+            goal = {"command": {"position": position, "max_effort": self._effort}}
             self._wire.send_goal(self.options.action, ACTION, goal, round(self._host_time() * 1e9))
             return
         coded = self._coder.coded({"data": [position]})
         self._wire.publish(self.options.commands, COMMAND, coded, round(self._host_time() * 1e9))
 
-    def _start_move(self, move: GripperMotion) -> None:
-        self._set_point = self.state().width if self._set_point is None else self._set_point
+    def _ahead(self, speed: float) -> float:
+        return self.options.ahead
 
-    def _start_stream(self, speed: float) -> None:
-        self._set_point = self.state().width if self._set_point is None else self._set_point
-
-    def _forget(self) -> None:
-        self._set_point = None  # nothing more is sent: the controller holds the last set-point
+    def _watch(self, state: GripperState) -> None:
+        if self._set_point is not None:
+            self._judge_move(
+                state, self._set_point, ARRIVED, self.options.supervision.lag + BLOCKED
+            )
 
     def _leave(self) -> None:
         self._wire.close()

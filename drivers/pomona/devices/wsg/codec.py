@@ -10,6 +10,7 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from typing import ClassVar
 
 from pomona.devices.wsg.frame import WireFrame, encode_frame
 from pomona.drivers import Malformed
@@ -18,32 +19,25 @@ from pomona.drivers import Malformed
 class Command(IntEnum):
     """Ids of messages."""
 
-    LOOP = 0x06
     DISCONNECT = 0x07
     HOMING = 0x20
     MOVE = 0x21
     STOP = 0x22
     FAST_STOP = 0x23
     ACKNOWLEDGE = 0x24
-    GRASP = 0x25
-    RELEASE = 0x26
     SET_ACCELERATION = 0x30
     GET_ACCELERATION = 0x31
     SET_FORCE_LIMIT = 0x32
     GET_FORCE_LIMIT = 0x33
     SET_SOFT_LIMITS = 0x34
-    GET_SOFT_LIMITS = 0x35
     CLEAR_SOFT_LIMITS = 0x36
     TARE = 0x38
     SYSTEM_STATE = 0x40
-    GRASP_STATE = 0x41
     WIDTH = 0x43
     SPEED = 0x44
-    FORCE = 0x45
     INFO = 0x50
     LIMITS = 0x53
     SCRIPT_READ = 0xB0
-    SCRIPT_POSITION = 0xB1
     SCRIPT_SPEED = 0xB2
 
 
@@ -83,19 +77,6 @@ class Status(IntEnum):
     FILE_EXISTS = 30
 
 
-class GraspState(IntEnum):
-    """State of the gripper's own grasp function."""
-
-    IDLE = 0
-    GRASPING = 1
-    NO_PART = 2
-    PART_LOST = 3
-    HOLDING = 4
-    RELEASING = 5
-    POSITIONING = 6
-    ERROR = 7
-
-
 class SystemState(IntFlag):
     """Bits of the system state."""
 
@@ -130,16 +111,10 @@ class Plain:
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
-    """Send the payload back."""
-
-    payload: bytes = b""
-
-
-@dataclass(frozen=True, slots=True)
 class Homing:
     """Find the reference: 0 in the default direction, 1 opening, 2 closing."""
 
+    command: ClassVar[Command] = Command.HOMING
     direction: int = 0
 
 
@@ -147,19 +122,9 @@ class Homing:
 class Move:
     """Move the jaws to a width [m] with a speed [m/s]."""
 
+    command: ClassVar[Command] = Command.MOVE
     width: float
     speed: float
-    relative: bool = False
-    stop_on_block: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class GraspCommand:
-    """GRASP a part of a width [m] with a speed [m/s], or RELEASE it, selected by `command`."""
-
-    width: float
-    speed: float
-    command: Command = Command.GRASP
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,13 +139,14 @@ class SetValue:
 class SetSoftLimits:
     """Keep the width [m] between two limits."""
 
+    command: ClassVar[Command] = Command.SET_SOFT_LIMITS
     minus: float
     plus: float
 
 
 @dataclass(frozen=True, slots=True)
 class Observe:
-    """Ask for SYSTEM_STATE, GRASP_STATE, WIDTH, SPEED or FORCE once, or every `period` [s, whole milliseconds]."""
+    """Ask for SYSTEM_STATE, WIDTH or SPEED once, or every `period` [s, whole milliseconds]."""
 
     command: Command
     auto: bool = False
@@ -189,16 +155,17 @@ class Observe:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A request to the finger script: SCRIPT_READ, SCRIPT_POSITION (width [m], speed [m/s]) or SCRIPT_SPEED (speed)."""
+    """A request to the finger script: SCRIPT_READ, or SCRIPT_SPEED with a speed [m/s]; its width is not used."""
 
     command: Command
     width: float = 0.0
     speed: float = 0.0
 
 
-Request = Plain | Loop | Homing | Move | GraspCommand | SetValue | SetSoftLimits | Observe | Script
+Request = Plain | Homing | Move | SetValue | SetSoftLimits | Observe | Script
 
 _MM = 1000.0
+STOP_ON_BLOCK = 2  # flag of MOVE; without the flag 1 its width is absolute
 _VALUE_SCALE = {Command.SET_ACCELERATION: _MM, Command.SET_FORCE_LIMIT: 1.0}
 _PLAIN = {
     Command.DISCONNECT,
@@ -206,7 +173,6 @@ _PLAIN = {
     Command.FAST_STOP,
     Command.GET_ACCELERATION,
     Command.GET_FORCE_LIMIT,
-    Command.GET_SOFT_LIMITS,
     Command.CLEAR_SOFT_LIMITS,
     Command.TARE,
     Command.INFO,
@@ -214,12 +180,10 @@ _PLAIN = {
 }
 _OBSERVABLE = {
     Command.SYSTEM_STATE,
-    Command.GRASP_STATE,
     Command.WIDTH,
     Command.SPEED,
-    Command.FORCE,
 }
-_SCRIPT = {Command.SCRIPT_READ, Command.SCRIPT_POSITION, Command.SCRIPT_SPEED}
+_SCRIPT = {Command.SCRIPT_READ, Command.SCRIPT_SPEED}
 
 
 def encode(request: Request) -> bytes:
@@ -229,17 +193,11 @@ def encode(request: Request) -> bytes:
             return encode_frame(WireFrame(Command.ACKNOWLEDGE, b"ack"))
         case Plain(command):
             return encode_frame(WireFrame(command, b""))
-        case Loop(payload):
-            return encode_frame(WireFrame(Command.LOOP, payload))
         case Homing(direction):
             return encode_frame(WireFrame(Command.HOMING, bytes([direction])))
-        case Move(width, speed, relative, stop_on_block):
-            flags = int(relative) | int(stop_on_block) << 1
-            return encode_frame(
-                WireFrame(Command.MOVE, struct.pack("<Bff", flags, width * _MM, speed * _MM))
-            )
-        case GraspCommand(width, speed, command):
-            return encode_frame(WireFrame(command, struct.pack("<ff", width * _MM, speed * _MM)))
+        case Move(width, speed):
+            values = struct.pack("<Bff", STOP_ON_BLOCK, width * _MM, speed * _MM)
+            return encode_frame(WireFrame(Command.MOVE, values))
         case SetValue(command, value):
             return encode_frame(
                 WireFrame(command, struct.pack("<f", value * _VALUE_SCALE[command]))
@@ -264,8 +222,6 @@ def decode_request(frame: WireFrame) -> Request:
     Raises Malformed: no known command, or a payload that does not fit it.
     """
     command, payload = _command(frame), frame.payload
-    if command is Command.LOOP:
-        return Loop(payload)
     if command is Command.ACKNOWLEDGE and payload == b"ack":
         return Plain(command)
     if command in _PLAIN and not payload:
@@ -273,11 +229,7 @@ def decode_request(frame: WireFrame) -> Request:
     if command is Command.HOMING and len(payload) == 1 and payload[0] <= 2:
         return Homing(payload[0])
     if command is Command.MOVE and len(payload) == 9:
-        flags, width, speed = _unpack(frame, "<Bff", payload, (1, _MM, _MM))
-        return Move(width, speed, bool(int(flags) & 1), bool(int(flags) & 2))
-    if command in (Command.GRASP, Command.RELEASE) and len(payload) == 8:
-        width, speed = _unpack(frame, "<ff", payload, (_MM, _MM))
-        return GraspCommand(width, speed, command)
+        return Move(*_unpack(frame, "<Bff", payload, (1, _MM, _MM))[1:])
     if command in _VALUE_SCALE and len(payload) == 4:
         return SetValue(command, *_unpack(frame, "<f", payload, (_VALUE_SCALE[command],)))
     if command is Command.SET_SOFT_LIMITS and len(payload) == 8:
@@ -299,22 +251,18 @@ class Reply:
 
     command: Command  # the answered command
     status: Status  # SUCCESS, CMD_PENDING for a motion that began, or an error
-    # by command, in SI units: WIDTH, SPEED, FORCE and every GET their numbers; SYSTEM_STATE and GRASP_STATE the bits or
-    # the code; SCRIPT_* width and speed; INFO type, hardware, firmware, serial; LIMITS stroke, speeds (least, most),
-    # accelerations (least, most), forces (least, nominal, overdrive). Empty unless SUCCESS.
+    # by command, in SI units: WIDTH, SPEED and every GET their numbers; SYSTEM_STATE its bits; SCRIPT_* width and speed;
+    # INFO type, hardware, firmware, serial; LIMITS stroke, speeds (least, most), accelerations (least, most), forces
+    # (least, nominal, overdrive). Empty unless SUCCESS.
     values: tuple[float, ...] = ()
-    payload: bytes = b""  # the bytes that LOOP sent back
 
 
 _REPLY_LAYOUT: dict[Command, tuple[str, tuple[float, ...]]] = {
     Command.GET_ACCELERATION: ("<f", (_MM,)),
     Command.GET_FORCE_LIMIT: ("<f", (1.0,)),
-    Command.GET_SOFT_LIMITS: ("<ff", (_MM, _MM)),
     Command.SYSTEM_STATE: ("<I", (1,)),
-    Command.GRASP_STATE: ("<B", (1,)),
     Command.WIDTH: ("<f", (_MM,)),
     Command.SPEED: ("<f", (_MM,)),
-    Command.FORCE: ("<f", (1.0,)),
     Command.INFO: ("<BBHI", (1, 1, 1, 1)),
     Command.LIMITS: ("<8f", (_MM,) * 5 + (1.0,) * 3),
     **dict.fromkeys(_SCRIPT, ("<ff", (_MM, _MM))),
@@ -323,7 +271,7 @@ _REPLY_LAYOUT: dict[Command, tuple[str, tuple[float, ...]]] = {
 
 def encode_reply(reply: Reply) -> bytes:
     """Return the bytes of a reply (a gripper's side)."""
-    body = reply.payload
+    body = b""
     if reply.status is Status.SUCCESS and reply.command in _REPLY_LAYOUT:
         layout, scales = _REPLY_LAYOUT[reply.command]
         body = struct.pack(
@@ -347,8 +295,6 @@ def decode_reply(frame: WireFrame) -> Reply:
         raise Malformed(
             encode_frame(frame), f"a reply to {command.name} with the unknown status {code}"
         ) from None
-    if command is Command.LOOP:
-        return Reply(command, status, payload=body)
     if status is not Status.SUCCESS:
         return Reply(command, status)
     layout, scales = _REPLY_LAYOUT.get(command, ("<", ()))

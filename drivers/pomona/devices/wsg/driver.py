@@ -10,7 +10,17 @@ import contextlib
 import math
 from collections.abc import Callable
 
-from pomona.devices.wsg.codec import Command, Move, Plain, Reply, Script, Status, SystemState
+from pomona.devices.wsg.codec import (
+    Command,
+    Move,
+    Plain,
+    Reply,
+    Request,
+    Script,
+    SetValue,
+    Status,
+    SystemState,
+)
 from pomona.devices.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
 from pomona.devices.wsg.session import GripperSession
 from pomona.drivers import (
@@ -24,7 +34,10 @@ from pomona.drivers import (
     Link,
     MotionState,
     ParallelGripper,
-    StopFailed,
+    SpeedOrder,
+    Stop,
+    Wanted,
+    WidthOrder,
 )
 from pomona.executive import Clock
 
@@ -33,9 +46,6 @@ STREAM_PERIOD = (
     0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
 )
 PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
-STOPPING = (
-    0.2  # deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s
-)
 
 ARRIVED, ARRIVAL = (
     2e-3,
@@ -55,7 +65,7 @@ FAULTS: dict[SystemState, str] = {
 }
 
 
-class WsgGripper(ParallelGripper):
+class WsgGripper(ParallelGripper[SystemState, Request]):
     """A WSG gripper on any link.
 
     Attributes:
@@ -64,6 +74,8 @@ class WsgGripper(ParallelGripper):
     """
 
     outlives = True
+    stopping = 0.2  # braking from 0.2 m/s at 2 m/s² takes 0.1 s
+    repeat = 0.0  # its answers show what it has taken
 
     def __init__(
         self,
@@ -89,15 +101,15 @@ class WsgGripper(ParallelGripper):
         self._retry_at = 0.0
         self._rate = 0.0
         self._updated: dict[Command, float] = {}
-        self._waiting: GripperMotion | None = (
-            None  # to be started when the stop before it is answered
-        )
-        self._sent_at, self._sent = -math.inf, 0.0  # newest speed set-point
+        self._streamed_at, self._streamed = -math.inf, 0.0  # newest speed set-point
+        self._ordered: GripperMotion | None = None  # its MOVE was sent, and no STOP since
+        # which stop is sent: a gripper that does not obey it gets a fast stop; and whether that was answered
+        self._halt, self._answered = Command.STOP, True
+        self._force = math.nan  # limit of the force that the gripper has [N]
         self._arriving: float | None = (
             None  # the gripper reports arrival; deadline for its width to confirm it
         )
         self._grace_until = -math.inf
-        self._obey_by: float | None = None  # deadline for coming to rest after a stop
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -106,18 +118,17 @@ class WsgGripper(ParallelGripper):
         self._open()
         self._problem = None
 
-    def step(self) -> None:
+    def _serve(self) -> None:
         """Serve the connection for a few milliseconds."""
         try:
             if self._session is None:
                 self._reconnect()
             else:
-                self._serve(self._session)
+                self._receive(self._session)
         except (OSError, DeviceError) as error:
             self._failed(error)
 
     def _reconnect(self) -> None:
-        self._supervise()
         now = self._clock.now()
         if now < self._retry_at:
             self._clock.advance(min(self._retry_at - now, 0.02))
@@ -145,26 +156,25 @@ class WsgGripper(ParallelGripper):
         )
         self._supervisor.rest(now)
         self._updated = dict.fromkeys(UPDATES, now)
-        self._speed = self._sent = 0.0
+        self._force, self._streamed, self._ordered = identity.force_limit, 0.0, None
+        self._sent, self._answered = Stop(), True  # by the handshake
+        self._stop_by = now + self.stopping
         self._session, self._lost = session, False
 
     def _lose(self, error: DeviceError) -> None:
         """Close the connection after an error; the next steps try to reconnect."""
-        session, self._session = self._session, None
+        session, self._session, self._status = self._session, None, None
         super()._lose(error)
+        self._retry_at = self._clock.now() + RECONNECT
         if session is not None:
             session.close()
-
-    def _forget(self) -> None:
-        self._sent, self._waiting, self._obey_by = 0.0, None, None
-        self._retry_at = self._clock.now() + RECONNECT
 
     def _leave(self) -> None:
         """Close the session: a gripper that loses its client makes a fast stop."""
         session, self._session = self._session, None
         if session is not None:
             with contextlib.suppress(OSError):
-                session.send(Plain(Command.DISCONNECT), Command.DISCONNECT)
+                session.send(Plain(Command.DISCONNECT))
             session.close()
 
     # -------------------------------------------------------------------------------------------- commands
@@ -176,7 +186,7 @@ class WsgGripper(ParallelGripper):
             DeviceLost: the gripper is lost, or an earlier loss is not acknowledged.
             DeviceFault: it has no finger script for streamed speeds, or is in fast stop.
         """
-        if not self._lost and not self._lost_since_ack:
+        if not self._lost and not self._unacknowledged:
             if self.identity is None or not self.identity.has_script:
                 raise DeviceFault(
                     self.name,
@@ -190,7 +200,7 @@ class WsgGripper(ParallelGripper):
         """Tare the gripper's own force sensor; nothing must touch the fingers. Raises DeviceLost: it is lost."""
         if self._lost:
             raise DeviceLost(self.name, self._words())
-        self._owner.post(lambda: self._send(Plain(Command.TARE), Command.TARE))
+        self._owner.post(lambda: self._send(Plain(Command.TARE)))
 
     def _refusal(self) -> str:
         if self._bits & SystemState.REFERENCED:
@@ -200,65 +210,86 @@ class WsgGripper(ParallelGripper):
             "file, or home it by hand"
         )
 
-    def _start_move(self, move: GripperMotion) -> None:
-        """Stop the fingers; the answer starts the move."""
-        self._sent, self._waiting, self._arriving = 0.0, move, None
-        self._send(Plain(Command.STOP), Command.STOP)
+    def next_command(self, wanted: Wanted, status: SystemState) -> Request | None:
+        """Return the next request; none while an answer is missing that it depends on."""
+        session = self._session
+        if session is None or any(map(session.awaits, (Command.STOP, Command.SET_FORCE_LIMIT))):
+            return None
+        match wanted:
+            case Stop():
+                if self._streamed:
+                    return Script(Command.SCRIPT_SPEED)
+                return None if self._answered else Plain(self._halt)
+            case SpeedOrder(speed):
+                if self._ordered is not None:
+                    return Plain(Command.STOP)
+                return Script(Command.SCRIPT_SPEED, 0.0, speed) if self._is_due(speed) else None
+            case WidthOrder(width, speed, force):
+                if self._ordered is not None and self._ordered is self._move:
+                    return None
+                halted = isinstance(self._sent, Stop | WidthOrder) and self._answered
+                if self._ordered is not None or not halted:
+                    return Plain(Command.STOP)
+                if force != self._force:
+                    return SetValue(Command.SET_FORCE_LIMIT, force)
+                return Move(width - self.options.finger_offset, speed)
 
-    def _start_rest(self) -> None:
-        """Stop in any reported state; a gripper that does not obey it gets a fast stop."""
-        self._waiting = None
-        if self._session is None:
+    def _is_due(self, speed: float) -> bool:
+        """Return True if a speed is to be sent: no sooner than the finger script takes it, and to feed its watchdog."""
+        if speed == 0.0:
+            return self._streamed != 0.0
+        return self._clock.now() - self._streamed_at >= STREAM_PERIOD
+
+    def shows(self, wanted: Wanted, status: SystemState) -> bool:
+        return isinstance(wanted, Stop) and self._answered and self._still()
+
+    def _send(self, command: Request) -> None:
+        """Send a request; it is dropped while disconnected, and a connection that fails is lost."""
+        session = self._session
+        if session is None:
             return
-        if self._obey_by is None:
-            self._obey_by = self._clock.now() + STOPPING
-        if self._sent != 0.0:
-            self._start_stream(0.0)
-        self._send(Plain(Command.STOP), Command.STOP)
+        match command:
+            case Script(_, _, speed):
+                self._streamed, self._streamed_at = speed, self._clock.now()
+                self._supervisor.stream(self._streamed_at, speed, self.options.watchdog)
+            case Move():
+                self._ordered, self._arriving = self._move, None
+            case SetValue(_, value):
+                self._force = value
+            case Plain(Command.STOP | Command.FAST_STOP):
+                self._ordered, self._answered, self._streamed = None, False, 0.0
+        try:
+            session.send(command)
+        except OSError as error:
+            self._failed(error)
+
+    def _rest(self) -> None:
+        """As the base; a stop is sent in any reported state."""
+        if not isinstance(self._wanted, Stop):
+            self._answered = False
+        super()._rest()
 
     def _set_stream(self, speed: float) -> None:
-        """Set the speed; it is sent no sooner than the finger script takes it."""
-        self._speed = speed
-        if self._clock.now() - self._sent_at >= STREAM_PERIOD or (
-            speed == 0.0 and self._sent != 0.0
-        ):
-            self._start_stream(speed)
-
-    def _start_stream(self, speed: float) -> None:
-        self._sent, self._sent_at = speed, self._clock.now()
-        self._supervisor.stream(self._sent_at, speed, self.options.watchdog)
-        self._send(Script(Command.SCRIPT_SPEED, 0.0, speed), Command.SCRIPT_SPEED)
+        """As the base; the supervisor knows a speed when it is sent."""
+        self._wanted = SpeedOrder(speed)
 
     def _release(self) -> None:
         """Release the latch, and a fast stop of the gripper. Raises DeviceLost: the gripper is still lost."""
         super()._release()
         if self._bits & SystemState.FAST_STOP:
-            self._send(Plain(Command.ACKNOWLEDGE), Command.ACKNOWLEDGE)
+            self._send(Plain(Command.ACKNOWLEDGE))
         # time that the gripper has to clear its fault after an acknowledgement [s]
         self._grace_until = self._clock.now() + 0.3
-        self._obey_by = None
+        self._halt = Command.STOP
 
     # -------------------------------------------------------------------------------------------- the wire
 
-    def _send(self, request: Plain | Move | Script, command: Command) -> None:
-        """Send a request; it is dropped while disconnected, and a connection that fails is lost."""
-        session = self._session
-        if session is None:
-            return
-        try:
-            session.send(request, command)
-        except OSError as error:
-            self._failed(error)
-
-    def _serve(self, session: GripperSession) -> None:
+    def _receive(self, session: GripperSession) -> None:
         replies = session.receive(self._patience())
         if not replies and self._clock.now() - session.last_heard > self.options.silence:
             replies = session.receive(0.0)  # this thread itself may have stalled
         for reply in replies:
             self._take(reply)
-        self._supervise()
-        if self._session is not session:
-            return
         now = self._clock.now()
         if not replies and now - session.last_heard > self.options.silence:
             raise DeviceLost(self.name, f"no answer for {1e3 * (now - session.last_heard):.0f} ms")
@@ -270,32 +301,14 @@ class WsgGripper(ParallelGripper):
 
     def _patience(self) -> float:
         """Receive timeout [s]: at most until the next set-point is due."""
-        if self._speed == self._sent == 0.0:
+        if self._speed == self._streamed == 0.0:
             return PATIENCE
-        return min(max(self._sent_at + STREAM_PERIOD - self._clock.now(), 0.0), PATIENCE)
+        return min(max(self._streamed_at + STREAM_PERIOD - self._clock.now(), 0.0), PATIENCE)
 
     def _watch(self, state: GripperState) -> None:
-        """Stream, enforce stops, and see whether the move has arrived."""
-        self._keep_streaming(self._clock.now())
-        session = self._session
-        if self._obey_by is not None and session is not None and not session.awaits(Command.STOP):
-            if self._still():
-                self._obey_by = None
-            elif state.stamp > self._obey_by:  # not the clock: this thread may have stalled
-                width = 1e3 * state.width
-                self._disobeyed(
-                    f"was not measured at rest {1e3 * STOPPING:.0f} ms after a stop, at {width:.1f} mm"
-                )
+        """See whether the move has arrived."""
         if self._move is not None:
             self._arrive(self._move)
-
-    def _keep_streaming(self, now: float) -> None:
-        changed = self._speed != self._sent and (
-            self._speed == 0.0 or now - self._sent_at >= STREAM_PERIOD
-        )
-        # Renewing feeds the finger script's own watchdog.
-        if changed or (self._speed != 0.0 and now - self._sent_at >= 2.0 * STREAM_PERIOD):
-            self._start_stream(self._speed)
 
     def _arrive(self, move: GripperMotion) -> None:
         """A move is done once the measured width confirms it."""
@@ -303,35 +316,26 @@ class WsgGripper(ParallelGripper):
             return
         if abs(move.measured - move.width) < ARRIVED:
             move.measured = move.width
-            move.end(MotionState.DONE)
+            self._end_order(MotionState.DONE)
         elif self._clock.now() > self._arriving:
             here, there = 1e3 * move.measured, 1e3 * move.width
             self._fail(f"measures {here:.1f} mm at the end of a move to {there:.1f} mm")
 
-    def _rests(self) -> bool:
-        return self._obey_by is None and self._still()
+    def _end_order(self, state: MotionState, problem: str = "") -> None:
+        """The gripper has ended the move by itself."""
+        if self._move is not None:
+            self._move.end(state, problem)
+        self._wanted = self._ordered = None
 
     def _still(self) -> bool:
-        """Return True if the fingers are at rest, or follow the streamed speed."""
-        if self._sent != 0.0:
+        if self._streamed:
             return self._supervisor.follows
         return self._supervisor.at_rest and not self._bits & SystemState.MOVING
 
     def _disobeyed(self, words: str) -> None:
-        """Report a failed stop before any other problem, and try the fast stop."""
-        self._stop_failed(words)
-        self._obey_by = self._clock.now() + STOPPING
-        self._send(Plain(Command.FAST_STOP), Command.FAST_STOP)
-
-    def _stop_failed(self, words: str) -> None:
-        with self._lock:
-            self._problem = StopFailed(self.name, words, self._problem)
-
-    def _fail(self, words: str) -> None:
-        if (
-            self._problem is None or self._obey_by is None
-        ):  # else it was stopped for a problem already
-            super()._fail(words)
+        """Report a failed stop, and try the fast stop."""
+        super()._disobeyed(words)
+        self._halt, self._answered = Command.FAST_STOP, False
 
     def _take(self, reply: Reply) -> None:
         good = reply.status is Status.SUCCESS
@@ -353,11 +357,15 @@ class WsgGripper(ParallelGripper):
                 )
             case Command.STOP | Command.FAST_STOP:
                 self._take_stop(reply)
+            case Command.SET_FORCE_LIMIT if not good:
+                self._force = math.nan
+                words = f"{self.name}: refused a limit of the force: {reply.status.name}"
+                self._end_move(MotionState.FAILED, words)
             case Command.MOVE:
                 self._take_outcome(reply.status)
 
     def _take_bits(self, bits: SystemState) -> None:
-        self._bits = bits
+        self._bits = self._status = bits
         fault = next((words for bit, words in FAULTS.items() if bits & bit), None)
         if fault is None or self._problem is not None or self._clock.now() <= self._grace_until:
             return
@@ -378,31 +386,27 @@ class WsgGripper(ParallelGripper):
             self._move.measured = width
 
     def _take_stop(self, reply: Reply) -> None:
-        move, self._waiting = self._waiting, None
+        self._answered = True
         if reply.status is Status.SUCCESS:
-            if move is not None:
-                self._send(Move(move.width - self.options.finger_offset, move.speed), Command.MOVE)
             return
         words = f"refused {reply.command.name}: {reply.status.name}"
-        if move is not None:
-            move.end(MotionState.FAILED, f"{self.name}: {words}")
-        if reply.command is Command.STOP and not self._bits & SystemState.FAST_STOP:
+        if reply.command is Command.FAST_STOP:
+            super()._disobeyed(words)
+        elif not self._bits & SystemState.FAST_STOP:
+            self._end_move(MotionState.FAILED, f"{self.name}: {words}")
             self._disobeyed(words)
-        elif reply.command is Command.FAST_STOP:
-            self._stop_failed(words)
 
     def _take_outcome(self, status: Status) -> None:
         """The end of a MOVE. One that we ended answers CMD_ABORTED, which is no news."""
-        move = self._move
+        move = self._ordered
         if move is None or status is Status.CMD_PENDING or move.state is not MotionState.RUNNING:
-            return
-        if self._waiting is move:  # the reply belongs to the previous move
             return
         self._supervisor.rest(self._clock.now())
         if status is Status.SUCCESS:
             self._arriving = self._clock.now() + ARRIVAL
             self._arrive(move)
         elif status is Status.AXIS_BLOCKED:
-            move.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * move.measured:.1f} mm")
+            width = 1e3 * move.measured
+            self._end_order(MotionState.FAILED, f"the fingers are blocked at {width:.1f} mm")
         else:
-            move.end(MotionState.FAILED, f"the gripper ended the move: {status.name}")
+            self._end_order(MotionState.FAILED, f"the gripper ended the move: {status.name}")

@@ -31,7 +31,8 @@ class WsgOptions:
 
     finger_offset: float = 0.0  # opening between the pads' faces when the jaws' width is 0 [m]
     acceleration: float | None = None  # of moves [m/s²], or None for the gripper's own
-    force_limit: float | None = None  # of moves [N], or None
+    # of one finger in moves [N], or None for the largest
+    force_limit: float | None = None
     soft_limits: tuple[float, float] | None = None  # least and most opening [m], or None
     speed_max: float | None = (
         None  # of moves and streamed speeds [m/s], or None for the gripper's own
@@ -57,6 +58,7 @@ class WsgIdentity:
     serial: int
     stroke: float
     speed_max: float
+    force_min: float
     force_max: float
     acceleration: float
     force_limit: float
@@ -68,9 +70,9 @@ class WsgIdentity:
             options.finger_offset,
             options.finger_offset + self.stroke,
         )
-        return GripperLimits(
-            low, high, min(options.speed_max or self.speed_max, self.speed_max), self.force_max
-        )
+        speed = min(options.speed_max or self.speed_max, self.speed_max)
+        force = min(options.force_limit or self.force_max, self.force_max)
+        return GripperLimits(low, high, speed, force, self.force_min)
 
     def reach(self, options: WsgOptions) -> GripperLimits:
         """Return the hardware's limits, as openings between the pads."""
@@ -93,35 +95,35 @@ def shake_hands(
         OSError, DeviceError: see `GripperSession.demand`.
     """
 
-    def demand(request: Request, command: Command, deadline: float = ANSWER) -> tuple[float, ...]:
-        reply = session.demand(request, command, take, deadline)
+    def demand(request: Request, deadline: float = ANSWER) -> tuple[float, ...]:
+        reply = session.demand(request, take, deadline)
         take(reply)
         return reply.values
 
-    kind, hardware, firmware, serial = demand(Plain(Command.INFO), Command.INFO)
-    stop = session.ask(Plain(Command.STOP), Command.STOP, take, ANSWER)
-    stroke, _, speed_max, _, _, _, force_max, _ = demand(Plain(Command.LIMITS), Command.LIMITS)
+    kind, hardware, firmware, serial = demand(Plain(Command.INFO))
+    stop = session.ask(Plain(Command.STOP), take, ANSWER)
+    stroke, _, speed_max, _, _, force_min, force_max, _ = demand(Plain(Command.LIMITS))
     if options.acceleration is not None:
-        demand(SetValue(Command.SET_ACCELERATION, options.acceleration), Command.SET_ACCELERATION)
+        demand(SetValue(Command.SET_ACCELERATION, options.acceleration))
     if options.force_limit is not None:
-        demand(SetValue(Command.SET_FORCE_LIMIT, options.force_limit), Command.SET_FORCE_LIMIT)
+        demand(SetValue(Command.SET_FORCE_LIMIT, options.force_limit))
     if options.soft_limits is None:
-        demand(Plain(Command.CLEAR_SOFT_LIMITS), Command.CLEAR_SOFT_LIMITS)
+        demand(Plain(Command.CLEAR_SOFT_LIMITS))
     else:
         minus, plus = (limit - options.finger_offset for limit in options.soft_limits)
-        demand(SetSoftLimits(minus, plus), Command.SET_SOFT_LIMITS)
-    (acceleration,) = demand(Plain(Command.GET_ACCELERATION), Command.GET_ACCELERATION)
-    (force_limit,) = demand(Plain(Command.GET_FORCE_LIMIT), Command.GET_FORCE_LIMIT)
-    (bits,) = demand(Observe(Command.SYSTEM_STATE), Command.SYSTEM_STATE)
+        demand(SetSoftLimits(minus, plus))
+    (acceleration,) = demand(Plain(Command.GET_ACCELERATION))
+    (force_limit,) = demand(Plain(Command.GET_FORCE_LIMIT))
+    (bits,) = demand(Observe(Command.SYSTEM_STATE))
     if stop.status is not Status.SUCCESS and int(bits) & SystemState.MOVING:
         raise DeviceFault(session.device, f"moves, and refused STOP: {stop.status.name}")
     if options.home and first and not int(bits) & SystemState.REFERENCED:
-        demand(Homing(), Command.HOMING, HOMING)
+        demand(Homing(), HOMING)
     if options.tare and first:
-        demand(Plain(Command.TARE), Command.TARE)
-    probe = session.ask(Script(Command.SCRIPT_READ), Command.SCRIPT_READ, take, ANSWER)
+        demand(Plain(Command.TARE))
+    probe = session.ask(Script(Command.SCRIPT_READ), take, ANSWER)
     for command in (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE):
-        demand(Observe(command, True, options.period), command)
+        demand(Observe(command, True, options.period))
     has_script = probe.status is Status.SUCCESS
     return WsgIdentity(
         int(kind),
@@ -130,6 +132,7 @@ def shake_hands(
         int(serial),
         stroke,
         speed_max,
+        force_min,
         force_max,
         acceleration,
         force_limit,

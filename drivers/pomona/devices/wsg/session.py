@@ -28,9 +28,9 @@ class GripperSession:
         """Bytes that belonged to no frame."""
         return self._decoder.discarded
 
-    def send(self, request: Request, command: Command) -> None:
+    def send(self, request: Request) -> None:
         """Send a request; its first reply is due within `ANSWER`. Raises OSError: the wire failed."""
-        self._awaited.setdefault(command, self._clock.now() + ANSWER)
+        self._awaited.setdefault(request.command, self._clock.now() + ANSWER)
         self._link.send(encode(request))
 
     def receive(self, timeout: float) -> list[Reply]:
@@ -68,7 +68,6 @@ class GripperSession:
     def ask(
         self,
         request: Request,
-        command: Command,
         others: Callable[[Reply], None],
         deadline: float = ANSWER,
     ) -> Reply:
@@ -76,13 +75,13 @@ class GripperSession:
 
         Raises OSError, Nonsense, DeviceLost: as `receive`; DeviceLost too when the final reply is late.
         """
-        self.send(request, command)
+        self.send(request)
         end = self._clock.now() + deadline
         while True:
             final: Reply | None = None
             for reply in self.receive(0.005):
                 if (
-                    reply.command is command
+                    reply.command is request.command
                     and reply.status is not Status.CMD_PENDING
                     and final is None
                 ):
@@ -92,19 +91,18 @@ class GripperSession:
             if final is not None:
                 return final
             if self._clock.now() > end:
-                self._complain(f"{command.name} did not end within {deadline:g} s")
+                self._complain(f"{request.command.name} did not end within {deadline:g} s")
 
     def demand(
         self,
         request: Request,
-        command: Command,
         others: Callable[[Reply], None],
         deadline: float = ANSWER,
     ) -> Reply:
         """As `ask`, for a request that must succeed. Raises DeviceFault: the gripper refused it; and as `ask`."""
-        reply = self.ask(request, command, others, deadline)
+        reply = self.ask(request, others, deadline)
         if reply.status is not Status.SUCCESS:
-            raise DeviceFault(self.device, f"refused {command.name}: {reply.status.name}")
+            raise DeviceFault(self.device, f"refused {request.command.name}: {reply.status.name}")
         return reply
 
     def close(self) -> None:

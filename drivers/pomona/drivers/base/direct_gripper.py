@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from pomona.drivers.base.parallel_gripper import ParallelGripper
-from pomona.drivers.errors import DeviceFault
+from pomona.drivers.base.parallel_gripper import ParallelGripper, Wanted
 from pomona.drivers.gripper_supervisor import DirectMotion, GripperMotion, GripperSupervision
 from pomona.drivers.interfaces import GripperLimits, GripperState
 from pomona.executive.clock import Clock
 
 
-class DirectGripper(ParallelGripper):
+class DirectGripper(ParallelGripper[GripperState, None]):
     """A gripper in this process. A clock calls its `step`, which follows the base's `_move` and `_speed`."""
 
     def __init__(
@@ -40,18 +39,21 @@ class DirectGripper(ParallelGripper):
 
     def check(self) -> None:
         wrong = self._supervisor.look(self._clock.now(), self.state())
-        if wrong:
-            self._blame(DeviceFault(self.name, wrong))
+        if wrong and self._problem is None:
+            self._fail(wrong)
         super().check()
 
-    def _start_move(self, move: GripperMotion) -> None:
-        """Nothing: `step` follows the move."""
+    def _serve(self) -> None:
+        """Nothing: a clock calls `step`, which follows what is wanted."""
 
-    def _start_stream(self, speed: float) -> None:
-        """Nothing: `step` follows the speed."""
+    def next_command(self, wanted: Wanted, status: GripperState) -> None:
+        """Return nothing, for the same reason."""
 
-    def _new_move(self, width: float, speed: float) -> GripperMotion:
-        return DirectMotion(width, speed, self.state().width, self._rest)
+    def _send(self, command: None) -> None:
+        """Nothing."""
+
+    def _new_move(self, width: float, speed: float, force: float) -> GripperMotion:
+        return DirectMotion(width, speed, self.state().width, self._rest, force)
 
     def _rests(self) -> bool:
         return True

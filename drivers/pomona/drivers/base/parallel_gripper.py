@@ -1,21 +1,23 @@
 """Base of drivers for parallel grippers: latch, loss, moves, streamed speeds, supervision.
 
-A problem fails the move and stays latched until an operator acknowledges it; nothing resumes by itself. While latched
-the fingers may close and hold, but not open. A driver derives from `ParallelGripper` and implements these methods:
+The base keeps what is wanted of the fingers, and asks the driver for the next command until the gripper's own status
+shows it. A loss, a fault, a stop and the end of the driver replace it by a stop, and only a stop survives a
+reconnection: nothing resumes by itself. A problem fails the move and stays latched until an operator acknowledges it.
+While latched the fingers may close and hold, but not open. A driver derives from `ParallelGripper` and implements:
 
-    def step(self) -> None:
+    def _serve(self) -> None:
         answer = self._wire.receive(0.004)
         if answer is not None:
+            self._status = answer
             self._measured(self._clock.now(), answer.width, answer.speed)
         elif ...:                                  # no answer for too long
             self._lose(DeviceLost(self.name, "does not answer"))
-        self._supervise()
 
-    def _start_move(self, move: GripperMotion) -> None: ...     # command a width and a speed
-    def _start_stream(self, speed: float) -> None: ...          # command a speed
+    def next_command(self, wanted: Wanted, status: Answer) -> bytes | None: ...
+    def _send(self, command: bytes) -> None: ...
 
-and, as its gripper needs them, `_start_rest`, `_forget`, `_watch`, `_refusal`, `_leave`. `pomona new gripper NAME`
-writes such a driver, with an emulated gripper at the other end of its wire.
+and, as its gripper needs them, `shows`, `_watch`, `_refusal`, `_leave`. `pomona new gripper NAME` writes such a driver,
+with an emulated gripper at the other end of its wire.
 """
 
 from __future__ import annotations
@@ -24,8 +26,10 @@ import contextlib
 import math
 import threading
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Generic, TypeVar
 
-from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused, StopFailed
 from pomona.drivers.gripper_supervisor import (
     GripperMotion,
     GripperSupervision,
@@ -41,16 +45,47 @@ from pomona.executive.clock import Clock
 ARRIVED, BLOCKED = 1e-3, 0.3
 """Fingers this near to a width have arrived there [m]; at rest off it for this long they are blocked [s]. Fingers begin
 to move later than their command, by 0.1 s at most (`GripperSupervision.lag`)."""
+LEAVING = 0.3  # time for the last stop before a driver closes its wire [s]
 
 
-class ParallelGripper(Device, ABC):
-    """A parallel gripper. One owner serves the wire and the motion; requests are posted to it.
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """The fingers rest; what they hold they go on holding."""
+
+
+@dataclass(frozen=True, slots=True)
+class WidthOrder:
+    """The fingers go to a width [m] at a speed [m/s], and press with a force of one finger at most [N]."""
+
+    width: float
+    speed: float
+    force: float
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedOrder:
+    """The opening changes at a speed [m/s]; 0: the fingers stand."""
+
+    speed: float
+
+
+Wanted = Stop | WidthOrder | SpeedOrder
+S = TypeVar("S")
+C = TypeVar("C")
+
+
+class ParallelGripper(Device, ABC, Generic[S, C]):
+    """A parallel gripper with the status `S` and commands `C`. One owner serves the wire; requests are posted to it.
 
     Attributes:
         limits: of moves and streamed speeds.
+        stopping: time within which the fingers rest after a stop [s].
+        repeat: time after which a command that is not shown is given again [s].
     """
 
     interfaces = (Gripper,)
+    stopping: ClassVar[float] = 0.5
+    repeat: ClassVar[float] = 0.02
 
     def __init__(
         self,
@@ -73,11 +108,15 @@ class ParallelGripper(Device, ABC):
         self._lock = threading.Lock()  # of latched and problem
         self._owner = Owner(name, self.step, self._failed, clock)
         self._supervisor = GripperSupervisor(limits, acceleration, supervision)
+        self._wanted: Wanted | None = None  # None: nothing, or a stop that was shown
+        self._sent: Wanted | None = None  # the newest command was for this
+        self._sent_at = -math.inf
+        self._stop_by = math.inf  # the fingers must rest by then
+        self._status: S | None = None  # None: nothing is known
         self._state: GripperState | None = None
-        self._lost, self._lost_since_ack = True, False
+        self._lost, self._unacknowledged = True, False
         self._move: GripperMotion | None = None
         self._asked: GripperMotion | None = None  # the last requested one, before the owner gets it
-        self._speed = 0.0  # streamed
         self._aim: float | None = None
         self._off_target_since = math.inf
         self._latched: str | None = None
@@ -86,28 +125,29 @@ class ParallelGripper(Device, ABC):
     # ----------------------------------------------------------------------------- methods that a driver implements
 
     @abstractmethod
-    def step(self) -> None:
-        """Serve the gripper for a few milliseconds; its own thread calls this without end.
+    def _serve(self) -> None:
+        """Serve the wire for a few milliseconds; the gripper's thread calls this without end.
 
-        It takes measurements (`_measured`), reports a loss (`_lose`), and ends with `_supervise`.
+        It takes the status and measurements (`_measured`), and reports a loss (`_lose`) and faults (`_give_up`).
         """
 
     @abstractmethod
-    def _start_move(self, move: GripperMotion) -> None:
-        """Command a move."""
+    def next_command(self, wanted: Wanted, status: S) -> C | None:
+        """Return the command that brings the fingers from this status to what is wanted; None to wait.
 
-    @abstractmethod
-    def _start_stream(self, speed: float) -> None:
-        """Command a rate of the opening [m/s], until another command. Called with each renewal, and with 0 at the end.
-
-        A gripper that cannot move at a commanded speed raises DeviceFault in `set_speed` instead.
+        A gripper that cannot move at a commanded speed raises DeviceFault in `set_speed`.
         """
 
-    def _start_rest(self) -> None:
-        """Command the fingers to stand still; fingers that hold something keep holding it."""
+    @abstractmethod
+    def _send(self, command: C) -> None:
+        """Send a command."""
 
-    def _forget(self) -> None:
-        """The gripper is lost: the last command is no longer known."""
+    def shows(self, wanted: Wanted, status: S) -> bool:
+        """Return True if the status itself shows what is wanted, so that nothing is commanded any more.
+
+        By default fingers at rest show a stop, and a motion is commanded once: its supervision finds one that is lost.
+        """
+        return self._supervisor.at_rest if isinstance(wanted, Stop) else wanted is self._sent
 
     def _watch(self, state: GripperState) -> None:
         """Look at the present move in each step, and report its end; by default its measured rest ends it."""
@@ -121,7 +161,30 @@ class ParallelGripper(Device, ABC):
     def _leave(self) -> None:
         """Close the wire."""
 
-    # ------------------------------------------------------------------------------- reports of the driver's step
+    # ------------------------------------------------------------------------------------------ the owner's thread
+
+    def step(self) -> None:
+        """Command what is wanted, serve the wire, and compare measured with commanded motion."""
+        self._command()
+        self._serve()
+        self._supervise()
+
+    def _command(self) -> None:
+        """Ask for the next command, until the status shows what is wanted."""
+        wanted, status = self._wanted, self._status
+        if wanted is None or status is None:
+            return
+        stops = isinstance(wanted, Stop)
+        # Fingers begin to move later than their command: those that still rest do not show a stop that was not sent.
+        shown = self.shows(wanted, status)
+        unsent = stops and isinstance(self._sent, WidthOrder | SpeedOrder)
+        waits = wanted is self._sent and self._clock.now() - self._sent_at < self.repeat
+        command = self.next_command(wanted, status) if (unsent or not shown) and not waits else None
+        if command is not None:
+            self._send(command)
+            self._sent, self._sent_at = wanted, self._clock.now()
+        elif shown and stops and not unsent:
+            self._wanted = None
 
     def connect(self) -> None:
         """Serve the wire until the first state has come; nothing moves.
@@ -149,12 +212,14 @@ class ParallelGripper(Device, ABC):
             self._fail(wrong)
             if not (math.isfinite(width) and math.isfinite(speed)):
                 return  # NaN is no state
+        if self._lost:
+            self._stop_by = self._clock.now() + self.stopping
         self._lost, self._state = False, state
         if self._move is not None:
             self._move.measured = width
 
     def _supervise(self) -> None:
-        """Compare measured with commanded motion, end a stream that was not renewed, and watch the move."""
+        """Compare measured with commanded motion, end a stream that was not renewed, and watch move and stop."""
         now = self._clock.now()
         move = self._move
         if self._lost:
@@ -167,12 +232,28 @@ class ParallelGripper(Device, ABC):
             self._fail(wrong)
         self._end_stale_stream(now)
         self._watch(state)
+        self._watch_stop(state)
         if move is not None and move.ended and not self._lost and self._rests():
             move.settled = True
 
     def _end_stale_stream(self, now: float) -> None:
         if self._watchdog.has_expired(now) and self._speed:
             self._set_stream(0.0)
+
+    def _watch_stop(self, state: GripperState) -> None:
+        if self._still() or not isinstance(self._wanted, Stop):
+            self._stop_by = math.inf
+        elif state.stamp > self._stop_by:  # not the clock: this thread may have stalled
+            late, width = 1e3 * self.stopping, 1e3 * state.width
+            self._disobeyed(
+                f"was not measured at rest {late:.0f} ms after a stop, at {width:.1f} mm"
+            )
+
+    def _disobeyed(self, words: str) -> None:
+        """Report a failed stop before any other problem."""
+        self._stop_by = self._clock.now() + self.stopping
+        with self._lock:
+            self._problem = StopFailed(self.name, words, self._problem)
 
     def _judge_move(
         self,
@@ -203,6 +284,8 @@ class ParallelGripper(Device, ABC):
                     MotionState.FAILED, f"the fingers are blocked at {1e3 * state.width:.1f} mm"
                 )
 
+    # ------------------------------------------------------------------------------------------------- problems
+
     def _end_move(self, state: MotionState, problem: str = "") -> None:
         """Report the end of the present move, and let the fingers rest."""
         if self._move is not None:
@@ -210,18 +293,26 @@ class ParallelGripper(Device, ABC):
         self._rest()
 
     def _fail(self, words: str) -> None:
-        """The gripper misbehaves: its move has failed, and it is stopped."""
+        """The gripper misbehaves: its move has failed, and it is stopped, once."""
+        if self._problem is not None and isinstance(self._wanted, Stop):
+            return
         self._blame(DeviceFault(self.name, words))
         self._end_move(MotionState.FAILED, f"{self.name}: {words}")
 
+    def _give_up(self, error: DeviceError) -> None:
+        """The gripper is lost, or reports a fault: it is stopped, and takes no order before an acknowledgement."""
+        self._blame(error)
+        if not self._unacknowledged:
+            self._unacknowledged = True
+            if self._move is not None:
+                self._move.end(MotionState.FAILED, f"{self.name}: {error.message}")
+            if self._wanted is not None:
+                self._rest()
+
     def _lose(self, error: DeviceError) -> None:
-        """The gripper is lost until a new state comes."""
-        if not self._lost or self._problem is None:
-            self._blame(error)
-            with contextlib.suppress(OSError, DeviceError):  # the wire itself may be lost
-                self._end_move(MotionState.FAILED, f"the gripper was lost: {error.message}")
-        self._lost = self._lost_since_ack = True
-        self._forget()
+        """Nothing is known of the gripper until a new state comes."""
+        self._give_up(error)
+        self._lost = True
 
     def _failed(self, error: BaseException) -> None:
         """Handle an error of the wire, or a defect of the driver itself."""
@@ -240,15 +331,24 @@ class ParallelGripper(Device, ABC):
             if self._problem is None:
                 self._problem = problem
 
-    def _rests(self) -> bool:
+    def _still(self) -> bool:
         """Return True if the fingers were measured at rest, or follow the streamed speed."""
         return self._supervisor.follows if self._speed else self._supervisor.at_rest
 
+    def _rests(self) -> bool:
+        """Return True if no stop is owed, and the fingers are still."""
+        return not isinstance(self._wanted, Stop) and self._still()
+
     # ------------------------------------------------------------------------------------ the owner's side of requests
 
-    def _new_move(self, width: float, speed: float) -> GripperMotion:
+    @property
+    def _speed(self) -> float:
+        """The streamed speed [m/s]."""
+        return self._wanted.speed if isinstance(self._wanted, SpeedOrder) else 0.0
+
+    def _new_move(self, width: float, speed: float, force: float) -> GripperMotion:
         return GripperMotion(
-            width, speed, self.state().width, lambda move: self._owner.post(lambda: self._stop(move))
+            width, speed, self.state().width, lambda move: self._owner.post(lambda: self._stop(move)), force
         )  # fmt: skip
 
     def _begin(self, move: GripperMotion) -> None:
@@ -261,10 +361,10 @@ class ParallelGripper(Device, ABC):
         if self._move is not None and self._move is not move:
             self._move.end(MotionState.STOPPED)
             self._move.settled = True
-        self._move, self._aim, self._speed = move, move.width, 0.0
+        self._move, self._aim = move, move.width
         self._off_target_since = math.inf
         self._supervisor.move(self._clock.now(), self.state().width, move.width, move.speed)
-        self._start_move(move)
+        self._wanted = WidthOrder(move.width, move.speed, move.force)
 
     def _stop(self, move: GripperMotion) -> None:
         if not move.ended:
@@ -273,14 +373,16 @@ class ParallelGripper(Device, ABC):
                 self._rest()
 
     def _rest(self) -> None:
-        self._speed = 0.0
+        """A stop is wanted from now on."""
+        now = self._clock.now()
         if not self._lost:  # else the last end of the last command stays known
-            self._supervisor.rest(self._clock.now())
-        self._start_rest()
+            self._supervisor.rest(now)
+        if not isinstance(self._wanted, Stop):
+            self._wanted, self._stop_by = Stop(), now + self.stopping
 
     def _take_speed(self, speed: float) -> None:
         """While latched the fingers may close and hold but not open."""
-        if self._lost or self._lost_since_ack:
+        if self._lost or self._unacknowledged:
             return
         if self._move is not None and not self._move.ended:
             self._stop(self._move)
@@ -291,19 +393,18 @@ class ParallelGripper(Device, ABC):
     def _set_stream(self, speed: float) -> None:
         if speed or self._speed:
             self._supervisor.stream(self._clock.now(), speed, self._watchdog.limit)
-        self._speed = speed
-        self._start_stream(speed)
+        self._wanted = SpeedOrder(speed)
 
     def _unready(self) -> str:
         """Return why no move may be started now; empty when it may."""
         if self._latched is not None:
             return f"latched in the safe state ({self._latched})"
-        if self._lost or self._lost_since_ack or self._problem is not None:
-            return f"not ready: {self._why_lost() if self._lost_since_ack else self._words()}"
+        if self._lost or self._unacknowledged or self._problem is not None:
+            return f"not ready: {self._why_lost() if self._unacknowledged else self._words()}"
         return self._refusal()
 
     def _why_lost(self) -> str:
-        known = "was lost; acknowledge the loss before it moves: " if self._lost_since_ack else ""
+        known = "was lost; acknowledge the loss before it moves: " if self._unacknowledged else ""
         return known + self._words()
 
     def _words(self) -> str:
@@ -317,13 +418,15 @@ class ParallelGripper(Device, ABC):
             raise DeviceLost(self.name, self._words())
         return self._state
 
-    def move(self, width: float, speed: float) -> GripperMotion:
+    def move(self, width: float, speed: float, force: float | None = None) -> GripperMotion:
         limits, refusal = self.limits, self._unready()
         if refusal:
             raise MotionRefused(self.name, refusal)
-        require_move(self.name, limits, width, speed)
+        force = limits.force_max if force is None else force
+        require_move(self.name, limits, width, speed, force)
         width = min(max(width, limits.width_min), limits.width_max)
-        move = self._asked = self._new_move(width, min(speed, limits.speed_max))
+        speed, force = min(speed, limits.speed_max), min(force, limits.force_max)
+        move = self._asked = self._new_move(width, speed, force)
         self._owner.post(lambda: self._begin(move))
         return move
 
@@ -332,7 +435,7 @@ class ParallelGripper(Device, ABC):
 
         Raises DeviceLost: the gripper is lost, or was lost and that is not acknowledged yet.
         """
-        if self._lost or self._lost_since_ack:
+        if self._lost or self._unacknowledged:
             raise DeviceLost(self.name, self._why_lost())
         self._owner.post(lambda: self._take_speed(speed))
 
@@ -368,7 +471,7 @@ class ParallelGripper(Device, ABC):
         self._supervisor.rest(self._clock.now())
         with self._lock:
             self._latched = self._problem = None
-        self._lost_since_ack = False
+        self._unacknowledged = False
 
     def pause(self) -> None:
         self._owner.post(self._pause)
@@ -399,8 +502,13 @@ class ParallelGripper(Device, ABC):
         return (move is None or move.settled or move.state is MotionState.PAUSED) and self._rests()
 
     def close(self) -> None:
-        """Disconnect; the fingers stay where they are."""
+        """Stop the fingers, which stay where they are, and disconnect."""
         self.safe_stop("closed")
         self._owner.close()
+        end = self._clock.now() + LEAVING
+        with contextlib.suppress(OSError, DeviceError):
+            while isinstance(self._wanted, Stop) and self._clock.now() < end:
+                self.step()
+                self._clock.advance(1e-3)
         self._problem, self._lost = DeviceLost(self.name, "is closed"), True
         self._leave()

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from pomona.drivers.base.direct_gripper import DirectGripper
+from pomona.drivers.base.parallel_gripper import SpeedOrder, WidthOrder
 from pomona.drivers.errors import DeviceError, MotionRefused
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import (
@@ -109,11 +110,11 @@ class MockGripper(DirectGripper):
             self._clock.now(), self.width, self._rate, moving, self.motor_force, aim=self._aim
         )
 
-    def move(self, width: float, speed: float) -> GripperMotion:
+    def move(self, width: float, speed: float, force: float | None = None) -> GripperMotion:
         refusal, self._refused = self._refused, None
         if refusal:
             raise MotionRefused(self.name, refusal)
-        self.moves.append(super().move(width, speed))
+        self.moves.append(super().move(width, speed, force))
         return self.moves[-1]
 
     def set_speed(self, speed: float) -> None:
@@ -131,16 +132,18 @@ class MockGripper(DirectGripper):
     def step(self) -> None:
         """Move the fingers for one period of the clock."""
         self._end_stale_stream(self._clock.now())
-        move = None if self._move is None or self._move.ended else self._move
-        if move is None:
-            self._rate = self._speed
-        else:
-            left = move.width - self.width
-            paused = move.state is MotionState.PAUSED
-            self._rate = 0.0 if paused else math.copysign(min(move.speed, abs(left) / PERIOD), left)
+        match self._wanted:
+            case WidthOrder(width, speed):
+                left = width - self.width
+                self._rate = math.copysign(min(speed, abs(left) / PERIOD), left)
+            case SpeedOrder(speed):
+                self._rate = speed
+            case _:
+                self._rate = 0.0
         low = max(self.limits.width_min, self.blocked_at)
         self.width = min(max(self.width + self._rate * PERIOD, low), self.limits.width_max)
-        if move is None:
+        move = self._move
+        if move is None or not isinstance(self._wanted, WidthOrder):
             return
         move.measured = self.width
         if abs(move.width - self.width) < 1e-6:

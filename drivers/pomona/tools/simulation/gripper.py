@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pomona.drivers.base.direct_gripper import DirectGripper
+from pomona.drivers.base.parallel_gripper import Stop, WidthOrder
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.gripper_supervisor import GripperMotion, GripperSupervision
 from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
@@ -68,11 +69,7 @@ class SimGripper(DirectGripper, FaultyDevice):
             supervision=supervision,
         )
         self._actuator = model.actuator("gripper").id
-        model.actuator_forcerange[self._actuator] = [
-            -(drive := 2.0 * force_max * self._across),
-            drive,
-        ]
-        self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
+        self._limit(force_max)
         self._joints, self._stroke = [int(finger.id) for finger in self._fingers], stroke
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
@@ -81,6 +78,13 @@ class SimGripper(DirectGripper, FaultyDevice):
         # noise of a width that sticks [m]: without it each reading would repeat the last one exactly
         self._noise = np.random.default_rng([world.seed, 9]).normal(0.0, 2e-5, 512).tolist()
         world.before_step.append(self.step)
+
+    def _limit(self, force: float) -> None:
+        """Press with this force of one finger at most [N], from now on."""
+        model, drive = self._world.model, 2.0 * force * self._across
+        self._force = force
+        model.actuator_forcerange[self._actuator] = [-drive, drive]
+        self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
 
     def state(self) -> GripperState:
         state = self._measure()
@@ -119,7 +123,7 @@ class SimGripper(DirectGripper, FaultyDevice):
     def inject_fault(self, kind: str) -> None:
         self._frozen = self._measure()
         super().inject_fault(kind)
-        self._lost_since_ack = self._lost_since_ack or kind == "lost"
+        self._unacknowledged = self._unacknowledged or kind == "lost"
 
     def safe_stop(self, reason: str) -> None:
         if self._latched is None:
@@ -146,6 +150,11 @@ class SimGripper(DirectGripper, FaultyDevice):
         set_point = self._closed + 2.0 * self._across * float(self._world.state.act[0])
         self._end_stale_stream(self._clock.now())
         move = self._move
+        order = self._wanted
+        if not isinstance(order, Stop):
+            force = order.force if isinstance(order, WidthOrder) else self.limits.force_max
+            if force != self._force:
+                self._limit(force)
         wanted = (
             self._speed if move is None or move.settled else self._rate_of_move(move, set_point)
         )
@@ -181,7 +190,8 @@ class SimGripper(DirectGripper, FaultyDevice):
         if self.fault == "busy":
             return 0.0
         resting = abs(speed) < STANDING
-        far = (abs(set_point - measured) > BLOCKED and resting) or self.fault == "jam"
+        blocked = min(BLOCKED, 1.8 * self._across * self._gives)
+        far = (abs(set_point - measured) > blocked and resting) or self.fault == "jam"
         near = abs(left) < ARRIVED / 4.0
         self._blocked_for = self._blocked_for + TIMESTEP if far or near else 0.0
         if self._blocked_for > (PATIENCE if far else PATIENCE_NEAR):

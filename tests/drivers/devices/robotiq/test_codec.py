@@ -23,14 +23,24 @@ def test_a_command_is_written_and_the_status_read_in_one_frame() -> None:
     assert request(None)[:-2] == bytes.fromhex("09 04 07D0 0003")
 
 
-@given(st.integers(0, 3), st.integers(0, 3), st.integers(0, 15), BYTE, BYTE, st.binary(max_size=20))
+@given(
+    st.integers(0, 3),
+    st.integers(0, 3),
+    st.integers(0, 15),
+    BYTE,
+    BYTE,
+    st.integers(0, 1),
+    st.binary(max_size=20),
+)
 def test_a_status_has_its_fields_again(
-    activation: int, met: int, fault: int, requested: int, position: int, rest: bytes
+    activation: int, met: int, fault: int, requested: int, position: int, go: int, rest: bytes
 ) -> None:
-    body = bytes([9, 23, 6, activation << 4 | met << 6, 0, fault, requested, position, 255])
+    body = bytes(
+        [9, 23, 6, activation << 4 | met << 6 | go << 3, 0, fault, requested, position, 255]
+    )
     buffer = bytearray(body + crc(body))
     assert answer(bytearray(buffer[:-1])) is None
-    assert answer(buffer + rest) == RobotiqStatus(activation, met, fault, requested, position)
+    assert answer(buffer + rest) == RobotiqStatus(activation, met, fault, requested, position, go)
 
 
 @given(st.binary(max_size=60))

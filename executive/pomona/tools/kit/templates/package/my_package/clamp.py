@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pomona.drivers import (
@@ -9,10 +10,13 @@ from pomona.drivers import (
     DeviceError,
     DeviceLost,
     GripperLimits,
-    GripperMotion,
+    GripperState,
     ParallelGripper,
     Settings,
+    SpeedOrder,
     TcpLink,
+    Wanted,
+    WidthOrder,
     driver,
     tcp_opener,
 )
@@ -62,8 +66,17 @@ class ClampOptions:
     def wires(self) -> tuple[str, ...]:
         return () if self.tcp is None else (f"{self.tcp[0]}:{self.tcp[1]}",)
 
+    @property
+    def limits(self) -> GripperLimits:
+        """Set `force_min` for a gripper that presses with a least force of its own."""
+        return GripperLimits(*self.opening, self.speed_max, self.force_max)
 
-class Clamp(ParallelGripper):
+    def known(self) -> Iterator[object]:
+        """Yield the limits, which the check of a tree needs."""
+        yield self.limits
+
+
+class Clamp(ParallelGripper[GripperState, str]):
     """The gripper. Its lines, with lengths in µm: `state?`, `move WIDTH SPEED`, `speed SPEED`, `stop`."""
 
     outlives = True
@@ -71,12 +84,11 @@ class Clamp(ParallelGripper):
     def __init__(
         self, wire: Link, clock: Clock, options: ClampOptions, name: str = "gripper"
     ) -> None:
-        limits = GripperLimits(*options.opening, options.speed_max, options.force_max)
-        super().__init__(name, clock, limits, acceleration=ACCELERATION, watchdog=WATCHDOG)
+        super().__init__(name, clock, options.limits, acceleration=ACCELERATION, watchdog=WATCHDOG)
         self._wire, self._begun = wire, b""
         self._asked_at = self._heard_at = clock.now()
 
-    def step(self) -> None:
+    def _serve(self) -> None:
         now = self._clock.now()
         if now - self._asked_at >= PERIOD:
             self._asked_at = now
@@ -87,7 +99,6 @@ class Clamp(ParallelGripper):
         silent = self._clock.now() - self._heard_at
         if silent > SILENCE:
             self._lose(DeviceLost(self.name, f"no answer for {1e3 * silent:.0f} ms"))
-        self._supervise()
 
     def _take(self, line: bytes) -> None:
         try:
@@ -96,18 +107,19 @@ class Clamp(ParallelGripper):
             raise Nonsense(self.name, Malformed(line, "no width and speed")) from None
         self._heard_at = self._clock.now()
         self._measured(self._heard_at, width, speed)
+        self._status = self._state
 
-    def _send(self, *words: object) -> None:
-        self._wire.send(" ".join(map(str, words)).encode() + b"\n")
+    def next_command(self, wanted: Wanted, status: GripperState) -> str:
+        """Return the line that brings the fingers to what is wanted."""
+        match wanted:
+            case WidthOrder(width, speed):
+                return f"move {round(1e6 * width)} {round(1e6 * speed)}"
+            case SpeedOrder(speed):
+                return f"speed {round(1e6 * speed)}"
+        return "stop"
 
-    def _start_move(self, move: GripperMotion) -> None:
-        self._send("move", round(1e6 * move.width), round(1e6 * move.speed))
-
-    def _start_stream(self, speed: float) -> None:
-        self._send("speed", round(1e6 * speed))
-
-    def _start_rest(self) -> None:
-        self._send("stop")
+    def _send(self, command: str) -> None:
+        self._wire.send(command.encode() + b"\n")
 
     def _leave(self) -> None:
         self._wire.close()
