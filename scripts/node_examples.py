@@ -7,7 +7,7 @@ from typing import Any
 
 from pomona.executive.language import read
 from pomona.executive.nodes import NodeTypes
-from pomona.tools.tree_drawing.drawing import show_svg
+from pomona.tools.dashboard.drawing import show_svg
 
 TWO = ["MoveTo: {pose: observe}", "Detect: {fruit: apple}"]
 

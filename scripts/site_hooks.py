@@ -10,7 +10,7 @@ from typing import Any
 
 from pomona.executive.language import read
 from pomona.executive.nodes import Composite, Leaf, Modifier, NodeTypes
-from pomona.tools.tree_drawing.drawing import show_svg
+from pomona.tools.dashboard.drawing import show_svg
 
 EMPTY_HEADER = re.compile(r"<th([^>]*)>\s*</th>")
 OUTSIDE = re.compile(

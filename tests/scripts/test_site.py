@@ -9,7 +9,7 @@ from markdown import markdown
 from mkdocs.config import load_config
 
 from pomona.executive.nodes import NodeTypes
-from pomona.tools.tree_drawing.drawing import show_text
+from pomona.tools.dashboard.drawing import show_text
 from scripts.mathml import on_page_content
 from scripts.node_examples import EXAMPLES, beside, document_of
 from scripts.site_hooks import on_page_content as clean_page, on_page_markdown, on_post_template

@@ -21,11 +21,11 @@ from pathlib import Path
 from pomona.executive.language import TreeFileError, build, check, format_findings, read
 from pomona.executive.registry import Registry
 from pomona.executive.skill_testing import BenchContext
+from pomona.tools.dashboard.drawing import show_svg, show_text
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.groot.import_xml import import_groot
 from pomona.tools.scenarios.run_scenario import run_scenario
 from pomona.tools.scenarios.scenario import read_scenario
-from pomona.tools.tree_drawing.drawing import show_svg, show_text
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 SLOW = 2.0

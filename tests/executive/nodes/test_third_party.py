@@ -16,9 +16,9 @@ from pomona.executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill
 from pomona.executive.skill_testing import BenchContext
+from pomona.tools.dashboard.drawing import show_svg, show_text
 from pomona.tools.groot.export_xml import export_groot
 from pomona.tools.listings.schema import schema
-from pomona.tools.tree_drawing.drawing import show_svg, show_text
 
 PACKAGE = "pomona_more_words"
 

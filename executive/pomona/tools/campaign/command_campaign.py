@@ -22,8 +22,6 @@ from pomona.executive.errors import UsageError
 from pomona.executive.images import EXTRA
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import need
-from pomona.tools.alerts.alerts import Alerts
-from pomona.tools.alerts.options import add_alerts, alerts_of
 from pomona.tools.campaign.engine import add_engine_options, open_engine
 from pomona.tools.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
 from pomona.tools.campaign.spec import Campaign, CampaignRun, read_campaign
@@ -59,7 +57,6 @@ def add(subparsers: Any) -> None:
         metavar="DIR",
         help="folder of the report (default: that of results)",
     )
-    add_alerts(parser)
     parser.set_defaults(main=main)
 
 
@@ -74,19 +71,16 @@ def main(options: argparse.Namespace) -> int:
     campaign = planned.only(subset(planned, options.seeds, options.only))
     out: Path = options.out or Path("runs") / f"campaign_{campaign.name}"
     interrupted = False
-    alerts = alerts_of(options)
     if not options.report:
         try:
             with (
                 open_engine(options.engine, options.workers, options.address) as engine,
-                _Shown(campaign, console, alerts) as shown,
+                _Shown(campaign, console) as shown,
             ):
                 run_campaign(campaign, out, engine, shown.ended, options.record)
         except KeyboardInterrupt:
             interrupted = True
             console.print("interrupted; the same command goes on from here")
-        if alerts is not None:
-            alerts.wait()
     results = list(
         finished_runs(
             campaign, out, lambda problem: console.print(problem, style="yellow")
@@ -138,8 +132,8 @@ def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[C
 class _Shown:
     """Progress: a bar in a terminal, else a line a run."""
 
-    def __init__(self, campaign: Campaign, console: Screen, alerts: Alerts | None = None) -> None:
-        self._campaign, self._console, self._alerts = campaign, console, alerts
+    def __init__(self, campaign: Campaign, console: Screen) -> None:
+        self._campaign, self._console = campaign, console
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
         self._bar = Progress(
             TextColumn("{task.description}", markup=False),
@@ -166,10 +160,6 @@ class _Shown:
 
         good = succeeded(result, self._campaign.conditions)
         self._good += good
-        if self._alerts is not None:
-            self._alerts.count(
-                good, failure_code(result, self._campaign.conditions), result["name"]
-            )
         self._ended += 1
         self._bar.update(
             self._task,

@@ -22,8 +22,8 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.screen import Screen
-from pomona.tools.alerts.options import add_alerts, alerts_of, outcomes_in
 from pomona.tools.assistants.approvals import find_request
+from pomona.tools.dashboard.alert_options import add_alerts, alerts_of, outcomes_in
 from pomona.tools.dashboard.apart import PageProcess
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError

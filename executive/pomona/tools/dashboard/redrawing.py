@@ -9,8 +9,8 @@ from pomona.executive.language.read import read
 from pomona.executive.recording.folder import EVENTS, events_file
 from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.recording.scan import scan
-from pomona.tools.tree_drawing.drawing import show_svg
-from pomona.tools.tree_drawing.drawn_tree import MOST_TREE, drawing
+from pomona.tools.dashboard.drawing import show_svg
+from pomona.tools.dashboard.drawn_tree import MOST_TREE, drawing
 
 _HUNK = re.compile(r"@@ -(\d{1,9})(?:,(\d{1,9}))? \+\d+(?:,(\d{1,9}))? @@")
 _BEGINS = (b'{"event":"RunStarted"', b'{"event":"TreeChanged"')

@@ -32,6 +32,7 @@ from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
 from pomona.tools.assistants.approvals import request_facts
+from pomona.tools.dashboard.asides import Asides
 from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.tools.dashboard.connections import wire_of
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError, RunControl
@@ -50,7 +51,6 @@ from pomona.tools.dashboard.record_messages import (
 from pomona.tools.dashboard.redrawing import redrawing
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
-from pomona.tools.tree_editor.asides import Asides
 
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 200

@@ -283,7 +283,7 @@ FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {
 
 
 def _write_page(record: Path, file: Path) -> int:
-    from pomona.tools.exchange.pages import write_run
+    from pomona.tools.dashboard.pages import write_run
 
     write_run(record, file)
     Screen().print(f"{file}  {size(file.stat().st_size)}", soft_wrap=True)

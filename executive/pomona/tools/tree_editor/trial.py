@@ -13,8 +13,7 @@ import threading
 from collections.abc import Mapping
 from typing import IO, Any
 
-GOODBYE = 5.0
-"""Time that a child has to bring a run into its safe state and to end [s]."""
+from pomona.tools.dashboard.side_command import GOODBYE
 
 MOST_WORDS = 4000
 """Last characters of a child's complaints that are kept."""

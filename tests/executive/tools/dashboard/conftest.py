@@ -9,6 +9,10 @@ from typing import Any
 import pytest
 from shown_runs import GATE, Show
 
+from tests.executive.language.conftest import pick_apple
+
+__all__ = ["pick_apple"]
+
 
 @pytest.fixture
 def show(tmp_path: Path) -> Iterator[Show]:

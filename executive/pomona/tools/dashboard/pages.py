@@ -23,7 +23,7 @@ from pomona.executive.running.events import Event, NodeChanged, Published, RunSt
 from pomona.executive.terminal.explain import explain
 from pomona.executive.values.image_bytes import size_of_image
 from pomona.executive.views import TableView
-from pomona.tools.tree_drawing.drawn_tree import drawing
+from pomona.tools.dashboard.drawn_tree import drawing
 
 LOOKS = 24  # the newest pictures of the run that are shown
 MOST_PICTURE_BYTES = 20_000_000  # of the run's own picture

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.tools.dashboard.options import free_port
-from pomona.tools.tree_editor.side_command import SideCommand
+from pomona.tools.dashboard.side_command import SideCommand
 
 MOST_EDITORS = 4  # at once; one more ends the oldest, whose drafts are kept
 

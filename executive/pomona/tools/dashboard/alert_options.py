@@ -10,7 +10,7 @@ from pathlib import Path
 from pomona.executive.recording.index import RunIndex
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import RATIO
-from pomona.tools.alerts.alerts import AlertRule, Alerts
+from pomona.tools.dashboard.alerts import AlertRule, Alerts
 
 SHARE = Measure(RATIO, low="0 %", high="100 %")
 

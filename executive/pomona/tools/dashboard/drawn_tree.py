@@ -7,7 +7,7 @@ from pathlib import Path
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.check import read_document
 from pomona.executive.recording.plain_file import is_plain
-from pomona.tools.tree_drawing.drawing import show_svg
+from pomona.tools.dashboard.drawing import show_svg
 
 MOST_TREE = 1_000_000  # bytes of a tree file that is drawn
 

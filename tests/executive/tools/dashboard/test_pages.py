@@ -17,7 +17,7 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.recording.scan import scan
 from pomona.executive.running.events import Published, RunEnded
 from pomona.executive.views import ImageView, Line2, TableView
-from pomona.tools.exchange import pages
+from pomona.tools.dashboard import pages
 
 EVIL = "<script>alert('x')</script>"
 

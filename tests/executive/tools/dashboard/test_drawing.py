@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 
 from pomona.executive.language import read
-from pomona.tools.tree_drawing.drawing import show_svg, show_text
+from pomona.tools.dashboard.drawing import show_svg, show_text
 
 HEAD = "pomona: 1\ntree: t\n"
 

@@ -11,7 +11,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.files import find_tree, write_text
 from pomona.executive.language.check import read_document
 from pomona.executive.values.findings import format_findings
-from pomona.tools.tree_drawing.drawing import show_svg, show_text
+from pomona.tools.dashboard.drawing import show_svg, show_text
 
 
 def add(subparsers: Any) -> None:

@@ -18,9 +18,9 @@ from pomona.executive.errors import UsageError
 from pomona.executive.reasons import Reason
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import RunEnded, RunStarted
-from pomona.tools.alerts import alerts as module
-from pomona.tools.alerts.alerts import AlertRule, Alerts
-from pomona.tools.alerts.options import outcomes_in
+from pomona.tools.dashboard import alerts as module
+from pomona.tools.dashboard.alert_options import outcomes_in
+from pomona.tools.dashboard.alerts import AlertRule, Alerts
 
 LONG = 60.0
 """Seconds that a busy machine may take."""

@@ -1,4 +1,4 @@
-"""A command of Pomona in a process beside a page: python -m pomona.tools.tree_editor.side_command COMMAND"""
+"""A command of Pomona in a process beside a page: python -m pomona.tools.dashboard.side_command COMMAND"""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import threading
 from collections import deque
 
 from pomona.executive.errors import UsageError
-from pomona.tools.tree_editor.trial import GOODBYE
+
+GOODBYE = 5.0
+"""Time that a child has to bring a run into its safe state and to end [s]."""
 
 READY = 60.0
 """Time that a command may take to serve its page [s]."""
@@ -27,7 +29,7 @@ class SideCommand:
         self.lines: deque[str] = deque(maxlen=200)
         self._spoken = threading.Event()
         self._process = subprocess.Popen(
-            [sys.executable, "-u", "-m", "pomona.tools.tree_editor.side_command", *words],
+            [sys.executable, "-u", "-m", "pomona.tools.dashboard.side_command", *words],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True, encoding="utf-8", errors="replace", start_new_session=True,
         )  # fmt: skip

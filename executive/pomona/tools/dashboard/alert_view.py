@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from pomona.executive.run_views import RunView, ViewedRun
 from pomona.executive.running.events import Event
-from pomona.tools.alerts.options import add_alerts, alerts_of, outcomes_in
+from pomona.tools.dashboard.alert_options import add_alerts, alerts_of, outcomes_in
 
 if TYPE_CHECKING:
-    from pomona.tools.alerts.alerts import Alerts
+    from pomona.tools.dashboard.alerts import Alerts
 
 
 class AlertView(RunView):

@@ -1,1 +1,0 @@
-"""Alerts when the success rate of runs is too low."""

@@ -1,1 +1,0 @@
-"""Trees drawn as text and as SVG."""

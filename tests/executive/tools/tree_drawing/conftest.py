@@ -1,5 +1,0 @@
-"""The dummy skills of the language's tests, and their tree."""
-
-from tests.executive.language.conftest import pick_apple
-
-__all__ = ["pick_apple"]
