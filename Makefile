@@ -176,10 +176,6 @@ bench-moving: $(STAMP) ## fruit from a running belt, picked of accepted; SPEEDS=
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp
 
-reach: $(STAMP) ## a reach cloned from 150 demonstrations in the simulated cell, and its success on goals never shown (ten minutes)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pyarrow>=18'
-	$(BIN)/python -m benchmarks.reach
-
 bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
 	$(BIN)/python -m benchmarks.bench_record
 

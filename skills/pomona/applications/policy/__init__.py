@@ -1,1 +1,0 @@
-"""A learnt policy that streams set-points."""
