@@ -24,6 +24,8 @@ from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 from pomona.tools.training.torch_engine import torch_detector
 
+pytestmark = pytest.mark.slow
+
 SEED = 31_000_000
 """Seeds of these frames: neither trained, validated nor benchmarked on."""
 

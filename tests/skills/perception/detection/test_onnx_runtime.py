@@ -46,6 +46,8 @@ from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import render_scene
 from pomona.tools.training.torch_engine import torch_detector
 
+pytestmark = pytest.mark.slow
+
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 
 TASKS = Path("/proc/self/task")

@@ -20,6 +20,8 @@ from pomona.tools.pytorch.dope_decode import OFFSET_DUE_TO_UPSAMPLING
 from pomona.tools.pytorch.dope_detector import DopeDetector
 from pomona.tools.pytorch.networks import STRIDE, DopeNetwork
 
+pytestmark = pytest.mark.slow
+
 APPLE = (0.09756, 0.08539, 0.09590)
 CONFIG = "weights: {{apple: epoch_60.pth}}\ndimensions: {{apple: {cm}}}\ndownscale_height: 240\n"
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])

@@ -11,6 +11,8 @@ from pomona.skills.perception.detection.errors import BadFrame, BadWeights
 from pomona.tools.pytorch.networks import ConvNorm, DopeNetwork, FinderNetwork, dope_input
 from pomona.tools.pytorch.weights import load_weights
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_folded_norm_gives_the_same_as_convolution_and_norm() -> None:
     torch.manual_seed(0)

@@ -14,6 +14,8 @@ from pomona.skills.perception.fruit import load_fruit
 from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
 from pomona.tools.pytorch.weights import load_compact, save_compact
 
+pytestmark = pytest.mark.slow
+
 SMALL = (8, 8, 8, 8, 8)
 
 

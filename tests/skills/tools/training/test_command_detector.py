@@ -29,6 +29,8 @@ from pomona.tools.training.finder_samples import FinderBatches  # noqa: E402
 from pomona.tools.training.loop import Schedule  # noqa: E402
 from pomona.tools.training.recipe import FrameSet, Recipe, TrainingStage  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 
 def run(*arguments: str) -> int:
     parser = argparse.ArgumentParser()

@@ -14,6 +14,8 @@ from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
 from pomona.tools.pytorch.weights import load_compact, save_compact
 from pomona.tools.training.eight_bits import round_weights
 
+pytestmark = pytest.mark.slow
+
 K = np.array([[160.0, 0.0, 80.0], [0.0, 160.0, 48.0], [0.0, 0.0, 1.0]])
 
 Both = tuple[Path, StoredDetector, StoredDetector]

@@ -14,6 +14,8 @@ from pomona.tools.training.finder_samples import SIDE, FinderBatches, draw_windo
 from pomona.tools.training.samples import FrameFolder
 from pomona.tools.training.targets import PEAK, REACHES, WEIGHT
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def frames(tmp_path: Path) -> FrameFolder:

@@ -6,6 +6,8 @@ import pytest
 
 from pomona.tools.training import loop
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("flags", "expected"),
