@@ -25,6 +25,9 @@ GROUP = "pomona.run_views"  # entry point group of views of a run: name → clas
 
 logger = logging.getLogger(__name__)
 
+Export = Callable[[Sequence[Path], Path, argparse.Namespace], Mapping[str, str]]
+"""Writes records to a file or folder, with the command's options; returns the content of each written thing."""
+
 
 @dataclass(frozen=True, slots=True)
 class ViewedRun:
@@ -86,6 +89,10 @@ class RunView:
     def explain(self, record: Path) -> str:
         """Return a sentence about a record, for `pomona explain`; empty for none."""
         return ""
+
+    def exports(self) -> Mapping[str, Export]:
+        """Return the exports of records that this package adds to `pomona runs export`: by name, or by suffix."""
+        return {}
 
     def preparing(self, tree: str) -> Starting | None:
         """Return the receiver of the progress of the run's preparation; None if this view shows none."""

@@ -7,13 +7,14 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pomona.executive.errors import UsageError
 from pomona.executive.language.built import BuiltTree
 from pomona.executive.language.changes import Around, Takeover
-from pomona.executive.run_views import RunView, ViewedRun
+from pomona.executive.run_views import Export, RunView, ViewedRun
 from pomona.executive.running.events import Event
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
@@ -78,6 +79,9 @@ class PageView(RunView):
 
         return FileTakeover(running, held, rebuild)
 
+    def exports(self) -> Mapping[str, Export]:
+        return {".html": _write_page}
+
     def preparing(self, tree: str) -> Starting:
         return self.page.control.prepare(tree)
 
@@ -108,3 +112,12 @@ class PageView(RunView):
 
     def close(self) -> None:
         self._held_open.close()
+
+
+def _write_page(
+    records: Sequence[Path], file: Path, _options: argparse.Namespace
+) -> Mapping[str, str]:
+    from pomona.tools.dashboard.pages import write_run
+
+    write_run(records[0], file)
+    return {}

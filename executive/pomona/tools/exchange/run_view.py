@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pomona.executive.run_views import RunView, ViewedRun
+from pomona.executive.run_views import Export, RunView, ViewedRun
 from pomona.executive.running.events import Event
 
 if TYPE_CHECKING:
@@ -42,7 +43,10 @@ class SinkView(RunView):
 
 
 class FoxgloveRunView(SinkView):
-    """The run in Foxglove."""
+    """The run in Foxglove, and records for LeRobot."""
+
+    def exports(self) -> Mapping[str, Export]:
+        return {"lerobot": _export_lerobot}
 
     def add(self, parser: argparse.ArgumentParser) -> None:
         about = "show the run in Foxglove (default port: 8765)"
@@ -56,3 +60,11 @@ class FoxgloveRunView(SinkView):
         view = FoxgloveView(options.foxglove or PORT)
         run.console.print(f"Foxglove: open a connection to {view.link}", soft_wrap=True)
         return view
+
+
+def _export_lerobot(
+    records: Sequence[Path], folder: Path, options: argparse.Namespace
+) -> Mapping[str, str]:
+    from pomona.tools.exchange.lerobot import RATE, export_lerobot
+
+    return export_lerobot(records, folder, options.rate or RATE, options.task)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ from pomona.tools.library.run_list import how, print_comparison, print_list, siz
 if (
     TYPE_CHECKING
 ):  # readers of whole records are imported on use, so that a list does not wait for them
+    from pomona.executive.run_views import Export
     from pomona.executive.terminal.summary import Summary
 
 
@@ -75,8 +76,8 @@ def add(subparsers: Any) -> None:
     )
     exporting.add_argument(
         "--to",
-        choices=tuple(FOLDERS),
-        help="a folder: images and tables (frames), or of another tool",
+        metavar="FORMAT",
+        help="a folder: images and tables (frames), or of another tool: rosbag2, lerobot",
     )
     exporting.add_argument(
         "--with", nargs="+", default=[], metavar="RUN", dest="more", help="lerobot: more episodes"
@@ -228,66 +229,35 @@ def _export(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     if options.to != "lerobot" and (options.more or options.rate or options.task):
         raise UsageError("--with, --rate and --task belong to --to lerobot")
-    if options.to is not None:
-        return FOLDERS[options.to](options, record)
-    target = options.file or Path(f"{_name(record)}.zip")
-    if target.suffix == ".html":
-        return _write_page(record, target)
-    export(record, target)
-    Screen().print(f"{target}  {size(target.stat().st_size)}")
+    target = options.file or Path(f"{_name(record)}{f'_{options.to}' if options.to else '.zip'}")
+    name = options.to or target.suffix
+    if name in FORMATS:
+        export(record, target)
+        Screen().print(f"{target}  {size(target.stat().st_size)}")
+        return 0
+    offered = _exports()
+    if name not in offered:
+        kind = "the suffix" if options.to is None else "--to"
+        formats = [f"{ending} {what}" for ending, (_write, what) in FORMATS.items()]
+        raise UsageError(f"{target}: {kind} selects the format: {', '.join([*formats, *offered])}")
+    records = [record, *(find_record(more, options.record) for more in options.more)]
+    written = offered[name](records, target, options)
+    console = Screen()
+    console.print(f"{target}", style="bold", soft_wrap=True)
+    for thing, what in written.items():
+        console.print(f"  {thing:<40} {what}", soft_wrap=True)
     return 0
 
 
-def _export_rosbag2(options: argparse.Namespace, record: Path) -> int:
-    from pomona.tools.ros2.rosbag2 import export_rosbag2
-
-    folder = options.file or Path(f"{_name(record)}_bag")
-    _say_folder(folder, export_rosbag2(record, folder))
-    return 0
-
-
-def _export_lerobot(options: argparse.Namespace, record: Path) -> int:
-    from pomona.tools.exchange.lerobot import RATE, export_lerobot
-
-    folder = options.file or Path(f"{_name(record)}_lerobot")
-    records = [record, *(find_record(name, options.record) for name in options.more)]
-    _say_folder(folder, export_lerobot(records, folder, options.rate or RATE, options.task))
-    return 0
-
-
-def _export_frames(options: argparse.Namespace, record: Path) -> int:
+def _exports() -> dict[str, Export]:
+    """Return the exports to folders, and those of other packages, by name or suffix."""
+    from pomona.executive.run_views import RunViews
     from pomona.tools.library.extract import extract
 
-    folder = options.file or Path(f"{_name(record)}_frames")
-    written = extract(record, folder)
-    console = Screen()
-    console.print(f"{folder}", style="bold")
-    for name, what in written.items():
-        console.print(f"  {name:<18} {what}", soft_wrap=True)
-    return 0
-
-
-def _say_folder(folder: Path, written: Mapping[str, str]) -> None:
-    console = Screen()
-    console.print(f"{folder}", style="bold")
-    for name, what in written.items():
-        console.print(f"  {name:<40} {what}", soft_wrap=True)
-
-
-FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {
-    "rosbag2": _export_rosbag2,
-    "lerobot": _export_lerobot,
-    "frames": _export_frames,
-}
-"""Exports of `--to`, by name."""
-
-
-def _write_page(record: Path, file: Path) -> int:
-    from pomona.tools.dashboard.pages import write_run
-
-    write_run(record, file)
-    Screen().print(f"{file}  {size(file.stat().st_size)}", soft_wrap=True)
-    return 0
+    found: dict[str, Export] = {"frames": lambda records, folder, _: extract(records[0], folder)}
+    for view in RunViews.installed():
+        found |= view.exports()
+    return found
 
 
 def _name(record: Path) -> str:

@@ -50,12 +50,8 @@ FORMATS: Mapping[str, tuple[Callable[[Path, Path], None], str]] = {
 def export(record: Path, target: Path) -> None:
     """Write a record into one file with the suffix `.zip`, `.jsonl` or `.mcap`.
 
-    Raises UsageError: another suffix, the file exists, it cannot be written, or the record cannot be read.
+    Raises UsageError: the file exists, it cannot be written, or the record cannot be read.
     """
-    if target.suffix not in FORMATS:
-        known = ", ".join(f"{ending} ({what})" for ending, (_write, what) in FORMATS.items())
-        known += ", .html (a page). Tables and images: --to frames FOLDER"
-        raise UsageError(f"{target}: the suffix selects the format: {known}")
     write, _what = FORMATS[target.suffix]
     with made_whole(target) as place:
         write(record, place)

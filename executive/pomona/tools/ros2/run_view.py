@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pomona.executive.run_views import ViewedRun
+from pomona.executive.run_views import Export, ViewedRun
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.tools.dashboard.options import make_access
@@ -62,6 +63,9 @@ class Ros2RunView(SinkView):
 
     _own: ControlLock | None = None
 
+    def exports(self) -> Mapping[str, Export]:
+        return {"rosbag2": _export_bag}
+
     def add(self, parser: argparse.ArgumentParser) -> None:
         add_ros2(parser)
 
@@ -86,3 +90,11 @@ class Ros2RunView(SinkView):
     def ended(self, problem: str) -> None:
         if self._own is not None:
             self._own.clear()
+
+
+def _export_bag(
+    records: Sequence[Path], folder: Path, _options: argparse.Namespace
+) -> Mapping[str, str]:
+    from pomona.tools.ros2.rosbag2 import export_rosbag2
+
+    return export_rosbag2(records[0], folder)

@@ -209,7 +209,13 @@ def test_frames_and_export_name_the_written_files(capsys: pytest.CaptureFixture[
     assert "exists, and nothing" in say(capsys, "runs", "export", "one", status=2)
     assert "one_frames" in say(capsys, "runs", "export", "one", "--to", "frames")
     assert "one.html" in say(capsys, "runs", "export", "one", "one.html")
-    assert ".html (a page)" in say(capsys, "runs", "export", "one", "one.csv", status=2)
+    refused = say(capsys, "runs", "export", "one", "one.csv", status=2)
+    assert "the suffix selects the format" in refused
+    assert ".mcap" in refused
+    assert "frames" in refused
+    assert "--to selects the format" in say(
+        capsys, "runs", "export", "one", "--to", "paper", status=2
+    )
 
 
 def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None:
