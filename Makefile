@@ -90,10 +90,10 @@ docs-serve: $(STAMP) ## the same, shown at http://127.0.0.1:8000 while it is wri
 browser:
 	@sh scripts/system_libraries.sh tests
 
-check: test safety static ## what CI runs: quick tests, what can break safety, types, lint and layers
+check: test browser ## what CI runs: quick tests, then what can break safety beside types, lint and layers
+	$(MAKE) --jobs 2 --output-sync=line safety static
 
-static: $(STAMP)
-	$(MAKE) --jobs 2 --output-sync=line types lint
+static: types lint
 
 evidence: $(STAMP) ## run long targets (NAMES="picks faults-sim"), and keep at which commit each passed
 	$(BIN)/python scripts/evidence.py run $(NAMES)

@@ -83,6 +83,15 @@ def placeholders(root: Path) -> Iterator[str]:
             yield f"{name} holds the placeholder {PLACEHOLDER}: write the repository's public address in its place"
 
 
+def stale(root: Path) -> Iterator[str]:
+    """Yield the long targets that are older than the code that they judge."""
+    command = [sys.executable, str(root / "scripts" / "evidence.py"), "status", "--check"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        old = [line.split()[0] for line in done.stdout.splitlines() if " fresh " not in line]
+        yield f"older than the code that they judge: {' '.join(old)}; run make evidence NAMES=…"
+
+
 def git(root: Path, *words: str) -> str:
     """Return the output of git."""
     return subprocess.run(
@@ -167,7 +176,7 @@ def main() -> int:
     )
     options = parser.parse_args()
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
-    found = [*problems(ROOT, version), *(placeholders(ROOT) if options.tag else ())]
+    found = [*problems(ROOT, version), *stale(ROOT), *(placeholders(ROOT) if options.tag else ())]
     if options.out.exists():
         found.append(f"{options.out} is there already")
     for problem in found:

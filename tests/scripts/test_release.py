@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import shutil
 import subprocess
 from pathlib import Path
 from types import ModuleType
@@ -55,6 +57,24 @@ def test_a_mismatch_is_reported(
     found = list(release.problems(repository, "1.2.0"))
     assert any(says in problem for problem in found)
     assert "there are changes that are not committed" in found
+
+
+def test_a_long_target_that_is_stale_keeps_from_a_release(
+    release: ModuleType, repository: Path
+) -> None:
+    folder = repository / "scripts"
+    folder.mkdir()
+    shutil.copy(ROOT / "scripts" / "evidence.py", folder)
+    rows = "good: {run: 'true', judges: [code]}\nold: {run: 'true', judges: [CITATION.cff]}\n"
+    (folder / "evidence.yaml").write_text(rows)
+    head = release.git(repository, "rev-parse", "HEAD")
+    passed = {"commit": head, "date": "2026-01-31", "seconds": 1}
+    (folder / "evidence.json").write_text(json.dumps({"good": passed}))
+    (problem,) = release.stale(repository)
+    assert " old; " in problem
+    assert "good" not in problem
+    (folder / "evidence.json").write_text(json.dumps({"good": passed, "old": passed}))
+    assert list(release.stale(repository)) == []
 
 
 def test_a_version_is_released_once(release: ModuleType, repository: Path) -> None:
