@@ -44,11 +44,30 @@ class ViewedRun:
     opened: Sequence[RunView]
 
 
+@dataclass(frozen=True, slots=True)
+class OperatorDesk:
+    """The place at which one operator at a time acts, for views that pass on requests.
+
+    Attributes:
+        control: takes the requests.
+        token: needed with each request.
+        acts_with: returns True if a token may act.
+        start: begins the run that a form describes; None where none can be begun.
+    """
+
+    control: Any
+    token: str
+    acts_with: Callable[[str], bool]
+    start: Callable[[dict[str, Any]], str] | None = None
+
+
 class RunView:
     """A view of a run. A subclass overrides the methods that it needs; the defaults do nothing.
 
     `add` and `attends` are called for each `pomona run`, so import costly modules in `open` only.
     """
+
+    desk: OperatorDesk | None = None  # of an opened view at which operators act
 
     def add(self, parser: argparse.ArgumentParser) -> None:
         """Add the view's options to `pomona run`."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import threading
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import PomonaError, UsageError
@@ -15,23 +14,19 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import default_name
 from pomona.executive.judging import judge
 from pomona.executive.language.check import read_document
-from pomona.executive.recording.session import Reader
 from pomona.executive.registry import Registry
-from pomona.executive.running.events import Event, Listener
+from pomona.executive.run_views import OperatorDesk, RunView, RunViews
+from pomona.executive.running.events import Event
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.screen import Screen
 from pomona.tools.assistants.approvals import find_request
-from pomona.tools.dashboard.alert_options import add_alerts, alerts_of, outcomes_in
 from pomona.tools.dashboard.apart import PageProcess
-from pomona.tools.dashboard.choices import Choices
+from pomona.tools.dashboard.choices import Choices, StartRun
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 from pomona.tools.dashboard.options import add_address, make_access
-from pomona.tools.ros2.run_view import add_ros2, open_bridge
-
-if TYPE_CHECKING:
-    from pomona.tools.exchange.live import Live
+from pomona.tools.dashboard.run_view import PageView
 
 
 def add(subparsers: Any) -> None:
@@ -54,10 +49,10 @@ def add(subparsers: Any) -> None:
         metavar="FILE",
         help="offer this cell in addition to the installed ones",
     )
-    add_alerts(parser)
-    add_ros2(parser)
     add_address(parser)
-    parser.set_defaults(main=main)
+    views = RunViews([view for view in RunViews.installed() if not isinstance(view, PageView)])
+    views.add(parser)
+    parser.set_defaults(main=lambda options: main(options, views))
 
 
 CLOSING = 4.0  # seconds for which the next start waits until the last run's cell is closed
@@ -80,12 +75,10 @@ class Launcher:
         dashboard: PageOfRuns,
         record: Path,
         choices: Choices,
-        listeners: Sequence[Listener] = (),
-        readers: Sequence[Reader] = (),
+        views: RunViews | None = None,
     ) -> None:
-        self._readers = readers
         self._dashboard, self._record, self._choices = dashboard, record, choices
-        self._listeners = [dashboard.on_event, *listeners]
+        self._views = views
         self._thread: threading.Thread | None = None
         self._starting: Starting | None = None
         self._one_start = threading.Lock()
@@ -119,16 +112,18 @@ class Launcher:
         lock = self._dashboard.control
         self._starting = starting = lock.prepare(order.tree.stem)
 
+        views = self._views
+
         def run() -> None:
             problem = "the preparation failed: the terminal shows the error"
             try:
                 execute(
                     order,
-                    self._listeners,
+                    [self._dashboard.on_event] if views is None else views.listeners,
                     on_ready=lock.serve,
                     on_latched=Runner.hold_latched,
                     starting=starting,
-                    readers=self._readers,
+                    readers=() if views is None else views.readers,
                 )
                 problem = ""
             except PomonaError as error:
@@ -213,48 +208,29 @@ class Launcher:
         )
 
 
-def main(options: argparse.Namespace) -> int:
+class _Page(RunView):
+    """The page beside the other views: these find its desk."""
+
+    def __init__(self, page: PageProcess, start: StartRun) -> None:
+        self.on_event = page.on_event  # type: ignore[method-assign]
+        self.desk = OperatorDesk(page.control, page.access.token, page.access.acts_with, start)
+
+
+def main(options: argparse.Namespace, views: RunViews) -> int:
     """Serve until Ctrl-C."""
     console = Screen()
     dashboard = PageProcess(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)
-    alerts = alerts_of(
-        options, outcomes_in(options.record, options.alert_over) if options.alert_to else ()
-    )
-    views: list[Live] = []
-
-    def on_event(event: Event) -> None:
-        for view in views:
-            view.on_event(event)
-
-    def read(t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
-        for view in views:
-            view.read(t, tick, readings)
-
-    launcher = Launcher(
-        dashboard,
-        options.record,
-        choices,
-        [on_event] if alerts is None else [alerts.on_event, on_event],
-        [read],
-    )
-    if options.ros2 is not None:
-        from pomona.tools.exchange.live import Live as Views
-
-        views.append(
-            Views(
-                open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)
-            )
-        )
-    dashboard.allow_starts(launcher.start, choices, launcher.judge)
-    dashboard.start()
-    console.print(f"dashboard: {dashboard.access.link}   (Ctrl-C ends it)", soft_wrap=True)
-    try:
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        launcher.close()
-    finally:
-        for view in views:
-            view.close()
-        dashboard.close()
+    launcher = Launcher(dashboard, options.record, choices, views)
+    views.opened.append(_Page(dashboard, launcher.start))
+    with views.open(options, console, options.record):
+        dashboard.allow_starts(launcher.start, choices, launcher.judge)
+        dashboard.start()
+        console.print(f"dashboard: {dashboard.access.link}   (Ctrl-C ends it)", soft_wrap=True)
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            launcher.close()
+        finally:
+            dashboard.close()
     return 0

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from pomona.executive.errors import UsageError
 from pomona.executive.language.built import BuiltTree
 from pomona.executive.language.changes import Around, Takeover
-from pomona.executive.run_views import Export, RunView, ViewedRun
+from pomona.executive.run_views import Export, OperatorDesk, RunView, ViewedRun
 from pomona.executive.running.events import Event
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
@@ -70,6 +70,8 @@ class PageView(RunView):
                 while not self.page.viewers:
                     time.sleep(WAITING)
             self._held_open = stack.pop_all()
+        access = self.page.access
+        self.desk = OperatorDesk(self.page.control, access.token, access.acts_with)
         return True
 
     def takeover(

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.recording.folder import EVENTS
 from pomona.executive.recording.schemas import Schema
 from pomona.executive.views import ImageView
-from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 from pomona.tools.ros2.peer import Reply, Ros2Peer
 from pomona.tools.ros2.to_ros2 import RosMessage, ToRos2, colour_message, depth_message, diagnostics
 from pomona.tools.ros2.types import coder
@@ -44,6 +43,36 @@ Starts = Callable[
 ]  # begins the run that a form describes, as the dashboard's page fills it in
 
 
+class RequestRefused(PomonaError):
+    """A request of a node that is not carried out, and why."""
+
+
+class Control(Protocol):
+    """The operator's control of a run, as the page has it."""
+
+    @property
+    def start(self) -> dict[str, Any] | None:
+        """The run in preparation, or the reason why the last one did not begin."""
+
+    def take(self, viewer: str, who: str) -> None:
+        """Take control."""
+
+    def release(self, viewer: str) -> None:
+        """Give control back."""
+
+    def acknowledge(self, viewer: str) -> None:
+        """Release the latch of the safe state."""
+
+    def act(self, viewer: str, action: str, detail: str = "", number: int = 0) -> None:
+        """Pass an action to the run."""
+
+    def safe_stop(self, who: str) -> str:
+        """Stop now; return the confirmation."""
+
+    def cancel_start(self, viewer: str) -> bool:
+        """Let the run that is being prepared not begin; False when none is."""
+
+
 @dataclass(slots=True)
 class _Goal:
     uuid: bytes
@@ -63,24 +92,27 @@ class Ros2Bridge:
     def __init__(
         self,
         peer: Ros2Peer,
-        control: ControlLock,
+        control: Control | None,
         acts_with: Callable[[str], bool],
         start: Starts | None = None,
     ) -> None:
         """
         Args:
             peer: the node of this process.
-            control: acts on the run, for one operator at a time.
+            control: acts on the run, for one operator at a time; None: nothing is served.
             acts_with: returns True if a token may act.
             start: begins runs, where that can be done.
         """
-        self._peer, self._control, self._start = peer, control, start
+        self._peer, self._start = peer, start
         self._acts_with = acts_with if peer.local else lambda _token: False
         self._run = ToRos2()
         self._links: dict[str, str] = {}
         self._said = 0.0
         self._goal: _Goal | None = None
         self._lock = threading.Lock()
+        if control is None:
+            return
+        self._control = control
         for action in ACTIONS:
             peer.serve(f"/pomona/{action}", ACT, partial(self._answer, action))
         if start is not None:
@@ -114,14 +146,11 @@ class Ros2Bridge:
         ):  # period of the diagnostics, for late subscribers [s]
             self._said = time.monotonic()
             self._publish(diagnostics(time.time_ns(), self._links))
+        if self._goal is None:
+            return
         with self._lock:  # a goal that is being taken has not cleared the last one's problem yet
             goal, start = self._goal, self._control.start
-        if (
-            goal is not None
-            and goal.status == EXECUTING
-            and start is not None
-            and "problem" in start
-        ):
+        if goal.status == EXECUTING and start is not None and "problem" in start:
             self._end_goal(
                 goal,
                 {"outcome": "stopped" if goal.canceled else "error", "reason": start["problem"]},
@@ -168,17 +197,17 @@ class Ros2Bridge:
     def _admitted(self, asked: Any) -> tuple[str, str]:
         """Return the viewer's id and the operator's name.
 
-        Raises RefusedError: the token is wrong, or the operator's name is missing.
+        Raises RequestRefused: the token is wrong, or the operator's name is missing.
         """
         if not self._acts_with(asked.token):
-            raise RefusedError(
+            raise RequestRefused(
                 "actions need the token that Pomona printed on this machine at the start"
             )
         who = "".join(
             letter for letter in asked.who[: 2 * MOST_NAME] if letter.isprintable()
         ).strip()[:MOST_NAME]
         if not who:
-            raise RefusedError("the operator's name is missing")
+            raise RequestRefused("the operator's name is missing")
         return f"ros2:{who}", who
 
     # ----------------------------------------------------------------------------------------- action
@@ -203,14 +232,14 @@ class Ros2Bridge:
         """Begin its run. It is the goal before that: a run may be over before this returns.
 
         Raises:
-            RefusedError: a run is going on, or the launcher refuses the start.
+            RequestRefused: a run is going on, or the launcher refuses the start.
             UsageError: the tree or cell cannot be used.
         """
         assert self._start is not None
         with self._lock:
             before = self._goal
             if before is not None and before.status == EXECUTING:
-                raise RefusedError("a run is going on")
+                raise RequestRefused("a run is going on")
             self._goal = goal
             try:
                 self._start(form)
