@@ -52,13 +52,6 @@ def test_only_the_thread_that_adopted_it_writes(board):
     assert board.entries["/a"].value == 2
 
 
-def test_a_snapshot_does_not_change(board):
-    board.write("/a", 1, "t")
-    taken = board.snapshot()
-    board.write("/a", 2, "t")
-    assert taken["/a"].value == 1
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
     """A value of a skill that protects nothing by itself."""

@@ -74,7 +74,3 @@ class Board:
     def get(self, key: str) -> Entry | None:
         """Return the newest entry, or None when nothing was written yet."""
         return self._entries.get(key)
-
-    def snapshot(self) -> dict[str, Entry]:
-        """Return a copy for other threads: entries never change."""
-        return dict(self._entries)

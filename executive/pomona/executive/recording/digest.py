@@ -60,7 +60,6 @@ def _path_of(node: Any) -> str:
     return path
 
 
-STATES = ("ended", "running", "cut off", "damaged", "unreadable")
 MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES, MOST_QUANTITIES = 2000, 100, 200, 1000, 50
 """Limits of an entry: characters of a text, of a code or name; number of codes, settings, measured quantities."""
 

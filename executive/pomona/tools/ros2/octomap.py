@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pomona.executive.values.octree import OCCUPIED, octree
+from pomona.tools.ros2.octree import OCCUPIED, octree
 
 
 def octomap(points: Any, resolution: float) -> Mapping[str, Any]:

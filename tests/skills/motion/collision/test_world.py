@@ -293,25 +293,6 @@ def test_convex_distances_are_lower_bounds_and_close(seed: int) -> None:
     assert np.all(told >= np.where(true > 0.0, 0.96 * true, true) - 1e-3)
 
 
-def test_a_cylinder_contains_its_original() -> None:
-    rng = np.random.default_rng(0)
-    T = transform(rot_x(0.7), [0.1, 0.2, 0.3])
-    can = Convex.of_cylinder("can", T, 0.05, 0.2)
-    angle, radius, z = (
-        rng.uniform(0, 2 * np.pi, 500),
-        0.05 * np.sqrt(rng.uniform(size=500)),
-        rng.uniform(-0.1, 0.1, 500),
-    )
-    inside = (
-        np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z)) @ T[:3, :3].T
-        + T[:3, 3]
-    )
-    assert np.all(can.distance(inside) <= 1e-12)
-    assert can.distance(np.array([[0.0, 0.0, 0.15]]) @ T[:3, :3].T + T[:3, 3])[0] == pytest.approx(
-        0.05, abs=1e-9
-    )
-
-
 def ball(offset: tuple[float, float, float], radius: float, name: str) -> Convex:
     """A ball beside the TCP of `above(0.05)`."""
     centre = robot.tcp(above(0.05))[:3, 3] + np.array(offset)

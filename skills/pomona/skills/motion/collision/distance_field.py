@@ -23,7 +23,6 @@ _CUBE = np.array(
 _CUBE_DIRECTIONS = np.delete(_CUBE, 13, axis=0) / np.linalg.norm(
     np.delete(_CUBE, 13, axis=0), axis=1, keepdims=True
 )
-_RIM_DIRECTIONS = 24
 _ROUND_DIRECTIONS = 162
 _ROUND = fibonacci_sphere(_ROUND_DIRECTIONS)
 
@@ -59,20 +58,6 @@ class Convex:
         corners = _CUBE[np.abs(_CUBE).sum(axis=1) == 3.0] * box.half_extents
         R, p = box.T_base_box[:3, :3], box.T_base_box[:3, 3]
         return Convex.of_points(box.name, corners @ R.T + p, _CUBE_DIRECTIONS @ R.T)
-
-    @staticmethod
-    def of_cylinder(name: str, T_base_cylinder: Float64, radius: float, length: float) -> Convex:
-        """Return a cylinder about its z axis, centred in its frame [m]."""
-        angles = np.arange(_RIM_DIRECTIONS) * 2.0 * np.pi / _RIM_DIRECTIONS
-        ring = np.stack((np.cos(angles), np.sin(angles), np.zeros(_RIM_DIRECTIONS)), axis=1)
-        rim = ring * radius / np.cos(np.pi / _RIM_DIRECTIONS)
-        up = np.array([0.0, 0.0, 1.0])
-        slanted = np.vstack((ring + up, ring - up)) / np.sqrt(2.0)
-        corners = np.vstack((rim + up * length / 2.0, rim - up * length / 2.0))
-        R, p = T_base_cylinder[:3, :3], T_base_cylinder[:3, 3]
-        return Convex.of_points(
-            name, corners @ R.T + p, np.vstack((ring, slanted, up[None], -up[None])) @ R.T
-        )
 
     @staticmethod
     def of_fruit(measured: MeasuredFruit, name: str = "target") -> Convex:

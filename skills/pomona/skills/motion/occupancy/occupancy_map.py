@@ -1,4 +1,4 @@
-"""The occupancy map: the observed state of the cell's volume, as a frozen snapshot, and as a file of OctoMap (`.bt`).
+"""The occupancy map: the observed state of the cell's volume, as a frozen snapshot.
 
 None of its errors is ever read as "free":
 
@@ -8,20 +8,16 @@ OccupancyError
 ├── MapEmpty             no look has been taken yet
 └── MapStale             the newest look is too old
 
-The file of OctoMap is a text header, then the octree (`pomona.executive.values.octree`) of cells that are `resolution`
-wide.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.executive.values import octree
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import read_only
 from pomona.skills.motion.collision.distance_field import Convex, DistanceField
@@ -153,28 +149,3 @@ class OccupancyMap:
         """Return the indices of the cell at a point of the base frame, shape (3,); they may lie outside the grid."""
         i, j, k = np.floor((np.asarray(point) - self.origin) / self.resolution).astype(int)
         return int(i), int(j), int(k)
-
-
-def write_bt(map: OccupancyMap, path: Path) -> None:
-    """Write a map. Blocked cells (occupied and hidden) are occupied, free cells free, the rest is unknown.
-
-    OctoMap's cells lie on multiples of the resolution: a map whose origin does not is shifted by up to half a cell.
-
-    Raises:
-        OSError: the file cannot be written.
-        ValueError: the map lies beyond the 32 768 cells on each side of the origin that the format can hold.
-    """
-    path.write_bytes(to_bt(map))
-
-
-def to_bt(map: OccupancyMap) -> bytes:
-    """Return the contents of a `.bt` file; see `write_bt`."""
-    known = np.argwhere(map.states != UNKNOWN)
-    codes = np.where(map.states[tuple(known.T)] >= OCCUPIED, octree.OCCUPIED, octree.FREE).astype(
-        np.uint8
-    )
-    data, nodes = octree.octree(
-        known + np.round(map.origin / map.resolution).astype(np.int64), codes
-    )
-    header = f"# Octomap OcTree binary file\n# written by Pomona\nid OcTree\nsize {nodes}\nres {map.resolution:.9g}\ndata\n"
-    return header.encode() + data

@@ -25,7 +25,6 @@ Network = Callable[
     [Float32], Sequence[Float32]
 ]  # pictures (n, 3, h, w), RGB in 0..1 minus 0.5, to outputs
 FINDER_STRIDE = 4  # input pixels per cell of the belief maps
-OFFSET_UNIT = 8.0  # offsets are learnt in units of this many cells
 CLOSE_LOOK_SIZE = 96  # side of the square picture of one fruit [px]
 
 CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10
