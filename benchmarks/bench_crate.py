@@ -23,7 +23,7 @@ from pomona.applications.inventory.tally import Tally
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.events import Event, NodeChanged, PortWritten, RunStarted
 from pomona.executive.values.installation import commit_here
-from pomona.tools.campaign.statistics import wilson
+from pomona.tools.library.campaign.statistics import wilson
 
 ROOT = Path(__file__).parents[1]
 KINDS = {

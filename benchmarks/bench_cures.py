@@ -29,9 +29,9 @@ from pomona.executive.recording.folder import find_record
 from pomona.executive.terminal.output import write_json
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import TIME
-from pomona.tools.cures.command_why import FailedRun, as_json, read_case, usable
-from pomona.tools.cures.search import CureSearch, TriedChange
-from pomona.tools.cures.trials import TrialPool, run_trial
+from pomona.tools.library.cures.command_why import FailedRun, as_json, read_case, usable
+from pomona.tools.library.cures.search import CureSearch, TriedChange
+from pomona.tools.library.cures.trials import TrialPool, run_trial
 
 FIRST = 101  # seed of the first run of each kind
 FURTHER = 1000  # the further seeds begin so far behind: none of them was used in the search

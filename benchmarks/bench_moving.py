@@ -37,7 +37,7 @@ from pomona.drivers import (
 )
 from pomona.executive import Skill, SkillEnd, drive, find_cell
 from pomona.skills.grip import take_over
-from pomona.tools.campaign.statistics import wilson
+from pomona.tools.library.campaign.statistics import wilson
 
 TICK = 0.02  # [s]
 FRUIT_A_CELL = 8  # fruit after which a new cell is drawn: other masses, skins, shapes and friction

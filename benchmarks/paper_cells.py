@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.tools.campaign.report import Result, from_truth
-from pomona.tools.campaign.run import succeeded
-from pomona.tools.campaign.spec import Campaign
+from pomona.tools.library.campaign.report import Result, from_truth
+from pomona.tools.library.campaign.run import succeeded
+from pomona.tools.library.campaign.spec import Campaign
 
 FRUITS = tuple(f"apple_{i}" for i in range(1, 6))
 PLACES = ("1", "2", "3", "4", "5")

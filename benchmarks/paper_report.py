@@ -17,7 +17,7 @@ from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
 from benchmarks.paper_tables import FORCE_GOAL, everywhere, force, refined, success, unrefined
 from pomona.skills.grip.limit_surface import NO_BRUISE, pressure
-from pomona.tools.campaign.document import (
+from pomona.tools.library.campaign.document import (
     Bullets,
     Heading,
     Paragraph,
@@ -25,10 +25,10 @@ from pomona.tools.campaign.document import (
     Tile,
     Tiles,
 )
-from pomona.tools.campaign.report import by_skill, commits, failures, numbers, percent
-from pomona.tools.campaign.run import finished_runs
-from pomona.tools.campaign.spec import read_campaign
-from pomona.tools.campaign.statistics import median, wilson
+from pomona.tools.library.campaign.report import by_skill, commits, failures, numbers, percent
+from pomona.tools.library.campaign.run import finished_runs
+from pomona.tools.library.campaign.spec import read_campaign
+from pomona.tools.library.campaign.statistics import median, wilson
 
 ALL_GOAL, CELL_GOAL = 0.99, 0.95
 

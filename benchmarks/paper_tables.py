@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
 from pomona.skills.grip.limit_surface import pressure
-from pomona.tools.campaign.document import Paragraph, Table
-from pomona.tools.campaign.report import numbers, rate
-from pomona.tools.campaign.statistics import Estimate, mean, median
+from pomona.tools.library.campaign.document import Paragraph, Table
+from pomona.tools.library.campaign.report import numbers, rate
+from pomona.tools.library.campaign.statistics import Estimate, mean, median
 
 ATTEMPT_3 = "3"
 APPLES = tuple(f"Apple {i}" for i in range(1, 6))

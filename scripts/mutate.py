@@ -39,7 +39,9 @@ ROOT = Path(__file__).resolve().parents[1]
 MATHEMATICS: dict[str, tuple[str, ...]] = {
     "pomona.executive.values.units": ("tests/executive/values/test_units.py",),
     "pomona.executive.values.rotations": ("tests/executive/values/test_rotations.py",),
-    "pomona.tools.campaign.statistics": ("tests/executive/tools/campaign/test_statistics.py",),
+    "pomona.tools.library.campaign.statistics": (
+        "tests/executive/tools/library/campaign/test_statistics.py",
+    ),
     "pomona.drivers.trajectory": ("tests/drivers/test_trajectory.py",),
     "pomona.skills.geometry": ("tests/skills/test_geometry.py",),
     "pomona.skills.grip.observer": ("tests/skills/grip/test_observer.py",),

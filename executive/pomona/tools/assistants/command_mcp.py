@@ -13,8 +13,8 @@ from pomona.executive.ports import TIME
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import need
 from pomona.executive.values.kinds import Measure, Whole
-from pomona.tools.assistants.approvals import PLACE, Approvals, described, dismiss, read_request
 from pomona.tools.assistants.work_folder import WorkFolder
+from pomona.tools.dashboard.approvals import PLACE, Approvals, described, dismiss, read_request
 
 
 def add(subparsers: Any) -> None:
@@ -80,7 +80,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _print_requests(folder: WorkFolder) -> int:
-    console, requests = Screen(), Approvals(folder).open()
+    console, requests = Screen(), Approvals(folder.root, folder.records).open()
     for request in requests:
         for paragraph in described(read_request(request), folder.records):
             console.print(paragraph, soft_wrap=True)
@@ -93,7 +93,9 @@ def _print_requests(folder: WorkFolder) -> int:
 
 
 def _dismiss(folder: WorkFolder, name: str) -> int:
-    request = next((path for path in Approvals(folder).open() if path.name == name), None)
+    request = next(
+        (path for path in Approvals(folder.root, folder.records).open() if path.name == name), None
+    )
     if request is None:
         raise UsageError(
             f"there is no request '{name}' in {folder.records / PLACE}: --requests lists them"

@@ -20,9 +20,9 @@ from pomona.executive.recording.index import RunIndex
 from pomona.executive.terminal.output import json_text
 from pomona.executive.values.findings import Findings, did_you_mean
 from pomona.executive.values.installation import installed_trees
-from pomona.tools.assistants.approvals import Approvals
 from pomona.tools.assistants.bounded import Answer, Commands
-from pomona.tools.assistants.work_folder import WorkFolder, version_of
+from pomona.tools.assistants.work_folder import WorkFolder
+from pomona.tools.dashboard.approvals import Approvals, version_of
 
 QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer a check takes 8 s
 MOST_SETTINGS, MOST_VALUE = 30, 200  # settings of a command, characters of a value
@@ -56,7 +56,7 @@ class Door:
             most_runs,
         )
         self.runs_started = 0
-        self.approvals = Approvals(folder)
+        self.approvals = Approvals(folder.root, folder.records)
         self._lock = threading.Lock()
 
     def tools(self) -> tuple[Any, ...]:

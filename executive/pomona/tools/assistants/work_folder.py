@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import re
 import tempfile
@@ -16,6 +15,7 @@ from pomona.executive.language.mocks import MOCKS_KEYS
 from pomona.executive.values.findings import Findings, Source, did_you_mean
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar, read_yaml
+from pomona.tools.dashboard.approvals import version_of
 
 MOST_TEXT = (
     256 * 1024
@@ -220,11 +220,6 @@ def kind_of(text: str) -> str:
         (name for name in kind_names() if file_kind(name).recognises(keys)),
         "no YAML of a known kind",
     )
-
-
-def version_of(text: str) -> str:
-    """Return the short name of a text's version."""
-    return hashlib.sha256(text.encode(errors="replace")).hexdigest()[:16]
 
 
 @contextlib.contextmanager

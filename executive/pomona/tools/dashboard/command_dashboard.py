@@ -21,8 +21,8 @@ from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Starting
 from pomona.executive.speed import SpeedRefusedError, speed_of
 from pomona.executive.terminal.screen import Screen
-from pomona.tools.assistants.approvals import find_request
 from pomona.tools.dashboard.apart import PageProcess
+from pomona.tools.dashboard.approvals import find_request
 from pomona.tools.dashboard.choices import Choices, StartRun
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
 from pomona.tools.dashboard.options import add_address, make_access

@@ -31,7 +31,7 @@ from pomona.executive.recording.folder import EVENTS_FILE, records_in
 from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.plain_file import is_plain
 from pomona.executive.running.events import Event
-from pomona.tools.assistants.approvals import request_facts
+from pomona.tools.dashboard.approvals import request_facts
 from pomona.tools.dashboard.asides import Asides
 from pomona.tools.dashboard.choices import Choices, JudgeForm, StartRun
 from pomona.tools.dashboard.connections import wire_of

@@ -15,7 +15,7 @@ from pomona.executive.terminal.output import json_text
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sentences import ReportLine
-from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
+from pomona.tools.library.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
 from pomona.tools.library.evidence import Evidence, Hazard, Measured, gather, read_hazards
 
 NO_CLAIM = (

@@ -26,7 +26,7 @@ from pomona.applications.inventory.fruit_report import (
 )
 from pomona.executive import OVERLAY, ImageView, UInt8
 from pomona.skills.perception import mass_model, mass_of
-from pomona.tools.campaign.document import (
+from pomona.tools.library.campaign.document import (
     Heading,
     PagePicture,
     Paragraph,

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.tools.campaign.engine import one_per_core, open_engine
+from pomona.tools.library.campaign.engine import one_per_core, open_engine
 from pomona.tools.training.annotations import AnnotatedObject, Annotation, write_annotation
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import RenderedFrame, render_scene

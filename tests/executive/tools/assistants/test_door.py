@@ -17,10 +17,10 @@ from mcp.client.stdio import StdioServerParameters, stdio_client
 from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.tools.assistants import confined
-from pomona.tools.assistants.approvals import find_request, read_request
 from pomona.tools.assistants.bounded import STOPPED, BoundedCommands
 from pomona.tools.assistants.call_log import CallLog
-from pomona.tools.assistants.work_folder import WorkFolder, version_of
+from pomona.tools.assistants.work_folder import WorkFolder
+from pomona.tools.dashboard.approvals import find_request, read_request, version_of
 from tests.executive.loops import in_loop
 from tests.executive.tools.assistants.conftest import LOOK, Assistant, Refused
 

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from pomona.executive.errors import UsageError
-from pomona.tools.assistants.approvals import Approvals, request_facts
-from pomona.tools.assistants.work_folder import WorkFolder
+from pomona.tools.dashboard.approvals import Approvals, request_facts
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.command_dashboard import Launcher
 from pomona.tools.dashboard.security import Access
@@ -29,7 +28,7 @@ def records(tmp_path: Path) -> Path:
     folder.mkdir()
     (folder / "look.yaml").write_text(TREE)
     (folder / "bench.yaml").write_text(CELL)
-    asked = Approvals(WorkFolder(folder, records))
+    asked = Approvals(folder.resolve(), records.resolve())
     assert (
         asked.ask("./look.yaml", "./bench.yaml", 4, {"tries": "3"}, "home first", 7) == "0001_look"
     )

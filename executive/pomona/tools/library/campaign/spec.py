@@ -26,7 +26,7 @@ from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.removed import report_removed
 from pomona.executive.values.sections import Placed
 from pomona.executive.values.yaml_nodes import Refused, YamlMapping, YamlNode, YamlScalar
-from pomona.tools.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
+from pomona.tools.library.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
 
 MAX_RUNS = 100_000
 MAX_JUDGED = 1000  # values of `vary`, each for every arm: each is checked with tree and cell before the first run

@@ -14,7 +14,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED, SERIES
-from pomona.tools.campaign.statistics import FEWEST
+from pomona.tools.library.campaign.statistics import FEWEST
 
 RATES = LinearSegmentedColormap.from_list("rates", [BAD, "#e9b872", "#f4efd9", "#9cc7a0", GOOD])
 _STYLE = {

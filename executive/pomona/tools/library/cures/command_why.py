@@ -26,13 +26,13 @@ from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
 from pomona.executive.values.units import TIME
-from pomona.tools.campaign.engine import one_per_core
-from pomona.tools.cures.candidates import CureCandidate, candidates
-from pomona.tools.cures.evidence import RunEvidence, gather
-from pomona.tools.cures.knobs import Knobs
-from pomona.tools.cures.repetition import REPEATABLE, first_error, judged_order, order_of
-from pomona.tools.cures.search import CureAnswer, CureSearch, TriedChange
-from pomona.tools.cures.trials import Trial, TrialPool, disagrees, force_of, run_trial
+from pomona.tools.library.campaign.engine import one_per_core
+from pomona.tools.library.cures.candidates import CureCandidate, candidates
+from pomona.tools.library.cures.evidence import RunEvidence, gather
+from pomona.tools.library.cures.knobs import Knobs
+from pomona.tools.library.cures.repetition import REPEATABLE, first_error, judged_order, order_of
+from pomona.tools.library.cures.search import CureAnswer, CureSearch, TriedChange
+from pomona.tools.library.cures.trials import Trial, TrialPool, disagrees, force_of, run_trial
 
 SIMULATION = "This is a simulation of a run on a real cell: only changes of the tree and its ports are tried."
 

@@ -12,7 +12,7 @@ import pytest
 
 from pomona.executive.cli import main
 from pomona.executive.execute import RunOrder
-from pomona.tools.cures.trials import Trial, TrialPool, run_trial
+from pomona.tools.library.cures.trials import Trial, TrialPool, run_trial
 
 TREE = "pomona: 1\ntree: t\nroot: {wait: 1 s}\n"
 

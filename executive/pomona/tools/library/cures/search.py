@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from pomona.executive.execute import RunOrder
-from pomona.tools.cures.candidates import CureCandidate
-from pomona.tools.cures.change import SingleChange
-from pomona.tools.cures.trials import OVER_BUDGET, Trial, TrialRunner
+from pomona.tools.library.cures.candidates import CureCandidate
+from pomona.tools.library.cures.change import SingleChange
+from pomona.tools.library.cures.trials import OVER_BUDGET, Trial, TrialRunner
 
 
 @dataclass(slots=True)

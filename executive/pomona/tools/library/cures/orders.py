@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pomona.executive.language.model import TreeNode
-from pomona.tools.cures.change import SingleChange, TextPiece, offset
+from pomona.tools.library.cures.change import SingleChange, TextPiece, offset
 
 ORDERED = ("sequence", "sequence_with_memory", "reactive_sequence", "fallback", "reactive_fallback")
 MOST_MOVES = 2  # a child is moved over at most so many others

@@ -13,10 +13,10 @@ from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import Cells
 from benchmarks.paper_report import paper_report
 from pomona.skills.grip.limit_surface import pressure
-from pomona.tools.campaign.document import to_markdown
-from pomona.tools.campaign.spec import read_campaign
+from pomona.tools.library.campaign.document import to_markdown
+from pomona.tools.library.campaign.spec import read_campaign
 
-PAPER = Path(__file__).resolve().parents[4] / "benchmarks" / "paper.yaml"
+PAPER = Path(__file__).resolve().parents[5] / "benchmarks" / "paper.yaml"
 
 
 def test_the_papers_errors_recomputed_from_its_own_tables() -> None:

@@ -8,11 +8,25 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from pomona.executive.terminal.words import term
-from pomona.tools.campaign.document import Bullets, Heading, Paragraph, ReportPage, SvgPlot, Table
-from pomona.tools.campaign.plots import Plot, rate_map, spread
-from pomona.tools.campaign.run import succeeded
-from pomona.tools.campaign.spec import Campaign
-from pomona.tools.campaign.statistics import FEWEST, Estimate, mean, median, paired_p, wilson
+from pomona.tools.library.campaign.document import (
+    Bullets,
+    Heading,
+    Paragraph,
+    ReportPage,
+    SvgPlot,
+    Table,
+)
+from pomona.tools.library.campaign.plots import Plot, rate_map, spread
+from pomona.tools.library.campaign.run import succeeded
+from pomona.tools.library.campaign.spec import Campaign
+from pomona.tools.library.campaign.statistics import (
+    FEWEST,
+    Estimate,
+    mean,
+    median,
+    paired_p,
+    wilson,
+)
 
 Result = Mapping[str, Any]
 Figures = Mapping[str, Callable[[Result], Any]]

@@ -14,8 +14,8 @@ from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.ports import Port
 from pomona.executive.values.documents import Option
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
-from pomona.tools.cures.change import SingleChange, TextPiece, offset
-from pomona.tools.cures.other_values import text_of
+from pomona.tools.library.cures.change import SingleChange, TextPiece, offset
+from pomona.tools.library.cures.other_values import text_of
 
 _PLAIN = re.compile(
     r"[A-Za-z0-9_.°%/²+-][A-Za-z0-9_.°%/²+ -]*"

@@ -19,8 +19,8 @@ from pomona.executive.running.events import OperatorActed, RunEnded, RunStarted
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
-from pomona.tools.cures.asked import asked_change
-from pomona.tools.cures.repetition import REPEATABLE, judged_order, order_of
+from pomona.tools.library.cures.asked import asked_change
+from pomona.tools.library.cures.repetition import REPEATABLE, judged_order, order_of
 from pomona.tools.library.difference import describe, first_difference
 
 

@@ -19,9 +19,9 @@ from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.recording.message import message_of
 from pomona.executive.recording.read import read_events
-from pomona.tools.cures import command_why
-from pomona.tools.cures.command_why import read_case
-from pomona.tools.cures.trials import Trial, run_trial
+from pomona.tools.library.cures import command_why
+from pomona.tools.library.cures.command_why import read_case
+from pomona.tools.library.cures.trials import Trial, run_trial
 
 LIMIT = """\
 pomona: 1

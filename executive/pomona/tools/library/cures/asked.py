@@ -6,8 +6,8 @@ from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.judging import Judged
 from pomona.executive.values.findings import did_you_mean
-from pomona.tools.cures.change import SingleChange
-from pomona.tools.cures.knobs import Knob, Knobs
+from pomona.tools.library.cures.change import SingleChange
+from pomona.tools.library.cures.knobs import Knob, Knobs
 
 
 def asked_change(text: str, order: RunOrder, judged: Judged) -> SingleChange:

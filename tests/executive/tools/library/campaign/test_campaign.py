@@ -19,13 +19,24 @@ from hypothesis import given, settings, strategies as st
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings
-from pomona.tools.campaign.command_campaign import report_name, subset
-from pomona.tools.campaign.document import to_html, to_markdown
-from pomona.tools.campaign.engine import OrderLost, OrderTooLong
-from pomona.tools.campaign.report import report, say
-from pomona.tools.campaign.run import RESULTS, finished_runs, read_results, run_campaign, succeeded
-from pomona.tools.campaign.spec import CAMPAIGN_FILES, Campaign, judge_campaign, read_campaign
-from pomona.tools.campaign.statistics import mean
+from pomona.tools.library.campaign.command_campaign import report_name, subset
+from pomona.tools.library.campaign.document import to_html, to_markdown
+from pomona.tools.library.campaign.engine import OrderLost, OrderTooLong
+from pomona.tools.library.campaign.report import report, say
+from pomona.tools.library.campaign.run import (
+    RESULTS,
+    finished_runs,
+    read_results,
+    run_campaign,
+    succeeded,
+)
+from pomona.tools.library.campaign.spec import (
+    CAMPAIGN_FILES,
+    Campaign,
+    judge_campaign,
+    read_campaign,
+)
+from pomona.tools.library.campaign.statistics import mean
 
 FILE = """
 pomona: 1
@@ -416,7 +427,7 @@ def test_a_campaign_uses_the_score_of_the_cell_unless_its_file_names_another(
 def test_schema_and_reader_accept_the_same() -> None:
     schema = CAMPAIGN_FILES.schema()
     jsonschema.Draft202012Validator.check_schema(schema)
-    texts = [path.read_text() for path in (Path(__file__).parents[4] / "benchmarks").glob("*.yaml")]
+    texts = [path.read_text() for path in (Path(__file__).parents[5] / "benchmarks").glob("*.yaml")]
     shipped = [text for text in texts if "\ncampaign:" in text]
     assert len(shipped) >= 8
     for text in (FILE, *shipped):

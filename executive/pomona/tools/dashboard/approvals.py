@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import json
 import shlex
 import shutil
@@ -22,7 +23,6 @@ from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import RunStarted
 from pomona.executive.terminal.output import json_text
 from pomona.executive.values.findings import Findings
-from pomona.tools.assistants.work_folder import WorkFolder, version_of
 
 PLACE = "approvals"  # folder of the requests, in the folder of records
 REQUEST, DIFFERENCE = "request.json", "difference.patch"
@@ -50,12 +50,17 @@ class RunRequest:
 class Approvals:
     """The requests in a folder of records. The door writes them; it never starts a run of one."""
 
-    def __init__(self, folder: WorkFolder) -> None:
-        self._folder, self._place = folder, folder.records / PLACE
+    def __init__(self, root: Path, records: Path) -> None:
+        """
+        Args:
+            root: the assistant's folder.
+            records: of its runs.
+        """
+        self._root, self._records, self._place = root, records, records / PLACE
 
     def open(self) -> list[Path]:
         """Return the requests, oldest first."""
-        return requests_in(self._folder.records)
+        return requests_in(self._records)
 
     def ask(
         self, tree: str, cell: str, seed: int, settings: Mapping[str, str], reason: str, call: int
@@ -72,7 +77,7 @@ class Approvals:
             raise UsageError(f"the operator needs a reason, of at most {MOST_REASON} characters")
         if len(self.open()) >= MOST_OPEN:
             raise UsageError(f"{MOST_OPEN} requests wait for the operator: no more are taken")
-        path = self._folder.root / tree if tree.startswith("./") else find_tree(tree)
+        path = self._root / tree if tree.startswith("./") else find_tree(tree)
         document = read_document(path)
         request = self._new_place(document.main.name)
         copied = _copy(document, path, request / "tree")
@@ -80,7 +85,7 @@ class Approvals:
         (request / DIFFERENCE).write_text(difference, encoding="utf-8")
         about = {
             "tree": str(copied.relative_to(request)),
-            "cell": str(self._folder.root / cell if cell.startswith("./") else find_cell(cell)),
+            "cell": str(self._root / cell if cell.startswith("./") else find_cell(cell)),
             "seed": seed, "settings": dict(settings), "reason": reason, "difference_to": against,
             "asked": datetime.now(UTC).isoformat(timespec="seconds"), "call": call,
         }  # fmt: skip
@@ -96,9 +101,9 @@ class Approvals:
     def _difference(self, document: Document) -> tuple[str, str]:
         """Return the last run of a tree of this name, or nothing, and the lines that have changed since then."""
         name = document.main.name
-        for run in RunIndex(self._folder.records).read():
+        for run in RunIndex(self._records).read():
             if run.tree == name and run.state in ("ended", "cut off"):
-                events = read_events(self._folder.records / run.run)
+                events = read_events(self._records / run.run)
                 started = next((event for event in events if isinstance(event, RunStarted)), None)
                 if started is not None:
                     return run.run, _patch(started.tree_text, document.text, run.run, name)
@@ -175,6 +180,11 @@ def request_facts(records: Path) -> list[dict[str, Any]]:
             {**asdict(asked), "tree": asked.tree.stem, "cell": str(asked.cell), "kind": kind}
         )
     return found
+
+
+def version_of(text: str) -> str:
+    """Return the short name of a text's version."""
+    return hashlib.sha256(text.encode(errors="replace")).hexdigest()[:16]
 
 
 def _version(place: Path) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from pomona.tools.campaign.run import RESULTS
+from pomona.tools.library.campaign.run import RESULTS
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.compute import Worker, keep_workers_warm
-from pomona.tools.campaign.engine import ONE_THREAD, RENEWED_AFTER
+from pomona.tools.library.campaign.engine import ONE_THREAD, RENEWED_AFTER
 
 OVER_BUDGET = (
     "OVER_BUDGET"  # the code of a repetition that was given up: nothing is known of its end

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 from pomona.executive.errors import UsageError
 from pomona.executive.running.compute import Worker
-from pomona.tools.campaign.engine import (
+from pomona.tools.library.campaign.engine import (
     ONE_THREAD,
     RENEWED_AFTER,
     TRIES,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.tools.campaign.statistics import mean, median, paired_p, wilson
+from pomona.tools.library.campaign.statistics import mean, median, paired_p, wilson
 
 
 @given(of=st.integers(1, 5000), data=st.data())

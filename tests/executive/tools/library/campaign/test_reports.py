@@ -24,7 +24,7 @@ from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import figure, row_of
-from pomona.tools.campaign.report import title
+from pomona.tools.library.campaign.report import title
 
 NODES = (
     {"path": "pick", "parent": None, "name": "pick", "type": "sequence"},

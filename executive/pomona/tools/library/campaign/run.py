@@ -20,8 +20,8 @@ from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.running.compute import keep_workers_warm
 from pomona.executive.values.installation import commit_here
 from pomona.executive.values.processes import WORDS, lock
-from pomona.tools.campaign.engine import Engine
-from pomona.tools.campaign.spec import Campaign, CampaignRun
+from pomona.tools.library.campaign.engine import Engine
+from pomona.tools.library.campaign.spec import Campaign, CampaignRun
 
 RESULTS = "results.jsonl"
 RUN_LIMIT = 600.0  # seconds after which a run's process is killed and the run counted as an error

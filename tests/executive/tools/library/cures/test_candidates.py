@@ -17,14 +17,14 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.events import AttemptEnded, NodeChanged, RunEnded
 from pomona.executive.values.documents import Option
 from pomona.executive.values.installation import installed_trees
-from pomona.tools.cures.candidates import CureCandidate, candidates, hints
-from pomona.tools.cures.change import SingleChange
-from pomona.tools.cures.evidence import RunEvidence, gather
-from pomona.tools.cures.knobs import Knobs
-from pomona.tools.cures.orders import moved, ordered
-from pomona.tools.cures.other_values import other_values
-from pomona.tools.cures.search import CureSearch
-from pomona.tools.cures.trials import OVER_BUDGET, Trial, disagrees
+from pomona.tools.library.cures.candidates import CureCandidate, candidates, hints
+from pomona.tools.library.cures.change import SingleChange
+from pomona.tools.library.cures.evidence import RunEvidence, gather
+from pomona.tools.library.cures.knobs import Knobs
+from pomona.tools.library.cures.orders import moved, ordered
+from pomona.tools.library.cures.other_values import other_values
+from pomona.tools.library.cures.search import CureSearch
+from pomona.tools.library.cures.trials import OVER_BUDGET, Trial, disagrees
 
 # ------------------------------------------------------------------------------------------------ values
 

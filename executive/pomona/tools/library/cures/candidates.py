@@ -15,11 +15,11 @@ from pomona.executive.language.scope import Named, Resolved
 from pomona.executive.nodes.node_type import NodeType
 from pomona.executive.ports import Port
 from pomona.executive.reasons import DEEPEST_CAUSE, failure_codes
-from pomona.tools.cures.change import SingleChange
-from pomona.tools.cures.evidence import FailedNode, RunEvidence
-from pomona.tools.cures.knobs import Knob, Knobs
-from pomona.tools.cures.orders import moved
-from pomona.tools.cures.other_values import OtherValue, other_values
+from pomona.tools.library.cures.change import SingleChange
+from pomona.tools.library.cures.evidence import FailedNode, RunEvidence
+from pomona.tools.library.cures.knobs import Knob, Knobs
+from pomona.tools.library.cures.orders import moved
+from pomona.tools.library.cures.other_values import OtherValue, other_values
 
 OWN = 0.6  # a port of the node that failed
 MODIFIER = 1.5  # the modifier that failed itself, such as a timeout

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pomona.executive.errors import UsageError
-from pomona.tools.campaign.engine import ONE_THREAD, OrderLost, OrderTooLong, open_engine
-from pomona.tools.campaign.local import LocalEngine
+from pomona.tools.library.campaign.engine import ONE_THREAD, OrderLost, OrderTooLong, open_engine
+from pomona.tools.library.campaign.local import LocalEngine
 
 
 def half(number: int) -> int:

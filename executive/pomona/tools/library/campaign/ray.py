@@ -14,7 +14,7 @@ from typing import Any
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import need
-from pomona.tools.campaign.engine import (
+from pomona.tools.library.campaign.engine import (
     ONE_THREAD,
     RENEWED_AFTER,
     TRIES,

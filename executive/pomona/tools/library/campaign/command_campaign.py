@@ -22,9 +22,9 @@ from pomona.executive.errors import UsageError
 from pomona.executive.images import EXTRA
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import need
-from pomona.tools.campaign.engine import add_engine_options, open_engine
-from pomona.tools.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
-from pomona.tools.campaign.spec import Campaign, CampaignRun, read_campaign
+from pomona.tools.library.campaign.engine import add_engine_options, open_engine
+from pomona.tools.library.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
+from pomona.tools.library.campaign.spec import Campaign, CampaignRun, read_campaign
 
 
 def add(subparsers: Any) -> None:
@@ -64,7 +64,7 @@ def main(options: argparse.Namespace) -> int:
     """Run the campaign; runs with a result are not repeated."""
     for package in ("matplotlib", "scipy"):
         need(package, EXTRA, "pomona campaign")
-    from pomona.tools.campaign.report import report
+    from pomona.tools.library.campaign.report import report
 
     console = Screen()
     planned = read_campaign(options.file)
@@ -153,7 +153,7 @@ class _Shown:
         self._bar.stop()
 
     def ended(self, result: dict[str, Any], done: int, of: int) -> None:
-        from pomona.tools.campaign.report import (
+        from pomona.tools.library.campaign.report import (
             failure_code,
             failure_message,
         )  # over scipy and matplotlib
