@@ -33,22 +33,16 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_everything_in_a_plain_file_is_read_in_si_units(tmp_path: Path) -> None:
+def test_a_plain_file_is_read_in_si_units_and_keys_without_a_use_are_ignored(
+    tmp_path: Path,
+) -> None:
     config = load_pose_config(write(tmp_path, PLAIN))
     apple = config.objects["apple"]
     assert np.allclose(apple.dimensions, (0.09756, 0.08539, 0.09590))
     assert apple.weights == "package://dope/weights/apple.pth"
-    assert (apple.class_id, apple.draw_colour, apple.mesh, apple.mesh_scale) == (
-        3,
-        (13, 255, 128),
-        "file:///apple.dae",
-        0.01,
-    )
-    assert apple.model_transform[0].tolist() == [0, 0, 1, 0]
-    assert config.objects["soup"].class_id == 0
     t = config.thresholds
     assert (t.thresh_angle, t.thresh_map, t.sigma, t.thresh_points) == (0.4, 0.02, 2.0, 0.2)
-    assert (config.downscale_height, config.input_is_rectified) == (400, True)
+    assert config.downscale_height == 400
 
 
 def test_thresholds_that_are_not_given_are_dopes(tmp_path: Path) -> None:
@@ -72,16 +66,6 @@ def test_entries_nested_as_ros_parameters_are_found(tmp_path: Path) -> None:
     assert load_pose_config(write(tmp_path, nested)).objects["a"].weights == "a.pth"
 
 
-def test_flat_sixteen_numbers_are_a_transform(tmp_path: Path) -> None:
-    text = "weights: {a: a.pth}\ndimensions: {a: [1, 2, 3]}\n"
-    text += "model_transforms: {a: [1,0,0,5, 0,1,0,6, 0,0,1,7, 0,0,0,1]}\n"
-    assert load_pose_config(write(tmp_path, text)).objects["a"].model_transform[:3, 3].tolist() == [
-        5,
-        6,
-        7,
-    ]
-
-
 ONE = "weights: {a: b}\ndimensions: {a: [1, 2, 3]}\n"
 
 
@@ -103,12 +87,6 @@ ONE = "weights: {a: b}\ndimensions: {a: [1, 2, 3]}\n"
         (ONE + "thresh_map:\n", "thresh_map must be a finite number, not None"),
         (ONE + "downscale_height: .inf\n", "downscale_height must be a finite number"),
         (ONE + "downscale_height: 0\n", "downscale_height must be positive"),
-        (ONE + "class_ids: {a: one}\n", "class_ids of a must be numbers, not 'one'"),
-        (ONE + "class_ids: {a: }\n", "class_ids of a must be a finite number"),
-        (ONE + "mesh_scales: {a: }\n", "mesh_scales of a must be a finite number"),
-        (ONE + "mesh_scales: {a: [1, 1]}\n", "mesh_scales of a must be a finite number"),
-        (ONE + "mesh_scales: {a: 0}\n", "mesh_scales of a must be positive"),
-        (ONE + "draw_colors: {a: red}\n", "draw_colors of a must be numbers"),
         ("weights: [a]\ndimensions: {a: [1, 2, 3]}\n", "must map"),
     ],
 )

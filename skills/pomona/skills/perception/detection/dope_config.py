@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +38,6 @@ class ObjectEntry:
     name: str  # its key in the file
     weights: str  # as written: a path or URL; empty in files of DOPE's newer tools, which take weights as an option
     dimensions: NDArray[np.float64]  # cuboid [m]; the file gives centimetres
-    class_id: int = 0  # number for messages; 0 when the file gives none
-    draw_colour: tuple[int, int, int] = (255, 255, 255)  # RGB
-    # (4, 4) from the mesh's frame to the detection's
-    model_transform: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    mesh: str = ""  # path or URL, empty when there is none
-    mesh_scale: float = 1.0  # factor to metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +47,12 @@ class PoseConfig:
     objects: dict[str, ObjectEntry]
     thresholds: DecodeThresholds
     downscale_height: int = 400
-    input_is_rectified: bool = True
 
 
 def load_pose_config(path: Path | str) -> PoseConfig:
     """Read a config_pose.yaml, plain or with its entries under `/dope: ros__parameters:` as in ROS 2 launches.
 
-    Keys without a use in Detect (topics, frames, camera settings) are ignored, as in DOPE. The objects are those with
+    Keys without a use in Detect (topics, frames, colours, meshes, camera settings) are ignored, as in DOPE. The objects are those with
     weights; in a file without weights, as DOPE's tools under `train/` read it, those with dimensions.
 
     Raises BadPoseConfig: unreadable, without objects, or an object without dimensions.
@@ -78,24 +71,6 @@ def load_pose_config(path: Path | str) -> PoseConfig:
             name=name,
             weights=str(source),
             dimensions=_numbers(path, f"dimensions of {name}", dimensions[name], (3,)) / 100.0,
-            class_id=round(
-                _number(
-                    path, f"class_ids of {name}", _table(path, content, "class_ids").get(name, 0)
-                )
-            ),
-            draw_colour=_colour(
-                path, name, _table(path, content, "draw_colors").get(name, (255, 255, 255))
-            ),
-            model_transform=_numbers(
-                path,
-                f"model_transforms of {name}",
-                _table(path, content, "model_transforms").get(name, np.eye(4)),
-                (4, 4),
-            ),
-            mesh=str(_table(path, content, "meshes").get(name, "")),
-            mesh_scale=_positive(
-                path, f"mesh_scales of {name}", _table(path, content, "mesh_scales").get(name, 1.0)
-            ),
         )
     thresholds = {key: _number(path, key, content[key]) for key in _THRESHOLDS if key in content}
     downscale = round(_positive(path, "downscale_height", content.get("downscale_height", 400)))
@@ -103,7 +78,6 @@ def load_pose_config(path: Path | str) -> PoseConfig:
         objects,
         DecodeThresholds(**thresholds),
         downscale,
-        bool(content.get("input_is_rectified", True)),
     )
 
 
@@ -182,8 +156,3 @@ def _positive(path: Path | str, what: str, value: Any) -> float:
     if number <= 0.0:
         raise BadPoseConfig(path, f"{what} must be positive, not {value!r}")
     return number
-
-
-def _colour(path: Path | str, name: str, value: Any) -> tuple[int, int, int]:
-    r, g, b = _numbers(path, f"draw_colors of {name}", value, (3,)).astype(int).tolist()
-    return r, g, b
