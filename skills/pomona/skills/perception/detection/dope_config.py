@@ -52,8 +52,8 @@ class PoseConfig:
 def load_pose_config(path: Path | str) -> PoseConfig:
     """Read a config_pose.yaml, plain or with its entries under `/dope: ros__parameters:` as in ROS 2 launches.
 
-    Keys without a use in Detect (topics, frames, colours, meshes, camera settings) are ignored, as in DOPE. The objects are those with
-    weights; in a file without weights, as DOPE's tools under `train/` read it, those with dimensions.
+    Keys without a use in Detect (topics, frames, colours, meshes, camera settings) are ignored. The objects are those
+    with weights; in a file without weights, as DOPE's tools under `train/` read it, those with dimensions.
 
     Raises BadPoseConfig: unreadable, without objects, or an object without dimensions.
     """
