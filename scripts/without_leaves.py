@@ -69,7 +69,7 @@ def take_out(root: Path, taken: Sequence[str]) -> None:
     text = project.read_text("utf-8")
     for name in taken:
         shutil.rmtree(root / folders[name])
-        shutil.rmtree(root / "tests" / folders[name].parts[0] / name, ignore_errors=True)
+        shutil.rmtree(root / "tests" / folders[name].parts[0] / Path(name), ignore_errors=True)
         module = "pomona." + name.replace("/", ".")
         text = re.sub(rf'^[\w.-]+ = "{re.escape(module)}[.:][^"\n]*"[^\n]*\n', "", text, flags=re.M)
     project.write_text(text, encoding="utf-8")

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pomona.executive.behaviours import run_behaviour as run_behaviour
     from pomona.executive.cell.cell import Cell as Cell
     from pomona.executive.cell.cell_file import read_cell_file as read_cell_file
+    from pomona.executive.cell.cell_piece import CellPiece as CellPiece
     from pomona.executive.cell.connect import load_cell as load_cell
     from pomona.executive.cell.device import (
         ConnectContext as ConnectContext,
@@ -204,6 +205,7 @@ PUBLIC = {
     "behaviours": "run_behaviour",
     "cell.cell": "Cell",
     "cell.cell_file": "read_cell_file",
+    "cell.cell_piece": "CellPiece",
     "cell.connect": "load_cell",
     "cell.device": "ConnectContext Device FaultSwitch World paced stamped",
     "cell.errors": "CellFileError DeviceError DeviceFault DeviceLost DriverError MotionRefused StopFailed",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pomona.tools.kit.cell_piece import CellPiece
+from pomona.executive import CellPiece
 
 SIA5F = CellPiece(
     role="arm",

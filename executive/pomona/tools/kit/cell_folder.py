@@ -10,10 +10,10 @@ from pathlib import Path
 from string import Template
 from textwrap import indent
 
+from pomona.executive.cell.cell_piece import CellPiece
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import entry_points, installed_trees
 from pomona.executive.values.kinds import choose
-from pomona.tools.kit.cell_piece import GROUP, CellPiece
 from pomona.tools.kit.pieces import TEMPLATES
 
 CAMERA = "d435i"  # without `--camera`, since no shipped tree picks blind
@@ -90,7 +90,7 @@ def shipped_hand(hand: str) -> str:
 
 
 def _pieces() -> dict[str, CellPiece]:
-    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    points = sorted(entry_points(group="pomona.cell_pieces"), key=lambda point: point.name)
     return {point.name: point.load() for point in points}
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-GROUP = "pomona.cell_pieces"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellPiece:
