@@ -24,6 +24,8 @@ PERIOD = 0.01  # period of the checks [s]; a controller pushes its state every 2
 STANDING, STANDING_AFTER = 0.25, 0.5
 """Share of the following error that an arm may stand from a set-point that stands, and the time for which it must
 stand, beside the lag [s]: an object in its way held an arm 0.0035 rad off."""
+# distance of resting joints from where they came to rest that nobody ordered [rad]: 0.2°
+STRAYS = 0.004
 OVERSPEED = 1.5  # highest measured speed over the limit: controllers stop an arm at 1.05 to 1.2
 
 
@@ -79,6 +81,7 @@ class MotionSupervisor:
         self._deadline = np.inf
         self._advanced: tuple[float, float] = (0.0, 0.0)
         self._standing: tuple[float, Float64] | None = None  # since when the set-point is here
+        self._rests_at: Float64 | None = None  # joints where the arm was left
 
     def due(self, now: float) -> bool:
         """Return True if it is time to look again, for callers that are called more often than every `PERIOD`."""
@@ -127,13 +130,14 @@ class MotionSupervisor:
 
     def forget(self) -> None:
         """Begin anew: after a reconnection or an acknowledgement nothing of before is compared with."""
-        self._feedback = self._status_at = None
+        self._feedback = self._status_at = self._rests_at = None
         self.end()
 
     # --------------------------------------------------------------------------------- what it shall do
 
     def command(self, due: float, q: Float64) -> None:
         """A set-point that the arm shall pass at the time `due`; in the order of their times."""
+        self._rests_at = None
         self._set_points.append((due, q))
         if self._standing is None or np.abs(q - self._standing[1]).max() > 1e-4:  # rad
             self._standing = (due, q)
@@ -143,6 +147,16 @@ class MotionSupervisor:
         self._set_points.clear()
         self._standing = None
         self._phase, self._deadline = Phase.RESTING, np.inf
+
+    def look_at_rest(self, q: Float64) -> None:
+        """Look after an arm that nothing of this run moves. Raises DeviceFault: it moves."""
+        if self._rests_at is None:
+            self._rests_at = q.copy()
+        way = np.abs(q - self._rests_at)
+        if way.max() > STRAYS:
+            joint = int(way.argmax())
+            moves = f"joint {joint + 1} moves without a command of this run"
+            raise DeviceFault(self._device, f"{moves}: another program or a push moves it")
 
     def look(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         """Look after a motion; `advance` is any number that grows while the arm's controller goes along with it.

@@ -183,6 +183,8 @@ class PathArm(Device, ABC):
         if motion is None or motion.settled or state is None:
             self._end_stream()
             self._supervisor.end()
+            if state is not None and self._problem is None and not self._doubted:
+                self._watch_rest(state)
             return
         # Implausible feedback is no evidence of rest either: rest is assumed after the last point sent.
         resting = (
@@ -207,6 +209,14 @@ class PathArm(Device, ABC):
             except DeviceFault as error:
                 self._blame(error)
                 self._halt(error.message)
+
+    def _watch_rest(self, state: ArmState) -> None:
+        """Stop an arm that moves although nothing of this run moves it."""
+        try:
+            self._supervisor.look_at_rest(state.q)
+        except DeviceFault as error:
+            self._blame(error)
+            self._halt(error.message)
 
     def _abandon(self, problem: str) -> None:
         """The arm stops by itself, or will not go on: nothing more is sent."""

@@ -81,7 +81,22 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
                 raise DeviceFault(self.name, refusal(ready))
             session.demand(Control.START_TRAJECTORY_MODE, SERVO_ON)
             session.demand(Control.CHECK_READY)
-        session.forget_status()  # pushed while the servos were still off
+        self._await_ready(session)
+
+    def _await_ready(self, session: ControllerSession) -> None:
+        """Wait for a status of servos that are on: those pushed before may still be on their way.
+
+        Raises DeviceFault: none came, in the words of the newest one.
+        """
+        session.forget_status()
+        end = self._clock.now() + FIRST_STATE
+        trouble = "the controller pushed no status"
+        while trouble:
+            session.listen(0.005)
+            if session.status is not None:
+                trouble = fault(session.status)
+            if trouble and self._clock.now() > end:
+                raise DeviceFault(self.name, trouble)
 
     # ----------------------------------------------------------------------------------------- the wire
 
@@ -130,7 +145,8 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
             trouble = fault(session.status)
             if trouble and self._problem is None:
                 self._blame(DeviceFault(self.name, trouble))
-                self._abandon(trouble)
+                if self._points is not None:  # what the status says may be false: the arm may go on
+                    self._halt(trouble)
         self._supervisor.check_status(self._clock.now())
 
     def _pump(self, session: ControllerSession, stream: PointStream) -> None:

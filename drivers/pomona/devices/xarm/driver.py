@@ -33,7 +33,6 @@ from pomona.executive import Clock, Float64
 OLDEST = (1, 9, 110)
 """Oldest firmware: the first that returns measured positions and velocities of joints (`xarm-python-sdk` 1.18.4)."""
 READIES = 2.0  # the arm must be ready within this time after the command [s]
-STRAYS = 0.005  # resting joints that are this far from where they came to rest are moved by another [rad]: 0.3°
 MOVES = 0.02  # faster joints are moving before this run has commanded anything [rad/s]
 ALL = 8  # of MOTION_ENABLE: every joint
 
@@ -58,7 +57,6 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         super().__init__(name, clock, options.robot, limits, options.supervision, PERIOD)
         self._open_port, self.lag = open_port, options.servo_lag
         self._next = -np.inf
-        self._rests_at: Float64 | None = None  # joints where the arm was left
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -123,7 +121,6 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
                     self.name, error_words(session.error()) if session.flags & ERROR else idle
                 )
             session.listen(0.01)
-        self._rests_at = None
 
     # ----------------------------------------------------------------------------------------- the wire
 
@@ -174,12 +171,6 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
             return
         problem = error_words(session.error()) if session.flags & ERROR else ""
         problem = problem or interrupted(session.report.state, session.report.mode)
-        if self._points is not None or self._state is None:
-            self._rests_at = None
-        elif self._rests_at is None:
-            self._rests_at = self._state.q
-        elif np.abs(self._state.q - self._rests_at).max() > STRAYS:
-            problem = problem or "moves without a command of this run: another program moves it"
         if problem:
             self._blame(DeviceFault(self.name, problem))
             self._halt(problem)

@@ -180,6 +180,8 @@ class MockArm(Device):
             if motion is not None and not motion.settled:
                 self._supervisor.command(now, self.q)
                 self._supervisor.look(now, motion, self._steps)
+            elif self._error is None:
+                self._supervisor.look_at_rest(np.array(self.says(self.q)))
         except DeviceError as error:
             self._error = self._error or error
             if motion is not None:

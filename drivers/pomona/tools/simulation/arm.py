@@ -203,6 +203,9 @@ class SimArm(FaultyDevice):
             if motion is not None and not motion.settled and motion.state is not MotionState.FAILED:
                 self._supervisor.command(now, self._set_point)
                 self._supervisor.look(now, motion, self._steps)
+            elif self._problem is None and (motion is None or motion.settled):
+                self._supervisor.end()
+                self._supervisor.look_at_rest(self._said()[0])
         except DeviceLost as error:
             self._problem = self._problem or error
             if motion is not None:
@@ -211,7 +214,7 @@ class SimArm(FaultyDevice):
             self._problem = self._problem or error
             if motion is not None and not motion.problem:
                 motion.fail(error.message)  # an encoder may be wrong, too
-            elif motion is not None:  # its controller does not brake either
+            elif motion is not None and not motion.settled:  # its controller does not brake either
                 motion.abandon(motion.problem)
                 self._hold_here()
 

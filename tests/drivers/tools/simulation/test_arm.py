@@ -121,6 +121,9 @@ def test_an_arm_that_a_branch_holds_beside_its_set_point_begins_the_next_path_wi
     advance(cell, 0.5)
     held = arm.state().q
     assert START_TOLERANCE < abs(held[joint] - stood[joint]) < 3.0 * START_TOLERANCE
+    with pytest.raises(DeviceFault, match="joint 6 moves without a command of this run"):
+        arm.check()
+    arm.acknowledge()
     motion = arm.follow(plan_rest_to_rest([held, THERE], arm.limits, share=0.8))
     commanded = [stood]
     while not motion.settled:
