@@ -2,7 +2,7 @@
 
 The folder holds FRAME_color.jpg, FRAME_depth_mm.png (registered to colour, uint16, 0 = none) and fruit.csv with a box
 and the calipered calibre and height per fruit. Two starts: an upright model that fills the labelled box, and the
-detector's find, as in `measure_fruit`. Errors are raw, and leave-one-fruit-out: after a straight line fitted to all
+detector's find, as in `pomona measure`. Errors are raw, and leave-one-fruit-out: after a straight line fitted to all
 other fruit, and with the sizes of the kind learnt from all other fruit.
 """
 
@@ -148,7 +148,7 @@ class Find:
         return float(np.linalg.norm(np.cross(T[:3, 3] / np.linalg.norm(T[:3, 3]), T[:3, 1])))
 
     def measured(self, fruit: FruitModel, sizes: KindSizes | None = None) -> RefineResult:
-        """Measure as `measure_fruit` does."""
+        """Measure as `pomona measure` does."""
         look = DepthLook(self.depth, KINECT, AZURE_KINECT, renderer="zbuffer")
         known = FruitContext(sizes=sizes, size_deviation=self.deviation)
         return refine(look, self.detection.T_camera_object, fruit, method="uniform", known=known)

@@ -76,20 +76,17 @@ def test_a_pick_is_explained_in_sentences(record: Path, capsys: pytest.CaptureFi
     assert "lifted: yes" in text
 
 
-def test_the_frames_of_a_pick_are_measured_again_by_another_cell(
+def test_the_frames_of_a_pick_are_measured_again(
     record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said(capsys, "runs", "export", str(record), str(tmp_path / "out"), "--to", "frames")
     assert (tmp_path / "out" / "fingers.csv").stat().st_size > 100_000
-    frames = [
-        "--cell",
-        "frames",
-        "--set",
-        f"folder={tmp_path / 'out' / 'frames'}",
-        "--no-record",
-        "--quiet",
-    ]
-    assert main(["run", "measure_fruit", *frames]) == 0
+    frames, measured = tmp_path / "out" / "frames", tmp_path / "measured"
+    assert main(["measure", str(frames), "--out", str(measured)]) == 0
+    truth = digest(record).truth
+    assert truth is not None
+    sizes = [row["width_mm"] for row in json.loads((measured / "fruit.json").read_text())]
+    assert pytest.approx(1e3 * truth["dimensions_m"][0], abs=8.0) in sizes
 
 
 def test_a_pick_travels_in_one_file(

@@ -132,15 +132,8 @@ class FrameSequence(Protocol):
     def count(self) -> int:
         """How many frames there are."""
 
-    @property
-    def position(self) -> int:
-        """Which frame is shown, from 0."""
-
     def advance(self) -> bool:
         """Turn to the next frame; False at the last one, which stays."""
-
-    def rewind(self) -> None:
-        """Turn to the first frame."""
 
 
 # ------------------------------------------------------------------------------------------------------- arm

@@ -863,7 +863,7 @@ def test_fix_keeps_line_endings_and_mends_several_mistakes_one_after_the_other(
 def test_a_tree_for_another_cell_is_checked_but_for_poses_and_fruit(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["check", "measure_fruit"]) == 0
+    assert main(["check", "pick_for_plc"]) == 0
     told = capsys.readouterr().out
     assert "warning[no-device]: poses and fruit are not checked on the cell 'sim'" in told
     assert "--cell" in told

@@ -90,21 +90,12 @@ class FramesCamera(Device):
         """How many frames there are."""
         return len(self._frames)
 
-    @property
-    def position(self) -> int:
-        """Which frame is shown, from 0."""
-        return self._position
-
     def advance(self) -> bool:
         """Turn to the next frame; False at the last one, which stays."""
         if self._position + 1 >= len(self._frames):
             return False
         self._position += 1
         return True
-
-    def rewind(self) -> None:
-        """Turn to the first frame."""
-        self._position = 0
 
     def latest(self) -> Frame:
         """Return the frame that is shown, stamped with the present time: a recording is as new as the look at it.

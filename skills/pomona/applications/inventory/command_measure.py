@@ -1,36 +1,55 @@
-"""`pomona measure`: count and measure the fruit in recorded frames, without a tree."""
+"""`pomona measure`: sizes and positions of the fruit in recorded RGB-D frames, beside calipers where there are some."""
 
 from __future__ import annotations
 
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pomona.applications.inventory.fruit_page import FINDS, FRUIT, PAGE, PICTURES
+from pomona.applications.inventory.calipers import (
+    CaliperedFruit,
+    UnusableCalipers,
+    compare,
+    figures,
+    learn,
+    read_calipers,
+    written,
+)
+from pomona.applications.inventory.fruit_table import Row, doubt_of_all, row_of, write_tables
+from pomona.applications.inventory.measured_frame import FoundFruit, draw, measure_frame
+from pomona.drivers import Camera, CellFileError, FrameSequence, FrameUnreadable, load_cell
 from pomona.executive import (
-    Event,
+    Cell,
     Finding,
-    NodeChanged,
-    PortWritten,
-    RunOrder,
+    Number,
+    OrWord,
     UsageError,
+    Whole,
     find_cell,
-    find_tree,
     format_finding,
-    run_tree,
+    raise_again,
+    write_picture,
+)
+from pomona.skills.perception import (
+    DetectError,
+    FruitError,
+    FruitModel,
+    TooFewFruit,
+    load_fruit,
+    misplaced_depth,
 )
 
-TREE, BAGS = "measure_fruit", (".bag", ".db3", ".mcap")
+BAGS = (".bag", ".db3", ".mcap")
 TOPICS = {"colour": "colour images", "depth": "their depth", "info": "their CameraInfo"}
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser(
-        "measure", help="count and measure the fruit in recorded frames: tables and a page"
+        "measure", help="sizes and positions of the fruit in recorded frames with depth"
     )
     parser.add_argument(
         "frames", type=Path, metavar="FOLDER|VIDEO|BAG", help="recorded colour images with depth"
@@ -38,14 +57,17 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--kind", default="apple", help="kind of fruit: a name in the catalogue, or a path (apple)"
     )
-    parser.add_argument("--score", default="0.5", help="minimum detection score, 0 to 1 (0.5)")
+    parser.add_argument(
+        "--score", type=Number(0, 1).option, default=0.5, help="minimum detection score (0.5)"
+    )
     parser.add_argument(
         "--width",
-        default="all",
+        type=OrWord(Whole(64, 4096), "all").option,
         help="the one width at which a picture is searched [px] (several, up to its own)",
     )
     parser.add_argument(
         "--method",
+        choices=("uniform", "shape", "paper"),
         default="uniform",
         help="refinement of the size: uniform, shape, paper (uniform)",
     )
@@ -57,70 +79,142 @@ def add(subparsers: Any) -> None:
             *spelt, dest=key, metavar="TOPIC", help=f"a bag's topic of {what} ({words})"
         )
     parser.add_argument(
-        "--no-join",
-        action="store_true",
-        help="each frame without a given camera pose is a separate scene",
+        "--calipers",
+        type=Path,
+        metavar="TABLE",
+        help="fruit measured by hand: frame, name, x, y, w, h [px], width_mm, height_mm",
     )
     parser.add_argument(
-        "--out",
+        "--learn",
         type=Path,
-        default=Path("measured"),
-        help="new folder for tables and page (measured)",
+        metavar="FILE",
+        help="with --calipers: write the sizes of this kind, for fruit.yaml",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("measured"), help="new folder for the results (measured)"
     )
     parser.set_defaults(main=main)
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run the tree; return 0, 2 when something cannot be used or written, or 130 when it was interrupted.
+    """Measure and write; return 0, or 2 when a frame could not be read or the calipers do not fit.
 
-    Raises UsageError: the frames, an option or the folder cannot be used; nothing was written.
+    Raises UsageError: frames, an option or the folder cannot be used; nothing was written. KeyboardInterrupt passes;
+    the tables then hold the frames that were done.
     """
+    if options.learn is not None and options.calipers is None:
+        raise UsageError("--learn needs --calipers: sizes are learnt from fruit measured by hand")
+    try:
+        calipered = read_calipers(options.calipers) if options.calipers else []
+        model = load_fruit(options.kind)
+        if model.weights is None:
+            raise UsageError(f"there are no weights to find {model.name} by")
+        cell = _open(options)
+        if options.out.exists():
+            raise UsageError(f"{options.out} is there already: name another folder with --out")
+        options.out.mkdir(parents=True)
+    except (UnusableCalipers, FruitError) as error:
+        raise UsageError(str(error)) from error
+    except OSError as error:
+        raise UsageError(f"{error.filename}: {error.strerror}") from error
+    run = _Measurement(options, cell, model)
+    try:
+        for line in run.frames():
+            sys.stdout.write(f"{line}\n")
+            sys.stdout.flush()
+        return 2 if run.unreadable or not run.conclude(calipered) else 0
+    except DetectError as error:
+        sys.stderr.write(f"pomona measure: {error}\n")
+        return 2
+    except OSError as error:
+        sys.stderr.write(f"pomona measure: {error.filename}: {error.strerror}\n")
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write(f"interrupted: {options.out} holds the results so far\n")
+        raise
+    finally:
+        cell.close()
+
+
+class _Measurement:
+    """One run of the command."""
+
+    def __init__(self, options: argparse.Namespace, cell: Cell, model: FruitModel) -> None:
+        self._options = options
+        self._cell = cell
+        self._model = model
+        self._fruit: list[FoundFruit] = []
+        self.unreadable = 0
+
+    def frames(self) -> Iterator[str]:
+        """Measure frame by frame, with a line for each; the tables are written at the end, also after an error."""
+        sequence = self._cell.device(FrameSequence)
+        rows: list[Row] = []
+        try:
+            for number in range(1, sequence.count + 1):
+                raise_again()
+                yield f"{number} of {sequence.count} frames, {self._measure(number, rows)}"
+                sequence.advance()
+        finally:
+            write_tables(rows, self._options.out)
+
+    def _measure(self, number: int, rows: list[Row]) -> str:
+        options = self._options
+        try:
+            frame = self._cell.device(Camera).latest()
+        except FrameUnreadable as error:
+            self.unreadable += 1
+            return error.message
+        assert frame is not None, "a recorded frame is there at once"
+        fruit = measure_frame(frame, self._model, options.score, options.width, options.method)
+        doubt = misplaced_depth(frame)
+        rows.extend(row_of(each, doubt) for each in fruit)
+        self._fruit += fruit
+        label = re.sub(r"[^A-Za-z0-9._-]+", "_", frame.label)[:60]
+        write_picture(options.out / f"{number:04d}_{label}.jpg", draw(frame.colour, fruit))
+        measured = sum(each.measured is not None for each in fruit)
+        line = f"{frame.label}: {len(fruit)} found, {measured} measured"
+        return f"{line}; in doubt: {doubt}" if doubt else line
+
+    def conclude(self, calipered: list[CaliperedFruit]) -> bool:
+        """Print what holds for all frames; return False if the calipers do not fit."""
+        options = self._options
+        sys.stdout.write(f"written to {options.out}: fruit.csv, fruit.json and a picture a frame\n")
+        if doubt := doubt_of_all(self._fruit):
+            sys.stderr.write(f"these sizes are not reliable: {doubt}\n")
+        if not calipered:
+            return True
+        try:
+            compared = compare(self._fruit, calipered)
+            sys.stdout.write(f"{figures(compared)}\n")
+            if options.learn is not None:
+                sizes, words = learn(compared)
+                options.learn.write_text(written(sizes), encoding="utf-8")
+                sys.stdout.write(
+                    f"{words}\nwritten to {options.learn}: `sizes: {{include: FILE}}` in fruit.yaml\n"
+                )
+        except (UnusableCalipers, TooFewFruit) as error:
+            sys.stderr.write(f"pomona measure: {options.calipers}: {error}\n")
+            return False
+        return True
+
+
+def _open(options: argparse.Namespace) -> Cell:
+    """Return the cell whose camera shows the frames. Raises UsageError: they cannot be used."""
     if not options.frames.exists():
         raise UsageError(f"{options.frames}: there is no such folder or file")
     bag = _is_bag(options.frames)
     topics = {key: named for key in TOPICS if (named := getattr(options, key))}
     if topics and not bag:
-        raise UsageError(
-            f"--{next(iter(topics))}-topic: {options.frames} is no bag, so it has no topics"
-        )
-    settings = {
-        "bag" if bag else "folder": str(options.frames.absolute()),
-        "every": options.every,
-        "kind": options.kind,
-        "score": options.score,
-        "width": options.width,
-        "method": options.method,
-        "join": "false" if options.no_join else "true",
-        "out": str(options.out),
-        **topics,
-    }
-    progress = _Progress()
-    order = RunOrder(
-        tree=find_tree(TREE), cell=find_cell("bag" if bag else "frames"), settings=settings
-    )
+        named = next(iter(topics))
+        raise UsageError(f"--{named}-topic: {options.frames} is no bag, so it has no topics")
+    place = {"bag" if bag else "folder": str(options.frames.absolute()), "every": options.every}
+    path = find_cell("bag" if bag else "frames")
     try:
-        result = run_tree(order, [progress.on_event]).result
-    except UsageError as error:
-        raise UsageError(_in_own_words(error, order)) from error
-    if result.outcome == "success" or progress.unreadable:
-        sys.stdout.write(f"written to {options.out}: {PAGE}, {FRUIT}, {FINDS} and {PICTURES}\n")
-    if result.outcome == "success":
-        return 0
-    if result.interrupted:
-        there = (options.out / PAGE).is_file()
-        what = f"{options.out} holds the results so far" if there else "nothing was measured yet"
-        sys.stderr.write(f"interrupted: {what}\n")
-        return 130
-    if progress.unreadable:
-        sys.stderr.write(
-            f"{progress.unreadable} of the frames could not be read: {options.out / PAGE} has the reasons\n"
-        )
-        return 2
-    why = (
-        [reason.message for reason in result.reason.leaves()] if result.reason else [result.outcome]
-    )
-    sys.stderr.write(f"pomona measure: {why[-1]}\n")
-    return 2
+        return load_cell(path, overrides={**place, **topics})
+    except CellFileError as error:
+        lines = [_line(found, str(path)) for found in error.findings]
+        raise UsageError("\n".join(dict.fromkeys(lines))) from error
 
 
 def _is_bag(path: Path) -> bool:
@@ -129,45 +223,11 @@ def _is_bag(path: Path) -> bool:
     return "metadata.yaml" in names or any(name.lower().endswith(BAGS) for name in names)
 
 
-def _in_own_words(error: UsageError, order: RunOrder) -> str:
-    """Return the problem without the tree, the cell and the settings that the user has not written."""
-    findings: Sequence[Finding] = getattr(error.__cause__, "findings", ())
-    ours = str(order.tree), str(order.cell)
-    theirs = [found for found in findings if found.path not in ours]
-    lines = [_line(found, ours) for found in theirs or findings]
-    return "\n".join(dict.fromkeys(lines)) or str(error)
-
-
-def _line(found: Finding, ours: Sequence[str]) -> str:
-    setting = found.path.removeprefix("--set ")
-    if setting == found.path and found.path not in ours:
+def _line(found: Finding, cell: str) -> str:
+    """Return a finding without the cell and the settings that the user has not written."""
+    if found.path != cell and not found.path.startswith("--set "):
         return format_finding(found)
-    name, _, text = setting.partition("=") if setting != found.path else ("", "", "")
-    option = (
-        f"--{name}{'-topic' if name in TOPICS else ''} {text}: "
-        if name not in ("", "folder", "bag")
-        else ""
-    )
-    said = re.sub(r"^(?:devices\.)?(?:camera|[A-Z]\w+)(?:\.\w+)?: |^[A-Z]\w+\.", "", found.message)
-    said = re.sub(r"the option '(\w+)'", r"--\1-topic", said)
-    return f"{option}{said}" + (f": {found.hint}" if found.hint else "")
-
-
-class _Progress:
-    """A line for each frame, in the words of CountFruit."""
-
-    def __init__(self) -> None:
-        self.unreadable = 0
-        self._said = ""
-
-    def on_event(self, event: Event) -> None:
-        if isinstance(event, PortWritten) and event.key == "/unreadable_frames":
-            self.unreadable = event.value
-        if (
-            isinstance(event, NodeChanged)
-            and "CountFruit" in event.path
-            and event.feedback not in ("", self._said)
-        ):
-            self._said = event.feedback
-            sys.stdout.write(f"{event.feedback}\n")
-            sys.stdout.flush()
+    option = "--every: " if found.path.startswith("--set every=") else ""
+    message = re.sub(r"^(?:devices\.)?camera(?:\.\w+)?: ", "", found.message)
+    message = re.sub(r"the option '(\w+)'", r"--\1-topic", message)
+    return f"{option}{message}" + (f": {found.hint}" if found.hint else "")

@@ -40,11 +40,9 @@ if TYPE_CHECKING:
     )
     from pomona.skills.perception.fruit.catalogue import (
         FruitError as FruitError,
-        mass_model as mass_model,
         mass_of as mass_of,
     )
     from pomona.skills.perception.fruit.sizes import (
-        LEAST_FRUIT as LEAST_FRUIT,
         KindSizes as KindSizes,
         TooFewFruit as TooFewFruit,
         held_out as held_out,
@@ -68,8 +66,8 @@ PUBLIC = {
     "detection.places": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
     "frame_check": "MISMATCHES misplaced_depth",
     "fruit": "FruitModel find_weights load_fruit",
-    "fruit.catalogue": "FruitError mass_model mass_of",
-    "fruit.sizes": "KindSizes LEAST_FRUIT TooFewFruit held_out learn_sizes",
+    "fruit.catalogue": "FruitError mass_of",
+    "fruit.sizes": "KindSizes TooFewFruit held_out learn_sizes",
     "measured_fruit": "MeasuredFruit",
     "refinement.cloud": "horizontal_plane",
     "refinement.errors": "RefineError",

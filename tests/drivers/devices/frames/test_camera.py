@@ -90,8 +90,7 @@ def test_frames_come_in_the_order_of_their_names_with_depth_in_metres(
     assert (second.label, second.sequence) == ("b", 1)
     assert not camera.advance()
     assert camera.latest().label == "b"
-    camera.rewind()
-    assert (camera.position, camera.count, camera.latest().label) == (0, 2, "a")
+    assert camera.count == 2
 
 
 def test_it_is_a_camera_and_a_sequence(cell: Path, folder: Path) -> None:

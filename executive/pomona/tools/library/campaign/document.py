@@ -7,7 +7,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import quote
 
 from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED
 
@@ -72,16 +71,7 @@ class SvgPlot:
     caption: str
 
 
-@dataclass(frozen=True, slots=True)
-class PagePicture:
-    """A picture file, by its path from the document; `about` is its alternative text."""
-
-    path: str
-    about: str
-    caption: str = ""
-
-
-Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot | PagePicture
+Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot
 
 
 @dataclass(slots=True)
@@ -129,8 +119,6 @@ def to_markdown(document: ReportPage, name: str = "report") -> str:
                 parts.append(_markdown_tiles(tiles))
             case SvgPlot():
                 parts.append(f"![{block.caption}]({name}_{block.name}.svg)\n\n{block.caption}")
-            case PagePicture(path, about, caption):
-                parts.append(f"![{about}]({quote(path)})" + (f"\n\n{caption}" if caption else ""))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -178,9 +166,6 @@ def _html(block: Block) -> str:
         case SvgPlot():
             drawn = block.svg[block.svg.index("<svg") :]
             return f"<figure>{drawn}<figcaption>{_inline(block.caption)}</figcaption></figure>"
-        case PagePicture(path, about, caption):
-            words = f"<figcaption>{_inline(caption)}</figcaption>" if caption else ""
-            return f'<figure><img loading="lazy" src="{quote(path)}" alt="{html.escape(about)}">{words}</figure>'
 
 
 def _html_table(table: Table) -> str:

@@ -341,11 +341,3 @@ def mass_of(
     mass = fruit.mass * float(np.prod(dimensions / fruit.dimensions))
     relative = 1.0 / dimensions  # d(ln m) / d(dimensions)
     return mass, mass * float(np.sqrt(relative @ covariance @ relative + fruit.mass_spread**2))
-
-
-def mass_model(fruit: FruitModel) -> str:
-    """Name the model of the mass for the operator; empty without one."""
-    if fruit.mass is None:
-        return ""
-    size = " x ".join(f"{1e3 * d:.0f}" for d in fruit.dimensions)
-    return f"{1e3 * fruit.mass:.0f} g at {size} mm, with the volume, +- {fruit.mass_spread:.0%}"

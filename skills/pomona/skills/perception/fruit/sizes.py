@@ -65,15 +65,12 @@ def learn_sizes(
     deviations: Float64,
     sines: Float64,
     model_height_over_width: float,
-    own: Float64 | float = 0.0,
 ) -> KindSizes:
-    """Estimate a kind's sizes from fruit measured by hand or by their shape, and seen by the camera.
+    """Estimate a kind's sizes from fruit measured by hand, and seen by the camera.
 
     Args:
         sizes, shown: widths and heights, (n, 2), and width of the scaled model, (n,) [m].
         deviations, sines: of ln shown, and of the angle between line of sight and stem axis, (n,).
-        own: standard deviations of ln width and of ln height over width as measured, (n, 2), subtracted from the spread
-            between fruit; 0 for hand measurements.
 
     Raises TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
     """
@@ -97,8 +94,7 @@ def learn_sizes(
     looks = float(weight @ seen / weight.sum())
     beyond = float(weight @ ((seen - looks) ** 2 - deviations**2) / weight.sum())
     wider = math.sqrt(1.0 + 1.0 / len(sizes))  # uncertainty of the medians of this number of fruit
-    told = np.broadcast_to(own, sizes.shape)
-    spread = np.var([ln_width, ln_ratio], axis=1, ddof=1) - np.mean(np.square(told), axis=0)
+    spread = np.var([ln_width, ln_ratio], axis=1, ddof=1)
     # no fruit of one kind are more alike than this share
     width_deviation, ratio_deviation = wider * np.sqrt(np.maximum(spread, 0.01**2))
     return KindSizes(
@@ -117,28 +113,20 @@ def held_out(
     deviations: Float64,
     sines: Float64,
     model_height_over_width: float,
-    own: Float64 | float = 0.0,
-) -> tuple[Float64, Float64]:
-    """Return the errors of width and height of each fruit with the sizes of all others, shape (n, 2) each [m].
+) -> Float64:
+    """Return the errors of width and height of each fruit with the sizes of all others, shape (n, 2) [m].
 
-    The first are with the others' mean size, the second with that and the fruit's own image; see `learn_sizes`.
-
-    Raises TooFewFruit: without one of them there are fewer than `LEAST_FRUIT`.
+    The arguments are those of `learn_sizes`. Raises TooFewFruit: without one of them there are fewer than
+    `LEAST_FRUIT`.
     """
-    told = np.broadcast_to(own, sizes.shape)
-    by_mean, by_look = np.empty(sizes.shape), np.empty(sizes.shape)
+    errors = np.empty(sizes.shape)
     for i in range(len(sizes)):
         others = np.arange(len(sizes)) != i
         kind = learn_sizes(
-            sizes[others],
-            shown[others],
-            deviations[others],
-            sines[others],
-            model_height_over_width,
-            told[others],
+            sizes[others], shown[others], deviations[others], sines[others], model_height_over_width
         )
         found, _ = kind.given(
             float(shown[i]), float(deviations[i]), float(sines[i]), model_height_over_width
         )
-        by_mean[i], by_look[i] = sizes[others].mean(axis=0) - sizes[i], found - sizes[i]
-    return by_mean, by_look
+        errors[i] = found - sizes[i]
+    return errors
