@@ -90,6 +90,11 @@ OLD: list[tuple[str, dict[str, str], list[str]]] = [
             *("90:142 foliage", "90:156 target_margin", "92:15 SampleHanging", "115:11 Detach"),
         ],
     ),
+    (
+        "measure_fruit.yaml",
+        {},
+        ["15:7 FirstFrame", "27:23 Tabulate", "33:11 CountFruit", "34:11 NextFrame"],
+    ),
     ("pick_tree_cases.yaml", {}, ["3:7 ../experimental/pick_tree.yaml"]),
     ("orchard.yaml", {}, ["65:11 fruit-wall"]),
     (
