@@ -26,7 +26,7 @@ from pomona.executive.values.removed import (
 
 ROOT = Path(__file__).resolve().parents[3]
 PARTS = ("executive", "skills", "drivers")
-MOST = 40  # rows on one screen
+MOST = 50  # rows on one screen of a desk
 BEFORE = json.loads(Path(__file__).with_name("words_before_0_2.json").read_text("utf-8"))
 WORDS = [(row, word) for row in removals() for word in row.old]
 
