@@ -186,12 +186,7 @@ class PathArm(Device, ABC):
             if state is not None and self._problem is None and not self._doubted:
                 self._watch_rest(state)
             return
-        # Implausible feedback is no evidence of rest either: rest is assumed after the last point sent.
-        resting = (
-            bool(np.abs(state.qd).max() < AT_REST)
-            if not self._doubted
-            else stream is None or stream.played
-        )
+        resting = self._rests(state, stream)
         if stream is None:
             motion.settled = (
                 resting and motion.state is MotionState.FAILED
@@ -209,6 +204,15 @@ class PathArm(Device, ABC):
             except DeviceFault as error:
                 self._blame(error)
                 self._halt(error.message)
+
+    def _rests(self, state: ArmState, stream: SetPointStream | None) -> bool:
+        """Return True if the arm was measured at rest.
+
+        Implausible feedback is no evidence of rest either: rest is assumed after the last point sent.
+        """
+        if self._doubted:
+            return stream is None or stream.played
+        return bool(np.abs(state.qd).max() < AT_REST)
 
     def _watch_rest(self, state: ArmState) -> None:
         """Stop an arm that moves although nothing of this run moves it."""
@@ -316,7 +320,10 @@ class PathArm(Device, ABC):
         motion, stream = self._motion, self._stream
         if motion is None or motion.settled:
             return True
-        return motion.at_rest and stream is not None and stream.played
+        state = self._state
+        if not motion.at_rest or stream is None or not stream.played or state is None:
+            return False
+        return self._rests(state, stream)
 
     def close(self) -> None:
         """Come to rest on the path, then leave."""

@@ -18,6 +18,7 @@ from pomona.executive import Clock, Float64
 
 PERIOD = 0.004  # period of stepping the path here [s]
 CUSHION = 0.1  # time from the first knot until the script plays it [s], in which the next ones come; also in the script
+ROUNDING = 1e-4  # of the times that the script reports [s]
 JOINED = 3  # knots of which the last alone is sent when a motion brakes: the script needs the next one later
 
 
@@ -63,16 +64,16 @@ class KnotStream(KnotMaker):
         self._lead, self._commanded = options.lead, commanded
         self._time = 0.0  # of the newest knot [s]
         self._braked = False
-        self._began: float | None = (
-            None  # when the script plays the time 0; None until it has taken that knot
-        )
+        self._begun = False  # the script has taken the knot at the time 0
+        # when the script was at the time 0, by its newest report and at this computer's rate [s]
+        self._zero_at = 0.0
         self._waiting: deque[Knot] = deque()
         self._taken: deque[Knot] = deque()  # by the script, which has not passed them all
 
     @property
     def played(self) -> bool:
         """Whether the script must have played everything that was sent."""
-        return not self._waiting and self._left(self._clock.now()) <= 0.0
+        return not self._waiting and self._left(self._clock.now()) < ROUNDING
 
     def pump(self, taken: int, playing: float) -> Knot | None:
         """Take note that the script has taken the knot `taken`; return the one that it shall have now, if any.
@@ -80,16 +81,17 @@ class KnotStream(KnotMaker):
         `playing`: time of the motion at which the script is now [s].
         """
         now = self._clock.now()
+        self._zero_at = now - playing
         if self._waiting and taken == self.number:
             knot = self._waiting.popleft()
             self._taken.append(knot)
-            self._began = now + CUSHION if self._began is None else self._began
+            self._begun = True
             self.number, self.sent = self.number + 1, self.sent + 1
-            self._commanded(self._began + knot.time, knot.q)
+            self._commanded(self._zero_at + knot.time, knot.q)
         while len(self._taken) > 1 and self._taken[0].time < playing:
             self._taken.popleft()
         if not self._waiting:
-            if self._brake(playing if self._began is None else max(playing, now - self._began)):
+            if self._brake(playing):
                 self._extend(now, JOINED)
                 if not self._waiting:  # it rests there at once
                     self._append(JOINED * PERIOD, self.q_last, np.zeros_like(self.q_last))
@@ -98,8 +100,11 @@ class KnotStream(KnotMaker):
         return self._waiting[0] if self._waiting else None
 
     def _left(self, now: float) -> float:
-        """Return for how long the script plays what it has [s]; negative when it has played all."""
-        return -1.0 if self._began is None else self._began + self._time - now
+        """Return for how long the script plays what it has [s]; negative when it has played all.
+
+        The script's own progress counts: a controller that slows its motions down needs longer than this computer.
+        """
+        return self._zero_at + self._time - now if self._begun else -1.0
 
     def _brake(self, playing: float) -> bool:
         """Let a motion that was stopped brake from the first knot that is not due within `SURE`; once."""
@@ -122,13 +127,13 @@ class KnotStream(KnotMaker):
         An arm that has rested, as after a pause, begins anew: with two knots, since the script counts no time with one.
         """
         left, before, braking = self._left(now), self.q_last, self._braking()
-        rested = left < 0.0
+        rested = left < ROUNDING
         due = now + (CUSHION if rested else left)
         knots = [knot for _ in range(joined) if (knot := self.next(due)) is not None]
         if not knots:
             return
         if rested:
-            self._began, self._time = None, 0.0
+            self._begun, self._time = False, 0.0
             self._taken.clear()
             self._append(0.0, before, np.zeros_like(before), braking)
         self._append(sum(elapsed for elapsed, _, _ in knots), *knots[-1][1:], self._braking())

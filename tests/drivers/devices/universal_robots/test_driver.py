@@ -586,7 +586,6 @@ def steps_of_set_points(cell: Cell) -> list[float]:
     return steps
 
 
-@pytest.mark.xfail(strict=True, reason="finding 1.1: the stream takes its own clock for the arm's")
 @pytest.mark.parametrize(
     ("cycle", "scaling", "lasts"),
     [(0.002, 0.7, 3.0), (0.002, 0.5, 1.5), (0.002, 0.2, 1.5), (0.008, 1.0, 0.0)],
