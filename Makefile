@@ -207,8 +207,11 @@ coverage: $(STAMP) ## which lines the tests reach, by package; the whole in html
 	@sh scripts/system_libraries.sh tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=html --cov-report=term:skip-covered
 
-mutate: $(STAMP) ## small mistakes in the pure mathematics, and how many of them its tests find (half an hour; MUTATE="--most 15" for a part)
-	$(BIN)/python scripts/mutate.py $(MUTATE) --report runs/reports/mutation.md
+mutate-map: $(STAMP) ## which quick test of the core reaches which line, for `make mutate` (ten minutes)
+	$(BIN)/python scripts/mutate.py --map
+
+mutate: $(STAMP) ## small mistakes anywhere in the core, and how many of them its quick tests find (an hour; MUTATE="--most 50 --seed 7")
+	$(BIN)/python scripts/mutate.py $(MUTATE)
 
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices

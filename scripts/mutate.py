@@ -1,276 +1,408 @@
-"""How much of the pure mathematics the tests hold: one small change at a time, and whether a test finds it.
+"""Make one small mistake at a time in the core, and count how many of them the quick tests find.
 
-    python scripts/mutate.py [--most 60] [--seed 1] [--only geometry] [--report runs/reports/mutation.md]
+    python scripts/mutate.py --map                 # which test reaches which line, at this commit
+    python scripts/mutate.py --most 200 --seed 1   # the share that is found, and the places of the others
 
-Every module of `MATHEMATICS` is changed in one place (a sign, an operator, a comparison, a number), its tests run in a
-process of their own, and the change counts as found when one of them fails, or takes ten times as long as all of them
-did. With more than `--most` places a module's are drawn with `--seed`. The score is a lower bound: an unfound change
-may have no effect.
+A place is drawn from all places of the core, each as likely as any other, and gets one of its mistakes at random. The
+quick tests that reach its line run in a process of their own, uncompiled. The mistake is found when one of them fails or
+does not end. A place that no quick test reaches counts as not found.
+
+Mistakes: another operator, the neighbouring or the opposite comparison, `and` for `or`, a negated condition, the other
+boolean, another number, min for max, two arguments of a call swapped, a statement left out (a call without a result, an
+assignment to an attribute), None for a result.
+
+By rule, no mistakes are made where none shows in a result: strings and f-strings, expressions that are raised or
+asserted, log lines, `__repr__` and `__str__`, annotations, decorators, `if TYPE_CHECKING`, equal arguments, and
+arguments of symmetric functions (`SYMMETRIC`).
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import copy
-import importlib.abc
-import importlib.util
+import importlib
+import json
 import os
 import random
+import re
+import resource
 import signal
+import subprocess
 import sys
-import tempfile
-import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.machinery import ModuleSpec
+from functools import cache
+from importlib.machinery import SourceFileLoader
+from itertools import accumulate
 from pathlib import Path
-from types import ModuleType
+from types import CodeType
+from typing import Any
 
-os.environ["NUMBA_DISABLE_JIT"] = "1"  # each change would be compiled anew
-
-import numpy as np  # noqa: F401  (loaded once, for all processes)
+import coverage
 import pytest
 
-from pomona.executive.values.installation import commit_here
-
 ROOT = Path(__file__).resolve().parents[1]
+CORE = ("executive/pomona/executive", "skills/pomona/skills", "drivers/pomona/drivers")
+TESTS = ("tests/executive", "tests/skills", "tests/drivers")
+LEAVES = ("tools", "devices", "applications")
+MAP = ROOT / "runs" / "mutate"
+LINES = MAP / "lines.coverage"
+TIMES = MAP / "times.json"
+UNCOMPILED = 3.0
+"""Processor time of a quick test whose lines are traced and whose kernels are not compiled [s]."""
+BUDGET = 40.0
+"""Processor time of the tests of one mistake, as the map has it [s]."""
+MEMORY = 16 << 30
+"""Address space of a process with a mistake [bytes]."""
 
-MATHEMATICS: dict[str, tuple[str, ...]] = {
-    "pomona.executive.values.units": ("tests/executive/values/test_units.py",),
-    "pomona.executive.values.rotations": ("tests/executive/values/test_rotations.py",),
-    "pomona.tools.library.campaign.statistics": (
-        "tests/executive/tools/library/campaign/test_statistics.py",
-    ),
-    "pomona.drivers.trajectory": ("tests/drivers/test_trajectory.py",),
-    "pomona.skills.geometry": ("tests/skills/test_geometry.py",),
-    "pomona.skills.grip.observer": ("tests/skills/grip/test_observer.py",),
-    "pomona.skills.grip.limit_surface": ("tests/skills/grip/test_limit_surface.py",),
-    "pomona.skills.grip.pads": ("tests/skills/grip/test_pads.py",),
-    "pomona.skills.motion.grasps.sphere": ("tests/skills/motion/grasps/test_sphere.py",),
-    "pomona.skills.motion.planning.timing": ("tests/skills/motion/planning/test_timing.py",),
-    "pomona.skills.perception.detection.instances": (
-        "tests/skills/perception/detection/test_instances.py",
-    ),
+OTHERS = {
+    "Add": "Sub",
+    "Sub": "Add",
+    "Mult": "Div",
+    "Div": "Mult",
+    "Pow": "Mult",
+    "FloorDiv": "Mult",
+    "Mod": "Mult",
+    "And": "Or",
+    "Or": "And",
+    "Lt": "LtE GtE",
+    "LtE": "Lt Gt",
+    "Gt": "GtE LtE",
+    "GtE": "Gt Lt",
+    "Eq": "NotEq",
+    "NotEq": "Eq",
+    "In": "NotIn",
+    "NotIn": "In",
+    "Is": "IsNot",
+    "IsNot": "Is",
+    "min": "max",
+    "max": "min",
+    "minimum": "maximum",
+    "maximum": "minimum",
+    "any": "all",
+    "all": "any",
 }
-"""Modules with the tests that should find errors in them."""
-
-BINARY: dict[type[ast.operator], type[ast.operator]] = {
-    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
-    ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult,
-}  # fmt: skip
-COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
-    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-    ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is,
-}  # fmt: skip
-NAMES = {"min": "max", "max": "min", "sin": "cos", "cos": "sin", "minimum": "maximum", "maximum": "minimum",
-         "any": "all", "all": "any"}  # fmt: skip
+"""Operators, as `ast` names them, and names of functions, each with those that stand for it by mistake."""
+SYMMETRIC = ("min", "max", "minimum", "maximum", "hypot", "isclose", "allclose", "array_equal")
+LOG_LINE = re.compile(r"(\w+\.)*_?(logger|log|getLogger\(.*\))\.\w+\(", re.IGNORECASE)
+WITHOUT_RESULT = (ast.Raise, ast.Assert, ast.JoinedStr)
+FIELDS_WITHOUT_RESULT = ("annotation", "returns", "decorator_list")
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
-    """One place of a module and its replacement."""
+@dataclass(frozen=True)
+class Place:
+    """A node that can be mistaken, with the lines that a test must reach, or the name whose use is as good."""
 
-    module: str
-    line: int
-    was: str
-    now: str
-    source: str
-
-
-def places(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield the places to change: no texts, annotations, imports, decorators, raised or asserted expressions."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, (ast.Raise, ast.Import, ast.ImportFrom, ast.JoinedStr, ast.Assert)):
-            continue
-        yield node
-        for name, field in ast.iter_fields(node):
-            if name in ("annotation", "returns", "decorator_list", "bases", "type_params"):
-                continue
-            waiting += [
-                child
-                for child in (field if isinstance(field, list) else [field])
-                if isinstance(child, ast.AST)
-            ]
+    path: Path
+    node: ast.AST
+    mistakes: tuple[ast.AST, ...]
+    lines: range
+    name: str
 
 
-def changed(node: ast.AST) -> ast.AST | None:
-    """A node with a small mistake; None where there is none to make."""
-    new = copy.deepcopy(node)
-    if isinstance(new, (ast.BinOp, ast.AugAssign)) and type(new.op) in BINARY:
-        new.op = BINARY[type(new.op)]()
-    elif isinstance(new, ast.Compare) and type(new.ops[0]) in COMPARED:
-        new.ops[0] = COMPARED[type(new.ops[0])]()
-    elif isinstance(new, ast.BoolOp):
-        new.op = ast.Or() if isinstance(new.op, ast.And) else ast.And()
-    elif isinstance(new, ast.UnaryOp) and isinstance(new.op, (ast.USub, ast.Not)):
-        return new.operand
-    elif isinstance(new, ast.Constant) and isinstance(new.value, bool):
-        new.value = not new.value
-    elif isinstance(new, ast.Constant) and isinstance(new.value, float) and new.value:
-        new.value = 2.0 * new.value
-    elif isinstance(new, ast.Constant) and isinstance(new.value, (int, float)):
-        new.value = new.value + 1
-    elif isinstance(new, ast.Attribute) and new.attr in NAMES:
-        new.attr = NAMES[new.attr]
-    elif isinstance(new, ast.Name) and new.id in NAMES:
-        new.id = NAMES[new.id]
-    else:
-        return None
-    return new
+def others(value: object) -> list[Any]:
+    """Return what can stand for an operator or a name by mistake."""
+    if isinstance(value, ast.AST):
+        return [getattr(ast, name)() for name in others(type(value).__name__)]
+    return OTHERS.get(str(value), "").split()
 
 
-class _Put(ast.NodeTransformer):
+def mistakes(node: ast.AST, is_condition: bool) -> Iterator[ast.AST]:
+    """Yield all nodes that can stand for a node by mistake."""
+    for field in ("op", "attr", "id"):
+        for other in others(getattr(node, field, None)):
+            new = copy.copy(node)
+            setattr(new, field, other)
+            yield new
+    match node:
+        case ast.Compare(left, [first, *rest], values):
+            for other in others(first):
+                yield ast.Compare(left, [other, *rest], values)
+        case ast.UnaryOp(ast.USub() | ast.Not(), operand):
+            yield operand
+        case ast.Constant(bool(value)):
+            yield ast.Constant(not value)
+        case ast.Constant(int(value)):
+            yield ast.Constant(value + 1)
+        case ast.Constant(float(value)):
+            yield ast.Constant(2.0 * value or 1.0)
+        case ast.Call(function, [first, second, *rest], keywords):
+            texts = {ast.unparse(first), ast.unparse(second)}
+            is_symmetric = ast.unparse(function).endswith(SYMMETRIC)
+            if len(texts) == 2 and not is_symmetric and not "".join(texts).count("*"):
+                yield ast.Call(function, [second, first, *rest], keywords)
+        case ast.Expr(ast.Call()) | ast.Assign([ast.Attribute()]) | ast.AugAssign(ast.Attribute()):
+            yield ast.Pass()
+        case ast.Return(ast.expr() as value) if ast.unparse(value) != "None":
+            yield ast.Return(ast.Constant(None))
+    if is_condition and isinstance(node, (ast.Name, ast.Attribute, ast.Call)):
+        yield ast.UnaryOp(ast.Not(), node)
+
+
+def shows(node: ast.AST) -> bool:
+    """Return False where no mistake shows in a result."""
+    match node:
+        case ast.FunctionDef(name="__repr__" | "__str__") | ast.If(ast.Name("TYPE_CHECKING")):
+            return False
+        case ast.Expr(value):
+            return not LOG_LINE.match(ast.unparse(value))
+    return not isinstance(node, WITHOUT_RESULT)
+
+
+def places(path: Path, tree: ast.AST) -> list[Place]:
+    """Return all places of a module."""
+    found: list[Place] = []
+
+    def look(node: ast.AST, lines: range, name: str, is_condition: bool) -> None:
+        if not shows(node):
+            return
+        if isinstance(node, ast.stmt) and lines:
+            lines = header(node)
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            name = next(part.id for part in ast.walk(node) if isinstance(part, ast.Name))
+        made = tuple(mistakes(node, is_condition))
+        if made:
+            found.append(Place(path, node, made, lines, name))
+        if isinstance(node, ast.FunctionDef):
+            lines = range(node.body[0].lineno, (node.end_lineno or 0) + 1)
+        is_compound = is_condition and isinstance(node, (ast.BoolOp, ast.UnaryOp))
+        for field, value in ast.iter_fields(node):
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST) and field not in FIELDS_WITHOUT_RESULT:
+                    look(child, lines, name, is_compound or field in ("test", "ifs"))
+
+    look(tree, range(0), "", False)
+    return found
+
+
+def header(statement: ast.stmt) -> range:
+    """Return the lines of a statement without those of the statements in it."""
+    body = getattr(statement, "body", None)
+    end = body[0].lineno if body else (statement.end_lineno or 0) + 1
+    return range(statement.lineno, max(end, statement.lineno + 1))
+
+
+class Put(ast.NodeTransformer):
     """Puts a node where another one stands."""
 
     def __init__(self, old: ast.AST, new: ast.AST) -> None:
-        self._old, self._new = old, new
+        self.old = old
+        self.new = ast.fix_missing_locations(ast.copy_location(new, old))
 
     def visit(self, node: ast.AST) -> ast.AST:
-        return self._new if node is self._old else self.generic_visit(node)
+        return self.new if node is self.old else self.generic_visit(node)
 
 
-def changes(module: str, most: int, seed: int) -> list[Change]:
-    """Some of the small changes of a module, in the order of its lines."""
-    path = ROOT / (module.replace(".", "/") + ".py")
-    tree: ast.AST = ast.parse(path.read_text("utf-8"))
-    wrong = [(node, new) for node in places(tree) if (new := changed(node)) is not None]
-    wrong.sort(key=lambda pair: (getattr(pair[0], "lineno", 0), getattr(pair[0], "col_offset", 0)))
-    if len(wrong) > most:
-        drawn = random.Random(seed).sample(range(len(wrong)), most)
-        wrong = [wrong[k] for k in sorted(drawn)]
-    made = []
-    for node, new in wrong:
-        tree = ast.fix_missing_locations(_Put(node, new).visit(tree))
-        whole = ast.unparse(tree)
-        tree = _Put(new, node).visit(tree)
-        made.append(
-            Change(module, getattr(node, "lineno", 0), ast.unparse(node), ast.unparse(new), whole)
-        )
-    return made
+def import_changed(path: Path, code: CodeType) -> None:
+    """Import one module of this process from other code."""
+    read = SourceFileLoader.get_code
+
+    def get_code(self: SourceFileLoader, name: str) -> CodeType | None:
+        return code if self.path == str(path) else read(self, name)
+
+    SourceFileLoader.get_code = get_code  # type: ignore[method-assign, assignment]
 
 
-class _Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Imports a module from another source."""
+class Watch:
+    """Plugin of pytest that ends tests at a limit, and measures their processor time.
 
-    def __init__(self, change: Change) -> None:
-        self._change = change
+    Attributes:
+        limits: the tests to run, in their order, each with its limit [s]; all tests with `UNCOMPILED` if it is empty.
+        seconds: processor time of the tests that passed.
+    """
 
-    def find_spec(
-        self, name: str, _path: Sequence[str] | None, _target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        if name != self._change.module:
-            return None
-        return importlib.util.spec_from_loader(
-            name, self, origin=str(ROOT / (name.replace(".", "/") + ".py"))
-        )
+    def __init__(self, limits: dict[str, float]) -> None:
+        self.limits = limits
+        self.seconds: dict[str, float] = {}
 
-    def exec_module(self, module: ModuleType) -> None:
-        path = ROOT / (self._change.module.replace(".", "/") + ".py")
-        module.__file__ = str(path)
-        exec(compile(self._change.source, str(path), "exec"), module.__dict__)
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        if self.limits:
+            order = list(self.limits)
+            items[:] = [item for item in items if item.nodeid in self.limits]
+            items.sort(key=lambda item: order.index(item.nodeid))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Generator[None, None, None]:
+        signal.signal(signal.SIGPROF, lambda *_: pytest.fail("takes too long"))
+        signal.setitimer(signal.ITIMER_PROF, self.limits.get(item.nodeid, UNCOMPILED))
+        began = sum(os.times()[:4])
+        try:
+            yield
+            self.seconds[item.nodeid] = sum(os.times()[:4]) - began
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
-def run_tests(tests: Sequence[str], change: Change | None, limit: float) -> bool:
-    """Whether tests pass, in a process of their own; a change that takes longer than the limit [s] does not."""
+def file_of(test: str) -> str:
+    """Return the file of a test."""
+    return test.partition("::")[0]
+
+
+def run_tests(paths: Sequence[str], watch: Watch, *options: str) -> int:
+    """Run quick tests here; return pytest's exit status."""
+    without = [f"-pno:{name}" for name in ("xdist", "cacheprovider", "randomly", "anyio")]
+    without += [f"--ignore-glob=tests/*/{name}" for name in LEAVES]
+    loaded_before = "-Wignore::pytest.PytestAssertRewriteWarning"
+    quick = "-mnot slow and not long and not realtime and not browser"
+    return pytest.main(["-q", *without, loaded_before, quick, *options, *paths], [watch])
+
+
+def fork(work: Callable[[], int], limit: float = 0.0) -> int:
+    """Return the exit status of work in a process of its own, which ends after a limit [s] at the latest."""
     child = os.fork()
     if child == 0:
         status = 1
         try:
-            quiet = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(quiet, 1)
-            os.dup2(quiet, 2)
+            os.setpgid(0, 0)
+            output = os.open(MAP / f"{work.__name__}.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(output, 1)
+            os.dup2(output, 2)
             signal.setitimer(signal.ITIMER_REAL, limit)
-            if change is not None:
-                sys.meta_path.insert(0, _Changed(change))
-            words = [
-                "-p",
-                "no:xdist",
-                "-p",
-                "no:cacheprovider",
-                "-p",
-                "no:randomly",
-                "-x",
-                "-q",
-                *tests,
-            ]
-            status = int(pytest.main(words))
+            status = work()
+        except BaseException:
+            sys.excepthook(*sys.exc_info())
         finally:
-            os._exit(0 if status == 0 else 1)
-    _pid, status = os.waitpid(child, 0)
-    return status == 0
+            os._exit(status)
+    _, ended = os.waitpid(child, 0)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)  # what it has started and left
+    return os.waitstatus_to_exitcode(ended)
 
 
-def judge(module: str, tests: Sequence[str], most: int, seed: int) -> tuple[int, list[Change]]:
-    """How many changes of a module were tried, and those that no test found."""
-    began = time.monotonic()
-    if not run_tests(tests, None, 600.0):
-        raise SystemExit(f"{module}: its tests fail before anything is changed: {' '.join(tests)}")
-    limit = 10.0 * (time.monotonic() - began) + 5.0
-    tried = changes(module, most, seed)
-    left = [change for change in tried if run_tests(tests, change, limit)]
-    sys.stdout.write(f"{module:42} {len(tried) - len(left)} of {len(tried)} found\n")
-    sys.stdout.flush()
-    return len(tried), left
+def trace() -> int:
+    """Run the quick tests uncompiled, and write which lines they reach."""
+    os.environ["COVERAGE_FILE"] = str(LINES)
+    watch = Watch({})
+    folders = [f"--cov={ROOT / part}" for part in CORE]
+    run_tests(
+        TESTS, watch, *folders, "--cov-context=test", "--cov-report=", f"--cov-config={os.devnull}"
+    )
+    TIMES.write_text(json.dumps([git("rev-parse", "HEAD"), watch.seconds]), encoding="utf-8")
+    return 0
 
 
-def report(results: dict[str, tuple[int, list[Change]]], command: str) -> str:
-    """The result as a page."""
-    tried = sum(count for count, _ in results.values())
-    found = tried - sum(len(left) for _, left in results.values())
-    lines = [
-        "# How much of the mathematics the tests hold",
-        "",
-        f"Made at commit `{commit_here()}` with `{command}`. One small change at a time (a sign, an operator, a "
-        f"comparison, a number): **{found} of {tried} = {100 * found / max(tried, 1):.0f} %** are found by the "
-        "module's own tests. What is not found is listed; some of it changes nothing that could be seen.",
-        "",
-        "| module | found | of |",
-        "|---|--:|--:|",
-        *(
-            f"| `{name}` | {count - len(left)} | {count} |"
-            for name, (count, left) in results.items()
-        ),
-        "",
-        "## Not found",
-        "",
-        *(
-            f"- `{change.module}`:{change.line}: `{change.was}` → `{change.now}`"
-            for _, left in results.values()
-            for change in left
-        ),
-    ]
-    return "\n".join(lines) + "\n"
+def git(*words: str) -> str:
+    """Return the output of a command of git."""
+    return subprocess.check_output(["git", "-C", str(ROOT), *words], text=True).strip()
+
+
+class Reached:
+    """The map: the tests that reach a place."""
+
+    def __init__(self) -> None:
+        self.commit, self.seconds = json.loads(TIMES.read_text("utf-8"))
+        data = coverage.CoverageData(str(LINES))
+        data.read()
+        self.contexts = cache(data.contexts_by_lineno)
+        self.texts = {path: path.read_text("utf-8").splitlines() for path in modules()}
+
+    def tests(self, place: Place) -> list[str]:
+        """Return tests that reach a place, those of its module and the fastest first, within `BUDGET`."""
+        contexts = {
+            context.rpartition("|")
+            for path, line in self.lines(place)
+            for context in self.contexts(str(path)).get(line, ())
+        }
+        # What is set up once serves all tests of the file.
+        reached = {test if phase == "run" else file_of(test) for test, _, phase in contexts}
+        found = [test for test in self.seconds if not reached.isdisjoint((test, file_of(test)))]
+        own = f"/test_{place.path.stem}.py"
+        found.sort(key=lambda test: (own not in test, self.seconds[test]))
+        spent = accumulate(self.seconds[test] for test in found)
+        return [test for test, seconds in zip(found, spent, strict=True) if seconds < BUDGET]
+
+    def lines(self, place: Place) -> Iterator[tuple[Path, int]]:
+        """Yield the lines that reach a place: its own, or outside of functions those that use its name."""
+        if place.lines:
+            yield from ((place.path, line) for line in place.lines)
+            return
+        used = re.compile(rf"\b{place.name}\b")
+        for path in self.texts if place.name else [place.path]:
+            for number, text in enumerate(self.texts[path], start=1):
+                if used.search(text):
+                    yield path, number
+
+    def finds(self, place: Place, code: CodeType) -> bool:
+        """Return True if a test finds a mistake."""
+        tests = self.tests(place)
+        for some in (tests[:20], tests[20:]):
+            limits = {test: 5.0 + 10.0 * self.seconds[test] for test in some}
+
+            def mistaken(limits: dict[str, float] = limits) -> int:
+                resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+                import_changed(place.path, code)
+                files = sorted({file_of(test) for test in limits})
+                return run_tests(files, Watch(limits), "-x")
+
+            if some and fork(mistaken, 60.0 + 4.0 * sum(limits.values())) not in (0, 5):
+                return True
+        return False
+
+
+def modules() -> list[Path]:
+    """Return the modules of the core."""
+    return sorted(path for part in CORE for path in (ROOT / part).rglob("*.py"))
+
+
+def draw(most: int, seed: int) -> Iterator[tuple[Place, ast.AST, CodeType]]:
+    """Yield places of the core, each with a mistake and the code of its module with it."""
+    trees = {path: ast.parse(path.read_text("utf-8")) for path in modules()}
+    found = [place for path, tree in trees.items() for place in places(path, tree)]
+    chance = random.Random(seed)
+    for place in chance.sample(found, min(most, len(found))):
+        new = chance.choice(place.mistakes)
+        wrong: Any = Put(place.node, new).visit(trees[place.path])
+        yield place, new, compile(wrong, str(place.path), "exec")
+        Put(new, place.node).visit(trees[place.path])
+
+
+def score(reached: Reached, most: int, seed: int) -> None:
+    """Print which mistakes are not found, and how many are, by package."""
+    tried: Counter[str] = Counter()
+    found: Counter[str] = Counter()
+    for place, new, code in draw(most, seed):
+        path = place.path.relative_to(ROOT)
+        packages = ("all", path.parts[2], "/".join(path.parts[2:4]))
+        tried.update(packages)
+        if reached.finds(place, code):
+            found.update(packages)
+            continue
+        was = ast.unparse(place.node).partition("\n")[0]
+        mark = "" if reached.tests(place) else " (not reached)"
+        line = f"{path}:{getattr(place.node, 'lineno', 0)}"
+        sys.stdout.write(f"{line}: {was} -> {ast.unparse(new)}{mark}\n")
+        sys.stdout.flush()
+    for package in sorted(tried):
+        share = found[package] / tried[package]
+        sys.stdout.write(f"{package:32}{found[package]:4} of {tried[package]:4} {share:6.0%}\n")
 
 
 def main() -> None:
-    """Change, test, count."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--most", type=int, default=60, help="changes a module (60)")
+    """Make the map, or try mistakes."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--map", action="store_true", help="see which tests reach which lines")
+    parser.add_argument("--most", type=int, default=200, help="mistakes (200)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
-    parser.add_argument("--only", default="", help="modules with this in their name")
-    parser.add_argument("--report", type=Path, help="write a page there")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = scratch
-        chosen = {name: tests for name, tests in MATHEMATICS.items() if options.only in name}
-        results = {
-            name: judge(name, tests, options.most, options.seed) for name, tests in chosen.items()
-        }
-    chosen_by = " ".join(
-        f"--{word} {getattr(options, word)}"
-        for word in ("most", "seed", "only")
-        if getattr(options, word) != parser.get_default(word)
-    )
-    page = report(results, f'make mutate MUTATE="{chosen_by}"' if chosen_by else "make mutate")
-    if options.report is not None:
-        options.report.parent.mkdir(parents=True, exist_ok=True)
-        options.report.write_text(page, encoding="utf-8")
-    sys.stdout.write(page.split("\n\n")[1] + "\n")
+    sys.path[0] = str(ROOT)  # as `python -m pytest` has it
+    os.environ["NUMBA_DISABLE_JIT"] = "1"  # each mistake would be compiled anew
+    if options.map:
+        MAP.mkdir(parents=True, exist_ok=True)
+        LINES.unlink(missing_ok=True)
+        sys.exit(fork(trace))
+    if not TIMES.is_file():
+        raise SystemExit("there is no map: make mutate-map")
+    reached = Reached()
+    changed = git("diff", "--name-only", reached.commit, "--", *CORE, "tests")
+    if changed:
+        raise SystemExit(f"changed since the map was made: {changed}\nmake mutate-map")
+    for module in ("hypothesis.extra.numpy", "numba", "py_trees", "scipy.spatial", "yaml"):
+        importlib.import_module(module)  # once, for all processes
+    score(reached, options.most, options.seed)
 
 
 if __name__ == "__main__":
