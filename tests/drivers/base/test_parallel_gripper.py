@@ -230,10 +230,14 @@ def test_a_move_that_a_fault_ended_in_a_pause_does_not_resume(fingers: Fingers) 
     serve(fingers, 0.1)
     fingers.pause()
     fingers.safe_stop("test")
+    serve(fingers, 0.1)
+    stood = fingers.width
     fingers.resume()
-    serve(fingers, 0.5)
+    widths: list[float] = []
+    serve(fingers, 0.5, lambda: widths.append(fingers.width))
     assert motion.state is MotionState.STOPPED
-    assert fingers.width > 0.05
+    assert widths == [stood] * len(widths)
+    assert stood > 0.05
 
 
 def test_a_blocked_move_ends_where_the_fingers_rest(fingers: Fingers) -> None:

@@ -53,9 +53,18 @@ def test_safe_stop_may_come_from_any_thread(cell):
 
 
 def test_a_latched_cell_does_not_resume(cell):
+    gripper = cell.devices["gripper"]
+    gripper.move(0.05, 0.01)
+    cell.clock.advance(0.1)
     cell.pause()
     cell.safe_stop("fire")
+    cell.clock.advance(0.1)
     cell.resume()  # the stop ended the pause: there is nothing to resume
+    stood = gripper.width
+    for _ in range(50):
+        cell.clock.advance(0.02)
+        assert gripper.width == stood
+    assert stood > 0.06
     cell.acknowledge()
     cell.pause()
     cell._latched = "fire"

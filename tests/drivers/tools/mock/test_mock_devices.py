@@ -95,10 +95,15 @@ def test_an_arm_refuses_bad_trajectories_as_a_real_one():
 
 
 def test_an_arm_that_does_not_know_where_it_stands_does_not_move():
-    arm = MockArm(MockClock())
+    clock = MockClock()
+    arm = MockArm(clock)
     arm.q[3] = np.nan
+    stood = arm.q.copy()
     with pytest.raises(MotionRefused, match="the arm's position is unknown"):
         arm.follow(sweep())
+    for _ in range(50):
+        clock.advance(0.02)
+        np.testing.assert_array_equal(arm.q, stood)
 
 
 def test_an_arm_that_lies_is_found_as_a_real_one_is(mock_arm, mock_clock, mock_cell):
