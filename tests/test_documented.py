@@ -32,6 +32,8 @@ def read_all() -> tuple[dict[str, list[Class]], list[str]]:
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             where = path.relative_to(ROOT)
+            if "templates" in where.parts:
+                continue  # a package that users make their own
             for node in ast.parse(path.read_text("utf-8")).body:
                 if isinstance(node, ast.ClassDef):
                     classes[node.name].append(read_class(node, str(where), package))

@@ -288,7 +288,7 @@ class MockedSkills(Kind[Mapping[str, tuple[MockResult, ...]]]):
         return found
 
     def replaced(self, key: YamlScalar, reader: Reader, tree: Tested) -> type[Skill]:
-        """Return the skill that a mock stands in for."""
+        """Return the skill that a mock stands in for. Raises Refused: there is none, with a finding."""
         skill = tree.registry.get(tree.skills.get(key.text, ""))
         if skill is None:
             if report_removed(reader.findings, key, "skill", key.text):

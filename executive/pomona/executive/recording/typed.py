@@ -47,7 +47,10 @@ def checked(value: Any, kind: Any) -> Any:
 
 
 def number_of(value: Any) -> float:
-    """Return a float; a value that was not finite is null in a record and becomes zero."""
+    """Return a float; a value that was not finite is null in a record and becomes zero.
+
+    Raises TypeError: it is no number, or too large.
+    """
     if value is None:
         return 0.0
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LONGEST:

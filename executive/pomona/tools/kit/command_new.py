@@ -25,8 +25,8 @@ from pomona.tools.kit.pieces import (
     OWN_TREE,
     PACKAGE,
     SKILL,
-    Names,
     Piece,
+    PieceNames,
     capitals,
 )
 
@@ -133,7 +133,7 @@ def _from_file(options: argparse.Namespace) -> tuple[list[Path], list[str]]:
     raise _no_name(options.name)
 
 
-def _refuse_taken(kind: str, names: Names) -> None:
+def _refuse_taken(kind: str, names: PieceNames) -> None:
     """Refuse a name that another package has: a tree that uses it would be refused.
 
     Raises UsageError: the name is taken.
@@ -159,7 +159,7 @@ def _next(written: list[Path]) -> str:
     return f"pip install -e {project}, after which its new names are found; then pytest {project}"
 
 
-def put(piece: Piece, names: Names, into: Path) -> list[Path]:
+def put(piece: Piece, names: PieceNames, into: Path) -> list[Path]:
     """Write a piece into a folder; code goes into the package that stands there, or into a new one.
 
     Raises UsageError: a file is there already, or the package is none.
@@ -178,14 +178,14 @@ def put(piece: Piece, names: Names, into: Path) -> list[Path]:
 
 def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
     """Begin a package; with an example skill and a tree that uses it. Raises UsageError: there is something already."""
-    written = _write(PACKAGE, Names(module, capitals(module), module), folder)
+    written = _write(PACKAGE, PieceNames(module, capitals(module), module), folder)
     if example:
-        names = Names(SKILL.name, capitals(SKILL.name), module)
+        names = PieceNames(SKILL.name, capitals(SKILL.name), module)
         written += put(SKILL, names, folder) + _write(EXAMPLE_TREE, names, folder)
     return written
 
 
-def _write(piece: Piece, names: Names, into: Path) -> list[Path]:
+def _write(piece: Piece, names: PieceNames, into: Path) -> list[Path]:
     files = {into / path: data for path, data in piece.contents(names).items()}
     taken = [str(path) for path in files if path.exists()]
     if taken:
@@ -218,13 +218,13 @@ def _module(folder: Path) -> str:
     return found[0].name
 
 
-def _names(name: str) -> Names:
+def _names(name: str) -> PieceNames:
     if not _NAME.fullmatch(name):
         raise _no_name(name)
     small = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
     if keyword.iskeyword(small) or small in ("pomona", "tests"):
         raise UsageError(f"'{small}' means something else already; take another name")
-    return Names(small, capitals(name))
+    return PieceNames(small, capitals(name))
 
 
 def _no_name(name: str) -> UsageError:

@@ -11,7 +11,7 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
+class PieceNames:
     """The names of a piece that is written.
 
     Attributes:
@@ -39,7 +39,7 @@ class Piece:
     files: tuple[str, ...]
     entry: tuple[str, ...] = ()
 
-    def renamed(self, text: str, names: Names) -> str:
+    def renamed(self, text: str, names: PieceNames) -> str:
         """Return a text of the templates with other names."""
         words = {
             "my_package": names.module,
@@ -48,7 +48,7 @@ class Piece:
         }
         return re.sub("|".join(words), lambda found: words[found[0]], text)
 
-    def contents(self, names: Names) -> dict[str, bytes]:
+    def contents(self, names: PieceNames) -> dict[str, bytes]:
         """Return the contents of its files by their paths, renamed."""
         found = {}
         for path in self.files:

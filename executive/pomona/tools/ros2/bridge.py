@@ -47,7 +47,7 @@ class RequestRefused(PomonaError):
     """A request of a node that is not carried out, and why."""
 
 
-class Control(Protocol):
+class OperatorControl(Protocol):
     """The operator's control of a run, as the page has it."""
 
     @property
@@ -92,7 +92,7 @@ class Ros2Bridge:
     def __init__(
         self,
         peer: Ros2Peer,
-        control: Control | None,
+        control: OperatorControl | None,
         acts_with: Callable[[str], bool],
         start: Starts | None = None,
     ) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pomona.applications.inventory.fruit_table import Z_90
-from pomona.applications.inventory.measured_frame import FoundFruit
+from pomona.applications.inventory.measured_frame import FruitInFrame
 from pomona.executive import Float64, NoTableError, read_table
 from pomona.skills.perception import KindSizes, MeasuredFruit, held_out, learn_sizes
 
@@ -46,7 +46,7 @@ class CaliperedFruit:
 class Compared:
     """A fruit that was both measured and calipered."""
 
-    fruit: FoundFruit
+    fruit: FruitInFrame
     measured: MeasuredFruit
     true: CaliperedFruit
 
@@ -93,7 +93,7 @@ def _number(path: Path, line: int, row: dict[str, str], key: str) -> float:
     return value
 
 
-def compare(fruit: Sequence[FoundFruit], calipered: Sequence[CaliperedFruit]) -> list[Compared]:
+def compare(fruit: Sequence[FruitInFrame], calipered: Sequence[CaliperedFruit]) -> list[Compared]:
     """Return the measured fruit that were calipered, by their boxes; the surest find of a fruit in a frame counts.
 
     Raises UnusableCalipers: no fruit fits, or the sizes are of other units.

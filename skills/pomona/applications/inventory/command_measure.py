@@ -19,7 +19,7 @@ from pomona.applications.inventory.calipers import (
     written,
 )
 from pomona.applications.inventory.fruit_table import Row, doubt_of_all, row_of, write_tables
-from pomona.applications.inventory.measured_frame import FoundFruit, draw, measure_frame
+from pomona.applications.inventory.measured_frame import FruitInFrame, draw, measure_frame
 from pomona.drivers import Camera, CellFileError, FrameSequence, FrameUnreadable, load_cell
 from pomona.executive import (
     Cell,
@@ -143,7 +143,7 @@ class _Measurement:
         self._options = options
         self._cell = cell
         self._model = model
-        self._fruit: list[FoundFruit] = []
+        self._fruit: list[FruitInFrame] = []
         self.unreadable = 0
 
     def frames(self) -> Iterator[str]:

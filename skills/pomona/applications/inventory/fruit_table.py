@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.applications.inventory.measured_frame import FoundFruit
+from pomona.applications.inventory.measured_frame import FruitInFrame
 from pomona.skills.perception import mass_of
 
 Row = dict[str, str | float | None]
@@ -28,7 +28,7 @@ LEAST_TELLING = 3
 """Least number of fruit for a doubt about all of them."""
 
 
-def row_of(fruit: FoundFruit, doubt: str) -> Row:
+def row_of(fruit: FruitInFrame, doubt: str) -> Row:
     """Return the row of a fruit; `doubt` is the reason why its frame may be wrong, or empty."""
     detection, measured = fruit.detection, fruit.measured
     row: Row = {
@@ -70,7 +70,7 @@ def write_tables(rows: Sequence[Row], folder: Path) -> None:
         table.writerows(rows)
 
 
-def doubt_of_all(fruit: Sequence[FoundFruit]) -> str:
+def doubt_of_all(fruit: Sequence[FruitInFrame]) -> str:
     """Return why the sizes of all fruit may be wrong; empty without a reason."""
     measured = [each.measured for each in fruit if each.measured is not None]
     if len(fruit) >= LEAST_TELLING and len(measured) < FEW * len(fruit):

@@ -27,7 +27,7 @@ MEASURED, FOUND = (90, 200, 60), (240, 180, 40)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundFruit:
+class FruitInFrame:
     """One fruit of one frame.
 
     Attributes:
@@ -58,7 +58,7 @@ class FoundFruit:
 
 def measure_frame(
     frame: Frame, model: FruitModel, score: float, width: int | None, method: str
-) -> list[FoundFruit]:
+) -> list[FruitInFrame]:
     """Find the fruit of a frame and measure each, by falling score.
 
     Args:
@@ -70,7 +70,7 @@ def measure_frame(
     """
     search = DetectorOptions(working_width=width, most_fruit=MOST_FRUIT)
     instances = [each for each in find_in_frame(frame, model, search) if each.score >= score]
-    fruit: list[FoundFruit] = []
+    fruit: list[FruitInFrame] = []
     for instance in instances:
         if instance.T_camera_object is None or instance.covariance is None:
             continue
@@ -88,13 +88,13 @@ def measure_frame(
             instance.visibility,
         )
         try:
-            fruit.append(FoundFruit(number, detection, measure(detection, method)))
+            fruit.append(FruitInFrame(number, detection, measure(detection, method)))
         except RefineError as refused:
-            fruit.append(FoundFruit(number, detection, None, refused.code))
+            fruit.append(FruitInFrame(number, detection, None, refused.code))
     return fruit
 
 
-def draw(colour: UInt8, fruit: list[FoundFruit]) -> UInt8:
+def draw(colour: UInt8, fruit: list[FruitInFrame]) -> UInt8:
     """Return a picture, RGB, shape (h, w, 3), with the outline and the number of each fruit."""
     drawn = np.ascontiguousarray(colour).copy()
     thick = max(1, drawn.shape[1] // 960)

@@ -21,7 +21,7 @@ from pomona.tools.kit.pieces import (
     OWN_TREE,
     PACKAGE,
     TEMPLATES,
-    Names,
+    PieceNames,
     Piece,
 )
 
@@ -50,7 +50,7 @@ def test_every_template_is_written_by_a_piece() -> None:
 @pytest.mark.parametrize("kind", [*KINDS, *KINDS_ELSEWHERE])
 def test_no_name_of_a_template_is_left_in_the_files(kind: str) -> None:
     piece = {**KINDS, **KINDS_ELSEWHERE}[kind]
-    names = Names("zzz_kind", "ZzzKind", "zzz_package")
+    names = PieceNames("zzz_kind", "ZzzKind", "zzz_package")
     for path, data in piece.contents(names).items():
         text = path + ("" if path.endswith(".ply") else data.decode())
         assert "my_package" not in text

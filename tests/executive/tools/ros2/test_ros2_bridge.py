@@ -464,7 +464,7 @@ def test_a_run_speaks_ros_2_when_it_is_asked_to(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
     assert main(["run", "tree.yaml", "--dry", "--ros2", f"127.0.0.1:{free_port()}"]) == 0
-    assert "an operator's requests need the token" in capsys.readouterr().out
+    assert "requests of nodes need the page" in capsys.readouterr().out
     assert main(["run", "tree.yaml", "--dry", "--quiet", "--ros2", "nowhere"]) == 2
     assert "HOST:PORT" in capsys.readouterr().err
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pomona.applications.inventory.measured_frame import FoundFruit
+from pomona.applications.inventory.measured_frame import FruitInFrame
 from pomona.drivers.interfaces import Frame, Intrinsics
 from pomona.skills.geometry import transform
 from pomona.skills.perception.detection.detection import Detection
@@ -26,7 +26,7 @@ def found(
     shown: float | None = None,
     sine: float = 1.0,
     deviation: float = 2e-3,
-) -> FoundFruit:
+) -> FruitInFrame:
     """Return a fruit of a width and height [m], 1 m before the camera; None: not measured.
 
     Args:
@@ -43,7 +43,7 @@ def found(
         APPLE, frame, np.eye(4), ahead, keypoints, 0.9, spread, number - 1, 1, 0.8
     )
     if size is None:
-        return FoundFruit(number, detection, None, "NO_DEPTH")
+        return FruitInFrame(number, detection, None, "NO_DEPTH")
     angle = np.arcsin(sine)
     turned = ahead.copy()
     turned[:3, :3] = np.array(
@@ -64,4 +64,4 @@ def found(
         frame=frame,
         method="uniform",
     )
-    return FoundFruit(number, detection, measured)
+    return FruitInFrame(number, detection, measured)

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from pomona.applications.inventory.fruit_table import doubt_of_all, row_of, write_tables
-from pomona.applications.inventory.measured_frame import FoundFruit
+from pomona.applications.inventory.measured_frame import FruitInFrame
 from tests.skills.applications.inventory.drawn_fruit import MODEL_WIDTH, found
 
 
-def usual(count: int) -> list[FoundFruit]:
+def usual(count: int) -> list[FruitInFrame]:
     return [found(k + 1, shown=0.8 * MODEL_WIDTH) for k in range(count)]
 
 
