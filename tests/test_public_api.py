@@ -43,7 +43,14 @@ GROUPS = ("pomona.skills", "pomona.drivers", "pomona.nodes", "pomona.commands", 
 
 
 def test_public_names_and_signatures_are_those_that_were_announced() -> None:
-    assert list(api()) == LISTED.read_text("utf-8").splitlines()
+    listed = LISTED.read_text("utf-8").splitlines()
+    assert list(api()) == [line for line in listed if is_here(line)]
+
+
+def is_here(line: str) -> bool:
+    """Return False for an entry point of a leaf that was taken out."""
+    leaf = re.search(r" of pomona\.(tools|devices|applications)\.(\w+)$", line)
+    return leaf is None or any(ROOT.glob(f"*/pomona/{leaf[1]}/{leaf[2]}/__init__.py"))
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -122,7 +129,9 @@ def api() -> Iterator[str]:
         yield f"{package}, provisional: {', '.join(public(import_module(package)))}"
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["entry-points"]
     for group in GROUPS:
-        yield f"entry point group {group}: {', '.join(sorted(scripts.get(group, ())))}"
+        for name, place in sorted(scripts.get(group, {}).items()):
+            room = ".".join(place.partition(":")[0].split(".")[:3])
+            yield f"entry point {group} {name} of {room}"
 
 
 def described(name: str, value: Any) -> Iterator[str]:
