@@ -115,7 +115,7 @@ def round_trips(name: str, link: Link, count: int = 2000) -> None:
     took = []
     for _ in range(count):
         began = time.perf_counter()
-        session.ask(Observe(Command.WIDTH), Command.WIDTH, lambda reply: None, 1.0)
+        session.ask(Observe(Command.WIDTH), lambda reply: None, 1.0)
         took.append(time.perf_counter() - began)
     session.close()
     print(
