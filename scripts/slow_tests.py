@@ -29,10 +29,10 @@ def read(folder: Path) -> dict[str, float]:
     for path in folder.glob("*.txt"):
         for line in path.read_text("utf-8").splitlines():
             seconds, _, name = line.partition(" ")
-            if "::" in name and "test_" in name.rpartition("::")[2]:
-                own[name] = float(seconds)
+            if name.startswith("shared "):
+                shared[name.removeprefix("shared ").partition("::")[0]] += float(seconds)
             else:
-                shared[name.partition("::")[0]] += float(seconds)
+                own[name] = float(seconds)
     tests: dict[str, int] = defaultdict(int)
     for name in own:
         tests[name.partition("::")[0]] += 1

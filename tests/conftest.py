@@ -126,7 +126,7 @@ def pytest_fixture_setup(fixturedef: pytest.FixtureDef[object]) -> Generator[Non
     if TIMES and fixturedef.scope != "function":
         spent = processor_time() - began
         _shared += spent
-        _write(spent, fixturedef.baseid or "tests")
+        _write(spent, f"shared {fixturedef.baseid or 'tests'}")
 
 
 @pytest.hookimpl(hookwrapper=True)
