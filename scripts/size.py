@@ -106,7 +106,9 @@ def main(arguments: Sequence[str]) -> int:
         aim = "" if budget is None else f"   budget {budget:>7,}"
         sys.stdout.write(f"{name:44} {number:>9,}{aim}\n")
     if "--lower" in arguments:
-        lower = {name: min(found.get(name, bound), bound) for name, bound in bounds.items()}
+        lower = {
+            name: min(found.get(name, bound) or bound, bound) for name, bound in bounds.items()
+        }
         kept["bounds"] = lower
         BOUNDS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     return 1 if above and "--check" in arguments else 0
