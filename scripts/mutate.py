@@ -53,6 +53,8 @@ LINES = MAP / "lines.coverage"
 TIMES = MAP / "times.json"
 UNCOMPILED = 3.0
 """Processor time of a quick test whose lines are traced and whose kernels are not compiled [s]."""
+WAITING = 30
+"""Time of a test whose lines are traced [s]: what a limit interrupts may leave a lock behind."""
 BUDGET = 40.0
 """Processor time of the tests of one mistake, as the map has it [s]."""
 MEMORY = 16 << 30
@@ -228,6 +230,9 @@ class Watch:
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item: pytest.Item) -> Generator[None, None, None]:
         signal.signal(signal.SIGPROF, lambda *_: pytest.fail("takes too long"))
+        if not self.limits:
+            signal.signal(signal.SIGALRM, lambda *_: pytest.fail("waits too long"))
+            signal.alarm(WAITING)
         signal.setitimer(signal.ITIMER_PROF, self.limits.get(item.nodeid, UNCOMPILED))
         began = sum(os.times()[:4])
         try:
@@ -235,6 +240,8 @@ class Watch:
             self.seconds[item.nodeid] = sum(os.times()[:4]) - began
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
+            if not self.limits:
+                signal.alarm(0)
 
 
 def file_of(test: str) -> str:
@@ -248,7 +255,8 @@ def run_tests(paths: Sequence[str], watch: Watch, *options: str) -> int:
     without += [f"--ignore-glob=tests/*/{name}" for name in LEAVES]
     loaded_before = "-Wignore::pytest.PytestAssertRewriteWarning"
     quick = "-mnot slow and not long and not realtime and not browser"
-    return pytest.main(["-q", *without, loaded_before, quick, *options, *paths], [watch])
+    # The place of what a signal has interrupted may have no line, and no traceback.
+    return pytest.main(["-q", "--tb=no", *without, loaded_before, quick, *options, *paths], [watch])
 
 
 def fork(work: Callable[[], int], limit: float = 0.0) -> int:
