@@ -346,7 +346,8 @@ class Reached:
                 files = sorted({file_of(test) for test in limits})
                 return run_tests(files, Watch(limits), "-x")
 
-            if some and fork(mistaken, 60.0 + 4.0 * sum(limits.values())) not in (0, 5):
+            longest = 60.0 + 20.0 * sum(self.seconds[test] for test in some)
+            if some and fork(mistaken, longest) not in (0, 5):
                 return True
         return False
 
