@@ -4,8 +4,9 @@
     python scripts/mutate.py --most 200 --seed 1   # the share that is found, and the places of the others
 
 A place is drawn from all places of the core, each as likely as any other, and gets one of its mistakes at random. The
-quick tests that reach its line run in a process of their own, uncompiled. The mistake is found when one of them fails or
-does not end. A place that no quick test reaches counts as not found.
+quick tests that reach its line run in a process of their own; for a place in a module with kernels they are not
+compiled. The mistake is found when one of them fails or does not end. A place that no quick test reaches counts as not
+found.
 
 Mistakes: another operator, the neighbouring or the opposite comparison, `and` for `or`, a negated condition, the other
 boolean, another number, min for max, two arguments of a call swapped, a statement left out (a call without a result, an
@@ -34,7 +35,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.machinery import SourceFileLoader
 from itertools import accumulate
 from pathlib import Path
@@ -49,10 +50,9 @@ CORE = ("executive/pomona/executive", "skills/pomona/skills", "drivers/pomona/dr
 TESTS = ("tests/executive", "tests/skills", "tests/drivers")
 LEAVES = ("tools", "devices", "applications")
 MAP = ROOT / "runs" / "mutate"
-LINES = MAP / "lines.coverage"
-TIMES = MAP / "times.json"
-UNCOMPILED = 3.0
-"""Processor time of a quick test whose lines are traced and whose kernels are not compiled [s]."""
+KERNEL = "@njit"
+TRACED = 3.0
+"""Processor time of a quick test whose lines are traced and whose kernels may not be compiled [s]."""
 WAITING = 30
 """Time of a test whose lines are traced [s]: what a limit interrupts may leave a lock behind."""
 BUDGET = 40.0
@@ -212,7 +212,7 @@ class Watch:
     """Plugin of pytest that ends tests at a limit, and measures their processor time.
 
     Attributes:
-        limits: the tests to run, in their order, each with its limit [s]; all tests with `UNCOMPILED` if it is empty.
+        limits: the tests to run, in their order, each with its limit [s]; all tests with `TRACED` if it is empty.
         seconds: processor time of the tests that passed.
     """
 
@@ -233,7 +233,7 @@ class Watch:
         if not self.limits:
             signal.signal(signal.SIGALRM, lambda *_: pytest.fail("waits too long"))
             signal.alarm(WAITING)
-        signal.setitimer(signal.ITIMER_PROF, self.limits.get(item.nodeid, UNCOMPILED))
+        signal.setitimer(signal.ITIMER_PROF, self.limits.get(item.nodeid, TRACED))
         began = sum(os.times()[:4])
         try:
             yield
@@ -266,7 +266,7 @@ def fork(work: Callable[[], int], limit: float = 0.0) -> int:
         status = 1
         try:
             os.setpgid(0, 0)
-            output = os.open(MAP / f"{work.__name__}.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            output = os.open(MAP / "tests.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             os.dup2(output, 1)
             os.dup2(output, 2)
             signal.setitimer(signal.ITIMER_REAL, limit)
@@ -281,16 +281,24 @@ def fork(work: Callable[[], int], limit: float = 0.0) -> int:
     return os.waitstatus_to_exitcode(ended)
 
 
-def trace() -> int:
-    """Run the quick tests uncompiled, and write which lines they reach."""
-    os.environ["COVERAGE_FILE"] = str(LINES)
+def trace(is_compiled: bool) -> int:
+    """Run the quick tests, and write which lines they reach; uncompiled those of skills, which alone have kernels."""
+    lines, times = files_of_map(is_compiled)
+    lines.unlink(missing_ok=True)
+    os.environ["COVERAGE_FILE"] = str(lines)
+    os.environ["NUMBA_DISABLE_JIT"] = str(int(not is_compiled))
     watch = Watch({})
     folders = [f"--cov={ROOT / part}" for part in CORE]
-    run_tests(
-        TESTS, watch, *folders, "--cov-context=test", "--cov-report=", f"--cov-config={os.devnull}"
-    )
-    TIMES.write_text(json.dumps([git("rev-parse", "HEAD"), watch.seconds]), encoding="utf-8")
+    options = "--cov-context=test", "--cov-report=", f"--cov-config={os.devnull}"
+    run_tests(TESTS if is_compiled else ["tests/skills"], watch, *folders, *options)
+    times.write_text(json.dumps([git("rev-parse", "HEAD"), watch.seconds]), encoding="utf-8")
     return 0
+
+
+def files_of_map(is_compiled: bool) -> tuple[Path, Path]:
+    """Return the files with the lines that tests reach, and with the times that they take."""
+    name = "compiled" if is_compiled else "uncompiled"
+    return MAP / f"{name}.coverage", MAP / f"{name}.json"
 
 
 def git(*words: str) -> str:
@@ -299,11 +307,13 @@ def git(*words: str) -> str:
 
 
 class Reached:
-    """The map: the tests that reach a place."""
+    """The map: the tests that reach a place of a module, with compiled kernels or without."""
 
-    def __init__(self) -> None:
-        self.commit, self.seconds = json.loads(TIMES.read_text("utf-8"))
-        data = coverage.CoverageData(str(LINES))
+    def __init__(self, is_compiled: bool) -> None:
+        lines, times = files_of_map(is_compiled)
+        self.is_compiled = is_compiled
+        self.commit, self.seconds = json.loads(times.read_text("utf-8"))
+        data = coverage.CoverageData(str(lines))
         data.read()
         self.contexts = cache(data.contexts_by_lineno)
         self.texts = {path: path.read_text("utf-8").splitlines() for path in modules()}
@@ -342,6 +352,7 @@ class Reached:
 
             def mistaken(limits: dict[str, float] = limits) -> int:
                 resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+                importlib.import_module("numba").config.DISABLE_JIT = int(not self.is_compiled)
                 import_changed(place.path, code)
                 files = sorted({file_of(test) for test in limits})
                 return run_tests(files, Watch(limits), "-x")
@@ -369,12 +380,13 @@ def draw(most: int, seed: int) -> Iterator[tuple[Place, ast.AST, CodeType]]:
         Put(new, place.node).visit(trees[place.path])
 
 
-def score(reached: Reached, most: int, seed: int) -> None:
+def score(maps: Sequence[Reached], most: int, seed: int) -> None:
     """Print which mistakes are not found, and how many are, by package."""
     tried: Counter[str] = Counter()
     found: Counter[str] = Counter()
     for place, new, code in draw(most, seed):
         path = place.path.relative_to(ROOT)
+        reached = maps[KERNEL not in place.path.read_text("utf-8")]
         packages = ("all", path.parts[2], "/".join(path.parts[2:4]))
         tried.update(packages)
         if reached.finds(place, code):
@@ -398,20 +410,20 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     options = parser.parse_args()
     sys.path[0] = str(ROOT)  # as `python -m pytest` has it
-    os.environ["NUMBA_DISABLE_JIT"] = "1"  # each mistake would be compiled anew
     if options.map:
         MAP.mkdir(parents=True, exist_ok=True)
-        LINES.unlink(missing_ok=True)
-        sys.exit(fork(trace))
-    if not TIMES.is_file():
+        sys.exit(max(fork(partial(trace, is_compiled)) for is_compiled in (True, False)))
+    if not all(files_of_map(is_compiled)[1].is_file() for is_compiled in (False, True)):
         raise SystemExit("there is no map: make mutate-map")
-    reached = Reached()
-    changed = git("diff", "--name-only", reached.commit, "--", *CORE, "tests")
+    maps = Reached(is_compiled=False), Reached(is_compiled=True)
+    changed = "".join(
+        git("diff", "--name-only", reached.commit, "--", *CORE, "tests") for reached in maps
+    )
     if changed:
         raise SystemExit(f"changed since the map was made: {changed}\nmake mutate-map")
     for module in ("hypothesis.extra.numpy", "numba", "py_trees", "scipy.spatial", "yaml"):
         importlib.import_module(module)  # once, for all processes
-    score(reached, options.most, options.seed)
+    score(maps, options.most, options.seed)
 
 
 if __name__ == "__main__":
