@@ -50,10 +50,10 @@ CORE = ("executive/pomona/executive", "skills/pomona/skills", "drivers/pomona/dr
 TESTS = ("tests/executive", "tests/skills", "tests/drivers")
 LEAVES = ("tools", "devices", "applications")
 MAP = ROOT / "runs" / "mutate"
-KERNEL = "@njit"
+KERNEL = "njit("
 TRACED = 3.0
 """Processor time of a quick test whose lines are traced and whose kernels may not be compiled [s]."""
-WAITING = 30
+WAITING = 30.0
 """Time of a test whose lines are traced [s]: what a limit interrupts may leave a lock behind."""
 BUDGET = 40.0
 """Processor time of the tests of one mistake, as the map has it [s]."""
@@ -232,7 +232,7 @@ class Watch:
         signal.signal(signal.SIGPROF, lambda *_: pytest.fail("takes too long"))
         if not self.limits:
             signal.signal(signal.SIGALRM, lambda *_: pytest.fail("waits too long"))
-            signal.alarm(WAITING)
+            signal.setitimer(signal.ITIMER_REAL, WAITING, 5.0)  # again, where a lock is left
         signal.setitimer(signal.ITIMER_PROF, self.limits.get(item.nodeid, TRACED))
         began = sum(os.times()[:4])
         try:
@@ -241,7 +241,7 @@ class Watch:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             if not self.limits:
-                signal.alarm(0)
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 def file_of(test: str) -> str:
@@ -352,7 +352,8 @@ class Reached:
 
             def mistaken(limits: dict[str, float] = limits) -> int:
                 resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-                importlib.import_module("numba").config.DISABLE_JIT = int(not self.is_compiled)
+                os.environ["NUMBA_DISABLE_JIT"] = str(int(not self.is_compiled))
+                importlib.import_module("numba").core.config.reload_config()
                 import_changed(place.path, code)
                 files = sorted({file_of(test) for test in limits})
                 return run_tests(files, Watch(limits), "-x")
