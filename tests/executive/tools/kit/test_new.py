@@ -21,8 +21,8 @@ from pomona.tools.kit.pieces import (
     OWN_TREE,
     PACKAGE,
     TEMPLATES,
-    PieceNames,
     Piece,
+    PieceNames,
 )
 
 
