@@ -68,16 +68,16 @@ def test_a_repository_is_named_with_its_commit(origin: Origin) -> None:
         "vcs_info": {"vcs": "git", "commit_id": "770d701"},
     }
     assert (
-        install_extra("ray")
-        == "pip install 'pomona[ray] @ git+https://example.org/pomona.git@770d701'"
+        install_extra("lsp")
+        == "pip install 'pomona[lsp] @ git+https://example.org/pomona.git@770d701'"
     )
 
 
 def test_a_wheel_behind_an_address_is_named_by_it(origin: Origin) -> None:
     origin |= {"url": "https://example.org/pomona-0.1.0-py3-none-any.whl", "archive_info": {}}
     assert (
-        install_extra("ray")
-        == "pip install 'pomona[ray] @ https://example.org/pomona-0.1.0-py3-none-any.whl'"
+        install_extra("lsp")
+        == "pip install 'pomona[lsp] @ https://example.org/pomona-0.1.0-py3-none-any.whl'"
     )
 
 

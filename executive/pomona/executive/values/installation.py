@@ -181,7 +181,6 @@ _EXTRA_OF = {
     "onnx": "torch",
     "pygls": "lsp",
     "lsprotocol": "lsp",
-    "ray": "ray",
 }
 """Packages that are imported without `need`."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import cv2
 
 from pomona.skills.perception.fruit import FruitModel, load_fruit
-from pomona.tools.library.campaign.engine import one_per_core, open_engine
+from pomona.tools.library.pool import WorkerPool, one_per_core
 from pomona.tools.training.annotations import AnnotatedObject, Annotation, write_annotation
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.scene import RenderedFrame, render_scene
@@ -96,9 +97,9 @@ def _rendered(
         for order in orders:
             yield render_chunk(*order)
         return
-    with open_engine("local", count) as engine:
+    with contextlib.closing(WorkerPool(count)) as pool:
         # seconds after which a chunk that is not done is given up
-        for _index, answer in engine.map(render_chunk, orders, 1800.0):
+        for _index, answer in pool.map(render_chunk, orders, 1800.0):
             if isinstance(answer, BaseException):
                 raise answer
             yield answer

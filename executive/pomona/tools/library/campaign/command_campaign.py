@@ -1,8 +1,9 @@
-"""`pomona campaign`: many runs from one file, here or on a cluster, resumable, with a report."""
+"""`pomona campaign`: many runs from one file, resumable, with a report."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
 import time
 from collections.abc import Sequence
@@ -22,9 +23,10 @@ from pomona.executive.errors import UsageError
 from pomona.executive.images import EXTRA
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.values.installation import need
-from pomona.tools.library.campaign.engine import add_engine_options, open_engine
+from pomona.executive.values.kinds import Whole
 from pomona.tools.library.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
 from pomona.tools.library.campaign.spec import Campaign, CampaignRun, read_campaign
+from pomona.tools.library.pool import WorkerPool
 
 
 def add(subparsers: Any) -> None:
@@ -36,9 +38,17 @@ def add(subparsers: Any) -> None:
         type=Path,
         help="folder of results (default: runs/campaign_NAME); a campaign that was stopped goes on there",
     )
-    add_engine_options(parser)
     parser.add_argument(
-        "--seeds", type=int, metavar="N", help="run only the first N seeds of every combination"
+        "--workers",
+        type=Whole(1).option,
+        metavar="N",
+        help="processes at once (default: one per core)",
+    )
+    parser.add_argument(
+        "--seeds",
+        type=Whole(1).option,
+        metavar="N",
+        help="run only the first N seeds of every combination",
     )
     parser.add_argument(
         "--only",
@@ -74,10 +84,10 @@ def main(options: argparse.Namespace) -> int:
     if not options.report:
         try:
             with (
-                open_engine(options.engine, options.workers, options.address) as engine,
+                contextlib.closing(WorkerPool(options.workers)) as pool,
                 _Shown(campaign, console) as shown,
             ):
-                run_campaign(campaign, out, engine, shown.ended, options.record)
+                run_campaign(campaign, out, pool, shown.ended, options.record)
         except KeyboardInterrupt:
             interrupted = True
             console.print("interrupted; the same command goes on from here")
@@ -116,8 +126,6 @@ def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[C
         if value not in known[key]:
             raise UsageError(f"--only {text}: {key} is one of {', '.join(known[key])}")
         wanted.setdefault(key, set()).add(value)
-    if seeds is not None and seeds < 1:
-        raise UsageError(f"--seeds {seeds}: at least one seed is needed")
     runs = [
         run
         for run in campaign.runs

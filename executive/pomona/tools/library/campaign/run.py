@@ -1,4 +1,4 @@
-"""Run a campaign on an engine. Results are lines of a file, so a kill loses no finished run and repeats none."""
+"""Run a campaign in worker processes. Results are lines of a file, so a kill loses no finished run and repeats none."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from pomona.executive.recording.plain_file import parse_object
 from pomona.executive.running.compute import keep_workers_warm
 from pomona.executive.values.installation import commit_here
 from pomona.executive.values.processes import WORDS, lock
-from pomona.tools.library.campaign.engine import Engine
 from pomona.tools.library.campaign.spec import Campaign, CampaignRun
+from pomona.tools.library.pool import WorkerPool
 
 RESULTS = "results.jsonl"
 RUN_LIMIT = 600.0  # seconds after which a run's process is killed and the run counted as an error
@@ -138,7 +138,7 @@ def finished_runs(
 def run_campaign(
     campaign: Campaign,
     folder: Path,
-    engine: Engine,
+    pool: WorkerPool,
     progress: Progress = lambda _result, _done, _of: None,
     record: bool = False,
 ) -> dict[str, Result]:
@@ -147,7 +147,7 @@ def run_campaign(
     Args:
         campaign: planned.
         folder: where results are kept.
-        engine: runs them.
+        pool: runs them.
         progress: called with each result, the number done and the number of all.
         record: also keep a record of each run, in the folder's `records`.
 
@@ -164,7 +164,7 @@ def run_campaign(
         records = folder / "records" if record else None
         orders = [(replace(run.order, record=records),) for run in waiting]
         commit = commit_here()
-        for index, answer in engine.map(run_order, orders, RUN_LIMIT):
+        for index, answer in pool.map(run_order, orders, RUN_LIMIT):
             run = waiting[index]
             result = _result(run, answer, commit)
             if result["outcome"] == INTERRUPTED:

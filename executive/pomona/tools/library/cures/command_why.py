@@ -25,8 +25,8 @@ from pomona.executive.running.events import RunStarted
 from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
+from pomona.executive.values.kinds import Measure, Whole
 from pomona.executive.values.units import TIME
-from pomona.tools.library.campaign.engine import one_per_core
 from pomona.tools.library.cures.candidates import CureCandidate, candidates
 from pomona.tools.library.cures.evidence import RunEvidence, gather
 from pomona.tools.library.cures.knobs import Knobs
@@ -69,19 +69,22 @@ def add(subparsers: Any) -> None:
     parser.add_argument("run", help=RUN)
     parser.add_argument(
         "--budget",
-        type=_time,
+        type=Measure(TIME, low="0.1 s").option,
         default=60.0,
         metavar="TIME",
         help="real time to spend (default: 60 s)",
     )
     parser.add_argument(
-        "--jobs", type=_count, default=None, help="processes at once (default: one per core)"
+        "--jobs", type=Whole(1).option, help="processes at once (default: one per core)"
     )
     parser.add_argument(
-        "--seeds", type=_seeds, default=5, help="other seeds that a cure must pass (default: 5)"
+        "--seeds",
+        type=Whole(0).option,
+        default=5,
+        help="other seeds that a cure must pass (default: 5)",
     )
     parser.add_argument(
-        "--cures", type=_count, default=1, help="end after so many cures (default: 1)"
+        "--cures", type=Whole(1).option, default=1, help="end after so many cures (default: 1)"
     )
     parser.add_argument(
         "--cell",
@@ -104,9 +107,7 @@ def main(options: argparse.Namespace) -> int:
     console.print(
         f"{len(case.candidates)} single changes may cure it; budget {seconds(options.budget)}"
     )
-    with contextlib.closing(
-        TrialPool(options.jobs or one_per_core(), run_trial, case.conditions)
-    ) as pool:
+    with contextlib.closing(TrialPool(options.jobs, run_trial, case.conditions)) as pool:
         search = CureSearch(
             case.order,
             case.candidates,
@@ -313,23 +314,3 @@ def _tried_json(tried: TriedChange) -> dict[str, Any]:
         "time_s": trial.time,
         "force_n": trial.force,
     }
-
-
-def _time(text: str) -> float:
-    try:
-        value = TIME.parse(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError("it must be more than 0 s")
-    return value
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 64:
-        raise argparse.ArgumentTypeError(f"'{text}' is no number from 1 to 64")
-    return int(text)
-
-
-def _seeds(text: str) -> int:
-    return 0 if text == "0" else _count(text)

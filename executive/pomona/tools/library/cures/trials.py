@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from multiprocessing.connection import wait
 from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder, execute
-from pomona.executive.running.compute import Worker, keep_workers_warm
-from pomona.tools.library.campaign.engine import ONE_THREAD, RENEWED_AFTER
+from pomona.executive.running.compute import keep_workers_warm
+from pomona.tools.library.pool import OrderTooLong, WorkerPool
 
 OVER_BUDGET = (
     "OVER_BUDGET"  # the code of a repetition that was given up: nothing is known of its end
@@ -100,95 +98,34 @@ class TrialRunner(Protocol):
         """Wait for the next ends; yields nothing when none is in progress."""
 
 
-@dataclass(slots=True)
-class _Busy:
-    key: Any
-    worker: Worker
-    ends: float
-
-
 class TrialPool:
-    """Worker processes; one is renewed after some runs, and after a death."""
+    """Trials in worker processes: one that takes too long, or whose process dies, is lost alone."""
 
-    def __init__(self, jobs: int, work: Callable[..., Trial], *about: Any) -> None:
+    def __init__(self, jobs: int | None, work: Callable[..., Trial], *about: Any) -> None:
         """
         Args:
-            jobs: processes at once.
+            jobs: processes at once; None for one per core.
             work: called with an order and `about` in a worker, as `run_trial`.
         """
-        self._jobs, self._work, self._about = jobs, work, about
-        self._idle: list[Worker] = []
-        self._busy: dict[Any, _Busy] = {}
-        self._done: dict[int, int] = {}  # runs of each process
+        self._pool, self._work, self._about = WorkerPool(jobs, grace=0.0), work, about
+        self.give_up, self.close = self._pool.give_up, self._pool.close
 
     @property
     def free(self) -> bool:
         """Whether one more can be started."""
-        return len(self._busy) < self._jobs
+        return self._pool.free
 
     def start(self, key: Any, order: RunOrder, limit: float) -> None:
         """Start a repetition, which is given up after `limit` seconds."""
-        worker = self._idle.pop() if self._idle else _spawn()
-        worker.connection.send((self._work, (order, *self._about)))
-        self._busy[worker.connection] = _Busy(key, worker, time.monotonic() + limit)
+        self._pool.start(key, self._work, (order, *self._about), limit)
 
     def ended(self) -> Iterator[tuple[Any, Trial]]:
         """Wait for the next ends; yields nothing when none is in progress."""
-        if not self._busy:
-            return
-        nearest = min(busy.ends for busy in self._busy.values())
-        for connection in wait(list(self._busy), timeout=max(0.0, nearest - time.monotonic())):
-            busy = self._busy.pop(connection)
-            try:
-                succeeded, answer = busy.worker.connection.recv()
-            except (EOFError, OSError):
-                busy.worker.kill()
-                yield busy.key, Trial("lost", "WORKER_DIED", "the repetition's process died")
-                continue
-            self._rest(busy.worker)
-            yield (
-                busy.key,
-                answer if succeeded else Trial("lost", type(answer).__name__, str(answer)),
-            )
-        for busy in [busy for busy in self._busy.values() if busy.ends <= time.monotonic()]:
-            del self._busy[busy.worker.connection]
-            busy.worker.kill()
-            yield (
-                busy.key,
-                Trial("lost", OVER_BUDGET, "the repetition did not end within the budget"),
-            )
-
-    def give_up(self) -> None:
-        """End the repetitions in progress, without a result: their runs are simulated, so nothing is left in motion."""
-        for busy in self._busy.values():
-            busy.worker.kill()
-        self._busy.clear()
-
-    def close(self) -> None:
-        """End all processes."""
-        self.give_up()
-        for worker in self._idle:
-            worker.kill()
-        self._idle.clear()
-
-    def _rest(self, worker: Worker) -> None:
-        number = worker.process.pid or 0
-        self._done[number] = self._done.get(number, 0) + 1
-        if self._done[number] < RENEWED_AFTER:
-            self._idle.append(worker)
-        else:
-            worker.kill()
+        for key, answer in self._pool.ended():
+            yield key, answer if isinstance(answer, Trial) else _lost(answer)
 
 
-def _spawn() -> Worker:
-    """Return a worker in the environment of one thread: so the sums of a run do not depend on the number of cores."""
-    before = dict(os.environ)
-    os.environ.update(ONE_THREAD)
-    try:
-        return Worker(runs=True)
-    finally:
-        for name in ONE_THREAD:
-            if name in before:
-                os.environ[name] = before[name]
-            else:
-                del os.environ[name]
+def _lost(error: Exception) -> Trial:
+    late = isinstance(error, OrderTooLong)
+    code = OVER_BUDGET if late else getattr(error, "code", type(error).__name__)
+    return Trial("lost", code, str(error))

@@ -21,7 +21,6 @@ from pomona.executive.errors import UsageError
 from pomona.executive.values.findings import Findings
 from pomona.tools.library.campaign.command_campaign import report_name, subset
 from pomona.tools.library.campaign.document import to_html, to_markdown
-from pomona.tools.library.campaign.engine import OrderLost, OrderTooLong
 from pomona.tools.library.campaign.report import report, say
 from pomona.tools.library.campaign.run import (
     RESULTS,
@@ -37,6 +36,7 @@ from pomona.tools.library.campaign.spec import (
     read_campaign,
 )
 from pomona.tools.library.campaign.statistics import mean
+from pomona.tools.library.pool import OrderLost, OrderTooLong
 
 FILE = """
 pomona: 1
