@@ -50,7 +50,7 @@ CORE = ("executive/pomona/executive", "skills/pomona/skills", "drivers/pomona/dr
 TESTS = ("tests/executive", "tests/skills", "tests/drivers")
 LEAVES = ("tools", "devices", "applications")
 MAP = ROOT / "runs" / "mutate"
-KERNEL = "njit("
+KERNEL = "kernel("
 TRACED = 3.0
 """Processor time of a quick test whose lines are traced and whose kernels may not be compiled [s]."""
 WAITING = 30.0

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate_kernel import (
@@ -25,6 +24,7 @@ from pomona.skills.grip.limit_surface import SoftContact, SurfaceTable, surface_
 from pomona.skills.grip.observer import DynamicSettings, ObserverSettings, steps_in_a_sample
 from pomona.skills.grip.pads import MIRROR, smooth
 from pomona.skills.grip.settings import FilterSettings, GripSettings
+from pomona.skills.numba_kernel import kernel
 
 
 class NoiseModel(NamedTuple):
@@ -186,7 +186,7 @@ class GripEstimate(NamedTuple):
         return self.left + self.right
 
 
-@njit(cache=True)
+@kernel()
 def estimate_sample(  # type: ignore[no-untyped-def]
     memory,
     raw,

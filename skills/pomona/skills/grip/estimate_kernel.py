@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from pomona.skills.grip.limit_surface import least_force_of_finger
 from pomona.skills.grip.observer import answer_slip, observe
 from pomona.skills.grip.pads import LEVER_LOAD, PRESSING, loads_of_finger
+from pomona.skills.numba_kernel import kernel
 
 
 class _FingerLoads(NamedTuple):
@@ -27,7 +26,7 @@ class _FingerLoads(NamedTuple):
     friction_force: float
 
 
-@njit(cache=True)
+@kernel()
 def remaining_reserve(memory, filters, allowance):  # type: ignore[no-untyped-def]
     """Reserve that is left [N] and its lever [m].
 
@@ -40,7 +39,7 @@ def remaining_reserve(memory, filters, allowance):  # type: ignore[no-untyped-de
     return max(allowance.reserve - pushed, 0.0), memory.tau_calm / memory.f_t_calm
 
 
-@njit(cache=True)
+@kernel()
 def calm_load(f_t, tau_n, push_now, periods, memory, rates, filters):  # type: ignore[no-untyped-def]
     """Averages of load and moment while nothing pushes [N, N·m], and the time for which a push may last [s].
 
@@ -58,7 +57,7 @@ def calm_load(f_t, tau_n, push_now, periods, memory, rates, filters):  # type: i
     return f_t_calm, memory.tau_calm + share * (abs(tau_n) - memory.tau_calm), push_left
 
 
-@njit(cache=True)
+@kernel()
 def loads_in_noise(wrench, variance, friction, unknown):  # type: ignore[no-untyped-def]
     """Loads of one finger, and the grip forces that they need."""
     lever_of_centre, push, push_lever, farthest = unknown
@@ -101,7 +100,7 @@ def loads_in_noise(wrench, variance, friction, unknown):  # type: ignore[no-unty
     )
 
 
-@njit(cache=True)
+@kernel()
 def observe_finger_loads(left, right, periods, rates, observer, dynamic, memory):  # type: ignore[no-untyped-def]
     """(omega, z, integral, centre, dynamic term [N]) after the periods of a sample."""
     centre = 0.5 * left.centre + 0.5 * right.centre
@@ -126,7 +125,7 @@ def observe_finger_loads(left, right, periods, rates, observer, dynamic, memory)
     return omega, z, integral, centre, f_nd
 
 
-@njit(cache=True)
+@kernel()
 def jumps_of_one_finger(memory, fast, slow, periods, noise, rates, filters):  # type: ignore[no-untyped-def]
     """Jumps of one finger beyond noise [N], and the recent maximum of each finger's changes [N].
 
@@ -150,7 +149,7 @@ def jumps_of_one_finger(memory, fast, slow, periods, noise, rates, filters):  # 
     return (tangential, normal, contact), change_left, change_right
 
 
-@njit(cache=True)
+@kernel()
 def _changes(fast, slow, band, sign):  # type: ignore[no-untyped-def]
     """Fast changes of a finger's tangential and normal force beyond noise [N]; `sign` as in `is_contact`."""
     tangential = normal = 0.0
@@ -167,7 +166,7 @@ def _changes(fast, slow, band, sign):  # type: ignore[no-untyped-def]
     return tangential, normal
 
 
-@njit(cache=True)
+@kernel()
 def is_contact(fast, slow, band, sign, aside):  # type: ignore[no-untyped-def]
     """Return True when a finger's force has jumped along its own load: a contact that broke or formed.
 

@@ -18,11 +18,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy.special import beta, ellipe, ellipkm1, gamma
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.numba_kernel import kernel
 
 NODES = (
     1025  # nodes of the table, uniform in c_tilde / (1 + c_tilde), within 1e-5 of the exact surface
@@ -181,7 +181,7 @@ def surface_table(contact: SoftContact) -> SurfaceTable:
     return SurfaceTable(float(contact.mu), *shape, f, tau, load)
 
 
-@njit(cache=True)
+@kernel()
 def place_on_surface(load, table):  # type: ignore[no-untyped-def]
     """Return (s, f_tilde, tau_tilde) where f**(gamma + 1) / tau = `load`, between the nodes of a table."""
     if load == math.inf:
@@ -199,7 +199,7 @@ def place_on_surface(load, table):  # type: ignore[no-untyped-def]
     return (i + u) / (f.size - 1), f[i] + u * (f[i + 1] - f[i]), tau[i] + u * (tau[i + 1] - tau[i])
 
 
-@njit(cache=True)
+@kernel()
 def least_force_of_finger(f_t, tau_n, table):  # type: ignore[no-untyped-def]
     """Return (minimum normal force [N], s on the surface) of one finger that bears f_t [N] and tau_n [N·m]."""
     f_t, tau_n = abs(f_t), abs(tau_n)
@@ -215,7 +215,7 @@ def least_force_of_finger(f_t, tau_n, table):  # type: ignore[no-untyped-def]
     return (tau_n / (torsion * tau_tilde)) ** (1.0 / (gamma + 1.0)), s
 
 
-@njit(cache=True)
+@kernel()
 def _least_forces(f_t, tau_n, table, result):  # type: ignore[no-untyped-def]
     for i in range(f_t.size):
         result[i] = least_force_of_finger(f_t[i], tau_n[i], table)[0]

@@ -16,7 +16,6 @@ import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate import GripEstimate
@@ -24,6 +23,7 @@ from pomona.skills.grip.grip import IN_HAND, GripMode, GripProblem
 from pomona.skills.grip.pads import LEVER_LOAD, MIRROR
 from pomona.skills.grip.sensor import GripSample, SensorWatch, Timer
 from pomona.skills.grip.settings import GripSettings, SlipWatchSettings, WatchSettings
+from pomona.skills.numba_kernel import kernel
 
 LEAST_FORCE = (
     0.15  # mean normal force of the fingers below which the centre of pressure is unknown [N]
@@ -143,7 +143,7 @@ class SlipWatch:
         return self._carried_for > s.lever_lags[1] and moved > least
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _average(wrench, samples, periods, shares, means, places):  # type: ignore[no-untyped-def]
     """Update averages and places by the mean wrench of both fingers, and return the smallest normal force [N].
 

@@ -16,10 +16,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.numba_kernel import kernel
 
 STEP = 5e-4  # step of the integration [s], rounded to a whole number of steps in a sample
 LEAST_G = 1e-3  # lower bound of the friction [N·m]
@@ -39,14 +39,14 @@ class ObserverSettings(NamedTuple):
     gain: float = 1000.0  # l, of the output's error [1/s]
 
 
-@njit(cache=True)
+@kernel()
 def _rates(omega, z, y, g, J, settings, stiffest):  # type: ignore[no-untyped-def]
     y_hat = settings.sigma0 * z + settings.beta * omega
     relaxation = min(settings.sigma0 / g * abs(omega), stiffest)
     return (y - y_hat) * (1.0 / J + settings.gain), omega - relaxation * z
 
 
-@njit(cache=True)
+@kernel()
 def observe(omega, z, y, g, J, settings, step):  # type: ignore[no-untyped-def]
     """Return (omega, z) one step [s] later; -βω - σ0 z + u is y - ŷ since u = y."""
     g = max(g, LEAST_G)
@@ -65,7 +65,7 @@ def steps_in_a_sample(rate: float) -> int:
     return max(round(1.0 / (rate * STEP)), 1)
 
 
-@njit(cache=True)
+@kernel()
 def _observe_all(y, g, J, settings, substeps, step, result):  # type: ignore[no-untyped-def]
     omega, z = 0.0, y[0] / settings.sigma0
     for i in range(y.size):
@@ -110,7 +110,7 @@ class DynamicSettings(NamedTuple):
 GENTLE = DynamicSettings(kp=1.3, ki=5.0, kdc=7.0)  # for fruit that bruises easily
 
 
-@njit(cache=True)
+@kernel()
 def answer_slip(integral, omega_before, omega, settings, step):  # type: ignore[no-untyped-def]
     """Return (integral, f_nd) one step [s] later."""
     ki, bound = settings.ki, settings.bound
@@ -122,7 +122,7 @@ def answer_slip(integral, omega_before, omega, settings, step):  # type: ignore[
     return integral, min(abs(settings.kp * omega + integral), bound)
 
 
-@njit(cache=True)
+@kernel()
 def _answer_all(omega, settings, substeps, step, result):  # type: ignore[no-untyped-def]
     integral, before = 0.0, 0.0
     for i in range(omega.size):

@@ -8,10 +8,10 @@ the first pad's frame. The torsional moment is taken about the contact's own cen
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.numba_kernel import kernel
 
 PAD_HALF = 0.010  # bound of the distance of a contact from the pad's centre [m]
 PRESSING = 0.2  # normal force below which the contact's place is not computed [N]
@@ -23,7 +23,7 @@ MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Factors from the second pad's channels to the first pad's frame; pressing stays a negative force z."""
 
 
-@njit(cache=True)
+@kernel()
 def loads_of_finger(w):  # type: ignore[no-untyped-def]
     """Return (f_n, f_x, f_y, tau_n) of a wrench in the first pad's frame, shape (6,)."""
     f_n = -w[2]
@@ -34,7 +34,7 @@ def loads_of_finger(w):  # type: ignore[no-untyped-def]
     return f_n, w[0], w[1], w[5] - (x * w[1] - y * w[0])
 
 
-@njit(cache=True)
+@kernel()
 def smooth(raw, noise, fast, slow, smoothed, shares, expected):  # type: ignore[no-untyped-def]
     """Advance the filters by one sample and write both fingers' smoothed wrenches, all of shape (2, 6).
 
@@ -60,7 +60,7 @@ def smooth(raw, noise, fast, slow, smoothed, shares, expected):  # type: ignore[
         smoothed[1, j] = alike - apart
 
 
-@njit(cache=True)
+@kernel()
 def _beyond_noise(fast, slow, noise):  # type: ignore[no-untyped-def]
     jump = fast - slow
     if abs(jump) <= noise:

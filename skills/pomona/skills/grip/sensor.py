@@ -13,13 +13,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import SIDES, UnfitSensor
 from pomona.skills.grip.settings import BiasSettings, GripSettings
+from pomona.skills.numba_kernel import kernel
 
 STALE_AFTER = 0.05
 """A stream without a valid sample for this long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
@@ -338,7 +338,7 @@ class SensorWatch:
         self.no_signal = self.no_signal or no_signal
 
 
-@njit(cache=True)
+@kernel()
 def _longest_runs(samples):  # type: ignore[no-untyped-def]
     """Longest run of repetitions of each channel, shape (2, 6)."""
     n = samples.shape[0]
@@ -352,7 +352,7 @@ def _longest_runs(samples):  # type: ignore[no-untyped-def]
     return longest
 
 
-@njit(cache=True)
+@kernel()
 def _longest_now(wrenches, last, runs, limits):  # type: ignore[no-untyped-def]
     """Index (6 * side + channel) of a channel that repeats its value too often, or -1; updates `runs` and `last`."""
     found = -1

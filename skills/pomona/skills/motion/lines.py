@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.robot.inverse_kinematics import newton_step
 from pomona.skills.motion.robot.model import compose, forward, jacobian
+from pomona.skills.numba_kernel import kernel
 
 REACHED, OUT_OF_REACH, JOINT_LIMIT, JUMP = 0, 1, 2, 3  # how tracking ended
 
@@ -19,7 +19,7 @@ _ROUNDS = 16
 _PRECISION = 1e-10
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def track_poses(
     steps: Float64,
     sliding: NDArray[np.bool_],

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.numba_kernel import kernel
 
 Indices = NDArray[np.int32]
 
@@ -37,7 +37,7 @@ def signed_areas(u: Float64, v: Float64, faces: Indices) -> Float64:
     return areas
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def draw(
     u: Float64,
     v: Float64,

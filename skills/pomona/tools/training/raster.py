@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Int32
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.rasteriser import draw, project, signed_areas
 
 NEAR = 0.03  # faces closer to the camera than this are dropped [m]
@@ -52,7 +52,7 @@ def shadow_map(points: Float32, faces: Int32, size: int, far: float) -> Float32:
     return shadow
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def _lit(x: float, y: float, z: float, light: Float32, shadow: Float32, bias: float) -> float:
     """How much of the key light reaches a point: four neighbouring cells of the shadow map, averaged."""
     size = shadow.shape[0]
@@ -114,7 +114,7 @@ class Lighting(NamedTuple):
     shadow_strength: float
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(nogil=True, fastmath=True)
 def shade(
     surfaces: Surfaces,
     visible: Visible,

@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.drivers.interfaces import Box, Hull
 from pomona.executive.values.arrays import Float32, Float64
 from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.motion.collision.cover import fibonacci_sphere
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 _CUBE = np.array(
@@ -129,7 +129,7 @@ class DistanceField(ReadOnly):
         return distances
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def lookup(
     values: Float32, origin: Float64, resolution: float, x: float, y: float, z: float
 ) -> float:
@@ -154,7 +154,7 @@ def lookup(
     return distance
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _distances(values: Float32, origin: Float64, resolution: float, points: Float64) -> Float64:
     """`lookup` at points of shape (n, 3)."""
     distances = np.empty(points.shape[0])
@@ -163,7 +163,7 @@ def _distances(values: Float32, origin: Float64, resolution: float, points: Floa
     return distances
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _lower_envelope(
     f: Float32, limit: float, vertex: NDArray[np.int64], cut: Float64, out: Float32
 ) -> None:
@@ -196,7 +196,7 @@ def _lower_envelope(
         out[i] = min(limit, f[vertex[k]] + away * away)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _squared_distances(blocked: NDArray[np.bool_], limit: float, out: Float32) -> None:
     """Squared distances of all corners to the nearest corner of a blocked cell [cells²], capped at limit."""
     nx, ny, nz = out.shape

@@ -10,13 +10,13 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, Int64
 from pomona.skills.motion.collision.distance_field import lookup
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.robot.model import forward
+from pomona.skills.numba_kernel import kernel
 
 MAP = 0  # number of the map among the obstacles; convex obstacles follow from 1, then half spaces
 
@@ -38,7 +38,7 @@ class WorldArrays(NamedTuple):
     ignored: NDArray[np.bool_]  # which geom may touch which obstacle, shape (1 + c + h, g)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def place_spheres(
     spheres: Float64,
     begin: int,
@@ -56,7 +56,7 @@ def place_spheres(
             placed[s, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _map_distance(
     field: Float32,
     origin: Float64,
@@ -76,7 +76,7 @@ def _map_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _convex_distance(
     planes: Float64,
     first: int,
@@ -101,7 +101,7 @@ def _convex_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _half_space_distance(
     plane: Float64,
     support: Float64,
@@ -126,7 +126,7 @@ def _half_space_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _pair_distance(
     spheres: Float64,
     begin: int,
@@ -155,7 +155,7 @@ def _pair_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def check_states(
     robot: RobotArrays,
     world: WorldArrays,
@@ -202,7 +202,7 @@ class Scratch(NamedTuple):
     ready: NDArray[np.bool_]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def make_scratch(robot: RobotArrays) -> Scratch:
     """Memory to judge postures of a robot in."""
     geoms = robot.links.shape[0]
@@ -214,7 +214,7 @@ def make_scratch(robot: RobotArrays) -> Scratch:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def place(robot: RobotArrays, q: Float64, width: float, scratch: Scratch) -> None:
     """Put the links and the centres of all geoms where they are in a posture."""
     of_geom, slides, bounds, opening = robot.links, robot.slides, robot.bounds, width - robot.closed
@@ -235,7 +235,7 @@ def place(robot: RobotArrays, q: Float64, width: float, scratch: Scratch) -> Non
         ready[g] = False
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def evaluate_clearances(
     robot: RobotArrays,
     world: WorldArrays,

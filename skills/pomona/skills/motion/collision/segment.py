@@ -22,7 +22,6 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
@@ -33,11 +32,12 @@ from pomona.skills.motion.collision.kernel import (
     place,
 )
 from pomona.skills.motion.collision.robot_shape import RobotArrays
+from pomona.skills.numba_kernel import kernel
 
 SLACK = 5e-4  # by how much a margin may be undershot between two looks [m]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def check_segment(
     robot: RobotArrays,
     world: WorldArrays,
@@ -118,7 +118,7 @@ def check_segment(
                 safe_until[n] = 2.0 if reached > rest else t + reached
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def check_path(
     robot: RobotArrays, world: WorldArrays, path: Float64, width: float, tolerance: float
 ) -> tuple[int, float, float, int, int]:
@@ -134,7 +134,7 @@ def check_path(
     return -1, 2.0, 1e9, -1, -1
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def bounds_of_motion(reach: Float64, step: Float64, first: int, geom: int) -> tuple[float, float]:
     """How fast a geom's points can move, and how much that can change, by the joints from `first` on."""
     rate, bend, turned = 0.0, 0.0, 0.0
@@ -146,7 +146,7 @@ def bounds_of_motion(reach: Float64, step: Float64, first: int, geom: int) -> tu
     return rate, bend
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def write_twists(
     sliding: NDArray[np.bool_], links: Float64, step: Float64, turns: Float64, shifts: Float64
 ) -> None:
@@ -173,7 +173,7 @@ def write_twists(
             shifts[j + 1, 2] = shifts[j, 2] - (zx * oy - zy * ox)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def speed_of_ball(
     turns: Float64, shifts: Float64, inner: int, outer: int, centre: Float64, radius: float
 ) -> float:
@@ -190,7 +190,7 @@ def speed_of_ball(
     return sqrt(vx * vx + vy * vy + vz * vz) + radius * sqrt(wx * wx + wy * wy + wz * wz)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _reaches(clear: float, rate: float, speed: float, bend: float) -> float:
     """Return the validity of a clearance along the segment: the larger value of the two bounds of the motion."""
     steady = clear / max(rate, 1e-12)

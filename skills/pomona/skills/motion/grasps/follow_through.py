@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from pomona.executive.values.arrays import Float64, Int64
 from pomona.skills.motion.collision.kernel import WorldArrays, check_states
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
 from pomona.skills.motion.lines import REACHED, track_poses
+from pomona.skills.numba_kernel import kernel
 
 GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = (
     3,
@@ -19,7 +19,7 @@ GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = (
 )  # how far a solution came; GOOD ones came all the way
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def follow_through(
     robot: RobotArrays,
     world: WorldArrays,
@@ -83,7 +83,8 @@ def follow_through(
             clearances[0] < 0.0
         ):  # most that fail fail at the grasp itself, which is judged far more quickly than the way
             verdicts[n] = LINE_BLOCKED
-            witnesses[n] = line[-1]
+            for j in range(line.shape[1]):
+                witnesses[n, j] = line[-1, j]
             continue
         verdicts[n] = GOOD
         for k in range(line.shape[0] - 1):

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.robot import Geom, RobotModel
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 
@@ -179,7 +179,7 @@ def fruit_section(
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def extent(
     vertices: Float64, centre: Float64, R_base_tcp: Float64, band: float, widest: Float64
 ) -> tuple[float, float, float]:

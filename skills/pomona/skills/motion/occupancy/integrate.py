@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import ArmState, Frame, Intrinsics, Workspace
@@ -28,6 +27,7 @@ from pomona.skills.motion.occupancy.occupancy_map import (
     OccupancyMap,
 )
 from pomona.skills.motion.robot import RobotModel
+from pomona.skills.numba_kernel import kernel
 
 _DISTANCE, _ANGLE = 2e-3, 5e-3  # between two statements about one pose [m, rad]
 
@@ -184,7 +184,7 @@ def _clear_shape(states: UInt8, grid: OccupancyMap, target: Convex, margin: floa
     block[within[:, 0], within[:, 1], within[:, 2]] = UNKNOWN
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def mark_spheres(
     spheres: Float64, padding: float, origin: Float64, resolution: float, marked: NDArray[np.bool_]
 ) -> None:
@@ -210,7 +210,7 @@ def mark_spheres(
                         marked[i, j, k] = True
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
     own: NDArray[np.bool_], planes: Float64, start: Int64, bounds: Float64, margins: Float64,
@@ -280,7 +280,7 @@ def _label_pixels(
     return valid, inside, below
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _carve(
     depth: Float32, labels: UInt8, camera: Float64, T: Float64, origin: Float64, resolution: float, clear: float,
     shadow: float, table_z: float, states: UInt8, last_look: NDArray[np.int16], look: int,

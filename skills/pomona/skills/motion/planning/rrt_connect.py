@@ -12,7 +12,6 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pomona.executive.values.arrays import Float64, Int64
 from pomona.skills.motion.collision.kernel import (
@@ -23,6 +22,7 @@ from pomona.skills.motion.collision.kernel import (
 )
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
+from pomona.skills.numba_kernel import kernel
 
 PROBED = 0.2
 """Segments with a larger step of any joint are first looked at in a few places [rad]: most that collide do so there,
@@ -37,7 +37,7 @@ FIRST_ROUND = (
 _PROBES = (1.0, 0.5, 0.25, 0.75)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def free_between(
     robot: RobotArrays, world: WorldArrays, width: float, q_a: Float64, q_b: Float64
 ) -> bool:
@@ -52,7 +52,7 @@ def free_between(
     return bool(at > 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _probes_free(
     robot: RobotArrays, world: WorldArrays, width: float, q_a: Float64, q_b: Float64
 ) -> bool:
@@ -80,7 +80,7 @@ class Trees(NamedTuple):
     parent: Int64
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _nearest(nodes: Float64, count: int, q: Float64) -> tuple[int, float]:
     """Return the node that is closest to a posture, and how far it is."""
     best, closest = 0, 1e300
@@ -96,7 +96,7 @@ def _nearest(nodes: Float64, count: int, q: Float64) -> tuple[int, float]:
     return best, sqrt(closest)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def grow(
     robot: RobotArrays,
     world: WorldArrays,

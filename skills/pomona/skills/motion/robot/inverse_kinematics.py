@@ -9,12 +9,12 @@ from __future__ import annotations
 from math import atan2, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.robot.model import RobotModel, checked_pose, compose, forward, jacobian
 from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
+from pomona.skills.numba_kernel import kernel
 
 
 def descend(
@@ -47,7 +47,7 @@ def spread_starts(model: RobotModel, count: int) -> Float64:
     return starts
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _solve_symmetric(A: Float64, b: Float64) -> None:
     """Solve A x = b in place for a symmetric positive definite A, shape (6, 6), by Cholesky; b becomes x."""
     n = b.shape[0]
@@ -69,7 +69,7 @@ def _solve_symmetric(A: Float64, b: Float64) -> None:
         b[i] /= A[i, i]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def newton_step(J: Float64, error: Float64, damping: float, A: Float64, step: Float64) -> None:
     """Write the least joint motion that takes an error away, J^T (J J^T + damping)^-1 error, into `step`.
 
@@ -95,7 +95,7 @@ def newton_step(J: Float64, error: Float64, damping: float, A: Float64, step: Fl
             step[k] += J[i, k] * error[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _pose_error(T: Float64, target: Float64, error: Float64) -> float:
     """Write the shift and the rotation vector from pose T to the target, both (3, 4), in the base frame; its norm²."""
     vee = np.zeros(3)
@@ -117,7 +117,7 @@ def _pose_error(T: Float64, target: Float64, error: Float64) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _descend(
     steps: Float64,
     sliding: NDArray[np.bool_],
@@ -215,7 +215,7 @@ def _distinct(solutions: Float64) -> Float64:
     return np.array(kept).reshape(len(kept), solutions.shape[1])
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _nearest_first(
     solutions: Float64,
     reference: Float64,

@@ -14,7 +14,6 @@ from math import cos, sin
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
@@ -22,9 +21,10 @@ from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.geometry import inverse, is_pose
 from pomona.skills.motion.robot.description import Body, Description, Geom, read_description
 from pomona.skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose
+from pomona.skills.numba_kernel import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float64) -> None:
     """Write the poses of all links into `links`, shape (dof + 1, 3, 4), for joints q, shape (dof,) [rad or m].
 
@@ -57,7 +57,7 @@ def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float
                 links[i + 1, row, 1] = cosine * y - sine * x
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def compose(T_a_b: Float64, T_b_c: Float64, T_a_c: Float64) -> None:
     """Write T_a_b · T_b_c into T_a_c; all of shape (3, 4)."""
     for row in range(3):
@@ -68,7 +68,7 @@ def compose(T_a_b: Float64, T_b_c: Float64, T_a_c: Float64) -> None:
             T_a_c[row, column] = total
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def jacobian(links: Float64, sliding: NDArray[np.bool_], p_base: Float64, J: Float64) -> None:
     """Write the geometric Jacobian of a point that moves with the last link into J, shape (6, dof).
 

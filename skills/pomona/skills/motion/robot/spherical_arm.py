@@ -15,11 +15,11 @@ from functools import lru_cache
 from math import acos, atan2, cos, floor, hypot, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.model import RobotModel
+from pomona.skills.numba_kernel import kernel
 
 Vector = tuple[float, float, float]
 Rows = tuple[Vector, Vector, Vector]
@@ -96,17 +96,17 @@ def _meeting_point(axes: Float64, points: Float64) -> Float64 | None:
     return point if distances.max() < _MEETING else None
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _cross(a: Vector, b: Vector) -> Vector:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _rotate(axis: Vector, c: float, s: float, v: Vector) -> Vector:
     """Return a vector turned about a unit axis by the angle with cosine c and sine s (Rodrigues)."""
     along = _dot(axis, v) * (1.0 - c)
@@ -118,13 +118,13 @@ def _rotate(axis: Vector, c: float, s: float, v: Vector) -> Vector:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _unit(v: Vector) -> Vector:
     length = sqrt(_dot(v, v))
     return (v[0] / length, v[1] / length, v[2] / length)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _unit_across(v: Vector, along: Vector) -> Vector:
     """Return a unit vector perpendicular to the unit vector `along`, towards v, or any when v is parallel to it."""
     part = _dot(v, along)
@@ -135,7 +135,7 @@ def _unit_across(v: Vector, along: Vector) -> Vector:
     return perpendicular
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _frame_of_line(line: Vector, sideways: Vector) -> tuple[Vector, Vector, Vector]:
     """Unit vectors along a line, across it towards `sideways`, and perpendicular to both."""
     forward = _unit(line)
@@ -143,7 +143,7 @@ def _frame_of_line(line: Vector, sideways: Vector) -> tuple[Vector, Vector, Vect
     return forward, side, _cross(forward, side)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _three_axes(
     a: Vector, b: Vector, c: Vector, rows: Rows, branch: float, angles: Float64, first: int
 ) -> None:
@@ -167,7 +167,7 @@ def _three_axes(
     angles[first + 2] = atan2(_dot(c, _cross(start, turned)), _dot(start, turned))
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _into_limits(angles: Float64, lower: Float64, upper: Float64, solution: Float64) -> bool:
     """Write angles, shifted by whole turns towards the middle of their ranges; False when one stays outside."""
     for i in range(angles.shape[0]):
@@ -178,12 +178,12 @@ def _into_limits(angles: Float64, lower: Float64, upper: Float64, solution: Floa
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _vector(values: Float64) -> Vector:
     return (values[0], values[1], values[2])
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _to_wrist(shoulder: Float64, wrist: Float64, motion: Float64) -> Vector:
     """Return the line from the shoulder to where a motion takes the wrist."""
     w = _vector(wrist)
@@ -194,7 +194,7 @@ def _to_wrist(shoulder: Float64, wrist: Float64, motion: Float64) -> Vector:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _arm_angle(
     axes: Float64, shoulder: Float64, wrist: Float64, motion: Float64, q: Float64
 ) -> float:
@@ -207,7 +207,7 @@ def _arm_angle(
     return atan2(_dot(elbow_axis, up), _dot(elbow_axis, side))
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _solve(
     axes: Float64,
     shoulder: Float64,
@@ -280,7 +280,7 @@ def _solve(
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _row(a: float, b: float, c: float, f: Vector, s: Vector, u: Vector) -> Vector:
     """a f + b s + c u."""
     return (

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
 from pomona.skills.motion.collision.kernel import make_scratch, place, place_spheres
 from pomona.skills.motion.collision.robot_shape import RobotArrays
+from pomona.skills.numba_kernel import kernel
 
 UNSEEN, FREE, STANDING = (
     0,
@@ -55,7 +55,7 @@ class Noise(NamedTuple):
     least_area: float  # area of a surface in a cell, as the camera sees it [m²]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def see(
     depth: Float32,
     camera: CameraView,
@@ -128,7 +128,7 @@ def see(
     return new
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _note_free(depth: Float32, camera: CameraView, cells: WatchedCells, lowest: float) -> None:
     """Mark the empty cells well in front of the surface that is seen at their pixel as free.
 
@@ -180,7 +180,7 @@ class Nearest(NamedTuple):
     which: Int64
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def nearest_ahead(
     robot: RobotArrays,
     Q: Float64,
@@ -256,7 +256,7 @@ def nearest_ahead(
         away[m] = best
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _nothing_near(depth: Float32, u: int, v: int) -> bool:
     """Return True if nothing is measured in a large region around a pixel."""
     height, width = depth.shape

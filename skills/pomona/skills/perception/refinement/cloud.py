@@ -11,13 +11,13 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import apply, inverse
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.refinement.errors import RenderFailed, TooFewInliers
 from pomona.skills.perception.refinement.render import (
     DepthImage,
@@ -138,7 +138,7 @@ def connected_to(
     return connected
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _flood(
     depth: DepthImage,
     supporting: NDArray[np.bool_],

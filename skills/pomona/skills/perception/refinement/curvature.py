@@ -11,10 +11,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.refinement.cloud import connected_to
 from pomona.skills.perception.refinement.render import DepthImage
 
@@ -122,7 +122,7 @@ def _terms(u: Float64, v: Float64) -> Float64:
     return terms
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _normal_equations(
     terms: Float64, measured: Float64, modelled: Float64, reach: float, before: Float64
 ) -> tuple[Float64, Float64]:

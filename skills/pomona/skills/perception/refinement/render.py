@@ -19,13 +19,13 @@ from types import ModuleType
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import is_pose
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.rasteriser import draw, project
 from pomona.skills.perception.refinement.errors import BadDepth, BadMesh, BadPose, RenderFailed
@@ -521,7 +521,7 @@ def render_with_zbuffer(
     return depth
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _seen(u: Float64, v: Float64, faces: NDArray[np.int32], outwards: int) -> NDArray[np.bool_]:
     """Return which faces may be seen, (m,): of a closed mesh, those that look at the camera."""
     seen = np.ones(len(faces), np.bool_)

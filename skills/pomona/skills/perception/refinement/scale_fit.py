@@ -14,12 +14,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from pomona.executive.values.arrays import Float64
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.fruit.sizes import KindSizes
 from pomona.skills.perception.refinement.cloud import Plane, gather
 from pomona.skills.perception.refinement.errors import (
@@ -109,7 +109,7 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _measured(
     depth: DepthImage, virtual_depth: DepthImage
 ) -> tuple[int, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
@@ -126,7 +126,7 @@ def _measured(
     return covered, pixels[:valid], d[:valid], d_hat[:valid]
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@kernel(nogil=True, fastmath={"reassoc", "contract"})
 def _least_squares(
     d: NDArray[np.float64], d_hat: NDArray[np.float64], mu: float, band: float
 ) -> tuple[float, NDArray[np.bool_]]:

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import transform
+from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.refinement.cloud import Cloud, Plane, Samples, surface_of
 from pomona.skills.perception.refinement.render import Triangles, extents
 
@@ -44,7 +44,7 @@ class PlacedForm(NamedTuple):
     radius: Float64
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True, error_model="numpy")
 def start_of_walk(samples: Samples, x: float, y: float, z: float) -> int:
     """Return the sample that is nearest to the grid's cell of a point of the model's frame."""
     last = len(samples.near) - 1
@@ -55,7 +55,7 @@ def start_of_walk(samples: Samples, x: float, y: float, z: float) -> int:
     return start
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True, error_model="numpy")
 def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) -> int:
     """From neighbour to neighbour while that is nearer to a point of the model's frame."""
     points, neighbours = samples.points, samples.neighbours
@@ -72,7 +72,7 @@ def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) 
             return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True, error_model="numpy")
 def points_to_surface(
     measured: Points,
     samples: Samples,
@@ -184,7 +184,7 @@ class Support(NamedTuple):
     deviation: float
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def move(placed: PlacedForm, step: Float64) -> None:
     """Turn, move and stretch the object by a step, shape (11,), limited in size."""
     angle = math.sqrt(step[3] ** 2 + step[10] ** 2 + step[4] ** 2)
@@ -204,7 +204,7 @@ def move(placed: PlacedForm, step: Float64) -> None:
         placed.lean[k] += min(max(step[8 + k], -_MAX_LEAN), _MAX_LEAN)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[float, Float64]:
     """Return the height of the lowest point over the support [m], and how it changes with the parameters, (11,)."""
     up = np.zeros(3)
@@ -236,7 +236,7 @@ def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[fl
     return gap, row
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
     """Expected changes along the prior directions, shape (11,)."""
     start, values = expected.start, np.empty(PARAMETERS)
@@ -258,7 +258,7 @@ def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
     return values
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _solve(H: Float64, b: Float64) -> Float64:
     """x of H x = b for a positive definite H (Cholesky)."""
     size = len(b)
@@ -279,7 +279,7 @@ def _solve(H: Float64, b: Float64) -> Float64:
     return x
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def step_until_still(
     measured: Points,
     samples: Samples,
