@@ -207,8 +207,8 @@ coverage: $(STAMP) ## which lines the tests reach, by package; the whole in html
 	@sh scripts/system_libraries.sh tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=html --cov-report=term:skip-covered
 
-mutate-map: $(STAMP) ## which quick test of the core reaches which line, for `make mutate` (ten minutes)
-	$(BIN)/python scripts/mutate.py --map
+mutate-map: $(STAMP) ## which quick test of the core reaches which line, for `make mutate` (half an hour; in parts with MUTATE="--seconds 280")
+	$(BIN)/python scripts/mutate.py --map $(MUTATE)
 
 mutate: $(STAMP) ## small mistakes anywhere in the core, and how many of them its quick tests find (an hour; MUTATE="--most 50 --seed 7")
 	$(BIN)/python scripts/mutate.py $(MUTATE)

@@ -1,7 +1,10 @@
 """Make one small mistake at a time in the core, and count how many of them the quick tests find.
 
-    python scripts/mutate.py --map                 # which test reaches which line, at this commit
+    python scripts/mutate.py --map                 # which test reaches which line; again after a change, or to go on
     python scripts/mutate.py --most 200 --seed 1   # the share that is found, and the places of the others
+
+The map is kept in pieces, one for each file of tests. A piece is made again when a file has changed whose lines its
+tests have run. `--map --seconds 280` ends after that time; the next call goes on.
 
 A place is drawn from all places of the core, each as likely as any other, and gets one of its mistakes at random. The
 quick tests that reach its line run in a process of their own; for a place in a module with kernels they are not
@@ -23,6 +26,7 @@ import argparse
 import ast
 import contextlib
 import copy
+import hashlib
 import importlib
 import json
 import os
@@ -30,14 +34,14 @@ import random
 import re
 import resource
 import signal
-import subprocess
 import sys
+import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from importlib.machinery import SourceFileLoader
-from itertools import accumulate
+from itertools import accumulate, islice
 from pathlib import Path
 from types import CodeType
 from typing import Any
@@ -48,6 +52,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 CORE = ("executive/pomona/executive", "skills/pomona/skills", "drivers/pomona/drivers")
 TESTS = ("tests/executive", "tests/skills", "tests/drivers")
+UNCOMPILED = ("tests/skills",)
 LEAVES = ("tools", "devices", "applications")
 MAP = ROOT / "runs" / "mutate"
 KERNEL = "kernel("
@@ -55,6 +60,10 @@ TRACED = 3.0
 """Processor time of a quick test whose lines are traced and whose kernels may not be compiled [s]."""
 WAITING = 30.0
 """Time of a test whose lines are traced [s]: what a limit interrupts may leave a lock behind."""
+AGAIN = 2.0
+"""Time from one interruption of a test to the next [s]: code that a library calls back may swallow the first."""
+PIECE = 240.0
+"""Time of a piece of the map, which has no tests if it takes longer [s]."""
 BUDGET = 40.0
 """Processor time of the tests of one mistake, as the map has it [s]."""
 MEMORY = 16 << 30
@@ -232,8 +241,8 @@ class Watch:
         signal.signal(signal.SIGPROF, lambda *_: pytest.fail("takes too long"))
         if not self.limits:
             signal.signal(signal.SIGALRM, lambda *_: pytest.fail("waits too long"))
-            signal.setitimer(signal.ITIMER_REAL, WAITING, 5.0)  # again, where a lock is left
-        signal.setitimer(signal.ITIMER_PROF, self.limits.get(item.nodeid, TRACED))
+            signal.setitimer(signal.ITIMER_REAL, WAITING, AGAIN)
+        signal.setitimer(signal.ITIMER_PROF, self.limits.get(item.nodeid, TRACED), AGAIN)
         began = sum(os.times()[:4])
         try:
             yield
@@ -259,8 +268,11 @@ def run_tests(paths: Sequence[str], watch: Watch, *options: str) -> int:
     return pytest.main(["-q", "--tb=no", *without, loaded_before, quick, *options, *paths], [watch])
 
 
-def fork(work: Callable[[], int], limit: float = 0.0) -> int:
-    """Return the exit status of work in a process of its own, which ends after a limit [s] at the latest."""
+def fork(work: Callable[[], int], limit: float) -> int:
+    """Return the exit status of work in a process of its own; negative if it does not end within a limit [s].
+
+    The limit is kept from outside: tests set the timers of their process.
+    """
     child = os.fork()
     if child == 0:
         status = 1
@@ -269,52 +281,105 @@ def fork(work: Callable[[], int], limit: float = 0.0) -> int:
             output = os.open(MAP / "tests.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             os.dup2(output, 1)
             os.dup2(output, 2)
-            signal.setitimer(signal.ITIMER_REAL, limit)
             status = work()
         except BaseException:
             sys.excepthook(*sys.exc_info())
         finally:
             os._exit(status)
-    _, ended = os.waitpid(child, 0)
+    end = time.monotonic() + limit
+    ended = 0
+    while not ended:
+        time.sleep(0.02)
+        if time.monotonic() > end:
+            os.kill(child, signal.SIGKILL)
+        ended, status = os.waitpid(child, os.WNOHANG)
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)  # what it has started and left
-    return os.waitstatus_to_exitcode(ended)
+    return os.waitstatus_to_exitcode(status)
 
 
-def trace(is_compiled: bool) -> int:
-    """Run the quick tests, and write which lines they reach; uncompiled those of skills, which alone have kernels."""
-    lines, times = files_of_map(is_compiled)
-    lines.unlink(missing_ok=True)
-    os.environ["COVERAGE_FILE"] = str(lines)
-    os.environ["NUMBA_DISABLE_JIT"] = str(int(not is_compiled))
-    watch = Watch({})
-    folders = [f"--cov={ROOT / part}" for part in CORE]
-    options = "--cov-context=test", "--cov-report=", f"--cov-config={os.devnull}"
-    run_tests(TESTS if is_compiled else ["tests/skills"], watch, *folders, *options)
-    times.write_text(json.dumps([git("rev-parse", "HEAD"), watch.seconds]), encoding="utf-8")
-    return 0
+@dataclass(frozen=True)
+class Piece:
+    """The part of the map that a file of tests makes, with compiled kernels or without."""
+
+    tests: Path
+    is_compiled: bool
+
+    @property
+    def lines(self) -> Path:
+        """Return the file with the lines that the tests reach."""
+        name = str(self.tests.relative_to(ROOT)).replace("/", "-")
+        return MAP / ("compiled" if self.is_compiled else "uncompiled") / f"{name}.coverage"
+
+    def read(self) -> dict[str, float] | None:
+        """Return the processor times of the tests [s], or None if the piece is to be made."""
+        with contextlib.suppress(FileNotFoundError):
+            seconds, contents = json.loads(self.lines.with_suffix(".json").read_text("utf-8"))
+            if all(digest(Path(path)) == content for path, content in contents.items()):
+                return dict(seconds)
+        return None
+
+    def make(self) -> None:
+        """Run the tests in a process of their own, and write which lines they reach."""
+        self.lines.parent.mkdir(parents=True, exist_ok=True)
+        self.lines.unlink(missing_ok=True)
+        if fork(self.trace, PIECE) < 0:
+            self.write({}, [])
+
+    def trace(self) -> int:
+        """Run the tests here."""
+        os.environ["COVERAGE_FILE"] = str(self.lines)
+        os.environ["NUMBA_DISABLE_JIT"] = str(int(not self.is_compiled))
+        importlib.import_module("numba").core.config.reload_config()
+        watch = Watch({})
+        folders = [f"--cov={ROOT / part}" for part in (*CORE, "tests")]
+        options = "--cov-context=test", "--cov-report=", f"--cov-config={os.devnull}"
+        run_tests([str(self.tests.relative_to(ROOT))], watch, *folders, *options)
+        data = read_lines(self.lines)
+        self.write(watch.seconds, [path for path in data.measured_files() if data.lines(path)])
+        return 0
+
+    def write(self, seconds: dict[str, float], ran: Iterable[str]) -> None:
+        """Write the times of the tests, and the files that they have run."""
+        contents = {path: digest(Path(path)) for path in (*ran, str(self.tests))}
+        text = json.dumps([seconds, contents])
+        self.lines.with_suffix(".json").write_text(text, encoding="utf-8")
 
 
-def files_of_map(is_compiled: bool) -> tuple[Path, Path]:
-    """Return the files with the lines that tests reach, and with the times that they take."""
-    name = "compiled" if is_compiled else "uncompiled"
-    return MAP / f"{name}.coverage", MAP / f"{name}.json"
+def read_lines(path: Path) -> coverage.CoverageData:
+    """Read a file of reached lines."""
+    data = coverage.CoverageData(str(path))
+    data.read()
+    return data
 
 
-def git(*words: str) -> str:
-    """Return the output of a command of git."""
-    return subprocess.check_output(["git", "-C", str(ROOT), *words], text=True).strip()
+@cache
+def digest(path: Path) -> str:
+    """Return a hash of a file, empty if there is none."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def pieces(is_compiled: bool) -> list[Piece]:
+    """Return the pieces of the map; those without compiled kernels are of skills, which alone have kernels."""
+    folders = TESTS if is_compiled else UNCOMPILED
+    found = sorted(path for part in folders for path in (ROOT / part).rglob("test_*.py"))
+    return [Piece(path, is_compiled) for path in found if not set(LEAVES) & set(path.parts)]
 
 
 class Reached:
     """The map: the tests that reach a place of a module, with compiled kernels or without."""
 
     def __init__(self, is_compiled: bool) -> None:
-        lines, times = files_of_map(is_compiled)
         self.is_compiled = is_compiled
-        self.commit, self.seconds = json.loads(times.read_text("utf-8"))
-        data = coverage.CoverageData(str(lines))
-        data.read()
+        self.seconds: dict[str, float] = {}
+        data = coverage.CoverageData(no_disk=True)
+        for piece in pieces(is_compiled):
+            seconds = piece.read()
+            if seconds is None:
+                raise SystemExit(f"not in the map: {piece.tests}\nmake mutate-map")
+            if seconds:
+                self.seconds.update(seconds)
+                data.update(read_lines(piece.lines))
         self.contexts = cache(data.contexts_by_lineno)
         self.texts = {path: path.read_text("utf-8").splitlines() for path in modules()}
 
@@ -381,11 +446,11 @@ def draw(most: int, seed: int) -> Iterator[tuple[Place, ast.AST, CodeType]]:
         Put(new, place.node).visit(trees[place.path])
 
 
-def score(maps: Sequence[Reached], most: int, seed: int) -> None:
-    """Print which mistakes are not found, and how many are, by package."""
+def score(maps: Sequence[Reached], first: int, most: int, seed: int) -> None:
+    """Print which mistakes after the first ones are not found, and how many are, by package."""
     tried: Counter[str] = Counter()
     found: Counter[str] = Counter()
-    for place, new, code in draw(most, seed):
+    for place, new, code in islice(draw(most, seed), first, None):
         path = place.path.relative_to(ROOT)
         reached = maps[KERNEL not in place.path.read_text("utf-8")]
         packages = ("all", path.parts[2], "/".join(path.parts[2:4]))
@@ -403,28 +468,39 @@ def score(maps: Sequence[Reached], most: int, seed: int) -> None:
         sys.stdout.write(f"{package:32}{found[package]:4} of {tried[package]:4} {share:6.0%}\n")
 
 
+def make_map(end: float) -> int:
+    """Make the pieces of the map that are missing until a time [s]; return how many are left."""
+    MAP.mkdir(parents=True, exist_ok=True)
+    missing = [piece for is_compiled in (True, False) for piece in pieces(is_compiled)]
+    missing = [piece for piece in missing if piece.read() is None]
+    while missing and time.monotonic() < end:
+        piece = missing.pop(0)
+        began = time.monotonic()
+        piece.make()
+        took = time.monotonic() - began
+        sys.stdout.write(f"{piece.lines.stem} {took:.0f} s, {len(missing)} left\n")
+        sys.stdout.flush()
+    return min(len(missing), 99)
+
+
 def main() -> None:
     """Make the map, or try mistakes."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--map", action="store_true", help="see which tests reach which lines")
+    parser.add_argument("--seconds", type=float, default=3600.0, help="of making the map (3600)")
+    parser.add_argument(
+        "--first", type=int, default=0, help="mistakes of the draw to leave out (0)"
+    )
     parser.add_argument("--most", type=int, default=200, help="mistakes (200)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     options = parser.parse_args()
     sys.path[0] = str(ROOT)  # as `python -m pytest` has it
-    if options.map:
-        MAP.mkdir(parents=True, exist_ok=True)
-        sys.exit(max(fork(partial(trace, is_compiled)) for is_compiled in (True, False)))
-    if not all(files_of_map(is_compiled)[1].is_file() for is_compiled in (False, True)):
-        raise SystemExit("there is no map: make mutate-map")
-    maps = Reached(is_compiled=False), Reached(is_compiled=True)
-    changed = "".join(
-        git("diff", "--name-only", reached.commit, "--", *CORE, "tests") for reached in maps
-    )
-    if changed:
-        raise SystemExit(f"changed since the map was made: {changed}\nmake mutate-map")
     for module in ("hypothesis.extra.numpy", "numba", "py_trees", "scipy.spatial", "yaml"):
         importlib.import_module(module)  # once, for all processes
-    score(maps, options.most, options.seed)
+    if options.map:
+        sys.exit(make_map(time.monotonic() + options.seconds))
+    maps = Reached(is_compiled=False), Reached(is_compiled=True)
+    score(maps, options.first, options.most, options.seed)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import math
+import signal
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -146,11 +149,9 @@ def small(mutate: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     for name, value in {
         "ROOT": tmp_path,
         "CORE": (".",),
-        "TESTS": ("test_grown.py",),
+        "TESTS": (".",),
+        "UNCOMPILED": (),
         "MAP": folder,
-        "LINES": folder / "lines",
-        "TIMES": folder / "times",
-        "git": lambda *_words: "a commit",
     }.items():
         monkeypatch.setattr(mutate, name, value)
     return mutate
@@ -158,8 +159,10 @@ def small(mutate: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.mark.slow  # six processes of pytest
 def test_mistakes_in_tested_functions_are_found_and_no_others(small: ModuleType) -> None:
-    assert small.fork(small.trace) == 0
-    reached = small.Reached()
+    with pytest.raises(SystemExit, match="make mutate-map"):
+        small.Reached(is_compiled=True)
+    assert small.make_map(math.inf) == 0
+    reached = small.Reached(is_compiled=True)
     found = {
         (place.node.lineno, ast.unparse(new)): reached.finds(place, code)
         for place, new, code in small.draw(99, 1)
@@ -174,3 +177,32 @@ def test_mistakes_in_tested_functions_are_found_and_no_others(small: ModuleType)
     (place,) = [place for place, new, _code in small.draw(99, 1) if ast.unparse(new) == "a + b"]
     unchanged = compile((small.ROOT / "grown.py").read_text(), place.path, "exec")
     assert not reached.finds(place, unchanged)
+
+
+@pytest.mark.slow  # a process of pytest for each piece
+def test_a_map_is_made_in_pieces_and_again_only_where_a_file_that_was_run_has_changed(
+    small: ModuleType,
+) -> None:
+    (small.ROOT / "test_other.py").write_text("def test_nothing():\n    pass\n", encoding="utf-8")
+    assert small.make_map(-math.inf) == 2
+    assert small.make_map(math.inf) == 0
+
+    def missing() -> list[str]:
+        small.digest.cache_clear()
+        return [piece.tests.name for piece in small.pieces(True) if piece.read() is None]
+
+    assert missing() == []
+    with (small.ROOT / "grown.py").open("a") as file:
+        file.write("# a comment\n")
+    assert missing() == ["test_grown.py"]
+
+
+def test_work_that_does_not_end_is_ended_although_it_sets_timers(small: ModuleType) -> None:
+    def endless() -> int:
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        while True:
+            time.sleep(1.0)
+
+    assert small.fork(endless, 0.1) == -signal.SIGKILL
+    assert small.fork(lambda: 3, 5.0) == 3
