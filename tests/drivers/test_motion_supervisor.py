@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
-from pomona.drivers.interfaces import ArmLimits, Trajectory
+from pomona.drivers.interfaces import ArmLimits, MotionState, Trajectory
 from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
 
@@ -70,15 +70,26 @@ def test_a_motion_that_is_followed_late_but_well_raises_nothing(delay):
 
 def test_pauses_of_any_length_and_a_stop_raise_nothing():
     rig = Rig()
-    for pause in (5.0, 0.1, 300.0):
+    for pause in (5.0, 0.1, 15.0):
         rig.run(0.3)
         rig.motion.pause()
-        rig.run(pause)
+        rig.run(min(pause, 0.5))
+        came = len(rig.went)
+        rig.run(max(pause - 0.5, 0.0))
+        assert pause < 0.5 or rig.motion.state is MotionState.PAUSED
+        assert len(rig.went) == came  # its set-point stands during the whole pause
         rig.motion.resume()
     rig.run(0.1)
     rig.motion.stop()
-    rig.run(10.0)
-    assert rig.motion.settled
+    rig.run(0.5)
+    came = len(rig.went)
+    rig.run(9.5)
+    assert len(rig.went) == came
+    assert rig.motion.state is MotionState.STOPPED
+    done = np.array([q for _now, q, _qd in rig.went]) / CHANGE
+    assert np.ptp(done, axis=1).max() < 1e-9  # on its path
+    assert (np.diff(done[:, 0]) > -1e-12).all()  # and never back
+    assert 0.3 < done[-1, 0] < 0.999
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,26 @@ def cell():
     return Cell("test", "mock", clock, devices)
 
 
+def stands(cell, seconds=0.2):
+    """Advance the time; the arm and the fingers stand at each moment of it."""
+    arm, gripper = cell.devices["arm"], cell.devices["gripper"]
+    q, width = arm.q.copy(), gripper.width
+    for _ in range(round(seconds / 0.01)):
+        cell.clock.advance(0.01)
+        np.testing.assert_array_equal(arm.q, q)
+        assert gripper.width == width
+
+
+def swing(q, change=0.4):
+    """One second from rest to rest, each joint by the same angle."""
+    t = np.linspace(0.0, 1.0, 101)
+    x = np.repeat(t[:, None], len(q), axis=1)
+    return Trajectory(
+        t, q + change * x**3 * (10 - 15 * x + 6 * x**2), change * 30.0 * x**2 * (1 - x) ** 2,
+        change * 60.0 * x * (1 - x) * (1 - 2 * x),
+    )  # fmt: skip
+
+
 def test_one_device_that_fails_to_stop_does_not_keep_the_others_moving(cell):
     motion = cell.devices["gripper"].move(0.05, 0.01)
     cell.safe_stop("fire")
@@ -102,19 +122,27 @@ def test_a_paused_cell_does_not_go_on_with_joints_or_forces_that_are_no_numbers(
     held = np.zeros((2, 6))
     held[:, 2] = -2.0
     fingers.feel = lambda _now: held
-    cell.clock.advance(0.1)
+    arm = cell.devices["arm"]
+    motion = arm.follow(swing(arm.q))
+    cell.clock.advance(0.4)
     cell.pause()
+    cell.clock.advance(0.6)  # it brakes
     cell.check()
+    q = arm.q.copy()
+    stands(cell)
     fingers.give(WrenchSample(cell.clock.now(), 10_000, np.full((2, 6), np.nan)))
     with pytest.raises(DeviceFault, match="gone"):
         cell.resume()
-    cell.clock.advance(0.1)
-    q = cell.devices["arm"].q.copy()
-    cell.devices["arm"].q[2] = np.nan
+    stands(cell)
+    arm.q[2] = np.nan
     with pytest.raises(DeviceFault, match="was moved by nan"):
         cell.resume()
-    cell.devices["arm"].q[:] = q
+    stands(cell)
+    arm.q[:] = q
     cell.resume()
+    stands(cell)
+    assert motion.state is MotionState.FAILED
+    assert 0.01 < q[0] < 0.39
 
 
 def test_closing_goes_on_when_a_device_fails(cell):

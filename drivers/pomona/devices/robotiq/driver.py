@@ -8,7 +8,6 @@ force of the command is the limit of the motor's current while it moves; at the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 from pomona.devices.robotiq.codec import (
     ACTIVE,
@@ -111,7 +110,11 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
             raise DeviceFault(self.name, f"{words}: {remedy}")
         for active, wanted in ((False, 0), (True, ACTIVE)):
             self._written = RobotiqCommand(active=active)
-            self._await(partial(_has_activation, wanted=wanted), ACTIVATION, "was not activated")
+            self._await(
+                lambda status, wanted=wanted: status.activation == wanted,  # type: ignore[misc]
+                ACTIVATION,
+                "was not activated",
+            )
         self._written = None
 
     def _await(
@@ -178,7 +181,7 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
         force = {CLOSING: limit, OPENING: -limit}.get(status.object)
         self._measured(now, width, self._rate(now, width), force)
         if status.activation != ACTIVE:
-            self._sent = None  # it does not move
+            self._sent = self._written = None  # the last command would activate it
         if status.problem:
             self._give_up(DeviceFault(self.name, status.problem))
 
@@ -198,9 +201,9 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
     # ---------------------------------------------------------------------------------------- commands
 
     def next_command(self, wanted: Wanted, status: RobotiqStatus) -> RobotiqCommand | None:
-        """Return the registers; none for a gripper that is not activated, which a command would activate."""
+        """Return the registers. One that is not activated gets a stop, which holds when it is activated again."""
         if status.activation != ACTIVE:
-            return None
+            return RobotiqCommand(False, False, status.requested)
         if isinstance(wanted, Stop):
             if status.holds:  # it keeps its command, and presses on
                 return self._written
@@ -214,7 +217,7 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
         return RobotiqCommand(True, True, self.position_of(self._set_point), *codes)
 
     def shows(self, wanted: Wanted, status: RobotiqStatus) -> bool:
-        stopped = not status.go or status.holds or status.activation != ACTIVE
+        stopped = not status.go or status.holds
         return stopped and super().shows(wanted, status)
 
     def _send(self, command: RobotiqCommand) -> None:
@@ -240,10 +243,6 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
         session, self._session = self._session, None
         if session is not None:
             session.close()
-
-
-def _has_activation(status: RobotiqStatus, wanted: int) -> bool:
-    return status.activation == wanted
 
 
 def _code(value: float, span: tuple[float, float]) -> int:

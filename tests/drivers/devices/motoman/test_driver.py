@@ -417,18 +417,31 @@ def test_a_hold_at_the_pendant_ends_the_motion_and_nothing_moves_before_an_ackno
     motion = arm.follow(swing(START, CHANGE))
     serve(arm, cell, 0.4)
     cell.controller.inject_fault("hold")
+    held = cell.joints.measured()[0].copy()
     serve(arm, cell, 0.3)
     assert motion.state is MotionState.FAILED
+    rested = cell.joints.measured()[0].copy()
+    assert np.abs(rested - held).max() < 0.05
+    trail: list[Any] = []
+
+    def look() -> bool:
+        trail.append(cell.joints.measured()[0].copy())
+        return False
+
+    serve(arm, cell, 0.3, look)
     cell.controller.clear_fault()
-    serve(arm, cell, 0.3)
+    serve(arm, cell, 0.5, look)
     with pytest.raises(DeviceFault, match="hold button"):
         arm.check()
     with pytest.raises(MotionRefused, match="hold button"):
         arm.follow(swing(arm.state().q, CHANGE))
     arm.acknowledge()
-    serve(arm, cell, 1.0)
+    serve(arm, cell, 1.0, look)
     arm.check()
-    arm.follow(swing(arm.state().q, CHANGE))
+    assert np.abs(np.array(trail) - rested).max() < 1e-9
+    again = arm.follow(swing(arm.state().q, 0.1 * CHANGE))
+    serve(arm, cell, 3.0, lambda: again.settled)
+    assert again.state is MotionState.DONE
 
 
 def test_servos_are_not_switched_on_when_the_options_forbid_it() -> None:

@@ -74,17 +74,26 @@ def test_after_a_lost_link_the_outputs_are_safe_and_nothing_resumes_by_itself() 
     with pytest.raises(DeviceLost, match="still lost"):
         signals.acknowledge()
     rig.cut = False
+    trail = watched(rig, "coil", 1)
     rig.serve(signals, 2.0 * RECONNECT)
-    assert rig.plc.memory["coil"][1] == 0
+    back = trail.index(0)  # with the connection
     with pytest.raises(MotionRefused):
         signals.write("ready", True)
     signals.acknowledge()
-    rig.serve(signals, 0.1)
+    rig.serve(signals, 0.5)
     signals.check()
-    assert rig.plc.memory["coil"][1] == 0
+    assert trail[-1] == 0
+    assert not any(trail[back:])
     signals.write("ready", True)
     rig.serve(signals, 0.1)
     assert rig.plc.memory["coil"][1] == 1
+
+
+def watched(rig: PlcRig, area: str, address: int) -> list[int]:
+    """Return a place's value in each scan of the PLC from now on."""
+    values: list[int] = []
+    rig.plc.program = lambda _now: values.append(rig.plc.memory[area][address])
+    return values
 
 
 def test_a_silent_plc_is_lost() -> None:
@@ -153,12 +162,15 @@ def test_a_run_that_stands_still_stops_our_heartbeat_and_its_outputs_go_to_their
     signals = rig.connected()
     signals.write("ready", True)
     rig.serve(signals, 0.2)
+    trail = watched(rig, "coil", 1)
     rig.serve(signals, STALL + 0.2, ticks=False)
     assert rig.plc.memory["coil"][1] == 0
     rig.serve(signals, 1.0, ticks=False)
     assert not rig.plc.alive
     with pytest.raises(DeviceFault, match="stood still for 1 s"):
         signals.check()
+    rig.serve(signals, 0.5)  # it goes on, and its outputs stay
+    assert not any(trail[trail.index(0) :])
 
 
 def test_a_safe_stop_writes_the_safe_values_until_it_is_acknowledged() -> None:
@@ -172,9 +184,13 @@ def test_a_safe_stop_writes_the_safe_values_until_it_is_acknowledged() -> None:
     rig.serve(signals, 0.1)
     assert signals.settled()
     assert (rig.plc.memory["coil"][1], rig.plc.memory["holding"][5]) == (0, 7)
+    ready = watched(rig, "coil", 1)
     with pytest.raises(MotionRefused, match="the operator"):
         signals.write("ready", True)
+    rig.serve(signals, 0.5)
     signals.acknowledge()
+    rig.serve(signals, 0.5)
+    assert ready.count(0) == len(ready) > 0
     signals.write("ready", True)
     rig.serve(signals, 0.1)
     assert rig.plc.memory["coil"][1] == 1

@@ -289,12 +289,26 @@ def test_a_fault_is_latched_and_nothing_resumes(fault: str, told: str, way: str)
     assert move.state is MotionState.FAILED
     with pytest.raises(MotionRefused):
         gripper.move(0.04, 0.02)
-    cell.gripper.clear_fault()
-    serve(gripper, cell, 2.0)
-    width = cell.fingers.width
-    serve(gripper, cell, 1.0)
-    assert cell.fingers.width == pytest.approx(width, abs=1e-4)
+    trail: list[float] = []
+
+    def look() -> bool:
+        trail.append(cell.fingers.width)
+        return False
+
+    if fault == "silent":  # a stop reaches it when it answers again
+        cell.gripper.clear_fault()
+        serve(gripper, cell, RECONNECT + 0.2)
+    else:
+        serve(gripper, cell, 0.5)
+        cell.gripper.clear_fault()
+    serve(gripper, cell, 2.0, look)
+    if fault == "inactive":
+        cell.gripper.write(0, bytes([1, 0, 0, 0, 0, 0]))  # the operator activates it
+        serve(gripper, cell, 0.5, look)
     gripper.acknowledge()
+    serve(gripper, cell, 0.5, look)
+    assert np.ptp(trail) < 1e-4
+    assert trail[0] > 0.010 + 2e-3  # on the way
     again = gripper.move(0.04, 0.05)
     serve(gripper, cell, 3.0, lambda: again.settled)
     assert (again.state, again.problem) == (MotionState.DONE, "")

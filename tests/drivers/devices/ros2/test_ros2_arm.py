@@ -270,12 +270,22 @@ def test_a_motion_stalled_longer_than_the_lead_does_not_go_on(setting: Setting) 
     motion = setting.moving()
     for _ in range(50):
         setting.controller.advance(STEP)
-    setting.serve(0.5, lambda: motion.settled)
+    assert setting.controller._plan is not None
+    end = setting.controller._plan[1][-1]  # where its last message brakes to
+    done = []
+
+    def look() -> bool:
+        done.append((setting.controller.q - START) / (end - START))
+        return False
+
+    setting.serve(1.0, look)
+    assert np.ptp(done, axis=1).max() < 1e-6
+    assert np.diff(done, axis=0).min() > -1e-4
+    assert done[-1] == pytest.approx(1.0, abs=1e-6)
+    assert not setting.controller.qd.any()
     assert motion.state is MotionState.FAILED
     with pytest.raises(DeviceFault, match="delayed, and the arm comes to rest"):
         setting.arm.check()
-    setting.serve(0.5)
-    assert not setting.controller.qd.any()
 
 
 @pytest.mark.parametrize(
