@@ -28,7 +28,6 @@ QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer 
 MOST_SETTINGS, MOST_VALUE = 30, 200  # settings of a command, characters of a value
 MOST_FINDINGS = 100  # in an answer
 MOST_ANSWER = 60_000  # characters of a text in an answer: a drawing of 1 000 nodes has 50 000
-PARTS = ("summary", "explanation")  # of a record, as resources
 STARTED_BY = "assistant.json"  # beside the record of a run that the door has started
 _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
@@ -308,23 +307,6 @@ class Door:
         return f"request {name} is written. The operator reads it and starts the run, or does not; `runs` lists it then."
 
     # ------------------------------------------------------------------------------------------- inside
-
-    def record_part(self, run: str, part: str) -> str:
-        """Return a part of a record, for the resources `pomona://runs/RUN/PART`. Raises UsageError: there is none."""
-        if part == "explanation":
-            return self.explain(run, whole=True)
-        if part != "summary":
-            raise UsageError(
-                f"a record has no part '{ascii(part[:60])[1:-1]}': there are {', '.join(PARTS)}"
-            )
-        words = [
-            "runs",
-            "show",
-            self.folder.record(run),
-            "--json",
-            f"--record={self.folder.records}",
-        ]
-        return self._command(words, QUICK).out
 
     def _command(self, words: Sequence[str], limit: float, good: tuple[int, ...] = (0,)) -> Answer:
         """Carry out a command. Raises UsageError: its status is not one of `good`, or its time is over."""

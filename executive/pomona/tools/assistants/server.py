@@ -1,31 +1,25 @@
-"""The Model Context Protocol around the door: tools, records as resources, and the log of all requests."""
+"""The Model Context Protocol around the door: its tools, and the log of all requests."""
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import inspect
-import io
 import re
-import sys
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from mcp.server import MCPServer
 from mcp.server.context import HandlerResult, ServerRequestContext
-from mcp.server.mcpserver.exceptions import ResourceError, ToolError
-from mcp.server.stdio import stdio_server
+from mcp.server.mcpserver.exceptions import ToolError
 from mcp.shared.exceptions import MCPError
-from mcp_types import INTERNAL_ERROR, INVALID_PARAMS, Resource, ToolAnnotations
+from mcp_types import INTERNAL_ERROR, INVALID_PARAMS, ToolAnnotations
 
 from pomona.executive.errors import PomonaError
-from pomona.executive.recording.index import RunIndex
 from pomona.executive.values.findings import did_you_mean
 from pomona.executive.values.installation import installed_version
 from pomona.tools.assistants.call_log import CallLog
-from pomona.tools.assistants.door import PARTS, Door, call_number
-from pomona.tools.assistants.readable_lines import ReadableLines
+from pomona.tools.assistants.door import Door, call_number
 
 INSTRUCTIONS = (
     "Pomona runs tasks that are written as behaviour trees in YAML. Read an installed tree (list_files, read_file), "
@@ -33,8 +27,6 @@ INSTRUCTIONS = (
     "simulated cell, and explain the run. Answers and help name the next step. A real cell is started by the operator "
     "alone: approve asks."
 )
-LOGGED = ("tools/call", "resources/read")
-MOST_RESOURCES = 100  # newest records in the list of resources
 MOST_REFUSAL = 1000  # characters
 _DETAIL = re.compile(
     r" \[type=.*?, input_type=\w+\]| For further information visit \S+|^Error executing tool \w+: "
@@ -45,7 +37,7 @@ Next = Callable[[Context], Awaitable[HandlerResult]]
 
 
 class DoorServer(MCPServer[Any]):
-    """A server whose resources are the records that exist now."""
+    """A server of the door's tools."""
 
     def __init__(self, door: Door, log: CallLog) -> None:
         super().__init__(
@@ -61,44 +53,14 @@ class DoorServer(MCPServer[Any]):
                 destructive_hint=tool.__name__ == "write_file", open_world_hint=False
             )
             about = (inspect.getdoc(tool) or "").partition("\n\nRaises")[0]
-            call = _refusing(tool, ToolError)
-            self.add_tool(call, description=about, annotations=notes, structured_output=False)
-        add = self.resource(
-            "pomona://runs/{run}/{part}", name="record", description=f"a record: {', '.join(PARTS)}"
-        )
-        add(_refusing(door.record_part, ResourceError))
-        self.middleware.append(self._logged)
-
-    async def list_resources(self) -> list[Resource]:
-        """List the newest records."""
-        runs = RunIndex(self._door.folder.records).read()[:MOST_RESOURCES]
-        return [
-            Resource(
-                uri=f"pomona://runs/{run.run}/{part}",
-                name=f"{run.run} {part}",
-                mime_type="text/plain",
+            self.add_tool(
+                _refusing(tool), description=about, annotations=notes, structured_output=False
             )
-            for run in runs
-            for part in PARTS
-        ]
-
-    async def run_stdio_async(self) -> None:
-        """Serve standard input and output; a line that holds no message is logged, and answered with an error."""
-        if isinstance(sys.stdin, io.TextIOWrapper):
-            sys.stdin.reconfigure(encoding="utf-8", errors="replace")
-        lines = ReadableLines(sys.stdin, self._unreadable)
-        async with stdio_server(stdin=lines) as (messages, answers):  # type: ignore[arg-type]  # it only iterates
-            lines.answer = answers.send
-            options = self._lowlevel_server.create_initialization_options()
-            await self._lowlevel_server.run(messages, answers, options)
-
-    def _unreadable(self, line: str, why: str) -> None:
-        with contextlib.suppress(OSError):  # the answer is an error in any case
-            self._log.write(self._log.number(), "unreadable", {"line": line}, why, 0.0)
+        self.middleware.append(self._logged)
 
     async def _logged(self, ctx: Context, call_next: Next) -> HandlerResult:
         """Answer a request, and log it before the answer is given."""
-        if ctx.method not in LOGGED:
+        if ctx.method != "tools/call":
             return await call_next(ctx)
         call, began = self._log.number(), time.monotonic()
         call_number.set(call)
@@ -137,7 +99,7 @@ class DoorServer(MCPServer[Any]):
             return None, error
 
 
-def _refusing(function: Callable[..., str], kind: type[Exception]) -> Callable[..., str]:
+def _refusing(function: Callable[..., str]) -> Callable[..., str]:
     """Return the function with its anticipated errors as those of the protocol."""
 
     @functools.wraps(function)
@@ -145,9 +107,9 @@ def _refusing(function: Callable[..., str], kind: type[Exception]) -> Callable[.
         try:
             return function(*arguments, **options)
         except PomonaError as error:
-            raise kind(_line(str(error))) from None
+            raise ToolError(_line(str(error))) from None
         except OSError as error:
-            raise kind(f"{error.strerror or 'the system refuses it'}") from None
+            raise ToolError(f"{error.strerror or 'the system refuses it'}") from None
 
     return call
 

@@ -117,22 +117,11 @@ class Assistant:
 
         return self._ask(ask)
 
-    def read(self, uri: str) -> str:
-        """Return the text of a resource. Raises Refused."""
+    def listed(self) -> list[str]:
+        """Return the names of the tools."""
 
-        async def ask(client: Client) -> str:
-            return "".join(part.text for part in (await client.read_resource(uri)).contents)
-
-        return self._ask(ask)
-
-    def listed(self) -> tuple[list[str], list[str]]:
-        """Return the names of the tools and the addresses of the resources."""
-
-        async def ask(client: Client) -> tuple[list[str], list[str]]:
-            tools, resources = await client.list_tools(), await client.list_resources()
-            return [tool.name for tool in tools.tools], [
-                str(resource.uri) for resource in resources.resources
-            ]
+        async def ask(client: Client) -> list[str]:
+            return [tool.name for tool in (await client.list_tools()).tools]
 
         return self._ask(ask)
 

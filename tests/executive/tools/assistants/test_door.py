@@ -55,14 +55,6 @@ class TestRecords:
         assistant.call("list_files")
         assert CallLog(assistant.folder / "runs").number() == 2
 
-    def test_records_are_listed_as_resources(self, assistant: Assistant) -> None:
-        assert assistant.listed()[1] == []
-        run = json.loads(assistant.call("run", tree="look.yaml"))["run"]
-        assert assistant.listed()[1] == [
-            f"pomona://runs/{run}/summary",
-            f"pomona://runs/{run}/explanation",
-        ]
-
 
 class TestApprovals:
     def ask(self, assistant: Assistant) -> Path:
