@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import logging
 import re
@@ -11,11 +12,17 @@ from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from http.client import HTTPException
+from itertools import islice
+from pathlib import Path
 from urllib.error import HTTPError
 from urllib.parse import urlsplit
 
 from pomona.executive.errors import UsageError
+from pomona.executive.recording.index import RunIndex
+from pomona.executive.run_views import RunView, ViewedRun
 from pomona.executive.running.events import Event, RunEnded, RunStarted
+from pomona.executive.values.kinds import Measure
+from pomona.executive.values.units import RATIO
 
 logger = logging.getLogger(__name__)
 
@@ -42,7 +49,7 @@ class AlertRule:
 
 
 class Alerts:
-    """Counts the outcomes of runs. Subscribe `on_event` to their streams; sends one alert when the rate falls below."""
+    """Counts the outcomes of runs. Sends one alert when the rate falls below."""
 
     def __init__(self, rule: AlertRule, before: Iterable[tuple[bool, str]] = ()) -> None:
         """
@@ -55,10 +62,6 @@ class Alerts:
         self._told = self._is_low()
         self._run, self._counted = "", False
         self._teller: threading.Thread | None = None
-
-    def on_event(self, event: Event) -> None:
-        """Take one event; returns at once."""
-        self.take(event)
 
     def take(self, event: Event) -> threading.Thread | None:
         """Take an event; return the thread that sends an alert, if there is one to send."""
@@ -158,3 +161,49 @@ def _unusable(address: str) -> str:
         if address.isascii() and not re.search(r"[\s\x00-\x1f\x7f]", address)
         else "a blank or such a sign is in it"
     )
+
+
+def outcomes_in(records: Path, most: int) -> list[tuple[bool, str]]:
+    """Of the newest recorded runs that have ended, oldest first: whether each succeeded, and its code if not."""
+    ended = (run for run in RunIndex(records).read() if run.outcome is not None)
+    return [(run.outcome == "success", run.code or "") for run in islice(ended, max(most, 0))][::-1]
+
+
+class AlertView(RunView):
+    """Alerts when the success rate of runs is too low."""
+
+    _alerts: Alerts
+
+    def add(self, parser: argparse.ArgumentParser) -> None:
+        parser.add_argument(
+            "--alert-to",
+            metavar="URL",
+            help="post a JSON object to URL when the success rate is below --alert-below",
+        )
+        parser.add_argument(
+            "--alert-below",
+            type=Measure(RATIO, low="0 %", high="100 %").option,
+            default=0.8,
+            metavar="SHARE",
+            help="minimum success rate of the last runs (default: 80%%)",
+        )
+        parser.add_argument(
+            "--alert-over",
+            type=int,
+            default=20,
+            metavar="N",
+            help="number of last runs for the success rate (default: 20)",
+        )
+
+    def open(self, options: argparse.Namespace, run: ViewedRun) -> bool:
+        if options.alert_to is None:
+            return False
+        rule = AlertRule(options.alert_to, options.alert_below, options.alert_over)
+        self._alerts = Alerts(rule, outcomes_in(options.record, rule.over))
+        return True
+
+    def on_event(self, event: Event) -> None:
+        self._alerts.take(event)
+
+    def close(self) -> None:
+        self._alerts.wait()

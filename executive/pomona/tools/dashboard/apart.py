@@ -41,9 +41,6 @@ HEARTBEAT = 0.25
 PICTURES = 2
 """Heartbeats from one picture of a camera to the next."""
 
-CALLS = frozenset({"require", "take", "release", "acknowledge", "act", "safe_stop"})
-"""Methods of `ControlLock` that pages may call."""
-
 NEVER_LATE = frozenset({"require", "release", "safe_stop", "judge"})
 """Calls that set nothing in motion."""
 
@@ -197,6 +194,4 @@ class PageProcess:
             return self._start_run(*arguments)
         if name == "judge":
             return self._judge_form(*arguments)
-        if name not in CALLS:
-            raise UsageError(f"'{name}' is no call of the page")
-        return getattr(self.control, name)(*arguments)
+        return self.control.call(name, *arguments)

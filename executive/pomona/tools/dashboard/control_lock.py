@@ -10,15 +10,15 @@ from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.built import Side
-from pomona.executive.language.changes import ChangeRefusedError
-from pomona.executive.running.requests import AnswerRefusedError, UnknownFaultError
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.starting import Permit, Starting
 from pomona.executive.running.tick import BREAK_ACTIONS, UnknownNodeError
-from pomona.executive.speed import SpeedRefusedError, speed_of
+from pomona.executive.speed import speed_of
 from pomona.tools.dashboard.messages import picture_message
 
 ACTIONS = ("pause", "resume", "step", "stop")
+CALLS = frozenset({"require", "take", "release", "acknowledge", "act", "safe_stop"})
+"""Methods of `ControlLock` that pages may call."""
 
 CANCELLED = (
     "the run that was being prepared does not begin"  # answer to a safe stop during a preparation
@@ -69,20 +69,8 @@ class RunControl(Protocol):
     def silent(self) -> float:
         """Time since the run's process was heard [s]; 0 in the same process."""
 
-    def require(self, viewer: str) -> str:
-        """See `ControlLock`."""
-
-    def take(self, viewer: str, who: str) -> None:
-        """See `ControlLock`."""
-
-    def release(self, viewer: str) -> None:
-        """See `ControlLock`."""
-
-    def acknowledge(self, viewer: str) -> None:
-        """See `ControlLock`."""
-
-    def act(self, viewer: str, action: str, detail: str = "", number: int = 0) -> None:
-        """See `ControlLock`."""
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Carry out one of `CALLS`, a method of `ControlLock`. Raises RefusedError: it is not carried out."""
 
     def safe_stop(self, who: str) -> str:
         """See `ControlLock`."""
@@ -112,6 +100,12 @@ class ControlLock:
         ] = {}  # breakpoints, which the next run gets as well
 
     silent = 0.0
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """See `RunControl`."""
+        if name not in CALLS:
+            raise RefusedError(f"'{name}' is no call of the page")
+        return getattr(self, name)(*arguments)
 
     @property
     def standing(self) -> ControlStatus:
@@ -317,49 +311,34 @@ class ControlLock:
             self._runner.state.ended and not latched
         ):  # a broken device may be repaired
             raise RefusedError("nothing is running")
+        try:
+            self._carry_out(self._runner, who, action, detail, number)
+        except PomonaError as error:  # of a changed tree file as well
+            raise RefusedError(str(error)) from None
+
+    def _carry_out(self, runner: Runner, who: str, action: str, detail: str, number: int) -> None:
         if action == "answer":
             choice, _, path = detail.rpartition(" ← ")
-            try:
-                self._runner.answer(path, number, choice, who)
-            except AnswerRefusedError as error:
-                raise RefusedError(str(error)) from None
-        elif action in ("resume", "step"):
-            try:
-                self._runner.resume(number, who) if action == "resume" else self._runner.step(
-                    number, who
-                )
-            except AnswerRefusedError as error:
-                raise RefusedError(str(error)) from None
+            runner.answer(path, number, choice, who)
+        elif action == "resume":
+            runner.resume(number, who)
+        elif action == "step":
+            runner.step(number, who)
         elif action == "change":
             said, _, path = detail.rpartition(" ← ")
             port, _, value = said.partition("=")
-            try:
-                self._runner.change(path, port.strip(), value.strip(), who)
-            except ChangeRefusedError as error:
-                raise RefusedError(str(error)) from None
+            runner.change(path, port.strip(), value.strip(), who)
         elif action == "reload":
-            try:
-                self._runner.reload(number, who)
-            except PomonaError as error:  # of the file as well
-                raise RefusedError(str(error)) from None
+            runner.reload(number, who)
         elif action == "speed":
-            try:
-                self._runner.set_speed(speed_of(detail), who)
-            except SpeedRefusedError as error:
-                raise RefusedError(str(error)) from None
+            runner.set_speed(speed_of(detail), who)
         elif action == "fail":
             switch, _, kind = detail.partition(" ")
-            try:
-                self._runner.fail(switch, kind, who)
-            except UnknownFaultError as error:
-                raise RefusedError(str(error)) from None
+            runner.fail(switch, kind, who)
         elif action in BREAK_ACTIONS:
             side, on = BREAK_ACTIONS[action]
-            try:
-                self._runner.break_at(detail, side, on, who)
-            except UnknownNodeError as error:
-                raise RefusedError(str(error)) from None
+            runner.break_at(detail, side, on, who)
             self._breaks.pop((detail, side), None)
             self._breaks |= {(detail, side): None} if on else {}
         else:
-            getattr(self._runner, action)(who)
+            getattr(runner, action)(who)

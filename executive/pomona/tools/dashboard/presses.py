@@ -75,21 +75,15 @@ class Presses:
         if action == "safe_stop":
             confirmed = await loop.run_in_executor(self._stopping, self._lock.safe_stop, who)
         else:
-            carry_out = self._decide(action, viewer, number_of(body))
-            await loop.run_in_executor(self._acting, carry_out, who, text(body, "detail"))
+            name, *arguments = {
+                "take": ("take", viewer, who),
+                "release": ("release", viewer),
+                "acknowledge": ("acknowledge", viewer),
+            }.get(action, ("act", viewer, action, text(body, "detail"), number_of(body)))
+            await loop.run_in_executor(self._acting, self._lock.call, name, *arguments)
         held = self._lock.standing.holder
         yours = bool(viewer) and held.viewer == viewer
         return {"held_by": held.who, "grant": held.grant, "yours": yours, "confirmed": confirmed}
-
-    def _decide(self, action: str, viewer: str, number: int) -> Callable[[str, str], None]:
-        lock = self._lock
-        if action == "take":
-            return lambda who, _detail: lock.take(viewer, who)
-        if action == "release":
-            return lambda _who, _detail: lock.release(viewer)
-        if action == "acknowledge":
-            return lambda _who, _detail: lock.acknowledge(viewer)
-        return lambda _who, detail: lock.act(viewer, action, detail, number)
 
 
 def now() -> float:

@@ -78,26 +78,6 @@ class RemoteControl:
         except OSError:
             raise RefusedError("the run's process has ended") from None
 
-    def require(self, viewer: str) -> str:
-        """See `ControlLock`."""
-        return str(self.call("require", viewer))
-
-    def take(self, viewer: str, who: str) -> None:
-        """See `ControlLock`."""
-        self.call("take", viewer, who)
-
-    def release(self, viewer: str) -> None:
-        """See `ControlLock`."""
-        self.call("release", viewer)
-
-    def acknowledge(self, viewer: str) -> None:
-        """See `ControlLock`."""
-        self.call("acknowledge", viewer)
-
-    def act(self, viewer: str, action: str, detail: str = "", number: int = 0) -> None:
-        """See `ControlLock`."""
-        self.call("act", viewer, action, detail, number)
-
     def safe_stop(self, who: str) -> str:
         """See `ControlLock`. A run that is being prepared needs no answer of its process: it has lost its permit.
 

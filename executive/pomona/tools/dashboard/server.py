@@ -439,7 +439,7 @@ class Dashboard:
         assert start_run is not None
 
         def begin() -> str:
-            self._control.require(text(body, "viewer"))
+            self._control.call("require", text(body, "viewer"))
             return start_run(body)
 
         return {"tree": await asyncio.to_thread(begin)}

@@ -19,8 +19,7 @@ from pomona.executive.reasons import Reason
 from pomona.executive.recording.recorder import Recorder
 from pomona.executive.running.events import RunEnded, RunStarted
 from pomona.tools.dashboard import alerts as module
-from pomona.tools.dashboard.alert_options import outcomes_in
-from pomona.tools.dashboard.alerts import AlertRule, Alerts
+from pomona.tools.dashboard.alerts import AlertRule, Alerts, outcomes_in
 
 LONG = 60.0
 """Seconds that a busy machine may take."""
