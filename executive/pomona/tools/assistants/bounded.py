@@ -64,7 +64,8 @@ class BoundedCommands:
             folder: where they run and what they read.
             records: where they write.
         """
-        self._folder, self._records = folder, records
+        self._folder = folder
+        self._records = records
 
     def __call__(self, words: Sequence[str], limit: float) -> Answer:
         """See `Commands`."""
@@ -91,9 +92,11 @@ class BoundedCommands:
                 start_new_session=True,
             )
             try:
-                status, problem = process.wait(limit), ""
+                status = process.wait(limit)
+                problem = ""
             except subprocess.TimeoutExpired:
-                status, problem = STOPPED, f"stopped after its limit of {limit:g} s"
+                status = STOPPED
+                problem = f"stopped after its limit of {limit:g} s"
             finally:
                 _end(process)
             return Answer(status, _text(out), problem or _text(err))

@@ -80,7 +80,8 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _print_requests(folder: WorkFolder) -> int:
-    console, requests = Screen(), Approvals(folder.root, folder.records).open()
+    console = Screen()
+    requests = Approvals(folder.root, folder.records).open()
     for request in requests:
         for paragraph in described(read_request(request), folder.records):
             console.print(paragraph, soft_wrap=True)

@@ -48,12 +48,10 @@ class Door:
             most_runs: simulated runs that may be started.
             limit: of the time of a run [s].
         """
-        self.folder, self._commands, self._limit, self.most_runs = (
-            folder,
-            commands,
-            limit,
-            most_runs,
-        )
+        self.folder = folder
+        self._commands = commands
+        self._limit = limit
+        self.most_runs = most_runs
         self.runs_started = 0
         self.approvals = Approvals(folder.root, folder.records)
         self._lock = threading.Lock()
@@ -302,7 +300,8 @@ class Door:
             raise UsageError(
                 f"the tree has {checked['errors']} errors on this cell: `check` lists them"
             )
-        target, where = self.folder.tree(tree), self.folder.cell(cell)
+        target = self.folder.tree(tree)
+        where = self.folder.cell(cell)
         name = self.approvals.ask(target, where, seed, settings or {}, reason, call_number.get())
         return f"request {name} is written. The operator reads it and starts the run, or does not; `runs` lists it then."
 

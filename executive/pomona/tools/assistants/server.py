@@ -47,7 +47,8 @@ class DoorServer(MCPServer[Any]):
             log_level="CRITICAL",
             subscriptions=False,
         )
-        self._door, self._log = door, log
+        self._door = door
+        self._log = log
         for tool in door.tools():
             notes = ToolAnnotations(
                 destructive_hint=tool.__name__ == "write_file", open_world_hint=False
@@ -62,7 +63,8 @@ class DoorServer(MCPServer[Any]):
         """Answer a request, and log it before the answer is given."""
         if ctx.method != "tools/call":
             return await call_next(ctx)
-        call, began = self._log.number(), time.monotonic()
+        call = self._log.number()
+        began = time.monotonic()
         call_number.set(call)
         asked = {key: value for key, value in (ctx.params or {}).items() if key != "_meta"}
         answer, refusal = await self._answered(ctx, call_next, asked)

@@ -60,13 +60,15 @@ class Alerts:
         self._rule = rule
         self._outcomes: deque[tuple[bool, str]] = deque(before, maxlen=rule.over)
         self._told = self._is_low()
-        self._run, self._counted = "", False
+        self._run = ""
+        self._counted = False
         self._teller: threading.Thread | None = None
 
     def take(self, event: Event) -> threading.Thread | None:
         """Take an event; return the thread that sends an alert, if there is one to send."""
         if isinstance(event, RunStarted):
-            self._run, self._counted = event.run, False
+            self._run = event.run
+            self._counted = False
         if not isinstance(event, RunEnded):
             return None
         if (
@@ -83,7 +85,8 @@ class Alerts:
         """Count one more run; return the thread that sends an alert, if there is one to send."""
         self._outcomes.append((good, "" if good else code))
         low = self._is_low()
-        tells, self._told = low and not self._told, low
+        tells = low and not self._told
+        self._told = low
         if not tells:
             return None
         share = self._share()

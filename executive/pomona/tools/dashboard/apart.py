@@ -58,7 +58,8 @@ class PageProcess:
     """Starts the page's process, sends it events, and carries out the requests of its pages."""
 
     def __init__(self, access: Access, records: Path) -> None:
-        self.access, self.records = access, records
+        self.access = access
+        self.records = records
         self.viewers = 0
         """Pages that are open."""
         self._permit = Permit.create()
@@ -78,7 +79,9 @@ class PageProcess:
         self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}
     ) -> None:
         """Let the page start runs of these trees on these cells. Before `start`."""
-        self._start_run, self._choices, self._judge_form = start_run, choices, judge_form
+        self._start_run = start_run
+        self._choices = choices
+        self._judge_form = judge_form
 
     def on_event(self, event: Event) -> None:
         """Take one event of a run; returns at once.
@@ -178,7 +181,8 @@ class PageProcess:
                 ).start()
 
     def _carry_out(self, number: int, name: str, arguments: Sequence[Any], asked: float) -> None:
-        value, refusal = None, ""
+        value = None
+        refusal = ""
         try:
             value = self._call(name, arguments, time.monotonic() - asked)
         except PomonaError as error:

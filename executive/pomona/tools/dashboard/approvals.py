@@ -25,7 +25,8 @@ from pomona.executive.terminal.output import json_text
 from pomona.executive.values.findings import Findings
 
 PLACE = "approvals"  # folder of the requests, in the folder of records
-REQUEST, DIFFERENCE = "request.json", "difference.patch"
+REQUEST = "request.json"
+DIFFERENCE = "difference.patch"
 MOST_OPEN = 20  # requests that wait; more would hide each other
 MOST_REASON = 1000  # characters
 
@@ -56,7 +57,9 @@ class Approvals:
             root: the assistant's folder.
             records: of its runs.
         """
-        self._root, self._records, self._place = root, records, records / PLACE
+        self._root = root
+        self._records = records
+        self._place = records / PLACE
 
     def open(self) -> list[Path]:
         """Return the requests, oldest first."""

@@ -49,7 +49,8 @@ class Asides:
         if self._search is None:
             return {}
         run, command = self._search
-        over, lines = command.over, list(command.lines)
+        over = command.over
+        lines = list(command.lines)
         answer = json.loads(lines[-1]) if over and lines and lines[-1].startswith("{") else None
         return {
             "run": run,

@@ -37,11 +37,13 @@ def cloud_of_messages(image: bytes, depth: bytes, pinhole: Any) -> dict[str, str
     """The same from a record: the messages of image and depth, and the camera of their event; empty without depth."""
     if not isinstance(pinhole, dict) or pinhole.get("T_base_camera") is None:
         return {}
-    jpeg, png = _coded(image), _coded(depth)
+    jpeg = _coded(image)
+    png = _coded(depth)
     size = size_of_image(jpeg)
     if size_of_image(png) != size or not 0 < math.prod(size) <= MOST_PIXELS:
         return {}  # before anything is unpacked
-    colour, millimetres = from_file(jpeg), from_file(png)
+    colour = from_file(jpeg)
+    millimetres = from_file(png)
     if colour.ndim != 3 or millimetres.ndim != 2 or colour.shape[:2] != millimetres.shape:
         return {}
     fx, fy, cx, cy = (float(pinhole[name]) for name in ("fx", "fy", "cx", "cy"))
@@ -62,7 +64,9 @@ def _packed(
     v, u = np.mgrid[step // 2 : depth.shape[0] : step, step // 2 : depth.shape[1] : step]
     z = depth[v, u].astype(np.float64)
     seen = np.isfinite(z) & (z > 0.0) & (z < FARTHEST)
-    u, v, z = u[seen], v[seen], z[seen]
+    u = u[seen]
+    v = v[seen]
+    z = z[seen]
     if not z.size:
         return None
     p_camera = np.stack(

@@ -77,7 +77,9 @@ class Launcher:
         choices: Choices,
         views: RunViews | None = None,
     ) -> None:
-        self._dashboard, self._record, self._choices = dashboard, record, choices
+        self._dashboard = dashboard
+        self._record = record
+        self._choices = choices
         self._views = views
         self._thread: threading.Thread | None = None
         self._starting: Starting | None = None
@@ -173,7 +175,8 @@ class Launcher:
                 self._thread.join()
 
     def _order(self, form: dict[str, Any]) -> RunOrder:
-        seed, settings = form.get("seed", 0), form.get("settings", {})
+        seed = form.get("seed", 0)
+        settings = form.get("settings", {})
         if not isinstance(seed, int) or isinstance(seed, bool):
             raise UsageError("the seed must be a whole number")
         if not isinstance(settings, dict) or not all(
@@ -184,12 +187,16 @@ class Launcher:
             speed = speed_of(str(form.get("speed", "100 %")))
         except SpeedRefusedError as error:
             raise UsageError(str(error)) from None
-        dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
+        dry = form.get("dry") is True
+        after_cut = form.get("after_cut", "")
         if (
             "request" in form
         ):  # what it asks for is what the page has shown, and nothing of the form
             asked = find_request(self._record.resolve(), form["request"], form.get("version"))
-            tree, cell, seed, settings = asked.tree, asked.cell, asked.seed, dict(asked.settings)
+            tree = asked.tree
+            cell = asked.cell
+            seed = asked.seed
+            settings = dict(asked.settings)
         else:
             tree = self._choices.tree(form.get("tree"))
             cell = self._choices.cell(form.get("cell", default_name("cell")))

@@ -193,7 +193,8 @@ class ControlLock:
     def prepare(self, tree: str) -> Starting:
         """Note the preparation of a run of this tree; `execute` reports to the result until `serve`."""
         starting = Starting(self._changed, self._permit)
-        self._starting, self._problem = (tree, starting), None
+        self._starting = (tree, starting)
+        self._problem = None
         self._changed()
         return starting
 
@@ -250,7 +251,8 @@ class ControlLock:
 
         Raises RefusedError: the viewer does not hold control.
         """
-        who, starting = self.require(viewer), self._starting
+        who = self.require(viewer)
+        starting = self._starting
         if starting is None or starting[1].stage is None:
             return False
         starting[1].cancel(f"cancelled by {who}", who)
@@ -265,7 +267,8 @@ class ControlLock:
         Raises RefusedError: the cell did not take it.
         """
         because = f"safe stop by {who}"
-        starting, runner = self._starting, self._runner
+        starting = self._starting
+        runner = self._runner
         if starting is not None and starting[1].stage is not None:
             starting[1].cancel(because, who)
             return CANCELLED

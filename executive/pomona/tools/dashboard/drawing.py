@@ -174,7 +174,8 @@ class _Box:
 
 def show_svg(document: Document) -> str:
     """Return the tree as an SVG picture without scripts, styles from outside or links."""
-    title, root = escape(document.main.name), outline(document)
+    title = escape(document.main.name)
+    root = outline(document)
     box = None if root is None else _boxes(root, MARGIN)
     high = MARGIN + (MARGIN if box is None else _place(box, MARGIN))
     wide = MARGIN + max(320.0, 0.0 if box is None else _right(box))
@@ -215,7 +216,8 @@ def _right(box: _Box) -> float:
 
 def _lines(box: _Box) -> Iterator[str]:
     """From each box to its children."""
-    x, y = box.x + box.width, box.y
+    x = box.x + box.width
+    y = box.y
     for child in box.children:
         dash = ' stroke-dasharray="4 3"' if child.branch.lead.startswith("on ") else ""
         bend = f"{x + 20:.1f} {y:.1f} {x + 12:.1f} {child.y:.1f} {x + STEP - 8:.1f} {child.y:.1f}"
@@ -228,8 +230,10 @@ def _lines(box: _Box) -> Iterator[str]:
 
 
 def _drawn(box: _Box) -> Iterator[str]:
-    branch, colour = box.branch, box.branch.type.colour
-    top, leaf = box.y - box.height / 2, not branch.branches
+    branch = box.branch
+    colour = box.branch.type.colour
+    top = box.y - box.height / 2
+    leaf = not branch.branches
     about = "\n".join(filter(None, (branch.name, branch.ports, *branch.modifiers, branch.comment)))
     yield f"<g><title>{escape(about)}</title>"
     at = box.x
@@ -238,7 +242,8 @@ def _drawn(box: _Box) -> Iterator[str]:
         yield _rectangle(at, top - PILL - 3, wide, PILL, f'rx="8" fill="#ffffff" stroke="{RULE}"')
         yield _text(at + wide / 2, top - 6.5, words, SMALL, MUTED, ' text-anchor="middle"')
         at += wide + 4.0
-    corner, shape = 4 if leaf else 12, (box.x, top, box.width, box.height)
+    corner = 4 if leaf else 12
+    shape = (box.x, top, box.width, box.height)
     yield _rectangle(*shape, f'rx="{corner}" fill="#ffffff"')
     yield _rectangle(*shape, f'rx="{corner}" fill="{colour}" fill-opacity="0.07" stroke="{colour}"')
     bold = ' font-weight="600"' if leaf else ""

@@ -119,7 +119,8 @@ class Viewer:
         self.lagged = False
         self.armed = False
         """Whether the page has shown the token: its presses are carried out."""
-        self.page, self.last_seen = "", 0.0
+        self.page = ""
+        self.last_seen = 0.0
         """The page's own id, and when it asked last whether it is heard."""
 
     def tell(self, event: str, **fields: Any) -> None:
@@ -256,7 +257,8 @@ class Hub:
             self._pictures.clear()
             self._last_words.clear()
             self._history_size = 0
-            self._start, self._forgotten = (seq, text), 0
+            self._start = (seq, text)
+            self._forgotten = 0
         elif slot == "picture":
             self._pictures[key] = (seq, text)
         else:

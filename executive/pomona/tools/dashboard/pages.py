@@ -163,7 +163,8 @@ def _figure(look: _Look) -> str:
         words = f"{caption}{''.join(_key(lines))}"
         overlay = _overlay(look.jpeg, lines)
     except (ValueError, TypeError, KeyError, AttributeError):  # a foreign record
-        words, overlay = caption, ""
+        words = caption
+        overlay = ""
     return f"<figure>{image}{overlay}<figcaption>{words}</figcaption></figure>"
 
 

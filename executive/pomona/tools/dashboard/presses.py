@@ -68,8 +68,10 @@ class Presses:
         return await asyncio.shield(self._answers[press])
 
     async def _carry_out(self, body: dict[str, Any]) -> dict[str, Any]:
-        action, viewer = text(body, "action"), text(body, "viewer")
-        who, confirmed = text(body, "who")[:60] or "operator", ""
+        action = text(body, "action")
+        viewer = text(body, "viewer")
+        who = text(body, "who")[:60] or "operator"
+        confirmed = ""
         refuse_late(body, SAFE_STOP_PATIENCE if action == "safe_stop" else PATIENCE)
         loop = asyncio.get_running_loop()
         if action == "safe_stop":

@@ -63,7 +63,8 @@ class _Read:
     """One kind of read, as an application."""
 
     def __init__(self, reading: RecordReading, answer: Callable[[Request], Response]) -> None:
-        self._reading, self._answer = reading, answer
+        self._reading = reading
+        self._answer = answer
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         await self._reading.respond(self._answer, scope, receive, send)

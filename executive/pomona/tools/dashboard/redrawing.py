@@ -21,7 +21,8 @@ def redrawing(folder: Path, until: float) -> str | None:
     first = drawing(folder)
     if first is None or until <= 0.0:
         return first
-    text, path = (folder / "tree.yaml").read_text("utf-8"), ""
+    text = (folder / "tree.yaml").read_text("utf-8")
+    path = ""
     for found in scan(events_file(folder), topics=EVENTS.__eq__):
         if found.content.startswith(_BEGINS):
             event = parse_object(found.content)
@@ -34,12 +35,17 @@ def redrawing(folder: Path, until: float) -> str | None:
 
 def patched(text: str, difference: str, name: str) -> str:
     """Return a text after the changes of the file `name` in a unified diff without context."""
-    lines, rows, at, here, shift = text.splitlines(), difference.splitlines(), 0, False, 0
+    lines = text.splitlines()
+    rows = difference.splitlines()
+    at = 0
+    here = False
+    shift = 0
     while at < len(rows):
         hunk = _HUNK.match(rows[at])
         if hunk is None:
             if rows[at].startswith("--- "):
-                here, shift = rows[at] == f"--- {name}", 0
+                here = rows[at] == f"--- {name}"
+                shift = 0
             at += 1
             continue
         old, new = (int(count) if count else 1 for count in hunk.group(2, 3))

@@ -168,7 +168,8 @@ class RequestGuard:
     """Middleware: refuses foreign hosts and origins, and adds the protective headers to every answer."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
-        self._app, self._access = app, access
+        self._app = app
+        self._access = access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):

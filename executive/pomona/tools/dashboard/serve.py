@@ -96,7 +96,8 @@ class ServedDashboard(Dashboard):
     """A dashboard that counts its viewers for the run's process."""
 
     def __init__(self, access: Access, records: Path, remote: RemoteControl) -> None:
-        self._remote, self._told = remote, 0
+        self._remote = remote
+        self._told = 0
         super().__init__(access, records, remote)
 
     def announce(self) -> None:

@@ -89,7 +89,8 @@ class Dashboard:
             records: folder of the recorded runs.
             remote: the run's control where that is in another process; None: `control`, here.
         """
-        self.access, self.records = access, records
+        self.access = access
+        self.records = records
         self.hub = Hub()
         self.control = ControlLock(self.announce)
         self._control: RunControl = remote or self.control
@@ -135,7 +136,9 @@ class Dashboard:
         self, start_run: StartRun, choices: Choices, judge_form: JudgeForm = lambda _form: {}
     ) -> None:
         """Let the page start runs of these trees on these cells."""
-        self._start_run, self._choices, self._judge_form = start_run, choices, judge_form
+        self._start_run = start_run
+        self._choices = choices
+        self._judge_form = judge_form
         self.announce()
 
     def on_event(self, event: Event) -> None:
@@ -186,7 +189,8 @@ class Dashboard:
     async def _beat(self) -> None:
         while True:
             await asyncio.sleep(BEAT)
-            standing, silent = self._control.standing, self._control.silent
+            standing = self._control.standing
+            silent = self._control.silent
             if self._is_here(standing.holder.viewer) != self._holder_here or standing.is_preparing:
                 self.announce()
             if (
@@ -418,7 +422,8 @@ class Dashboard:
         return {"link": self._asides.edit(tree)}
 
     def _why(self, body: dict[str, Any]) -> dict[str, Any]:
-        run, standing = text(body, "run"), self._control.standing
+        run = text(body, "run")
+        standing = self._control.standing
         if body.get("stop") is True:
             self._asides.stop_search()
         elif standing.is_preparing or standing.signs is not None:

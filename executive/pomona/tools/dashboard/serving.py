@@ -40,7 +40,9 @@ class HttpService:
     def __init__(self, app: Starlette, access: Access, most: int) -> None:
         """Listen where `access` has it, from `start` on; a message of a stream has `most` bytes."""
         self.server: _Server | None = None
-        self._app, self._access, self._most = app, access, most
+        self._app = app
+        self._access = access
+        self._most = most
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:

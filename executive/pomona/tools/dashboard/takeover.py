@@ -119,7 +119,8 @@ class MergedTree:
 
     def apply(self) -> BuiltTree:
         """Put the nodes of the file into the run's tree, and return that."""
-        old, new = self._running, self._behaviours
+        old = self._running
+        new = self._behaviours
         for parent, children in self._children:
             parent.children[:] = children  # in place: a tick that is held goes on with this list
             for child in children:
@@ -144,7 +145,8 @@ class MergedTree:
         """Return the paths of the nodes in which nothing has changed."""
         found = set[str]()
         for path in reversed([info.path for info in self._fresh.nodes]):
-            old, new = self._running.behaviours.get(path), self._fresh.behaviours[path]
+            old = self._running.behaviours.get(path)
+            new = self._fresh.behaviours[path]
             alike = old is not None and _paths(old) == _paths(new) and not self._difference(path)
             if alike and found.issuperset(_paths(new)):
                 found.add(path)
@@ -171,14 +173,16 @@ class MergedTree:
         return old
 
     def _merge_children(self, old: Behaviour, new: Behaviour) -> list[Behaviour]:
-        path, name = _path(new), self._now[_path(new)].name
+        path = _path(new)
+        name = self._now[_path(new)].name
         if word := self._difference(path):
             self._refuse(
                 path, f"{word} of {name} has changed, but this node has started in the present pass"
             )
         if _remembers(old):
             self._refuse(path, f"{name} has changed, but it keeps its state in the whole run")
-        was, now = _paths(old), _paths(new)
+        was = _paths(old)
+        now = _paths(new)
         passed = 1 + max((at for at, child in enumerate(was) if child in self._begun), default=-1)
         if was[:passed] != now[:passed]:
             at = next(
@@ -197,7 +201,8 @@ class MergedTree:
 
     def _difference(self, path: str) -> str:
         """Return a word of the node that has changed, or that uses a changed name; empty without one."""
-        was, now = self._was[path], self._now[path]
+        was = self._was[path]
+        now = self._now[path]
         for old, new in zip(_words(was), _words(now), strict=True):
             for word in {**old, **new}:
                 text = new.get(word, "")
@@ -252,7 +257,8 @@ def _words(info: NodeInfo) -> tuple[Mapping[str, str], ...]:
 
 def _changed_names(running: BuiltTree, fresh: BuiltTree) -> set[str]:
     """Return the names of parameters, constants, inputs and outputs that are declared otherwise than before."""
-    old, new = _declared(running), _declared(fresh)
+    old = _declared(running)
+    new = _declared(fresh)
     return {key[-1] for key in {**old, **new} if old.get(key) != new.get(key)}
 
 

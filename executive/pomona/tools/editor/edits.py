@@ -111,7 +111,8 @@ def apply(
             else "the text is no tree"
         )
         raise EditError(where)
-    patch, meant = TextPatch(tree), TreeContent(tree)
+    patch = TextPatch(tree)
+    meant = TreeContent(tree)
     getattr(EditedTree(tree, patch, meant, registry, Path(path)), edit.do)(edit)
     result = patch.result()
     _check(tree, patch, meant, result, edit)

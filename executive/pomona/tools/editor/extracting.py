@@ -27,7 +27,9 @@ def extract(
     Returns the call and the subtree's interface, as YAML. Raises EditError: the name cannot be used, or the wiring is
     not clear.
     """
-    tree, at, key = patch.tree, node.mapping, node.type_key
+    tree = patch.tree
+    at = node.mapping
+    key = node.type_key
     if not NAME.fullmatch(name) or is_word(tree.types, name):
         raise EditError(
             f"'{name}' is no name for a subtree: use lower-case letters, digits and _", node.id
@@ -67,7 +69,8 @@ def extract(
 
 def _declare(patch: TextPatch, lines: list[str]) -> None:
     """Put a subtree last among the file's subtrees."""
-    tree, top = patch.tree, patch.tree.top
+    tree = patch.tree
+    top = patch.tree.top
     assert top is not None
     entry = top.entries.get("subtrees")
     if tree.is_flow(top) or (entry is not None and tree.is_flow(entry[1])):
@@ -101,8 +104,10 @@ class _Wiring:
     """Names of one definition that cross the border of a node."""
 
     def __init__(self, analysis: Analysis, node: WrittenNode) -> None:
-        self.analysis, self.at = analysis, node
-        file, prefix = analysis.document.main, node.id.partition("root")[0]
+        self.analysis = analysis
+        self.at = node
+        file = analysis.document.main
+        prefix = node.id.partition("root")[0]
         found = file.subtrees.get(prefix[:-1]) if prefix else file.main
         assert found is not None
         self.definition: Definition = found
@@ -117,7 +122,8 @@ class _Wiring:
         read_in: dict[str, bool] = {}  # whether a read in it needs a value
         written_in: dict[str, None] = {}
         early: dict[str, None] = {}  # read before it was written
-        read_out, written_out = set(self.definition.outputs), set[str]()
+        read_out = set(self.definition.outputs)
+        written_out = set[str]()
         for node in self.definition.root.walk():
             for layer in node.layers:
                 resolved = self.analysis.resolved.get((id(node), layer.key))

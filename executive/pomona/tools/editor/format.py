@@ -37,7 +37,8 @@ def formatted(text: str) -> str:
 
     Raises FormatError: it is no YAML, or could not be moved safely.
     """
-    found, before = _formatted_once(text), text
+    found = _formatted_once(text)
+    before = text
     while found != before:  # values that were aligned may not be so at their new places
         found, before = _formatted_once(found), found
     return found
@@ -109,7 +110,8 @@ class _Layout:
 
     def value(self, node: Any) -> None:
         """A scalar, or a value in braces or brackets: lines in its middle move with the one on which it begins."""
-        first, last = node.start_mark.line, node.end_mark.line
+        first = node.start_mark.line
+        last = node.end_mark.line
         block = isinstance(node, yaml.ScalarNode) and node.style in ("|", ">")
         if block:
             last -= node.end_mark.column == 0
@@ -155,7 +157,8 @@ def _spaced(lines: list[str]) -> list[str]:
 
     def between(one: Any, other: Any, fewest: int, most: int | None) -> None:
         """Set the number of spaces between two tokens on one line."""
-        end, start = one.end_mark, other.start_mark
+        end = one.end_mark
+        start = other.start_mark
         if end.line == start.line and end.column <= start.column:
             gap = start.column - end.column
             wanted = max(gap, fewest) if most is None else min(max(gap, fewest), most)
@@ -188,7 +191,8 @@ def _spaced(lines: list[str]) -> list[str]:
         elif isinstance(one, yaml.FlowEntryToken):
             between(one, other, 1, None)
         elif isinstance(one, yaml.ValueToken):
-            line, column = other.start_mark.line, other.start_mark.column
+            line = other.start_mark.line
+            column = other.start_mark.column
             aligned = {(line - 1, column), (line + 1, column)} & begins
             between(one, other, 1, None if aligned else 1)
         elif isinstance(other, yaml.ValueToken):

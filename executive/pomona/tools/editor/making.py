@@ -112,7 +112,9 @@ class EditedTree:
 
     def wrap(self, edit: TreeEdit) -> None:
         """Put a node into a word. Raises EditError: the word takes no children."""
-        node, kind, word = self.tree.node(edit.node), self.tree.types.get(edit.word), edit.word
+        node = self.tree.node(edit.node)
+        kind = self.tree.types.get(edit.word)
+        word = edit.word
         wrap(self.patch, node, word, edit.value)
         assert kind is not None
         content = self.meant.get(node.path)
@@ -155,7 +157,8 @@ class EditedTree:
         duplicate(self.patch, node)
         copy = content_of(node.at)
         for address, (scalar, name) in new_names(self.tree, node).items():
-            found, path = copy, self.tree.node(address).path[len(node.path) :]
+            found = copy
+            path = self.tree.node(address).path[len(node.path) :]
             for step in path:
                 found = found[step]
             found["name"] = (name, scalar.plain and quoted(name) == name)
@@ -163,7 +166,9 @@ class EditedTree:
 
     def rename(self, edit: TreeEdit) -> None:
         """Give a node, a subtree or the tree a name. Raises EditError: this is no name."""
-        node, name, findings = self.tree.node(edit.node), quoted(edit.name.strip()), Findings()
+        node = self.tree.node(edit.node)
+        name = quoted(edit.name.strip())
+        findings = Findings()
         if edit.name.strip():
             reader = NodeReader(findings, TreeFile(self.tree.source), self.tree.types)
             if reader.name(read_snippet(name, "the name", self.tree).at) is None:
@@ -174,7 +179,8 @@ class EditedTree:
 
     def set_modifier(self, edit: TreeEdit) -> None:
         """Set or remove a modifier. Raises EditError: it is none, or has no such value."""
-        node, word = self.tree.node(edit.node), edit.word
+        node = self.tree.node(edit.node)
+        word = edit.word
         own = node.kind.fields if node.mapping and node.kind is not None else {}
         if word not in ("name", "description", *self.tree.types.beside, *own):
             raise EditError(f"'{word}' is no modifier of {node.type_key.text}", node.id)
@@ -194,8 +200,12 @@ class EditedTree:
 
     def set_port(self, edit: TreeEdit) -> None:
         """Set or remove a port. Raises EditError: it has no such value."""
-        node, port = self.tree.node(edit.node), edit.word
-        at, key, value, kind = node.mapping, node.type_key, node.value, node.kind
+        node = self.tree.node(edit.node)
+        port = edit.word
+        at = node.mapping
+        key = node.type_key
+        value = node.value
+        kind = node.kind
         assert kind is not None
         if not kind.value.wires:
             if port != key.text or kind.value.nodes or edit.value is None:
@@ -235,7 +245,9 @@ class EditedTree:
 
     def comment(self, edit: TreeEdit) -> None:
         """Comment a node, on its line where it has a comment there and needs one line, else above it."""
-        node, patch, tree = self.tree.node(edit.node), self.patch, self.tree
+        node = self.tree.node(edit.node)
+        patch = self.patch
+        tree = self.tree
         lines = [line.strip() for line in edit.text.splitlines() if line.strip()]
         row = self.commented_row(node)
         first = row
@@ -259,7 +271,8 @@ class EditedTree:
 
     def commented_row(self, node: WrittenNode) -> int:
         """Return the line on which, or above which, the comment of a node stands."""
-        row, comments = node.at.line - 1, self.tree.source.comments
+        row = node.at.line - 1
+        comments = self.tree.source.comments
         if (
             row + 1 in comments
             or self.tree.is_comment(row - 1)
@@ -273,7 +286,8 @@ class EditedTree:
 
     def set_parameter(self, edit: TreeEdit) -> None:
         """Set or declare a parameter. Raises EditError: its type is missing."""
-        top, name = self.tree.top, edit.name
+        top = self.tree.top
+        name = edit.name
         assert top is not None
         written = top.get("parameters")
         declared = written if isinstance(written, YamlMapping) else None
@@ -324,7 +338,8 @@ class EditedTree:
         """Make a subtree of a node, and call it. Raises EditError: one of its inputs cannot be passed."""
         node = self.tree.node(edit.node)
         call, face = extract(self.patch, node, edit.name, self.registry, self.path)
-        key, meant = node.type_key.text, self.meant
+        key = node.type_key.text
+        meant = self.meant
         body = meant.take((*node.path, key))
         meant.get(node.path).update(self.content(call))
         subtree = {**self.content(face), "root": {key: body}}

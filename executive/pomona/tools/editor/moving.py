@@ -67,7 +67,8 @@ def place_to_fill(tree: WrittenTree, into: str, index: int, slot: str) -> NodePl
             )
         return NodePlaceToFill(into, at, "root", None)
     node = tree.node(into)
-    at, kind = node.mapping, node.kind
+    at = node.mapping
+    kind = node.kind
     assert kind is not None
     word = node.type_key.text if kind.value.nodes else ""
     if isinstance(kind.value, takes.Children) and slot in ("", word):
@@ -145,7 +146,8 @@ def put(
     if place.index is None:
         _put_below_word(patch, place, node)
         return
-    tree, items = patch.tree, place.items
+    tree = patch.tree
+    items = place.items
     if items is None or not items.items:
         _put_first(patch, place, node)
         return
@@ -174,7 +176,8 @@ def put(
 
 def _put_first(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
     """Put the first node into a list that is empty or not written."""
-    tree, entry = patch.tree, place.at.entries.get(place.word)
+    tree = patch.tree
+    entry = place.at.entries.get(place.word)
     assert entry is not None
     key, value = entry
     if not (isinstance(value, YamlList) or (isinstance(value, YamlScalar) and value.is_null)):
@@ -232,11 +235,15 @@ def _open_braces(
     patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode
 ) -> None:
     """Write a node that stands in braces on lines, since a new child has no place in them."""
-    tree, at, parent = patch.tree, place.at, patch.tree.node(place.parent)
-    start, column = tree.start(at), at.column - 1
+    tree = patch.tree
+    at = place.at
+    parent = patch.tree.node(place.parent)
+    start = tree.start(at)
+    column = at.column - 1
     if isinstance(parent.holder, YamlMapping):
         key = parent.holder.entries[str(parent.path[-1])][0]
-        start, column = patch.after_colon(key) or start, key.column - 1 + STEP
+        start = patch.after_colon(key) or start
+        column = key.column - 1 + STEP
     lines: list[str] = []
     for key, value in at.entries.values():
         if value is items:
@@ -256,7 +263,9 @@ def _open_braces(
 
 def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:
     """Put a node below a word: `then`, `on_failure`, a case, `root`."""
-    tree, at, word = patch.tree, place.at, quoted(place.word)
+    tree = patch.tree
+    at = place.at
+    word = quoted(place.word)
     if place.cases:
         found = at.get(place.cases)
         if not isinstance(found, YamlMapping) or not found.entries:
@@ -327,7 +336,8 @@ def take_out(patch: TextPatch, node: WrittenNode) -> None:
     """Take a node out, with its comments; a list without other nodes becomes `[]`.
 
     Raises EditError: its place may not be empty."""
-    tree, holder = patch.tree, node.holder
+    tree = patch.tree
+    holder = node.holder
     if isinstance(holder, YamlMapping):
         word = str(node.path[-1])
         if node.parent and tree.node(node.parent).type_key.text == word:

@@ -56,7 +56,8 @@ def _drawn(
     tree: WrittenTree, node: WrittenNode, read: tuple[dict[int, TreeNode], dict[int, str]]
 ) -> dict[str, Any]:
     found = read[0].get(id(node.at))
-    at, kind = node.at, node.kind
+    at = node.at
+    kind = node.kind
     entries: Mapping[str, tuple[YamlScalar, YamlNode]] = (
         at.entries if isinstance(at, YamlMapping) else {}
     )
@@ -85,7 +86,8 @@ def _holds_nodes(tree: WrittenTree, word: str) -> bool:
 
 def _ports(tree: WrittenTree, node: WrittenNode, word: str) -> list[dict[str, Any]]:
     """Return the ports of a node; the value of a word without ports is a port of its name."""
-    kind, value = node.kind, node.value
+    kind = node.kind
+    value = node.value
     if kind is None or node.key is None or value is None:  # a condition
         return [{"name": word, "text": tree.raw(node.at), "line": node.at.line}]
     if kind.value.wires:

@@ -59,7 +59,9 @@ class TextPatch:
 
     def result(self) -> str:
         """Return the text with all changes. Raises EditError: two of them overlap."""
-        text, out, at = self.tree.text, [], 0
+        text = self.tree.text
+        out = []
+        at = 0
         for start, end, new in sorted(
             self.changes, key=lambda change: (change[0], change[1] > change[0])
         ):
@@ -114,7 +116,9 @@ class TextPatch:
 
         Raises EditError: it does not stand on lines of its own.
         """
-        tree, item, column = self.tree, holder.items[index], holder.column - 1
+        tree = self.tree
+        item = holder.items[index]
+        column = holder.column - 1
         floor = tree.row(tree.end(holder.items[index - 1])) if index else holder.line - 2
         row = item.line - 1
         while row > floor and tree.line(row)[: column + 1].lstrip(" ") != "-":
@@ -126,7 +130,8 @@ class TextPatch:
 
     def entry_rows(self, key: YamlScalar, value: YamlNode) -> tuple[int, int, int]:
         """Return the lines of a key and its value: the first comment's, the key's, the last."""
-        tree, row = self.tree, key.line - 1
+        tree = self.tree
+        row = key.line - 1
         first = self.leading(row, key.column - 1) if tree.indent(row) == key.column - 1 else row
         last = max(tree.row(tree.end(value)), tree.row(tree.end(key)))
         return first, row, self.trailing(last, key.column - 1)
@@ -173,11 +178,14 @@ class TextPatch:
     def set_value(self, at: YamlMapping, key: YamlScalar, old: YamlNode, value: Snippet) -> None:
         """Put a value in the place of another."""
         tree = self.tree
-        start, end, colon = tree.start(old), tree.end(old), self.after_colon(key)
+        start = tree.start(old)
+        end = tree.end(old)
+        colon = self.after_colon(key)
         inside = tree.is_flow(at) or id(at) in tree.pairs
         flow = inside or value.on_one_line
         head, *rest = [f": {value.flow() if inside else value.line}"] if flow else value.below("")
-        new, rest = head[1:], [" " * (key.column - 1) + line if line else line for line in rest]
+        new = head[1:]
+        rest = [" " * (key.column - 1) + line if line else line for line in rest]
         if colon is None:
             self.replace(tree.end(key), tree.end(key), head)
         elif start == end:
@@ -220,7 +228,8 @@ class TextPatch:
         """Take an item out of braces or brackets, with its comma."""
         (start, end), count = spans[index], len(spans)
         if count == 1:
-            start, end = self.tree.start(at) + 1, self.tree.end(at) - 1
+            start = self.tree.start(at) + 1
+            end = self.tree.end(at) - 1
         elif index + 1 < count:
             end = spans[index + 1][0]
         else:
@@ -299,13 +308,15 @@ def in_braces(tree: WrittenTree, at: YamlNode) -> str:
 def read_snippet(text: str, what: str, tree: WrittenTree) -> Snippet:
     """Return a value given as YAML. Raises EditError: it is none."""
     text = text.replace("\r\n", "\n").rstrip() + "\n"
-    source, findings = Source("", text), Findings()
+    source = Source("", text)
+    findings = Findings()
     at = read_yaml(source, findings, what) if text.strip() else None
     found = findings.sorted()
     if at is None or found:
         raise EditError(f"{what} is no YAML: {found[0].message}" if found else f"{what} is empty")
     written = WrittenTree("", tree.types)
-    written.text, written.source = text, source
+    written.text = text
+    written.source = source
     written.starts = [0, *(match.end() for match in re.finditer("\n", text))]
     above = [written.line(row).strip() for row in range(at.line - 1)]
     if text[written.end(at) :].strip() or any(line and line[0] != "#" for line in above):
@@ -317,8 +328,10 @@ def read_snippet(text: str, what: str, tree: WrittenTree) -> Snippet:
 
 def lift(patch: TextPatch, node: WrittenNode) -> LiftedNode:
     """Return a node with its comments, as it stands; nothing is taken out."""
-    tree, at = patch.tree, node.at
-    start, column = tree.start(at), at.column - 1
+    tree = patch.tree
+    at = node.at
+    start = tree.start(at)
+    column = at.column - 1
     if isinstance(node.holder, YamlList) and tree.is_flow(node.holder):
         raw = tree.raw(at)
         text = raw if raw[:1] in ("{", "[") or not isinstance(at, YamlMapping) else f"{{{raw}}}"

@@ -84,7 +84,9 @@ def _quote_before(text: str) -> int | None:
 def _open_flow(text: str) -> tuple[tuple[str, ...], frozenset[str], str] | None:
     """Return keys around the end of a text in braces, keys beside it, and the key before it; None outside braces."""
     stack: list[tuple[str, set[str]]] = []
-    key, start, quote = "", 0, ""
+    key = ""
+    start = 0
+    quote = ""
     for index, character in enumerate(text):
         if quote:
             quote = "" if character == quote else quote
@@ -92,13 +94,16 @@ def _open_flow(text: str) -> tuple[tuple[str, ...], frozenset[str], str] | None:
             quote = character
         elif character in "{[":
             stack.append((key, set()))
-            key, start = "", index + 1
+            key = ""
+            start = index + 1
         elif character in "}]":
             if stack:
                 stack.pop()
-            key, start = "", index + 1
+            key = ""
+            start = index + 1
         elif character == ",":
-            key, start = "", index + 1
+            key = ""
+            start = index + 1
         elif character == ":" and stack:
             key = text[start:index].strip()
             stack[-1][1].add(key)
@@ -114,24 +119,27 @@ def _around(
     """Return keys around a column of a line, from the inside to the outside, and keys beside it."""
     parents: list[str] = []
     siblings: set[str] = set()
-    limit, item, beside = (
-        _first_dash(lines[row] if row < len(lines) else "", at),
-        dashed,
-        not dashed,
-    )
+    limit = _first_dash(lines[row] if row < len(lines) else "", at)
+    item = dashed
+    beside = not dashed
     for line in reversed(lines[:row]):
         found = _KEY.match(line)
         if found is None or line.lstrip().startswith("#"):
             continue
-        first, column = len(found[1]), len(found[1]) + len(found[2])
+        first = len(found[1])
+        column = len(found[1]) + len(found[2])
         if beside and column == at:
             siblings.add(found[3])
-            beside, limit, item = not found[2], first, bool(found[2])
+            beside = not found[2]
+            limit = first
+            item = bool(found[2])
         elif column < limit or (
             item and column == limit and not found[2]
         ):  # a list may stand as far left as its key
             parents.append(found[3])
-            beside, limit, item = False, first, bool(found[2])
+            beside = False
+            limit = first
+            item = bool(found[2])
     siblings |= _below(lines, row, at)
     return tuple(parents), frozenset(siblings)
 

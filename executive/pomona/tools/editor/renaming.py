@@ -18,7 +18,8 @@ class RenameRefused(ValueError):
 
 def spots_of_name(analysis: Analysis, definition: Definition, name: str) -> Iterator[Spot]:
     """Yield every place of a name: in braces, where it is declared, and where callers wire it."""
-    document, file = analysis.document, definition.file
+    document = analysis.document
+    file = definition.file
     shared = name in file.parameters and name not in definition.inputs
     inside = [d for d in document.definitions() if d.file is file] if shared else [definition]
     declared = [

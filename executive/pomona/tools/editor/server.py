@@ -165,7 +165,8 @@ def serve(cell: Path | None = None) -> TreeServer:
 
     @server.feature(lsp.TEXT_DOCUMENT_RENAME)
     def _(params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
-        service, uri = server.service(params.text_document.uri), params.text_document.uri
+        service = server.service(params.text_document.uri)
+        uri = params.text_document.uri
         try:
             spots = service.rename(
                 params.position.line, _column(service, params.position), params.new_name
@@ -182,7 +183,8 @@ def serve(cell: Path | None = None) -> TreeServer:
 
     @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
     def _(params: lsp.ReferenceParams) -> list[lsp.Location]:
-        service, uri = server.service(params.text_document.uri), params.text_document.uri
+        service = server.service(params.text_document.uri)
+        uri = params.text_document.uri
         try:
             _, spots = service.spots(params.position.line, _column(service, params.position))
         except RenameRefused:
@@ -194,7 +196,8 @@ def serve(cell: Path | None = None) -> TreeServer:
         lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix]),
     )
     def _(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
-        uri, rows = params.text_document.uri, params.range
+        uri = params.text_document.uri
+        rows = params.range
         service = server.service(uri)
         return [
             _mending(finding, uri, service.text)
@@ -235,7 +238,8 @@ def _units(line: str, column: int) -> int:
 
 
 def _range(where: Located) -> lsp.Range:
-    line, start = where.source.excerpt(where.line), where.column - 1
+    line = where.source.excerpt(where.line)
+    start = where.column - 1
     begin = lsp.Position(where.line - 1, _units(line, start))
     return lsp.Range(begin, lsp.Position(where.line - 1, _units(line, start + where.length)))
 
@@ -246,7 +250,8 @@ def _uri(where: Located, asked: str, service: TreeService) -> str:
 
 
 def _diagnostic(finding: Finding) -> lsp.Diagnostic:
-    row, line = max(finding.line - 1, 0), finding.excerpt
+    row = max(finding.line - 1, 0)
+    line = finding.excerpt
     start = lsp.Position(row, _units(line, finding.column - 1))
     end = lsp.Position(row, _units(line, finding.column - 1 + finding.length))
     severity = (
@@ -260,7 +265,8 @@ def _diagnostic(finding: Finding) -> lsp.Diagnostic:
 
 def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
     """Return the quick fix that applies a finding's edits."""
-    lines, edits = text.split("\n"), []
+    lines = text.split("\n")
+    edits = []
     for line, column, length, new in finding.edits:
         start, end = (_units(lines[line - 1], at) for at in (column - 1, column - 1 + length))
         edits.append(
@@ -276,7 +282,8 @@ def _mending(finding: Finding, uri: str, text: str) -> lsp.CodeAction:
 
 def _symbol(node: TreeNode, name: str) -> lsp.DocumentSymbol:
     """Return a node with all below, for an editor's outline."""
-    at, key = node.at, node.key
+    at = node.at
+    key = node.key
     whole = lsp.Range(lsp.Position(at.line - 1, 0), lsp.Position(at.end_line - 1, at.end_column))
     children = [_symbol(below, below.label) for below in node.below()]
     kind = lsp.SymbolKind.Function if node.type.calls else lsp.SymbolKind.Object

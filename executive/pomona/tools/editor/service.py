@@ -100,7 +100,9 @@ class TreeService:
 
     def update(self, text: str) -> list[Finding]:
         """Take a new text; returns everything that is wrong with it."""
-        self.text, self.findings, self.elsewhere = text, [], []
+        self.text = text
+        self.findings = []
+        self.elsewhere = []
         if not self.surely and not is_tree(text):
             self.analysis = None
             return []
@@ -111,7 +113,8 @@ class TreeService:
             findings = analysis.findings
         else:
             judged = judge(document, self.skills, {}, self.cell)
-            findings, self.cell_file = judged.findings.sorted(), judged.cell or self.cell_file
+            findings = judged.findings.sorted()
+            self.cell_file = judged.cell or self.cell_file
             analysis = judged.analysis
         if document.main.main is not None and document.main.main.root is not None:
             self.analysis = analysis
@@ -140,7 +143,8 @@ class TreeService:
 
     def use_cell(self, cell: Path | None) -> None:
         """Offer the names of a cell from now on: its poses, and other names that skills look up in it."""
-        self.cell, self.cell_file = cell, None
+        self.cell = cell
+        self.cell_file = None
         if cell is not None:
             self.cell_file = judge_cell_file(cell, Findings())
 
@@ -172,7 +176,8 @@ class TreeService:
 
     def keys(self, place: Place) -> Iterator[Offer]:
         """Yield keys that are allowed here."""
-        parent, above = place.parent, place.parents[1] if len(place.parents) > 1 else ""
+        parent = place.parent
+        above = place.parents[1] if len(place.parents) > 1 else ""
         if not parent:
             yield from (Offer(word, "word", about, f"{word}: ") for word, about in TOP.items())
         elif above in ("parameters", "in", "out") and len(place.parents) in (2, 4):
@@ -323,7 +328,8 @@ class TreeService:
 
     def hover_name(self, word: str, place: Place) -> str:
         """Help on a name or a field in braces."""
-        scope, before = self.scope(self.definition_around(place)), place.braces or ""
+        scope = self.scope(self.definition_around(place))
+        before = place.braces or ""
         path = _PATH.match(before + word)
         if path is not None:
             kind = self.type_of(path[1], path[2] + "." + word, scope)
@@ -408,7 +414,8 @@ class TreeService:
         place = place_at(self.lines, row, start)
         if self.analysis is None or self.analysis.document.text != self.text:
             raise RenameRefused("the file cannot be parsed: correct its errors first")
-        definition, around = self.definition_around(place), self.called(place.parent)
+        definition = self.definition_around(place)
+        around = self.called(place.parent)
         if (
             place.braces is None
             and around is not None

@@ -50,7 +50,8 @@ def on_its_lines(tree: WrittenTree, node: WrittenNode) -> bool:
 
 def wrap(patch: TextPatch, node: WrittenNode, word: str, value: str | None) -> None:
     """Put a node into a new one, or give it a modifier. Raises EditError: the word takes no node."""
-    tree, at = patch.tree, node.mapping
+    tree = patch.tree
+    at = node.mapping
     kind = tree.types.get(word)
     if kind is None or kind.role == "leaf":
         raise EditError(f"'{word}' is no word that takes a node", node.id)
@@ -114,11 +115,10 @@ def _with_comments(patch: TextPatch, node: WrittenNode) -> LiftedNode:
     """Return a node on lines of its own with the comments that stand directly above it."""
     if isinstance(node.holder, YamlList):
         return lift(patch, node)
-    tree, at = patch.tree, node.at
-    first, last = (
-        patch.leading(at.line - 1, at.column - 1),
-        patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2],
-    )
+    tree = patch.tree
+    at = node.at
+    first = patch.leading(at.line - 1, at.column - 1)
+    last = patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2]
     comments = tuple(tree.line(row).strip() for row in range(first, at.line - 1))
     lines = [
         tree.line(at.line - 1)[at.column - 1 :],
@@ -129,7 +129,9 @@ def _with_comments(patch: TextPatch, node: WrittenNode) -> LiftedNode:
 
 def unwrap(patch: TextPatch, node: WrittenNode) -> None:
     """Put the children of a node in its place. Raises EditError: they do not fit there."""
-    tree, at, kind = patch.tree, node.mapping, node.kind
+    tree = patch.tree
+    at = node.mapping
+    kind = node.kind
     items = node.value
     if (
         kind is None
@@ -154,7 +156,8 @@ def unwrap(patch: TextPatch, node: WrittenNode) -> None:
 
 
 def _unwrap_flow(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
-    tree, at = patch.tree, node.mapping
+    tree = patch.tree
+    at = node.mapping
     if not on_its_lines(tree, node) or not isinstance(node.holder, YamlList):
         inner = tree.text[tree.start(items.items[0]) : tree.end(items.items[-1])]
         text = inner if isinstance(node.holder, YamlList) else braced(inner)
@@ -174,13 +177,16 @@ def _unwrap_flow(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
 
 
 def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
-    tree, at = patch.tree, node.mapping
+    tree = patch.tree
+    at = node.mapping
     inner = items.column - 1
     if isinstance(node.holder, YamlList):
         head = patch.item_rows(node.holder, int(node.path[-1]))[1]
-        last, outer = patch.item_rows(node.holder, int(node.path[-1]))[2], node.holder.column - 1
+        last = patch.item_rows(node.holder, int(node.path[-1]))[2]
+        outer = node.holder.column - 1
     else:
-        head, outer = at.line - 1, at.column - 1
+        head = at.line - 1
+        outer = at.column - 1
         last = patch.entry_rows(*node.holder.entries[str(node.path[-1])])[2]
     dash = patch.item_rows(items, 0)[1]
     dashed = items.items[0].line - 1 == dash or isinstance(node.holder, YamlList)
@@ -192,7 +198,8 @@ def _unwrap_lines(patch: TextPatch, node: WrittenNode, items: YamlList) -> None:
             " " * outer + tree.text[tree.comment_start(head) : tree.line_end(head)].rstrip()
         )
     for row in range(head + 1, last + 1):
-        text, column = tree.line(row), inner
+        text = tree.line(row)
+        column = inner
         if not isinstance(node.holder, YamlList) and row >= dash:
             column = items.items[0].column - 1
             if row == dash:
@@ -207,12 +214,14 @@ def duplicate(patch: TextPatch, node: WrittenNode) -> None:
 
     Raises EditError: it may not be there.
     """
-    tree, at = patch.tree, node.mapping
+    tree = patch.tree
+    at = node.mapping
     if not isinstance(node.holder, YamlList):
         raise EditError("only one node has its place here", node.id)
     names = new_names(tree, node)
     if tree.is_flow(node.holder):
-        start, end = tree.start(at), tree.end(at)
+        start = tree.start(at)
+        end = tree.end(at)
         patch.replace(end, end, ", " + _renamed(tree, names, start, end))
         return
     first, _, last = patch.item_rows(node.holder, int(node.path[-1]))
@@ -245,7 +254,8 @@ def new_names(tree: WrittenTree, node: WrittenNode) -> dict[str, tuple[YamlScala
 def _renamed(
     tree: WrittenTree, names: dict[str, tuple[YamlScalar, str]], start: int, end: int
 ) -> str:
-    out, at = [], start
+    out = []
+    at = start
     for scalar, name in sorted(names.values(), key=lambda pair: tree.start(pair[0])):
         text = quoted(name) if scalar.plain else tree.raw(scalar)[:1] + name + tree.raw(scalar)[:1]
         out += [tree.text[at : tree.start(scalar)], text]

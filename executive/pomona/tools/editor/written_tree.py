@@ -35,7 +35,8 @@ class EditError(PomonaError):
     """An edit that cannot be made: the reason, and the address of the node at fault."""
 
     def __init__(self, reason: str, node: str = "") -> None:
-        self.reason, self.node = reason, node
+        self.reason = reason
+        self.node = node
         super().__init__(f"{node}: {reason}" if node else reason)
 
 
@@ -261,7 +262,8 @@ class WrittenTree:
 
     def comment_start(self, row: int) -> int:
         """Return the offset of the # of a line's comment; the line has one."""
-        line, comment = self.line(row), self.source.comments[row + 1]
+        line = self.line(row)
+        comment = self.source.comments[row + 1]
         marks = (found.start() for found in re.finditer("#", line))
         return self.starts[row] + next(at for at in marks if line[at + 1 :].strip() == comment)
 

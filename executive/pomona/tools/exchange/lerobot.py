@@ -29,9 +29,13 @@ ROWS = 200  # of a group in a table: a look that many steps share is stored once
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 STATED_LOOKS, STATED_STEP = 10, 4  # images and pixels of them from which their statistics are made
 
-STATE, WRENCH, ACTION = "observation.state", "observation.wrench", "action"
-COLOUR, DEPTH = "observation.images.camera", "observation.depth.camera"
-SUCCESS, DONE = "next.success", "next.done"
+STATE = "observation.state"
+WRENCH = "observation.wrench"
+ACTION = "action"
+COLOUR = "observation.images.camera"
+DEPTH = "observation.depth.camera"
+SUCCESS = "next.success"
+DONE = "next.done"
 _SCALARS = {SUCCESS: "bool", DONE: "bool", "timestamp": "float32"} | dict.fromkeys(
     ("frame_index", "episode_index", "index", "task_index"), "int64"
 )
@@ -74,7 +78,9 @@ class _Dataset:
     """A dataset that is being written."""
 
     def __init__(self, pyarrow: Any, folder: Path, rate: int) -> None:
-        self._pa, self._folder, self._rate = pyarrow, folder, rate
+        self._pa = pyarrow
+        self._folder = folder
+        self._rate = rate
         self._features: dict[str, dict[str, Any]] = {}
         self._tasks: list[str] = []
         self._episodes: list[dict[str, Any]] = []
@@ -91,7 +97,8 @@ class _Dataset:
             raise UsageError(f"{episode.name} has other features than the first record: {other}")
         if task not in self._tasks:
             self._tasks.append(task)
-        number, count = len(self._episodes), len(episode.times)
+        number = len(self._episodes)
+        count = len(episode.times)
         columns = _columns(episode) | {
             "timestamp": (np.arange(count) / self._rate).astype(np.float32),
             "frame_index": np.arange(count),

@@ -53,7 +53,8 @@ class Live:
     def __init__(self, sink: Sink) -> None:
         self._sink: Sink | None = sink
         self._queue: deque[Any] = deque(maxlen=MOST)
-        self._put, self._taken = 0, 0
+        self._put = 0
+        self._taken = 0
         self._began = 0
         self._closing = False
         self._wake = threading.Event()

@@ -48,7 +48,8 @@ def add_import(subparsers: Any) -> None:
 
 def export(options: argparse.Namespace) -> int:
     """Write the XML."""
-    document, registry = read_document(find_tree(options.tree)), Registry.installed()
+    document = read_document(find_tree(options.tree))
+    registry = Registry.installed()
     refuse_errors(document, registry, {}, None)
     xml = export_groot(document, registry.declaring(document.main.declared_skills))
     write_text(xml, options.out, replaces="<?xml")
@@ -86,7 +87,8 @@ def import_(options: argparse.Namespace) -> int:
 
 def _what_next(text: str, out: Path | None, skills: Registry) -> str:
     """Return the size of the tree, its skills that are not installed, and the next step."""
-    document, file = read(text, out or "imported.yaml"), out or "FILE"
+    document = read(text, out or "imported.yaml")
+    file = out or "FILE"
     roots = [d.root for d in document.definitions() if d.root is not None]
     nodes = [node for root in roots for node in root.walk()]
     unknown = sorted({node.key.text for node in nodes if node.type is SKILL} - skills.keys())

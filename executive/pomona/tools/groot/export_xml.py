@@ -45,7 +45,8 @@ def export_groot(document: Document, skills: Registry) -> str:
 
 class _Exporter:
     def __init__(self, document: Document, skills: Registry) -> None:
-        self.document, self.skills = document, skills
+        self.document = document
+        self.skills = skills
         self.findings = Findings()
         self.ids: dict[int, str] = {}
         self.own: dict[
@@ -81,11 +82,13 @@ class _Exporter:
         if not layer.needed(at) and layer.pauses(at) is None:
             return self.layer(node, index + 1, definition)
         if layer is SKILL:
-            tag, attributes = self.skill(node), self.ports(node)
+            tag = self.skill(node)
+            attributes = self.ports(node)
         elif layer is SUBTREE:
             called = definition.file.subtrees.get(node.key.text)
             name = node.key.text if called is None else self.ids[id(called)]
-            tag, attributes = "SubTree", {"ID": name, **self.ports(node)}
+            tag = "SubTree"
+            attributes = {"ID": name, **self.ports(node)}
         else:
             tag, attributes = at.native() or self.pomona(at)
         element = Element(tag, attributes)
@@ -181,7 +184,8 @@ class LayerXml:
 
     def native(self) -> tuple[str, dict[str, str]] | None:
         """Return the element of BehaviorTree.CPP that means the same, with its attributes; None without one."""
-        word, node = self.layer.key, self.node
+        word = self.layer.key
+        node = self.node
         text = self.text(word)
         if word in _TAGS:
             return _TAGS[word], {}

@@ -62,8 +62,10 @@ def import_groot(
 
 class _Importer:
     def __init__(self, forest: Forest, skills: Mapping[str, type[Skill]], stubs: bool) -> None:
-        self.forest, self.findings = forest, forest.findings
-        self.installed, self.stubs = skills, stubs
+        self.forest = forest
+        self.findings = forest.findings
+        self.installed = skills
+        self.stubs = stubs
         self.types = NodeTypes.installed()
         # names that no key gets which is renamed
         self.taken = {word for text in forest.texts for word in re.findall(r"\w+", text)}
@@ -216,7 +218,8 @@ class _Importer:
 
         Raises NoEquivalentError: it has no equivalent in a tree file.
         """
-        name, model = element.tag, self.forest.models.get(element.tag)
+        name = element.tag
+        model = self.forest.models.get(element.tag)
         if name.startswith(PREFIX) or name in NO_SKILLS:
             raise NoEquivalentError("has no counterpart that can be imported")
         if (
@@ -241,7 +244,8 @@ class _Importer:
         skill = self.installed.get(name)
         if skill is None:
             for made in () if model is None else ports_of(model):
-                key, text = made.get("name"), made.get("default")
+                key = made.get("name")
+                text = made.get("default")
                 if text and key not in ports:
                     ports[key] = Written(self.keys.wired(text, key))
             self.declare(name, ports, directions)
@@ -275,7 +279,8 @@ class _Importer:
         Raises NoEquivalentError: it has no equivalent in a tree file.
         """
         called = element.get("ID")
-        tree, model = self.forest.trees.get(called), self.forest.subtrees.get(called)
+        tree = self.forest.trees.get(called)
+        model = self.forest.subtrees.get(called)
         if tree is None:
             raise NoEquivalentError(
                 f"calls '{called}', which none of the files defines", "give its file"

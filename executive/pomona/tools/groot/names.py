@@ -54,7 +54,8 @@ def tree_names(trees: Iterable[str], types: NodeTypes) -> dict[str, str]:
 
 def free_name(start: str, is_taken: Callable[[str], bool], sign: str) -> str:
     """Return a name that is not taken: with a number behind a sign, if it must be."""
-    name, number = start, 1
+    name = start
+    number = 1
     while is_taken(name):
         number += 1
         name = f"{start}{sign}{number}"

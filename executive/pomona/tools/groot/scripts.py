@@ -36,7 +36,8 @@ class _Translation:
     """A script's tokens; operators before an operand bind tighter than all others, unlike `not`."""
 
     def __init__(self, script: str, keys: KeyNames) -> None:
-        self.script, self.keys = script, keys
+        self.script = script
+        self.keys = keys
         self.tokens: list[re.Match[str]] = []
         text = script.strip()
         at = 0
@@ -75,7 +76,8 @@ class _Translation:
         if not self.tokens:
             raise self.refused("which ends too early")
         token = self.tokens.pop(0)
-        sign, name = token["operator"], token["name"]
+        sign = token["operator"]
+        name = token["name"]
         if sign == "!":
             return f"(not {self.operand()})"
         if sign == "-":
@@ -110,7 +112,9 @@ def assignments_of(script: str, keys: KeyNames) -> list[tuple[str, str]]:
             raise NoEquivalentError(
                 f"has the script '{script}', which does more than assign values"
             )
-        name, operator, value = keys.target(match[1]), match[2], condition_of(match[3], keys)
+        name = keys.target(match[1])
+        operator = match[2]
+        value = condition_of(match[3], keys)
         if operator not in ("=", ":="):
             value = f"{{{name}}} {operator[0]} ({value})"
         found.append((name, _literal(value)))

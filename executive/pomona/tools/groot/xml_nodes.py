@@ -62,7 +62,8 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
     open_elements: list[XmlElement] = []
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
-        line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber + 2
+        line = parser.CurrentLineNumber
+        column = parser.CurrentColumnNumber + 2
         element = XmlElement(source, tag, attributes, line, column)
         if len(open_elements) >= MAX_DEPTH:
             findings.error(element, "too-deep", f"nested more than {MAX_DEPTH} levels deep")
@@ -83,8 +84,10 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
         )
         raise _Refused
 
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
-    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = characters, doctype
+    parser.StartElementHandler = begin
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = characters
+    parser.StartDoctypeDeclHandler = doctype
     try:
         parser.Parse(_escaped(source.text).encode("utf-8", "replace"), True)
     except expat.ExpatError as error:

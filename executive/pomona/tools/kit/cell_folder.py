@@ -42,7 +42,8 @@ def begin_cell(
     if arm is None or hand is None:
         raise UsageError(f"a cell of devices needs --arm and --hand: {_possible(_pieces())}")
     pieces = _pieces()
-    arm, hand = _choose(pieces, "arm", arm, "--arm"), _choose(pieces, "gripper", hand, "--hand")
+    arm = _choose(pieces, "arm", arm, "--arm")
+    hand = _choose(pieces, "gripper", hand, "--hand")
     camera = camera if camera == NONE else _choose(pieces, "camera", camera, "--camera")
     chosen = [pieces[name] for name in (arm, hand, camera) if name != NONE]
     robot = _robot(arm, hand)

@@ -67,7 +67,8 @@ def main(options: argparse.Namespace) -> int:
         mark, style = (
             ("✗", "red") if measured.beyond else ("✓", "") if measured.runs else ("–", "dim")
         )
-        limit, largest = _limit(measured, hazard.unit), _largest(measured, hazard.unit)
+        limit = _limit(measured, hazard.unit)
+        largest = _largest(measured, hazard.unit)
         count = (
             f", beyond in {_number(measured.beyond, 'run')} of {measured.runs}"
             if measured.beyond

@@ -304,7 +304,8 @@ def _repair(options: argparse.Namespace) -> int:
         records: Iterable[Path] = [find_record(name, options.record) for name in options.runs]
     else:
         records = sorted(path.parent for path in records_in(options.record) if _needs_repair(path))
-    status, count = 0, 0
+    status = 0
+    count = 0
     for record in records:
         count += 1
         try:

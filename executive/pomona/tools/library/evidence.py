@@ -74,7 +74,11 @@ class Measured:
         self.runs += 1
         self.beyond += limit is not None and (value > limit or (saturates and value == limit))
         if self.value is None or _share(value, limit) > _share(self.value, self.limit):
-            self.value, self.limit, self.run, self.t, self.quantity = value, limit, run, t, quantity
+            self.value = value
+            self.limit = limit
+            self.run = run
+            self.t = t
+            self.quantity = quantity
 
 
 @dataclass(slots=True)
@@ -127,12 +131,11 @@ def _hazard(entry: Mapping[str, Any]) -> Hazard:
         raise ValueError(
             f"unknown: {', '.join(sorted(map(str, unknown)))}; known: {', '.join(_KEYS)}"
         )
-    limit, measure = (
-        entry["limit"],
-        {str(key): str(value) for key, value in entry["measure"].items()},
-    )
+    limit = entry["limit"]
+    measure = {str(key): str(value) for key, value in entry["measure"].items()}
     where = limit if isinstance(limit, dict) else {}
-    in_cell, in_series = tuple(map(str, where.get("cell", ()))), str(where.get("series", ""))
+    in_cell = tuple(map(str, where.get("cell", ())))
+    in_series = str(where.get("series", ""))
     limits = (
         ()
         if where
@@ -256,7 +259,8 @@ class _Run:
         self, hazard: Hazard, found: Digest
     ) -> tuple[float, float, float | None, str] | None:
         """Return (t, value, limit, quantity) of the sample nearest to its limit; None without a measurement."""
-        measure, limits = hazard.measure, hazard.limits or self._limits(hazard.limit_in_cell)
+        measure = hazard.measure
+        limits = hazard.limits or self._limits(hazard.limit_in_cell)
         limit = limits[0] if limits else None
         sensed = None
         if "device" in measure:
@@ -319,7 +323,8 @@ class _Run:
     def _of_series(
         self, measure: Mapping[str, str], threshold: str
     ) -> tuple[float, float, float | None, str] | None:
-        views, name = self._series.get(measure["series"], ()), measure["quantity"]
+        views = self._series.get(measure["series"], ())
+        name = measure["quantity"]
         rows = [
             _peak(
                 np.array(view["t"], float),
@@ -358,7 +363,8 @@ def _peak(
 
 def _rate(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the change per second between samples, shape as `values`; NaN for equal stamps."""
-    dt, rate = np.diff(t), np.full(t.shape, np.nan)
+    dt = np.diff(t)
+    rate = np.full(t.shape, np.nan)
     moved = dt > 0.0
     rate[1:][moved] = np.diff(values)[moved] / dt[moved]
     return rate

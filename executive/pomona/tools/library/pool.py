@@ -71,7 +71,8 @@ class WorkerPool:
             grace: time that an order given up has to end its run in the safe state before its process is killed [s].
         """
         self.workers = workers or one_per_core()
-        self._renewed_after, self._grace = renewed_after, grace
+        self._renewed_after = renewed_after
+        self._grace = grace
         self._idle: list[Worker] = []
         self._done: WeakKeyDictionary[Worker, int] = WeakKeyDictionary()
         self._busy: dict[Any, _Busy] = {}

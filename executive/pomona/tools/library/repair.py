@@ -138,15 +138,19 @@ def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
 
 class _Copier:
     def __init__(self, stream: BinaryIO, writer: Writer) -> None:
-        self._stream, self._writer = stream, writer
+        self._stream = stream
+        self._writer = writer
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
-        self._messages, self._newest = 0, 0
+        self._messages = 0
+        self._newest = 0
 
     def run(self, flush: bool) -> Copied:
         gaps: list[tuple[int, int, float, float]] = []
         at: int | None = len(MAGIC)
-        good, lost_since, finished = len(MAGIC), None, False
+        good = len(MAGIC)
+        lost_since = None
+        finished = False
         while at is not None and not finished:
             try:
                 for raw in raw_records(self._stream, at):
@@ -159,7 +163,8 @@ class _Copier:
                         lost_since = None
                     if flush and raw.opcode == Opcode.CHUNK:
                         self._writer.flush()
-                    good, finished = raw.end, raw.opcode == Opcode.DATA_END
+                    good = raw.end
+                    finished = raw.opcode == Opcode.DATA_END
                     if finished:
                         break
             except (CutError, DamagedError) as error:
@@ -209,7 +214,8 @@ class _Copier:
 
 def _make_missing(record: Path) -> list[str]:
     texts: dict[str, str] = {}
-    picture, title = Picture(), record.name
+    picture = Picture()
+    title = record.name
     try:
         for event in read_events(record):
             picture.on_event(event)

@@ -117,7 +117,8 @@ def _print_one(console: Screen, skill: SkillListing) -> None:
 def _range(port: Mapping[str, Any]) -> str:
     if port.get("choices"):
         return " | ".join(port["choices"])
-    low, high = port.get("min"), port.get("max")
+    low = port.get("min")
+    high = port.get("max")
     if low is None and high is None:
         return ""
     return f"{'' if low is None else low} … {'' if high is None else high}"

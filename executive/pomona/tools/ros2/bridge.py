@@ -24,7 +24,8 @@ from pomona.tools.ros2.peer import Reply, Ros2Peer
 from pomona.tools.ros2.to_ros2 import RosMessage, ToRos2, colour_message, depth_message, diagnostics
 from pomona.tools.ros2.types import coder
 
-ACT, RUN_TREE = "pomona_msgs/srv/Act", "pomona_msgs/action/RunTree"
+ACT = "pomona_msgs/srv/Act"
+RUN_TREE = "pomona_msgs/action/RunTree"
 ACTIONS = (
     "take",
     "release",
@@ -103,7 +104,8 @@ class Ros2Bridge:
             acts_with: returns True if a token may act.
             start: begins runs, where that can be done.
         """
-        self._peer, self._start = peer, start
+        self._peer = peer
+        self._start = start
         self._acts_with = acts_with if peer.local else lambda _token: False
         self._run = ToRos2()
         self._links: dict[str, str] = {}
@@ -149,7 +151,8 @@ class Ros2Bridge:
         if self._goal is None:
             return
         with self._lock:  # a goal that is being taken has not cleared the last one's problem yet
-            goal, start = self._goal, self._control.start
+            goal = self._goal
+            start = self._control.start
         if goal.status == EXECUTING and start is not None and "problem" in start:
             self._end_goal(
                 goal,
@@ -259,7 +262,8 @@ class Ros2Bridge:
         reply({"status": 0, "result": {}})  # unknown
 
     def _cancel_goal(self, asked: Any, reply: Reply) -> None:
-        goal, wanted = self._goal, bytes(asked.goal_info.goal_id.uuid)
+        goal = self._goal
+        wanted = bytes(asked.goal_info.goal_id.uuid)
         if goal is None or wanted not in (goal.uuid, bytes(16)):
             reply({"return_code": 2})
             return
@@ -315,7 +319,8 @@ class Ros2Bridge:
         succeeded = result["outcome"] == "success"
         status = SUCCEEDED if succeeded else CANCELED if goal.canceled else ABORTED
         with self._lock:
-            goal.status, goal.result = status, result
+            goal.status = status
+            goal.result = result
         self._say_status(time.time_ns())
         while goal.waiting:
             goal.waiting.popleft()({"status": status, "result": result})

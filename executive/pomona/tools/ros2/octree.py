@@ -13,7 +13,9 @@ import numpy as np
 from pomona.executive.values.arrays import Int64, UInt8
 
 LEVELS = 16
-FREE, OCCUPIED, INNER = 1, 2, 3
+FREE = 1
+OCCUPIED = 2
+INNER = 3
 
 
 def octree(cells: Int64, codes: UInt8) -> tuple[bytes, int]:
@@ -39,7 +41,8 @@ def octree(cells: Int64, codes: UInt8) -> tuple[bytes, int]:
             & (children[:, 0] != 0)
         )
         levels.append((parents[inner], children[inner]))
-        keys, codes = parents, np.where(inner, INNER, children[:, 0]).astype(np.uint8)
+        keys = parents
+        codes = np.where(inner, INNER, children[:, 0]).astype(np.uint8)
     nodes = int(bool(len(keys))) + sum(int(np.count_nonzero(children)) for _, children in levels)
     return _depth_first(levels[::-1]), nodes
 

@@ -72,7 +72,9 @@ class Ros2Peer:
         if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
             raise UsageError(f"'{address}' is no address: HOST:PORT, for instance {ADDRESS}")
         self.local = host in LOOPBACK  # whether only this machine can reach it
-        self._domain, self._node, self._insist = domain, node, insist
+        self._domain = domain
+        self._node = node
+        self._insist = insist
         self._hashed = distribution != "humble"
         self._session = self._open(
             f"tcp/{address}", "tcp/127.0.0.1:0" if self.local else "tcp/0.0.0.0:0"
@@ -148,7 +150,8 @@ class Ros2Peer:
             name, kind: `/pomona/pause`, `pomona_msgs/srv/Act`.
             handle: of requests, one after the other in a thread of this service: a flood of others delays none of it.
         """
-        request, response = f"{kind}_Request", coder(f"{kind}_Response")
+        request = f"{kind}_Request"
+        response = coder(f"{kind}_Response")
         worker = ThreadPoolExecutor(1, thread_name_prefix=f"pomona-ros2-{name.rpartition('/')[2]}")
         room = threading.BoundedSemaphore(WAITING)
         self._workers.append(worker)

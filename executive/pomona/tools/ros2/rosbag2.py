@@ -40,7 +40,9 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
                 place, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP
             )
             writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
-            bag, run, last = _Bag(writer), ToRos2(), 0
+            bag = _Bag(writer)
+            run = ToRos2()
+            last = 0
             with writer:  # closed in any case
                 for found in scan(path, verdict):
                     last = found.stamp

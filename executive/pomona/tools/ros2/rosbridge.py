@@ -111,7 +111,8 @@ class RosbridgePeer:
             }
             self._send({**request, "id": f"{action}_{stamp}"})
             return
-        topic, of = f"{action}/goal", kind.replace("/action/", "/") + "ActionGoal"
+        topic = f"{action}/goal"
+        of = kind.replace("/action/", "/") + "ActionGoal"
         if topic not in self._kinds:
             self._kinds[topic] = of
             self._send({"op": "advertise", "topic": topic, "type": of})
@@ -153,7 +154,8 @@ class RosbridgePeer:
         while not self._over.is_set():
             with self._waiting:
                 self._waiting.wait_for(lambda: bool(self._queue) or self._over.is_set())
-                text, socket = (self._queue.popleft() if self._queue else None), self._socket
+                text = self._queue.popleft() if self._queue else None
+                socket = self._socket
             if text is not None and socket is not None:
                 with contextlib.suppress(
                     OSError, WebSocketException

@@ -232,7 +232,8 @@ class _TreeStatus:
         }
         self._nodes: dict[str, dict[str, Any]] = {}
         self._children: dict[str, list[str]] = {}
-        self._told, self._changed = -STATUS_PERIOD, False
+        self._told = -STATUS_PERIOD
+        self._changed = False
 
     def take(self, event: Mapping[str, Any], at: int) -> Iterator[RosMessage]:
         self._about["tick"] = int(event["tick"])
@@ -257,7 +258,8 @@ class _TreeStatus:
         """Yield both messages, when something has changed and their period is over, or `now`."""
         if not self._changed or (at - self._told < STATUS_PERIOD and not now):
             return
-        self._changed, self._told = False, at
+        self._changed = False
+        self._told = at
         ours = {"header": header(at, ""), **self._about, "nodes": list(self._nodes.values())}
         yield RosMessage("/pomona/tree", "pomona_msgs/msg/TreeStatus", at, ours)
         behaviours = [self._behaviour(path, node) for path, node in self._nodes.items()]
@@ -268,9 +270,11 @@ class _TreeStatus:
 
     def _begin(self, event: Mapping[str, Any]) -> None:
         self._about |= {"run": event["run"], "tree": event["tree"], "state": "", "because": ""}
-        self._nodes, self._children = {}, {}
+        self._nodes = {}
+        self._children = {}
         for node in event["nodes"]:
-            path, parent = node["path"], node["parent"] or ""
+            path = node["path"]
+            parent = node["parent"] or ""
             known = {
                 "path": path,
                 "parent": parent,
@@ -378,7 +382,8 @@ def _calibration(name: str, content: Mapping[str, Any], at: int) -> Translated:
 
 
 def _pose(name: str, content: Mapping[str, Any], at: int) -> Translated:
-    head, topic = header(at, content["frame_id"]), f"/pomona/poses/{ros_name(name)}"
+    head = header(at, content["frame_id"])
+    topic = f"/pomona/poses/{ros_name(name)}"
     if "pose" in content:
         yield topic, "geometry_msgs/msg/PoseStamped", at, {"header": head, "pose": content["pose"]}
     else:
@@ -387,7 +392,8 @@ def _pose(name: str, content: Mapping[str, Any], at: int) -> Translated:
 
 def _points(name: str, content: Mapping[str, Any], at: int) -> Translated:
     """Foxglove's cloud of float32 x, y, z has the same bytes as ROS 2's."""
-    data, stride = base64.b64decode(content["data"]), content["point_stride"]
+    data = base64.b64decode(content["data"])
+    stride = content["point_stride"]
     fields = {
         "header": header(at, content["frame_id"]),
         "height": 1,
@@ -482,7 +488,8 @@ def _reading(name: str, content: Mapping[str, Any], at: int) -> Translated:
         if key.startswith("q_") or key == "width_m"
     }
     if joints:
-        names, rows = list(joints.values()), np.stack([columns[key] for key in joints], axis=1)
+        names = list(joints.values())
+        rows = np.stack([columns[key] for key in joints], axis=1)
         rates = [
             columns[key] for key in columns if key.startswith("qd_")
         ]  # records of earlier versions have none
@@ -503,7 +510,8 @@ def _wrenches(device: str, columns: Mapping[str, Any], times: list[int]) -> Tran
         key.rsplit("_force_x_N", 1)[0] for key in columns if key.endswith("_force_x_N")
     )
     for finger in fingers:
-        topic, frame = f"/{ros_name(device)}/{finger}/wrench", f"{device}/{finger}"
+        topic = f"/{ros_name(device)}/{finger}/wrench"
+        frame = f"{device}/{finger}"
         rows = np.stack([columns[f"{finger}_{part}"] for part in _WRENCH], axis=1).tolist()
         for at, (fx, fy, fz, tx, ty, tz) in zip(times, rows, strict=True):
             wrench = {"force": {"x": fx, "y": fy, "z": fz}, "torque": {"x": tx, "y": ty, "z": tz}}

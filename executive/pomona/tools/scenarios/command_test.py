@@ -37,7 +37,8 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         0 when every case went as expected, else 1.
     """
-    console, registry = Screen(), Registry.installed()
+    console = Screen()
+    registry = Registry.installed()
     results: dict[Path, ScenarioResult] = {}
     for path in _scenarios(options.paths):
         scenario = read_scenario(read_text(path), path, registry, tree_folders=[installed_trees()])

@@ -174,7 +174,8 @@ def read_scenario(
         texts: a tree's text by its resolved path, instead of that on the disk.
     """
     findings = Findings()
-    document, cases = None, tuple[ScenarioCase, ...]()
+    document = None
+    cases = tuple[ScenarioCase, ...]()
     root = root_of(text, path, findings, "a scenario file")
     if root is not None:
         document = _tree(root, Path(path), tree_folders, findings, texts or {})
@@ -240,7 +241,8 @@ class ScenarioKind:
 
     def check(self, path: Path, findings: Findings) -> None:
         """Everything that is wrong with a file."""
-        skills, folders = Registry.installed(), [installed_trees()]
+        skills = Registry.installed()
+        folders = [installed_trees()]
         findings.extend(read_scenario(read_text(path), path, skills, tree_folders=folders).findings)
 
     def schema(self) -> Schema:

@@ -62,7 +62,9 @@ class ParameterValues(MappingOf[YamlScalar]):
         super().__init__(AsWritten())
 
     def read(self, node: YamlNode, reader: Reader) -> Mapping[str, YamlScalar]:
-        found, tree, refused = super().read(node, reader), tree_of(reader), None
+        found = super().read(node, reader)
+        tree = tree_of(reader)
+        refused = None
         if tree is not None and isinstance(node, YamlMapping):
             for key, _ in node.entries.values():
                 port = tree.parameters.get(key.text)
@@ -93,7 +95,8 @@ class Answers(Kind[Mapping[str, tuple[str, ...]]]):
 
     def read(self, node: YamlNode, reader: Reader) -> Mapping[str, tuple[str, ...]]:
         found = MappingOf(OneOrSeveral(AsWritten())).read(node, reader)
-        tree, refused = tree_of(reader), None
+        tree = tree_of(reader)
+        refused = None
         if tree is not None and isinstance(node, YamlMapping):
             for key, written in node.entries.values():
                 try:

@@ -47,7 +47,8 @@ def _say_node(say: Say, event: Event) -> None:
 
 def _run(asked: dict[str, Any], say: Say) -> None:
     """Run the text: on a simulated cell with a page of its own, or dry."""
-    tree, dry = Path(asked["tree"]), bool(asked["dry"])
+    tree = Path(asked["tree"])
+    dry = bool(asked["dry"])
     order = RunOrder(
         tree=tree, cell=Path(asked["cell"]), seed=int(asked["seed"]), settings=asked["settings"], dry=dry,
         real_time=bool(asked["real_time"]), record=None if dry else Path(asked["record"]), cleared=True,
@@ -81,7 +82,8 @@ def _run(asked: dict[str, Any], say: Say) -> None:
 
 def _test(asked: dict[str, Any], say: Say) -> None:
     """Run the scenario files that test the text."""
-    tree, registry = Path(asked["tree"]), Registry.installed()
+    tree = Path(asked["tree"])
+    registry = Registry.installed()
     for name in asked["scenarios"]:
         path = Path(name)
         texts = {tree: asked["text"]}

@@ -64,7 +64,10 @@ class TreeEditor:
             cell: the simulated cell whose names are offered, and on which a run starts.
             records: folder of the records of runs.
         """
-        self.file, self.access, self.cell, self.records = file, access, cell, records
+        self.file = file
+        self.access = access
+        self.cell = cell
+        self.records = records
         self.drafts, self.trial = Drafts(file.path), EditorTrial()
         self.workbench = Workbench(file.path, skills, cell)
         self._pages: dict[str, float] = {}
@@ -232,7 +235,8 @@ class TreeEditor:
 
     def _start(self, body: Body) -> Facts:
         """Begin a dry run, the scenarios, or a run on the simulated cell, of a text that has no errors."""
-        kind, text = _word(body, "kind"), _text(body)
+        kind = _word(body, "kind")
+        text = _text(body)
         if kind not in REHEARSALS:
             raise UsageError(f"'{kind}' is none of {', '.join(REHEARSALS)}")
         errors = [
@@ -241,7 +245,8 @@ class TreeEditor:
             if found["severity"] == "error"
         ]
         if errors:
-            line, message = errors[0]["line"], errors[0]["message"]
+            line = errors[0]["line"]
+            message = errors[0]["message"]
             where = (
                 f"line {line}: " if line else ""
             )  # a finding of another file names its place itself

@@ -87,7 +87,8 @@ class EditedFile:
             return DiskText(problem=f"cannot be read: {error.strerror}", readable=False)
         seen = (about.st_mtime_ns, about.st_size, about.st_ino, about.st_mode)
         if seen != self._seen:
-            self._disk, self._seen = self._read(about), seen
+            self._disk = self._read(about)
+            self._seen = seen
         return self._disk
 
     def _read(self, about: os.stat_result) -> DiskText:

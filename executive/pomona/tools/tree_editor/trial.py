@@ -67,7 +67,8 @@ class EditorTrial:
 
     def close(self) -> None:
         """End the child; harmless without one."""
-        process, thread = self._process, self._thread
+        process = self._process
+        thread = self._thread
         if process is None or thread is None:
             return
         self.interrupt()

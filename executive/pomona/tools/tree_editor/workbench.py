@@ -170,7 +170,8 @@ class Workbench:
 
     def _ports(self, kind: str) -> dict[str, Port]:
         """Every typed port and field of a node, by name."""
-        service, found = self._service, dict[str, Port]()
+        service = self._service
+        found = dict[str, Port]()
         for modifier in service.types.modifiers:
             found |= {
                 slot: taken.port

@@ -98,7 +98,8 @@ def main(options: argparse.Namespace) -> int:
     )
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
-    folder, name = options.report_to or out, report_name(options.seeds, options.only)
+    folder = options.report_to or out
+    name = report_name(options.seeds, options.only)
     markdown, page = report(campaign, results, str(options.file)).write(folder, name)
     console.print(markdown.read_text(encoding="utf-8"))
     console.print(f"written to {page} and {markdown}", soft_wrap=True)
@@ -141,7 +142,8 @@ class _Shown:
     """Progress: a bar in a terminal, else a line a run."""
 
     def __init__(self, campaign: Campaign, console: Screen) -> None:
-        self._campaign, self._console = campaign, console
+        self._campaign = campaign
+        self._console = console
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
         self._bar = Progress(
             TextColumn("{task.description}", markup=False),

@@ -96,7 +96,8 @@ class ReportPage:
         for block in self.blocks:
             if isinstance(block, SvgPlot):
                 (folder / f"{name}_{block.name}.svg").write_text(block.svg, encoding="utf-8")
-        markdown, page = folder / f"{name}.md", folder / f"{name}.html"
+        markdown = folder / f"{name}.md"
+        page = folder / f"{name}.html"
         markdown.write_text(to_markdown(self, name), encoding="utf-8")
         page.write_text(to_html(self), encoding="utf-8")
         return markdown, page

@@ -183,7 +183,8 @@ def success_maps(
         return []
     blocks: list[SvgPlot | Table] = []
     if len(keys) >= 2:
-        rows, columns = campaign.vary[keys[0]], campaign.vary[keys[1]]
+        rows = campaign.vary[keys[0]]
+        columns = campaign.vary[keys[1]]
         across = min(2, len(by_arm))
         down = -(-len(by_arm) // across)
         with Plot(down, across, height=0.6 + down * (0.7 + 0.3 * len(rows))) as plot:

@@ -192,7 +192,8 @@ def _broken(code: str, message: str, outcome: str) -> Result:
 def _write(stream: FileIO, line: bytes) -> None:
     """Append a line to the file of results, which must still be there: another campaign may have begun in its place."""
     try:
-        here, there = os.fstat(stream.fileno()), os.stat(stream.name)
+        here = os.fstat(stream.fileno())
+        there = os.stat(stream.name)
         if (here.st_dev, here.st_ino) != (there.st_dev, there.st_ino):
             raise FileNotFoundError(errno.ENOENT, "the file was removed while the campaign ran")
         if stream.write(line) != len(line):

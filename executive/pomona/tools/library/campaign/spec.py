@@ -194,7 +194,8 @@ class _Planner:
     cells: dict[Path, CellFile] = field(default_factory=dict)
 
     def campaign(self) -> Campaign | None:
-        said, node = self.placed.values, self.placed.node
+        said = self.placed.values
+        node = self.placed.node
         tree = self.names.file(said.tree, find_tree, node)
         cell = self.names.file(said.cell, find_cell, node, default_name("cell"))
         if tree is None or cell is None:

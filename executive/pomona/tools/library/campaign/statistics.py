@@ -28,7 +28,8 @@ def wilson(successes: int, of: int) -> tuple[float, float]:
     """95 % interval of a success rate (Wilson's score interval: honest near 0 and 1)."""
     if of == 0:
         return 0.0, 1.0
-    p, z = successes / of, 1.96
+    p = successes / of
+    z = 1.96
     centre = (p + z * z / (2 * of)) / (1 + z * z / of)
     half = z * math.sqrt(p * (1 - p) / of + z * z / (4 * of * of)) / (1 + z * z / of)
     return max(0.0, centre - half), min(1.0, centre + half)

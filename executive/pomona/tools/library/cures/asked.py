@@ -16,7 +16,8 @@ def asked_change(text: str, order: RunOrder, judged: Judged) -> SingleChange:
     Raises UsageError: there is no such place, more than one, or it holds no single value.
     """
     name, equals, value = text.partition("=")
-    name, value = name.strip(), value.strip()
+    name = name.strip()
+    value = value.strip()
     if not (name and equals and value):
         raise UsageError(
             f"--set {text}: write NAME=VALUE, with a parameter, an option or NODE.port as the name"

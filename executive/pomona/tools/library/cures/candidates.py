@@ -183,7 +183,8 @@ class _Search:
             written.setdefault((node.key.source.path, node.key.line), []).append(node)
         found: dict[str, tuple[TreeNode, str]] = {}
         for facts in self.evidence.started.nodes if self.evidence.started is not None else ():
-            path, kind = str(facts.get("path")), str(facts.get("kind"))
+            path = str(facts.get("path"))
+            kind = str(facts.get("kind"))
             names = (
                 path.rsplit("/", 1)[-1].partition(":")[0].partition("#")[0],
                 str(facts.get("name")),

@@ -134,7 +134,8 @@ def read_case(record: Path, cell: str | None = None) -> FailedRun:
     """
     trusted(record)
     evidence = gather(read_events(record))
-    started, ended = evidence.started, evidence.ended
+    started = evidence.started
+    ended = evidence.ended
     if started is None:
         raise UsageError(f"{record}: the record does not hold the start of the run")
     if ended is None:

@@ -61,7 +61,8 @@ class RunEvidence:
 
 def gather(events: Iterable[Event]) -> RunEvidence:
     """Return the evidence of a run's events."""
-    found, seen = RunEvidence(), set[str]()
+    found = RunEvidence()
+    seen = set[str]()
     for event in events:
         if isinstance(event, RunStarted):
             found.started = event

@@ -180,16 +180,19 @@ class Knobs:
         self, name: str, slot: str, node: TreeNode, port: Port, default: str
     ) -> Knob | None:
         """Return the place where a port would be written that has its default."""
-        value, text = node.value, node.key.source.text
+        value = node.value
+        text = node.key.source.text
         about = (node.key.source.path, node.key.line, default, port, default)
         if (
             isinstance(value, YamlMapping)
             and text[(at := offset(text, value.line, value.column)) : at + 1] == "{"
         ):
-            lead, trail = f"{slot}: ", ", " if value.entries else ""
+            lead = f"{slot}: "
+            trail = ", " if value.entries else ""
             return Knob("port", name, slot, *about, "", at + 1, at + 1, lead, trail, unwritten=True)
         if isinstance(value, YamlMapping) and value.entries:
-            at, indent = offset(text, value.line, value.column), " " * (value.column - 1)
+            at = offset(text, value.line, value.column)
+            indent = " " * (value.column - 1)
             return Knob(
                 "port", name, slot, *about, "", at, at, f"{slot}: ", f"\n{indent}", unwritten=True
             )
@@ -208,10 +211,8 @@ def _written(
     ):
         return None
     text = value.source.text
-    start, end = (
-        offset(text, value.line, value.column),
-        offset(text, value.end_line, value.end_column),
-    )
+    start = offset(text, value.line, value.column)
+    end = offset(text, value.end_line, value.end_column)
     return Knob(
         kind, name, slot, value.source.path, value.line, value.text, port, default, "", start, end
     )

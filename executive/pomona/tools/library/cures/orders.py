@@ -49,6 +49,8 @@ def ordered(parent: TreeNode, order: list[int]) -> SingleChange:
 
 def _span(node: TreeNode) -> tuple[int, int]:
     """Return where a node's text begins and ends: without the blanks behind it, with comments inside it."""
-    text, at = node.key.source.text, node.at
-    start, end = offset(text, at.line, at.column), offset(text, at.end_line, at.end_column)
+    text = node.key.source.text
+    at = node.at
+    start = offset(text, at.line, at.column)
+    end = offset(text, at.end_line, at.end_column)
     return start, start + len(text[start:end].rstrip())

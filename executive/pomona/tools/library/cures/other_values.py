@@ -47,7 +47,8 @@ def other_values(
     found: dict[str, OtherValue] = {}
     number = _number(text, port)
     if default is not None and default != text:
-        before, after = number, _number(default, port)
+        before = number
+        after = _number(default, port)
         size = _size(before, after)
         against = (
             direction
@@ -99,7 +100,8 @@ def _numbers(
     parts = split_unit(text)
     if parts is None or number == 0.0 or not math.isfinite(number):
         return
-    written, unit = float(parts[0]), parts[1]
+    written = float(parts[0])
+    unit = parts[1]
     whole = port.type is object and bool(
         re.fullmatch(r"\d+", text)
     )  # an option of a cell has no type

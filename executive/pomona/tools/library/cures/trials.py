@@ -72,15 +72,16 @@ def run_trial(order: RunOrder, conditions: tuple[str, ...]) -> Trial:
     except PomonaError as error:
         return Trial("unusable", type(error).__name__, str(error).partition("\n")[0])
     told = executed.summary.as_json(None)
-    truth, reason = told["truth"], told["reason"] or {}
-    outcome, code, message = told["outcome"], reason.get("code", ""), reason.get("message", "")
+    truth = told["truth"]
+    reason = told["reason"] or {}
+    outcome = told["outcome"]
+    code = reason.get("code", "")
+    message = reason.get("message", "")
     missed = disagrees(outcome, truth, conditions)
     if missed:
-        outcome, code, message = (
-            "false",
-            "NOT_SCORED",
-            f"the tree succeeded, the world's score has '{missed}' not true",
-        )
+        outcome = "false"
+        code = "NOT_SCORED"
+        message = f"the tree succeeded, the world's score has '{missed}' not true"
     return Trial(outcome, code, message, told["time_s"], force_of(truth), time.monotonic() - begun)
 
 
@@ -107,8 +108,11 @@ class TrialPool:
             jobs: processes at once; None for one per core.
             work: called with an order and `about` in a worker, as `run_trial`.
         """
-        self._pool, self._work, self._about = WorkerPool(jobs, grace=0.0), work, about
-        self.give_up, self.close = self._pool.give_up, self._pool.close
+        self._pool = WorkerPool(jobs, grace=0.0)
+        self._work = work
+        self._about = about
+        self.give_up = self._pool.give_up
+        self.close = self._pool.close
 
     @property
     def free(self) -> bool:

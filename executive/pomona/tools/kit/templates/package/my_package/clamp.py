@@ -85,7 +85,8 @@ class Clamp(ParallelGripper[GripperState, str]):
         self, wire: Link, clock: Clock, options: ClampOptions, name: str = "gripper"
     ) -> None:
         super().__init__(name, clock, options.limits, acceleration=ACCELERATION, watchdog=WATCHDOG)
-        self._wire, self._begun = wire, b""
+        self._wire = wire
+        self._begun = b""
         self._asked_at = self._heard_at = clock.now()
 
     def _serve(self) -> None:
@@ -129,9 +130,13 @@ class EmulatedClamp:
     """The other end of the wire: fingers that move as they are commanded, down to an object between them."""
 
     def __init__(self, clock: Clock, obstacle: float = 0.0) -> None:
-        self.width, self.obstacle, self.silent = 0.08, obstacle, False
+        self.width = 0.08
+        self.obstacle = obstacle
+        self.silent = False
         self._clock, self._moved_at = clock, clock.now()
-        self._aim, self._speed, self._answers = self.width, 0.0, b""
+        self._aim = self.width
+        self._speed = 0.0
+        self._answers = b""
 
     def send(self, chunk: bytes) -> None:
         for line in chunk.decode().splitlines():
@@ -151,8 +156,10 @@ class EmulatedClamp:
 
     def _advance(self) -> float:
         """Move the fingers; return the rate of the opening [m/s]."""
-        elapsed, self._moved_at = self._clock.now() - self._moved_at, self._clock.now()
-        before, way = self.width, self._speed * elapsed
+        elapsed = self._clock.now() - self._moved_at
+        self._moved_at = self._clock.now()
+        before = self.width
+        way = self._speed * elapsed
         self.width = max(
             min(max(self._aim, before - way), before + way), min(self.obstacle, before)
         )
@@ -160,7 +167,8 @@ class EmulatedClamp:
 
     def receive(self, timeout: float) -> bytes:
         self._clock.advance(timeout)
-        answers, self._answers = self._answers, b""
+        answers = self._answers
+        self._answers = b""
         return answers
 
     def close(self) -> None:
@@ -175,7 +183,8 @@ def stop(host: str, port: int) -> None:
 @driver(Clamp, ClampOptions)
 def connect(settings: Settings[ClampOptions], context: ConnectContext) -> Clamp:
     """`driver: clamp`"""
-    options, clock = settings.values, context.clock
+    options = settings.values
+    clock = context.clock
     try:
         emulated = EmulatedClamp(clock, options.obstacle)
         wire = emulated if options.tcp is None else tcp_opener(*options.tcp, context.wires)()

@@ -19,7 +19,8 @@ class Lenient(Wrapper):
 
     def __init__(self, name: str, child: Behaviour, most: Callable[[], int]) -> None:
         super().__init__(name, child)
-        self._most, self.forgiven = most, 0
+        self._most = most
+        self.forgiven = 0
 
     def after(self, status: Status) -> Status:
         if status is not Status.FAILURE or self.forgiven >= self._most():
@@ -32,7 +33,8 @@ class Lenient(Wrapper):
 class LenientType(Modifier):
     """forgives so many failures in a run"""
 
-    key, symbol = "lenient", "~"
+    key = "lenient"
+    symbol = "~"
     value = takes.Value(Port(int, min=1), "how many failures count as successes", known=True)
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:

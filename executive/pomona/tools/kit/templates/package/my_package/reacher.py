@@ -80,7 +80,9 @@ class Reacher(PathArm):
         name: str = "arm",
     ) -> None:
         super().__init__(name, clock, robot, limits, Supervision(), POINT_PERIOD)
-        self._wire, self._begun, self._lead = wire, b"", lead
+        self._wire = wire
+        self._begun = b""
+        self._lead = lead
         self._asked_at = self._heard_at = clock.now()
         self._told_at = -np.inf
         self._path: RollingPath | None = None
@@ -182,7 +184,8 @@ class EmulatedReacher:
 
     def __init__(self, clock: Clock, joints: int) -> None:
         self.silent = False
-        self._clock, self._answers = clock, b""
+        self._clock = clock
+        self._answers = b""
         self._times, self._path = np.zeros(1), np.zeros((1, joints))
 
     @property
@@ -204,7 +207,8 @@ class EmulatedReacher:
 
     def receive(self, timeout: float) -> bytes:
         self._clock.advance(timeout)
-        answers, self._answers = self._answers, b""
+        answers = self._answers
+        self._answers = b""
         return answers
 
     def close(self) -> None:
@@ -214,7 +218,8 @@ class EmulatedReacher:
 @driver(Reacher, ReacherOptions)
 def connect(settings: Settings[ReacherOptions], context: ConnectContext) -> Reacher:
     """`driver: reacher`"""
-    options, clock = settings.values, context.clock
+    options = settings.values
+    clock = context.clock
     limits = read_limits(options.robot, options.joints)
     try:
         emulated = EmulatedReacher(clock, options.joints)

@@ -25,7 +25,9 @@ class WallCamera(Device):
 
     def __init__(self, options: WallCameraOptions, clock: Clock, name: str = "camera") -> None:
         super().__init__(name)
-        self._options, self._clock, self._looks = options, clock, 0
+        self._options = options
+        self._clock = clock
+        self._looks = 0
 
     def latest(self) -> Frame | None:
         width = self._options.width

@@ -12,7 +12,8 @@ from pomona.executive import ManualClock
 def test_it_is_a_camera_whose_frames_count() -> None:
     camera = WallCamera(WallCameraOptions(width=32, distance=0.4), ManualClock())
     assert isinstance(camera, Camera)
-    first, second = camera.latest(), camera.latest()
+    first = camera.latest()
+    second = camera.latest()
     assert first is not None
     assert second is not None
     assert (first.sequence, second.sequence) == (0, 1)
