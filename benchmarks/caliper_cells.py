@@ -1,7 +1,6 @@
 """Cells whose camera is not where the cell file has it: words, corrections, touches, forces and truth of each run.
 
     python -m benchmarks.caliper_cells OUT [--cells 5] [--runs 12] [--fault drawn | good | shift | tilt | roll]
-    python -m benchmarks.caliper_cells OUT --self-calibration apply
     python -m benchmarks.caliper_cells OUT --cell conveyor --tree pick_from_conveyor --set most=6
     python -m benchmarks.caliper_cells OUT --cell FOLDER/emulated.yaml --tree pick_apple_plain --set force="40 N"
 
@@ -185,11 +184,11 @@ class DrawnCell:
         text = text.replace(
             "driver: sim-camera\n", "driver: sim-camera\n    hand_eye: hand_eye.json\n"
         )
-        bounds = "ask: 100 mm, refuse: 100 mm, most: 60 mm, most_turned: 8 deg"  # of the draw, not of a careful user
+        bounds = "ask: 100 mm, refuse: 100 mm"  # of the draw, not of a careful user
         speeds = (
             "first_speed: 1, slow_speed: 1, " if "conveyor" in options.cell else ""
         )  # a belt needs all of it
-        section = f"caliper: {{driver: caliper, self_calibration: {options.self_calibration}, {speeds}{bounds}}}"
+        section = f"caliper: {{driver: caliper, {speeds}{bounds}}}"
         self._path = folder / "cell.yaml"
         self._path.write_text(f"{text}  {section}\n", "utf-8")
 
@@ -351,7 +350,6 @@ def main() -> None:
     parser.add_argument(
         "--depth", type=float, default=0.03, help="largest relative error of the depth's scale"
     )
-    parser.add_argument("--self-calibration", default="off", choices=("off", "propose", "apply"))
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="of the tree or the cell"
     )

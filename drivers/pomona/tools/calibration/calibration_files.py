@@ -15,7 +15,8 @@ from pomona.executive.values.findings import Finding, Findings
 from pomona.executive.values.kinds import Schema
 from pomona.executive.values.sections import Section
 
-HAND_EYE, FOCAL = "T_mount_camera", {"fx", "fy"}
+HAND_EYE = "T_mount_camera"
+FOCAL = {"fx", "fy"}
 
 
 class CalibrationKind:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import SENSORS
 from pomona.drivers.errors import DriverError
+from pomona.executive.errors import UsageError
+from pomona.executive.files import find_cell
 from pomona.executive.values.installation import entry_points
 from pomona.executive.values.kinds import Measure, Whole
 from pomona.executive.values.units import LENGTH
@@ -99,7 +101,7 @@ def _guarded(calibrate: Any, options: argparse.Namespace) -> int:
         if options.out.exists():  # an earlier calibration may be in use, and is costly to repeat
             raise DriverError(f"{options.out} is there already: name another file with --out")
         print(calibrate(options))
-    except (DriverError, OSError) as error:
+    except (DriverError, UsageError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0
@@ -128,7 +130,6 @@ def _look_now(name: str) -> list[NDArray[np.float32]]:
     """
     from pomona.drivers.interfaces import Camera
     from pomona.executive.cell.connect import load_cell
-    from pomona.tools.calibration.command_doctor import find_cell
     from pomona.tools.calibration.depth_calibration import UnusableDepth
 
     with closing(load_cell(find_cell(name))) as cell:
@@ -219,7 +220,8 @@ def draw_calibration(calibration: DepthCalibration, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    model, seen = calibration.model, calibration.seen
+    model = calibration.model
+    seen = calibration.seen
     true = np.array([s.true for s in seen])
     outlines = calibration.outline_growth * np.array([s.per_pixel for s in seen])
     before = np.array([s.measured for s in seen]) - true

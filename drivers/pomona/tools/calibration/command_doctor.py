@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.values.installation import installed_trees
+from pomona.executive.files import find_cell
+from pomona.executive.language.interface import parse_settings
 from pomona.executive.values.sentences import ReportLine
 from pomona.tools.calibration.machine import examine_machine
-
-CELLS = installed_trees() / "cells"
 
 
 def add(subparsers: Any) -> None:
@@ -39,15 +38,9 @@ def main(options: argparse.Namespace) -> int:
     """Print a line for everything that was looked at.
 
     Returns:
-        0 when all is well, else 1; 2 for an unusable option.
+        0 when all is well, else 1.
     """
-    overrides = {}
-    for setting in options.set:
-        key, equals, value = setting.partition("=")
-        if not equals:
-            print(f"'{setting}' is not KEY=VALUE")
-            return 2
-        overrides[key] = value
+    overrides = parse_settings(options.set)
     checks = []
     for check in _examined(options, overrides):
         print(check, flush=True)  # as it comes: connecting a cell takes a while
@@ -65,9 +58,3 @@ def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterato
         yield ReportLine("cell", False, f"not examined, since a requirement is missing: {error}")
     else:
         yield from examine(find_cell(options.cell), overrides, options.record)
-
-
-def find_cell(name: str) -> Path:
-    """Return a cell file by its path, or an installed cell by its name."""
-    path, installed = Path(name), CELLS / f"{name}.yaml"
-    return installed if not path.exists() and installed.is_file() else path

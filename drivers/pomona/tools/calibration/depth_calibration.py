@@ -189,7 +189,8 @@ def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics)
 def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -> Float64:
     """Return the points of the connected surface in and beside a ball's box, shape (n, 3) [m]."""
     x, y, w, h = (round(value) for value in ball.box)
-    top, left = max(y - AROUND, 0), max(x - AROUND, 0)
+    top = max(y - AROUND, 0)
+    left = max(x - AROUND, 0)
     part = depth[top : y + h + AROUND, left : x + w + AROUND].astype(np.float64)
     core = part[y - top + h // 4 : y - top + 3 * h // 4, x - left + w // 4 : x - left + 3 * w // 4]
     core = core[core > 0.0]
@@ -210,10 +211,8 @@ def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -
     if len(rows) < LEAST_POINTS:
         raise nothing
     z = part[rows, columns]
-    u, v = (
-        (columns + left - intrinsics.cx) / intrinsics.fx,
-        (rows + top - intrinsics.cy) / intrinsics.fy,
-    )
+    u = (columns + left - intrinsics.cx) / intrinsics.fx
+    v = (rows + top - intrinsics.cy) / intrinsics.fy
     return np.column_stack([u * z, v * z, z])
 
 
@@ -396,7 +395,8 @@ def _share_of_plane(depth: NDArray[np.float32], growth: float) -> float:
     rows, columns = np.nonzero(depth[::step, ::step] > 0.0)
     inverse = 1.0 / depth[::step, ::step][rows, columns].astype(np.float64)
     points = np.column_stack([np.ones_like(inverse), columns, rows])
-    rng, most = np.random.default_rng(0), 0.0
+    rng = np.random.default_rng(0)
+    most = 0.0
     # number of planes through three points each that are tried: a wall is found by the first few
     for _ in range(200 if len(points) >= LEAST_POINTS else 0):
         chosen = rng.choice(len(points), 3, replace=False)

@@ -31,7 +31,8 @@ def axis_distances(robot: Path, dof: int) -> Float64:
     mujoco.mj_kinematics(model, data)
     driven = [i for i in range(model.nu) if model.actuator(i).name != "gripper"]
     joints = np.sort(model.actuator_trnid[driven, 0])[:dof]
-    along, between = data.xaxis[joints], np.diff(data.xanchor[joints], axis=0)
+    along = data.xaxis[joints]
+    between = np.diff(data.xanchor[joints], axis=0)
     normal = np.cross(along[:-1], along[1:])
     sine = np.linalg.norm(normal, axis=1)
     skew = np.abs(np.einsum("ij,ij->i", normal, between)) / np.maximum(sine, PARALLEL)

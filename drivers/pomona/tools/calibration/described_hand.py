@@ -37,7 +37,8 @@ def described_opening(robot: Path) -> tuple[float, float] | None:
     if len(pads) != 2:
         return None
     slides = (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE) & (model.jnt_stiffness == 0.0)
-    data, ends = mujoco.MjData(model), []
+    data = mujoco.MjData(model)
+    ends = []
     for end in (0, 1):
         data.qpos[model.jnt_qposadr[slides]] = model.jnt_range[slides, end]
         mujoco.mj_kinematics(model, data)

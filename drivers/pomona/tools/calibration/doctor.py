@@ -154,7 +154,8 @@ def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterato
         if Arm in device.interfaces and isinstance(device, Arm):
             yield from _arm(name, device, watched)
         if Gripper in device.interfaces and isinstance(device, Gripper):
-            limits, state = device.limits, device.state()
+            limits = device.limits
+            state = device.state()
             words = f"opens {1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
             inside = limits.width_min - 1e-3 <= state.width <= limits.width_max + 1e-3
             yield ReportLine(
@@ -212,7 +213,9 @@ def _camera(name: str, frame: Frame | None, watched: _Watched, cell: Cell) -> It
 
 
 def _arm(name: str, arm: Arm, watched: _Watched) -> Iterator[ReportLine]:
-    rate, limits, q = watched.stamps / WATCHED, arm.limits, arm.state().q
+    rate = watched.stamps / WATCHED
+    limits = arm.limits
+    q = arm.state().q
     yield ReportLine(
         f"{name} rate", rate >= SLOWEST_ARM, f"{rate:.0f} states a second", "look at the network"
     )

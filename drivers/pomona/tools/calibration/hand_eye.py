@@ -33,7 +33,8 @@ LEAST_TURN = np.radians(
 )  # the flange must turn by at least this between some looks, about more than one axis
 LEVER = 0.1  # a rotation error counts as much as the distance that it makes at this lever [m]
 
-MOST_POSITION, MOST_ROTATION = 5e-3, np.radians(1.0)
+MOST_POSITION = 5e-3
+MOST_ROTATION = np.radians(1.0)
 """Greatest residuals, rms [m, rad]. Twenty looks with 0.5 mm and 0.06° of noise leave less than 2 mm; one of them
 that is 20 mm off leaves 7.3 mm."""
 
@@ -143,7 +144,8 @@ def calibrate_hand_eye(
     if count < LEAST_LOOKS or len(T_camera_board) != count:
         raise UnusableLooks(f"needs at least {LEAST_LOOKS} looks with both poses, not {count}")
     _check_turns(T_base_tool0)
-    A, B = _motions(T_base_tool0), _motions(_inverse(T_camera_board))
+    A = _motions(T_base_tool0)
+    B = _motions(_inverse(T_camera_board))
     R = _park_martin(A, B)
     t = _translation(A, B, R)
     T_tool0_camera = np.eye(4)
@@ -260,10 +262,8 @@ def _motions(T: Float64) -> Float64:
 
 def _park_martin(A: Float64, B: Float64) -> Float64:
     """R with R log(B) ≈ log(A), in the least-squares sense."""
-    alpha, beta = (
-        Rotation.from_matrix(A[:, :3, :3]).as_rotvec(),
-        Rotation.from_matrix(B[:, :3, :3]).as_rotvec(),
-    )
+    alpha = Rotation.from_matrix(A[:, :3, :3]).as_rotvec()
+    beta = Rotation.from_matrix(B[:, :3, :3]).as_rotvec()
     U, _, Vt = np.linalg.svd(alpha.T @ beta)
     R: Float64 = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return R

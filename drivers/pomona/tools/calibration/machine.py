@@ -38,7 +38,6 @@ EXTRAS = {
     "foxglove": ("foxglove-sdk",),
     "realsense": ("pyrealsense2",),
     "torch": ("torch", "onnx"),
-    "ray": ("ray",),
     "lsp": ("pygls",),
     "mcp": ("mcp",),
 }
@@ -151,7 +150,8 @@ def _drawn(renderer: object, data: object) -> str:
 
 def _room(records: Path) -> ReportLine:
     """Whether a record can be written, and how much room there is."""
-    name, where = "folder of records", records.absolute()
+    name = "folder of records"
+    where = records.absolute()
     there = next(folder for folder in (where, *where.parents) if folder.exists())
     advice = "--record DIR names another folder; --no-record leaves none"
     try:

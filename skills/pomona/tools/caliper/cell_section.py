@@ -2,7 +2,7 @@
 
     devices:
       …
-      caliper: {driver: caliper, warn: 2 mm, slow: 6 mm, ask: 10 mm, refuse: 20 mm, self_calibration: propose}
+      caliper: {driver: caliper, warn: 2 mm, slow: 6 mm, ask: 10 mm, refuse: 20 mm}
 
 It commands nothing. Before a run, `admission.admit` compares the picks of earlier runs with these limits.
 """
@@ -20,9 +20,9 @@ from pomona.drivers.services import ConnectContext
 from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.cell.device import Device
 from pomona.executive.cell.registration import Settings, Surroundings, driver
-from pomona.executive.values.kinds import Measure, Number, Text
+from pomona.executive.values.kinds import Measure, Number
 from pomona.executive.values.sections import Problem, value
-from pomona.executive.values.units import ANGLE, LENGTH
+from pomona.executive.values.units import LENGTH
 
 LIMITS = ("warn", "slow", "ask", "refuse")  # in the order of their values
 _LENGTH = Measure(LENGTH, "0.5 mm", "100 mm")
@@ -34,7 +34,7 @@ class Caliper(Device):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaliperOptions:
-    """Limits of the distance of fruit from the place that the camera gives, and self-calibration between runs."""
+    """Limits of the distance of fruit from the place that the camera gives."""
 
     warn: float = value(_LENGTH, "2 mm", "from here on, each run begins with a warning")
     slow: float = value(_LENGTH, "6 mm", "from here on, runs go at `slow_speed`")
@@ -51,19 +51,6 @@ class CaliperOptions:
     )
     slow_speed: float = value(
         Number(0.1, 1.0), "0.3", "speed of the arm relative to the commanded one, beyond `slow`"
-    )
-    self_calibration: str = value(
-        Text("off", "propose", "apply"),
-        "off",
-        "'propose' names a better pose, 'apply' writes it before the next run",
-    )
-    most: float = value(
-        _LENGTH,
-        "15 mm",
-        "farthest that 'apply' moves the camera, from its pose before the first time",
-    )
-    most_turned: float = value(
-        Measure(ANGLE, "0.1 deg", "10 deg"), "2 deg", "farthest that 'apply' turns it, as well"
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -85,11 +72,6 @@ class CaliperOptions:
                 )
         if around.has(Caliper):
             yield Problem("driver", "a cell has one caliper, and another one stands above it")
-        if self.self_calibration == "apply" and not any(
-            getattr(o, "hand_eye", None) for o in around.options.values()
-        ):
-            words = "'apply' corrects the file that a camera's `hand_eye` names, and none has one"
-            yield Problem("self_calibration", words)
 
 
 @driver(Caliper, CaliperOptions)

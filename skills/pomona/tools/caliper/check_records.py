@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
-from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import in_order
 from pomona.executive.values.sentences import ReportLine
 from pomona.tools.caliper.estimate import estimate
-from pomona.tools.caliper.explain import read_back
 from pomona.tools.caliper.findings import CameraFinding, find_error, next_picks
-from pomona.tools.caliper.records import Picks, read_groups
+from pomona.tools.caliper.records import Picks, read_back
 
 ADVICE = "pomona calibrate from-picks proposes another pose; runs that have it end this line"
 
@@ -25,11 +24,7 @@ def check(records: Sequence[Path], cell: str = "") -> Iterator[ReportLine]:
         cell: name of a cell, whose newest calibration counts; empty: all cells with all their calibrations.
     """
     ordered = in_order(records, lambda record: record.name)
-    if cell:
-        newest = next((record for record in reversed(ordered) if _cell_of(record) == cell), None)
-        groups = [] if newest is None else [read_back(newest, ordered)]
-    else:
-        groups = read_groups(ordered)
+    groups = [read_back(ordered, cell=cell)] if cell else read_groups(ordered)
     for group in groups:
         if group.refused and not group.picks:
             words = (
@@ -54,8 +49,15 @@ def _line(group: Picks) -> ReportLine:
     return ReportLine(f"camera of {group.cell}", not finding.is_off, sentence, ADVICE)
 
 
-def _cell_of(record: Path) -> str:
-    try:
-        return trusted(record).cell
-    except UsageError:
-        return ""
+def read_groups(records: Sequence[Path]) -> list[Picks]:
+    """Return the picks of many records, those of one cell and calibration together; others than these are left out."""
+    groups: list[Picks] = []
+    rest = list(records)
+    while rest:
+        group = read_back(rest[-1:])
+        for record in reversed(rest[:-1]):
+            with contextlib.suppress(UsageError):
+                group.merge(Picks.of_record(record))
+        rest = [record for record in rest[:-1] if record.name not in group.runs]
+        groups.insert(0, group)
+    return groups

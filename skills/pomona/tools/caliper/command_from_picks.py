@@ -13,11 +13,13 @@ import numpy as np
 
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
+from pomona.executive.files import write_text
+from pomona.executive.recording.folder import in_order
+from pomona.executive.recording.plain_file import refuse_taken
 from pomona.tools.caliper.estimate import CameraErrors, estimate, table_left, touch_left
-from pomona.tools.caliper.findings import corrected, find_error, hidden, known
+from pomona.tools.caliper.findings import corrected, find_error, has_moved, hidden, is_shown, known
 from pomona.tools.caliper.pick import Pick
-from pomona.tools.caliper.records import Picks, find_runs
-from pomona.tools.caliper.self_calibration import undo
+from pomona.tools.caliper.records import Picks, find_runs, read_back
 
 LEAST_PICKS = 6  # fewest picks of a proposal: a third is kept apart
 APART = 3  # every third pick is kept apart
@@ -44,52 +46,12 @@ def add(kinds: Any) -> None:
     picks.set_defaults(main=main)
 
 
-def add_undo(kinds: Any) -> None:
-    """Register `undo-picks` among the kinds of `pomona calibrate`."""
-    undo_picks = kinds.add_parser(
-        "undo-picks", help="take back the last correction of a camera's pose from picks"
-    )
-    undo_picks.add_argument("file", type=Path, help="the file that the camera's `hand_eye` names")
-    undo_picks.set_defaults(main=main_undo)
-
-
-def main_undo(options: argparse.Namespace) -> int:
-    """Take the correction back; returns 0, or 2 where there is none."""
-    try:
-        undo(options.file)
-    except UsageError as error:
-        sys.stderr.write(f"pomona calibrate undo-picks: {error}\n")
-        return 2
-    sys.stdout.write(
-        f"{options.file} has the pose before the last correction; undo-picks again swaps them back\n"
-    )
-    return 0
-
-
 def main(options: argparse.Namespace) -> int:
-    """Propose; returns 0, or 2 when the runs cannot be used or nothing is proposed."""
-    try:
-        if options.out.exists():
-            raise UsageError(f"{options.out} is there already: name another file with --out")
-        read = Picks()
-        for record in find_runs(options.runs, options.record):
-            own = Picks()
-            own.add(record)
-            if not own.cell:
-                raise UsageError(f"{record}: the record holds no beginning of a run: leave it out")
-            read.merge(own)
-            if not own.picks and not own.refused:
-                read.refused.append(
-                    f"{record.name}: it holds no touch and no look; was the record cut?"
-                )
-        content, lines = propose(read)
-        options.out.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    except UsageError as error:
-        sys.stderr.write(f"pomona calibrate from-picks: {error}\n")
-        return 2
-    except OSError as error:
-        sys.stderr.write(f"pomona calibrate from-picks: {options.out}: {error.strerror}\n")
-        return 2
+    """Propose. Raises UsageError: the runs cannot be used, nothing is proposed, or the file is there already."""
+    refuse_taken(options.out)
+    read = read_back(in_order(find_runs(options.runs, options.record), lambda run: run.name))
+    content, lines = propose(read)
+    write_text(json.dumps(content, indent=1), options.out)
     sys.stdout.write(
         "\n".join([*lines, f"written to {options.out}; nothing of the cell has changed"]) + "\n"
     )
@@ -101,16 +63,23 @@ def propose(read: Picks) -> tuple[dict[str, Any], list[str]]:
 
     Raises NoProposal: too few picks, or those kept apart do not get better.
     """
-    refused = [f"not used: {reason}" for reason in read.refused]
+    refused = [f"not used: {reason}" for reason in (*read.refused, *read.left_out)]
     if len(read.picks) < LEAST_PICKS:
         words = f"usable picks: {len(read.picks)}, in runs: {len(read.runs)}; needed are {LEAST_PICKS} picks"
         raise NoProposal("\n  ".join([words, *refused]))
     apart = read.picks[APART - 1 :: APART]
     rest = [pick for i, pick in enumerate(read.picks) if i % APART != APART - 1]
     learnt = estimate(rest)
-    before, after = _left(apart, np.zeros(8)), _left(apart, learnt.error)
+    before = _left(apart, np.zeros(8))
+    after = _left(apart, learnt.error)
     found = estimate(read.picks)
     finding = find_error(found)
+    if finding.moved or has_moved(read.picks):
+        raise NoProposal(f"{finding.sentence} It has moved since: name the runs after that")
+    if not is_shown(found):
+        raise NoProposal(
+            f"{finding.sentence} No interval leaves zero out: the cell's calibration is left as it is"
+        )
     gain = f"off by {1e3 * before:.2f} mm before, {1e3 * after:.2f} after"
     compared = f"{len(apart)} picks kept apart: {_compared(apart)} {gain}"
     if not after < before:
@@ -143,7 +112,8 @@ def _compared(picks: Sequence[Pick]) -> str:
 
 
 def _values(found: CameraErrors) -> list[str]:
-    e, s = found.error, found.std
+    e = found.error
+    s = found.std
     metres = ", ".join(f"{1e3 * e[i]:+.1f} ± {1e3 * s[i]:.1f}" for i in range(3))
     angles = ", ".join(f"{np.degrees(e[i]):+.2f} ± {np.degrees(s[i]):.2f}" for i in range(3, 6))
     return [

@@ -11,7 +11,8 @@ from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.estimate import CameraErrors
 from pomona.tools.caliper.pick import Pick
 
-KNOWN_PLACE, KNOWN_ANGLE = 1e-3, float(np.radians(0.2))
+KNOWN_PLACE = 1e-3
+KNOWN_ANGLE = float(np.radians(0.2))
 """Largest standard deviation of a place [m] and an angle [rad] that is known: what a correction has to reach."""
 KNOWN_SCALE, KNOWN_ZERO = 3e-3, 0.3e-3  # the same of the depth's scale and of z [m]
 

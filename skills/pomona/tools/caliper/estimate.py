@@ -24,7 +24,8 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.pick import Pick
 
-ZERO, BIAS = 0.2e-3, 0.5e-3
+ZERO = 0.2e-3
+BIAS = 0.5e-3
 """Standard deviations of the fingers' zero and of the camera's bias in all sizes [m]: pads are set to zero where they
 touch each other; the camera measured the fruit of one simulated cell 0.35 mm too narrow (median)."""
 
@@ -33,7 +34,9 @@ PRIOR = np.array(
 )
 """Standard deviations of t [m], ω [rad], κ and z [m] before any pick: a cell that somebody set up by hand."""
 
-TOUCH, WIDTH, SIZE = 0.6e-3, 0.2e-3, 0.4e-3
+TOUCH = 0.6e-3
+WIDTH = 0.2e-3
+SIZE = 0.4e-3
 """Standard deviations of a first touch, a felt width, and a fruit's measured size [m]: a probe with 80 simulated
 picks left 0.5 to 0.7 mm per first touch and 0.48 % per width."""
 
@@ -41,7 +44,8 @@ LANDED = 5e-3
 """The same of a finger that lands on a fruit on the approach [m]: of fruit 24 mm aside, six landings showed ways that
 were 4 to 6 mm short, since the skin is curved and the fruit gives way. The next picks correct the rest."""
 
-TABLE_HEIGHT, TABLE_TILT = 1e-3, float(np.radians(0.15))
+TABLE_HEIGHT = 1e-3
+TABLE_TILT = float(np.radians(0.15))
 """Standard deviations of the table's height and tilts in the cell file [m, rad]: measured with a rule and a level."""
 
 SHOWN = 0.6
@@ -65,6 +69,7 @@ class CameraErrors:
     scatter: float  # scatter of the picks over the assumed one; 1 where they agree
     used: tuple[Pick, ...]
     left_out: tuple[str, ...]  # names of outliers: pushed, slipped or leaning fruit
+    picks: tuple[Pick, ...]  # all of them, in the order of time
 
     @property
     def std(self) -> Float64:
@@ -107,6 +112,7 @@ def estimate(picks: Sequence[Pick]) -> CameraErrors:
         scatter,
         tuple(used),
         tuple(far if len(used) < len(picks) else ()),
+        tuple(picks),
     )
 
 
@@ -119,10 +125,12 @@ def touch_left(pick: Pick, error: Float64) -> float:
 def _fit(picks: Sequence[Pick]) -> tuple[Float64, Float64, float, Float64]:
     """Return error, covariance, scatter, and the distance of each pick in standard deviations."""
     systems = [whitened(pick) for pick in picks]
-    H, y = np.vstack([H for H, _ in systems]), np.concatenate([y for _, y in systems])
+    H = np.vstack([H for H, _ in systems])
+    y = np.concatenate([y for _, y in systems])
     counts = np.array([len(y) for _, y in systems])
     table, pull = shown_by_table(picks)
-    of_pick, before = np.repeat(np.arange(len(systems)), counts), np.diag(PRIOR**-2.0) + table
+    of_pick = np.repeat(np.arange(len(systems)), counts)
+    before = np.diag(PRIOR**-2.0) + table
     error: Float64 = np.zeros(8)
     scatter = 1.0
     weights: Float64 = np.ones(len(systems))
@@ -151,17 +159,24 @@ def _displacement(p: Float64) -> Float64:
 
 def _rows(pick: Pick) -> tuple[Float64, Float64, Float64]:
     """Return the derivative by the error, the measurement, and its covariance: first touch, then width."""
-    H, y, size = [], [], []
+    H = []
+    y = []
+    size = []
     width = np.array([0.0] * 6 + [SHOWN * pick.across, 1.0])
     noise = []
     if pick.landed:
         H = [np.append(pick.axis @ _displacement(pick.place), 0.0)]
         H[0][6] += 0.5 * SHOWN * pick.across
-        y, size, noise = [pick.first], [0.5 * SIZE], [LANDED]
+        y = [pick.first]
+        size = [0.5 * SIZE]
+        noise = [LANDED]
     elif pick.side:
         first = 0.5 * width
         first[:7] += pick.side * pick.axis @ _displacement(pick.place)
-        H, y, size, noise = [first], [pick.first], [0.5 * SIZE], [TOUCH]
+        H = [first]
+        y = [pick.first]
+        size = [0.5 * SIZE]
+        noise = [TOUCH]
     if np.isfinite(pick.wider) and not pick.landed:
         H.append(width)
         y.append(pick.wider)
@@ -172,7 +187,8 @@ def _rows(pick: Pick) -> tuple[Float64, Float64, Float64]:
 
 def shown_by_table(picks: Sequence[Pick]) -> tuple[Float64, Float64]:
     """Return the information on the error in looks at the table: a matrix, shape (8, 8), and its pull, (8,)."""
-    information, pull = np.zeros((8, 8)), np.zeros(8)
+    information = np.zeros((8, 8))
+    pull = np.zeros(8)
     looks = [pick for pick in picks if pick.table is not None]
     for pick in looks:
         assert pick.table is not None

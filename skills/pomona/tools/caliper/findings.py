@@ -17,13 +17,17 @@ from pomona.tools.caliper.directions import (
     further_picks,
     place_directions,
 )
-from pomona.tools.caliper.estimate import CameraErrors
+from pomona.tools.caliper.estimate import CameraErrors, estimate
 from pomona.tools.caliper.notice import is_off
+from pomona.tools.caliper.pick import Pick
 
-LIMIT_PLACE, LIMIT_ANGLE = 2e-3, float(np.radians(0.3))
+LIMIT_PLACE = 2e-3
+LIMIT_ANGLE = float(np.radians(0.3))
 """Error along one direction up to which a camera sits where the cell file has it [m], [rad]: the fingers give way."""
 SURE = 2.5  # standard deviations from which an error is reported along one direction; the odds exclude chance
 LEAST_SHOWN = 3  # picks without which nothing is proven
+NEWEST = range(3, 9)  # counts of the newest picks that are judged alone
+MOVED = 30.0  # squared distance of two poses, in deviations of all six, that chance reaches once in 25 000
 PROVEN = 8e-3  # largest error of a fruit's place, two deviations included, that fingers with 8 mm of room allow [m]
 REACH = 0.15  # distance of picked fruit from the centre of the picks, for which a turn counts [m]
 STRAIGHT, PART = (
@@ -44,24 +48,20 @@ class CameraFinding:
     is_off: bool  # True: farther than chance and the tolerance of a good cell explain
     sentence: str
     far: float = 0.0  # how far fruit lie beside the place that the camera gives, along the shown directions [m]
+    moved: bool = False  # the newest picks alone show it
 
 
 def find_error(found: CameraErrors) -> CameraFinding:
-    """Compare the errors with chance, and describe them along the directions that picks have shown."""
+    """Compare the errors with chance, and describe them along the directions that picks have shown.
+
+    The newest picks are judged alone as well: a camera may have been knocked, and the older picks do not show that.
+    """
+    parts = [found.picks[-count:] for count in NEWEST if count < len(found.picks)]
+    off = _off_by(found) or next(filter(None, (_off_by(estimate(p), True) for p in parts)), None)
+    if off is not None:
+        return off
     number = _number(found)
     places = place_directions(found)
-    shifts = [d for d in places if d.value > max(LIMIT_PLACE, SURE * d.std)]
-    turns = [d for d in angle_directions(found) if d.value > max(LIMIT_ANGLE, SURE * d.std)]
-    if (shifts or turns) and is_off(found.used, found.scatter):
-        far = float(
-            np.hypot(
-                np.linalg.norm([d.value for d in shifts]),
-                REACH * np.linalg.norm([d.value for d in turns]),
-            )
-        )
-        return CameraFinding(
-            True, f"{_off(shifts, turns, number)}. Directions are those of its picture.", far
-        )
     known = [direction for direction in places if direction.is_known]
     if not known:
         return CameraFinding(
@@ -72,9 +72,45 @@ def find_error(found: CameraErrors) -> CameraFinding:
         lines = " and ".join(_line(direction.axis) for direction in known)
         words = f"The camera is at most {most:.1f} mm off {lines} ({number}); along other lines its place is not known."
         return CameraFinding(False, words)
+    if most > 1e3 * LIMIT_PLACE:
+        return CameraFinding(False, f"The camera is at most {most:.1f} mm off ({number}).")
     return CameraFinding(
         False, f"The camera sits where the cell file has it, within {most:.1f} mm ({number})."
     )
+
+
+def _off_by(found: CameraErrors, newest: bool = False) -> CameraFinding | None:
+    """Return the finding that a camera is off; None where chance or the tolerance of a good cell explains the picks."""
+    shifts = [d for d in place_directions(found) if d.value > max(LIMIT_PLACE, SURE * d.std)]
+    turns = [d for d in angle_directions(found) if d.value > max(LIMIT_ANGLE, SURE * d.std)]
+    if not (shifts or turns) or not is_off(found.used, found.scatter):
+        return None
+    far = float(
+        np.hypot(
+            np.linalg.norm([d.value for d in shifts]),
+            REACH * np.linalg.norm([d.value for d in turns]),
+        )
+    )
+    number = f"{'the newest ' if newest else ''}{_number(found)}"
+    words = f"{_off(shifts, turns, number)}. Directions are those of its picture."
+    return CameraFinding(True, words, far, newest)
+
+
+def is_shown(found: CameraErrors) -> bool:
+    """Return True where an error is shown: its interval along some direction leaves zero out."""
+    directions = (*place_directions(found), *angle_directions(found))
+    return any(direction.value > SURE * direction.std for direction in directions)
+
+
+def has_moved(picks: Sequence[Pick]) -> bool:
+    """Return True where later picks show another pose of the camera than the earlier ones: it was knocked."""
+    for count in range(LEAST_SHOWN, len(picks) - LEAST_SHOWN + 1):
+        early = estimate(picks[:count])
+        late = estimate(picks[count:])
+        by = (late.error - early.error)[:6]
+        if float(by @ np.linalg.solve((early.covariance + late.covariance)[:6, :6], by)) > MOVED:
+            return True
+    return False
 
 
 def _turned(found: CameraErrors) -> str:
@@ -84,17 +120,20 @@ def _turned(found: CameraErrors) -> str:
         return ""
     most = np.degrees(max(turn.value + 2.0 * turn.std for turn in shown))
     about = " and ".join(_turn(turn.axis) for turn in shown)
+    if most > np.degrees(LIMIT_ANGLE):
+        return f", nor its turn about {about} ({most:.1f}° at most)"
     return f"; it is turned as the cell file has it, within {most:.1f}° about {about}"
 
 
 def is_proven(found: CameraErrors) -> bool:
-    """Return True when fruit lie, along each line on which fingers have closed, where the camera puts them."""
+    """Return True when fruit lie where the camera puts them, along every level line."""
+    touched = [pick for pick in found.used if pick.side and not pick.landed]
+    if len(touched) < LEAST_SHOWN:
+        return False
     shift, covariance = found.shift
-    axes = np.array([pick.axis for pick in found.used if pick.side and not pick.landed]).reshape(
-        -1, 3
-    )
-    off = np.abs(axes @ shift) + 2.0 * np.sqrt(np.einsum("ni,ij,nj->n", axes, covariance, axes))
-    return len(axes) >= LEAST_SHOWN and bool(off.max() <= PROVEN)
+    level = np.linalg.svd(np.mean([pick.up for pick in touched], axis=0)[None])[2][1:]  # (2, 3)
+    farthest = np.sqrt(np.linalg.eigvalsh(level @ covariance @ level.T)[-1])
+    return float(np.linalg.norm(level @ shift) + 2.0 * farthest) <= PROVEN
 
 
 def known(found: CameraErrors) -> Iterator[str]:

@@ -40,7 +40,8 @@ def log_odds(picks: Sequence[Pick], scatter: float = 1.0) -> tuple[float, float]
     informations = np.array([H.T @ H for H, _ in systems]) / max(scatter, 1.0) ** 2
     pulls = np.array([H.T @ y for H, y in systems]) / max(scatter, 1.0) ** 2
     table, table_pull = shown_by_table(picks)
-    information, pull = informations.sum(axis=0) + table, pulls.sum(axis=0) + table_pull
+    information = informations.sum(axis=0) + table
+    pull = pulls.sum(axis=0) + table_pull
     every = (
         np.concatenate([information[None], information - informations]),
         np.vstack([pull, pull - pulls]),

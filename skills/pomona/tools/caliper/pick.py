@@ -95,7 +95,8 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         raise UnusableTouches(
             f"the measured fruit lies {1e3 * apart:.0f} mm from the fingers: they closed on another"
         )
-    R, axis = T_base_camera[:3, :3], T_base_tcp[:3, 1]
+    R = T_base_camera[:3, :3]
+    axis = T_base_tcp[:3, 1]
     side, first, wider = _felt(left, right, closed, skin)
     if way is not None:
         first = float(np.linalg.norm(way))
@@ -103,7 +104,8 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
             raise UnusableTouches(
                 "a finger met the fruit where it was measured: the way to it has no direction"
             )
-        side, axis = 1, way / first
+        side = 1
+        axis = way / first
     _refuse_other_things(first, wider, across)
     if side and wider < -BESIDE:
         first, wider = (
@@ -128,13 +130,15 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
 
 def _look_from(value: Mapping[str, Any], name: str) -> Pick:
     try:
-        T_mount_camera, planes = _pose(value["T_mount_camera"]), _planes(value["table"])
+        T_mount_camera = _pose(value["T_mount_camera"])
+        planes = _planes(value["table"])
     except (KeyError, TypeError, ValueError) as error:
         raise UnusableTouches(f"its look is malformed: {error}") from error
     if planes is None or planes[0, 2] > -0.1:
         raise UnusableTouches("its look shows no table before the camera")
     place = np.array([0.0, 0.0, -planes[0, 3] / planes[0, 2]])
-    on_arm, up = value.get("on_arm") is True, planes[1, :3]
+    on_arm = value.get("on_arm") is True
+    up = planes[1, :3]
     return Pick(
         name, np.zeros(3), place, np.nan, 0, np.nan, np.nan, T_mount_camera, on_arm, up, planes
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import trusted
@@ -19,11 +20,15 @@ from pomona.executive.recording.folder import (
     EVENTS_FILE,
     events_file,
     find_record,
+    hash_of,
     in_order,
     records_in,
 )
 from pomona.executive.recording.plain_file import made_whole, open_plain, parse_object
+from pomona.executive.recording.read import read_events
 from pomona.executive.recording.scan import scan
+from pomona.executive.running.events import RunStarted
+from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.pick import KINDS, Pick, UnusableTouches, pick_from
 
 SAME_POSE = (
@@ -43,8 +48,9 @@ class Picks:
     """Picks of one cell with one calibration.
 
     Attributes:
-        picks: those that can be used.
+        picks: those that can be used, in the order of time.
         refused: touches that cannot, with the reason.
+        left_out: records that were not used, with the reason.
         runs: ids of the runs that were read.
         cell: name of their cell.
     """
@@ -52,6 +58,7 @@ class Picks:
     def __init__(self) -> None:
         self.picks: list[Pick] = []
         self.refused: list[str] = []
+        self.left_out: list[str] = []
         self.runs: list[str] = []
         self.cell = self.cell_hash = ""
         self._names: dict[str, str] = {}  # names of the picks that were merged, by their values
@@ -65,8 +72,11 @@ class Picks:
         A touch moves a fruit that lies free. Only the first one after its look shows where the camera saw it.
         UnusableTouches go to `refused`.
         """
-        found, seen = cls(), list[Any]()
-        found.cell, found.cell_hash, found.runs = cell, cell_hash, [run]
+        found = cls()
+        seen = list[Any]()
+        found.cell = cell
+        found.cell_hash = cell_hash
+        found.runs = [run]
         for name, value in touches:
             try:
                 pick = pick_from(value, name)
@@ -78,30 +88,20 @@ class Picks:
             seen.append(value.get("T_base_fruit"))
         return found
 
-    def add(self, record: Path) -> None:
-        """Read the picks of one more run.
+    @classmethod
+    def of_record(cls, record: Path) -> Picks:
+        """Return the picks of a record, which is read once: its touches are noted beside it.
 
-        Raises:
-            OtherCalibration: the run is of another cell, or of another calibration; nothing was added.
-            UsageError: the record cannot be trusted.
-        """
-        self.merge(Picks.of_run(*_read(record)))
-
-    def add_noted(self, record: Path, *, only: bool = False) -> None:
-        """As `add`; a record is read once, and its touches are noted beside it.
-
-        With `only`, a record without a note is left out.
+        Raises UsageError: the record cannot be trusted, or holds no beginning of a run.
         """
         noted = _noted(record)
-        if noted is None and only:
-            return
         if noted is None:
             noted = _read(record)
             note_touches(record, *noted[1:])
-        self.merge(Picks.of_run(*noted))
+        return cls.of_run(*noted)
 
     def merge(self, other: Picks) -> None:
-        """Take the picks of others.
+        """Take the picks of earlier runs.
 
         Raises OtherCalibration: they are of another cell, or of another calibration; nothing was added.
         """
@@ -112,39 +112,83 @@ class Picks:
             raise error(f"{run}: {words}; name runs of one cell as it is now")
         first = next(iter((*self.picks, *other.picks)), None)
         for pick in other.picks:
-            if first is not None and not _same_camera(pick, first):
+            if first is not None and not (
+                pick.on_arm == first.on_arm and same_pose(pick.T_mount_camera, first.T_mount_camera)
+            ):
                 words = f"the camera's pose in its mount is another one than in {first.name}"
                 raise OtherCalibration(f"{pick.name}: {words}; name runs of one calibration")
-        self.cell, self.cell_hash = other.cell, other.cell_hash
-        self.runs += other.runs
+        self.cell = other.cell
+        self.cell_hash = other.cell_hash
+        self.runs = [*other.runs, *self.runs]
         self.refused += other.refused
+        kept: list[Pick] = []
         for pick in other.picks:
             name = self._names.setdefault(_measured(pick), pick.name)
             if name == pick.name:
-                self.picks.append(pick)
+                kept.append(pick)
             else:
                 self.refused.append(
                     f"{pick.name}: measured to the last digit as {name}: a copy of its record"
                 )
+        self.picks = [*kept, *self.picks]
 
 
-def read_groups(records: Iterable[Path]) -> list[Picks]:
-    """Return the picks of many records, those of one cell and calibration together, in the order of their first.
+def read_back(
+    records: Sequence[Path], read: Picks | None = None, *, cell: str = "", noted: bool = False
+) -> Picks:
+    """Return the picks of a cell's newest calibration: of runs from the newest back to the first of another one.
 
-    A record that cannot be trusted, or that has two calibrations, is left out.
+    Args:
+        records: in the order of time, of any cells.
+        read: picks that are newer than all records, or none yet of a known cell; without it the newest record counts.
+        cell: name of the only cell to look at; empty: that of the newest record.
+        noted: leave out records whose touches are not noted beside them: to look for them takes a second for each.
     """
-    groups: list[Picks] = []
-    for record in records:
-        with contextlib.suppress(UsageError):
-            read = Picks()
-            read.add(record)
-            for group in groups:
-                with contextlib.suppress(OtherCalibration):
-                    group.merge(read)
-                    break
-            else:
-                groups.append(read)
-    return groups
+    read = Picks() if read is None else read
+    for record in reversed(records):
+        if noted and _noted(record) is None:
+            continue
+        try:
+            other = Picks.of_record(record)
+            if not cell or other.cell == cell:
+                read.merge(other)
+                if not other.picks and not other.refused:
+                    words = "it holds no touch and no look; was the record cut?"
+                    read.left_out.append(f"{record.name}: {words}")
+        except OtherCell as error:
+            read.left_out.append(str(error))
+        except OtherCalibration as error:
+            read.left_out.append(f"{error}; nor are earlier ones")
+            break
+        except UsageError as error:  # its own `explain` gives the reason
+            read.left_out.append(str(error))
+    return read
+
+
+def records_before(root: Path, run: str = "") -> list[Path]:
+    """Return the newest records of a folder in the order of time, `MOST_RUNS` at most; those before a run alone."""
+    ordered = in_order({path.parent for path in records_in(root)}, lambda record: record.name)
+    names = [record.name for record in ordered]
+    return ordered[: names.index(run) if run in names else None][-MOST_RUNS:]
+
+
+def values_of(*texts: str) -> str:
+    """Return the hash of the values in a cell's files; comments, layout and the caliper's limits count for nothing."""
+    values: list[Any] = []
+    for text in texts:
+        try:
+            content = yaml.safe_load(text)
+        except (yaml.YAMLError, RecursionError):
+            content = text
+        devices = content.get("devices") if isinstance(content, dict) else None
+        if isinstance(devices, dict):
+            content["devices"] = {
+                name: said
+                for name, said in devices.items()
+                if not (isinstance(said, dict) and said.get("driver") == "caliper")
+            }
+        values.append(content)
+    return hash_of(json.dumps(values, default=str))
 
 
 def find_runs(names: Sequence[str], root: Path) -> list[Path]:
@@ -168,6 +212,7 @@ def find_runs(names: Sequence[str], root: Path) -> list[Path]:
 
 
 NOTED = "touches.json"  # file in a record's folder with its touches, so that they are not looked for in every start
+MOST_RUNS = 30  # newest runs that are looked at
 MOST_NOTED = 10_000_000  # longest note that is read [bytes]: 2 000 picks
 Noted = tuple[
     str, str, str, list[tuple[str, Any]]
@@ -176,14 +221,18 @@ Noted = tuple[
 
 def _read(record: Path) -> Noted:
     run = trusted(record)
-    return run.run, run.cell, run.cell_hash, list(_touches(record))
+    started = next((e for e in read_events(record) if isinstance(e, RunStarted)), None)
+    if started is None:
+        raise UsageError(f"{record}: the record holds no beginning of a run: leave it out")
+    texts = started.cell_text, *started.cell_files.values()
+    return run.run, run.cell, values_of(*texts), list(_touches(record))
 
 
 def note_touches(
     record: Path, cell: str, cell_hash: str, touches: Sequence[tuple[str, Any]]
 ) -> None:
     """Note a finished record's touches beside it; a folder that cannot be written has no note."""
-    content = {"cell": cell, "cell_hash": cell_hash, "touches": [*map(list, touches)]}
+    content = {"cell": cell, "cell_values": cell_hash, "touches": [*map(list, touches)]}
     with contextlib.suppress(OSError, UsageError):
         (record / NOTED).unlink(missing_ok=True)
         with made_whole(record / NOTED) as place:
@@ -196,10 +245,11 @@ def _noted(record: Path) -> Noted | None:
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         with open_plain(record / NOTED) as file:
             content = parse_object(file.read(MOST_NOTED))
-        of, digest = content.pop("of"), content.pop("digest")
+        of = content.pop("of")
+        digest = content.pop("digest")
         if of == _state(record) and digest == _digest(content):
             touches = [(str(name), value) for name, value in content["touches"]]
-            return record.name, str(content["cell"]), str(content["cell_hash"]), touches
+            return record.name, str(content["cell"]), str(content["cell_values"]), touches
     return None
 
 
@@ -236,7 +286,6 @@ def _measured(pick: Pick) -> str:
     )
 
 
-def _same_camera(one: Pick, other: Pick) -> bool:
-    return one.on_arm == other.on_arm and bool(
-        np.abs(one.T_mount_camera - other.T_mount_camera).max() < SAME_POSE
-    )
+def same_pose(one: Float64, other: Float64) -> bool:
+    """Return True where two poses of a camera in its mount, shape (4, 4), are one calibration."""
+    return bool(np.abs(one - other).max() < SAME_POSE)

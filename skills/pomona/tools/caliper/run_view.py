@@ -18,7 +18,7 @@ from pomona.executive.cell.cell_file import CellFile
 from pomona.executive.encode import plain
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder
-from pomona.executive.recording.folder import EVENTS_FILE, hash_of, in_order, records_in
+from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.run_views import RunView, ViewedRun
 from pomona.executive.running.events import Event, Published, RunEnded, RunStarted
 from pomona.executive.terminal.screen import Screen
@@ -38,7 +38,8 @@ class TouchesView(RunView):
     def open(self, options: argparse.Namespace, run: ViewedRun) -> bool:
         if getattr(options, "dry", None) is not None:
             return False
-        self._console, self._others = run.console, run.opened
+        self._console = run.console
+        self._others = run.opened
         self._words = CameraWords(run.records)
         self._at = 0.0, 0
         return True
@@ -93,7 +94,8 @@ class CameraWords:
 
     def __init__(self, records: Path) -> None:
         """Take the folder of records, in which runs before this one are looked for."""
-        self._records, self._run = records, ""
+        self._records = records
+        self._run = ""
         self._cell = "", ""
         self._own: list[tuple[str, Any]] = []
         self._picks: queue.SimpleQueue[_Picked | None] = queue.SimpleQueue()
@@ -103,6 +105,8 @@ class CameraWords:
 
     def begin(self, event: RunStarted) -> None:
         """Take the start of the run; a recovery may have come before it."""
+        from pomona.tools.caliper.records import values_of
+
         if self._begun:
             self.close()
             self._own = []
@@ -110,7 +114,7 @@ class CameraWords:
             self._thread.start()
         self._run, self._cell = (
             event.run,
-            (event.cell, hash_of(event.cell_text, *event.cell_files.values())),
+            (event.cell, values_of(event.cell_text, *event.cell_files.values())),
         )
         self._begun = True
 
@@ -143,14 +147,15 @@ class CameraWords:
 
     def _work(self) -> None:
         from pomona.tools.caliper.estimate import estimate
-        from pomona.tools.caliper.explain import add_back, describe_widths
+        from pomona.tools.caliper.explain import describe_widths
         from pomona.tools.caliper.findings import find_error
-        from pomona.tools.caliper.records import Picks
+        from pomona.tools.caliper.records import Picks, read_back, records_before
 
         past: list[Path] | None = None
         said = set[str]()  # reasons: eight landings on one fruit need no eight sentences
         while (picked := self._picks.get()) is not None:
-            run, name = picked.run, picked.own[-1][0]
+            run = picked.run
+            name = picked.own[-1][0]
             read = Picks.of_run(run, *picked.cell, picked.own)
             if read.refused and read.refused[-1].startswith(name):
                 reason = read.refused[-1].partition(": ")[2]
@@ -159,15 +164,10 @@ class CameraWords:
                 said.add(reason)
                 continue
             if past is None:
-                beside = {path.parent for path in records_in(self._records)}
-                past = [
-                    other
-                    for other in in_order(beside, lambda other: other.name)
-                    if other.name != run
-                ]
-            for _ in add_back(read, past, noted=True):
-                pass
+                past = [other for other in records_before(self._records) if other.name != run]
+            read_back(past, read, noted=True)
             found = estimate(read.picks)
-            finding, last = find_error(found), [pick for pick in read.picks if pick.name == name]
+            finding = find_error(found)
+            last = [pick for pick in read.picks if pick.name == name]
             words = filter(None, (finding.sentence, describe_widths(last, found)))
             self._ready.put((finding.is_off, " ".join(words)))

@@ -52,7 +52,8 @@ TYPICAL_RADIUS = (
 )
 SPREAD = 1.5  # smallest ratio of the pushes' forces from which gamma is fitted
 
-GROWTH_STD, SLIDE_STD = 0.15, 0.05
+GROWTH_STD = 0.15
+SLIDE_STD = 0.05
 """Assumed standard deviations of gamma among fruit, and of the logarithm of a slide's force: with noisy slides gamma
 stays near the assumed value."""
 
@@ -121,7 +122,8 @@ class PushRecorder:
         """
         if not self.ready:
             raise TooFewPushes(0)
-        received, widths = np.array(self._wrenches), np.array(self._widths)
+        received = np.array(self._wrenches)
+        widths = np.array(self._widths)
         n = BIAS_SAMPLES
         first = max(n, start or n)
         return Push(received[first:] - received[:n].mean(axis=0), widths[first:])
@@ -205,13 +207,14 @@ class _ContactFit:
 
     def __init__(self, f_n: Float64, f_t: Float64, tau_n: Float64, start: SoftContact) -> None:
         self.notes: list[str] = []
-        self._f_n, self._f_t, self._tau_n, self._start = f_n, f_t, tau_n, start
+        self._f_n = f_n
+        self._f_t = f_t
+        self._tau_n = tau_n
+        self._start = start
         self._agrees = np.ones(len(f_n), bool)
         twisted = tau_n / np.maximum(f_t, 1e-6) > 0.2 * TYPICAL_RADIUS
-        knows_torsion, knows_growth = (
-            bool(twisted.any()),
-            bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3),
-        )
+        knows_torsion = bool(twisted.any())
+        knows_growth = bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3)
         if not knows_torsion:
             self.notes.append("no push twisted the fruit: delta and gamma are the assumed ones")
         elif not knows_growth:
@@ -222,7 +225,9 @@ class _ContactFit:
 
     def solve(self) -> tuple[SoftContact, Float64, Float64]:
         """Return the contact, standard deviations of (ln mu, ln delta, gamma), and the remaining errors of ln f_n."""
-        start, free, at = self._start, self._free, self._at
+        start = self._start
+        free = self._free
+        at = self._at
         first = np.array(
             [
                 np.log(np.median(self._f_t / self._f_n)),
@@ -296,11 +301,15 @@ def _slides(pushes: list[Push]) -> tuple[Float64, Float64, Float64]:
         ]
         forces, tangential, moments = pad_loads(averaged)
         for finger in range(2):
-            f_n, f_t, tau_n = forces[:, finger], tangential[:, finger], np.abs(moments[:, finger])
+            f_n = forces[:, finger]
+            f_t = tangential[:, finger]
+            tau_n = np.abs(moments[:, finger])
             usable = f_n > LEAST_FORCE
             if usable.sum() < WINDOW:
                 continue
-            f_n, f_t, tau_n = f_n[usable], f_t[usable], tau_n[usable]
+            f_n = f_n[usable]
+            f_t = f_t[usable]
+            tau_n = tau_n[usable]
             load = np.hypot(f_t, tau_n / TYPICAL_RADIUS) / f_n
             most = load >= np.quantile(load, 1.0 - SLIDING_SHARE)
             found.append((f_n[most].mean(), f_t[most].mean(), tau_n[most].mean()))
@@ -311,7 +320,8 @@ def _stiffness(squeeze: Push) -> tuple[float | None, float]:
     forces, _, _ = pad_loads(
         uniform_filter1d(np.asarray(squeeze.wrenches, np.float64), WINDOW, axis=0)
     )
-    f_n, width = 2.0 * forces.min(axis=1), np.asarray(squeeze.width, np.float64)
+    f_n = 2.0 * forces.min(axis=1)
+    width = np.asarray(squeeze.width, np.float64)
     usable = (f_n > LEAST_FORCE) & np.isfinite(width)
     if usable.sum() < WINDOW or np.ptp(width[usable]) < 1e-5:
         return None, 0.0

@@ -16,7 +16,9 @@ from typing import Any
 from pomona.drivers.errors import DriverError
 from pomona.drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
 from pomona.executive.cell.connect import load_cell
-from pomona.executive.values.installation import installed_trees
+from pomona.executive.errors import UsageError
+from pomona.executive.files import find_cell
+from pomona.executive.recording.plain_file import refuse_taken
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import FORCE, TIME
 from pomona.skills.grip.grip import GripError
@@ -66,8 +68,12 @@ class GuidedPushes:
         tell: Callable[[str], None],
         ask: Callable[[str, HandTask], None],
     ) -> None:
-        self._gripper, self._sensor = gripper, sensor
-        self._now, self._wait, self._tell, self._ask = now, wait, tell, ask
+        self._gripper = gripper
+        self._sensor = sensor
+        self._now = now
+        self._wait = wait
+        self._tell = tell
+        self._ask = ask
 
     def record(self, forces: Sequence[float], seconds: float) -> tuple[list[Push], Push]:
         """Take the bias, squeeze, and record a straight and a twisting push at each grasp force.
@@ -188,11 +194,10 @@ def add(kinds: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Calibrate; returns 0, or 2 when the pushes cannot be used."""
+    """Calibrate. Raises UsageError: the pushes cannot be used, or a file is there already."""
+    for file in filter(None, (options.out, options.keep)):
+        refuse_taken(file)
     try:
-        for file in filter(None, (options.out, options.keep)):
-            if file.exists():
-                raise ValueError(f"{file} is there already: name another file")
         start = SoftContact(k=options.k)
         pushes, squeeze = (
             _made_now(options) if options.recording is None else read_recording(options.recording)
@@ -200,8 +205,7 @@ def main(options: argparse.Namespace) -> int:
         found = calibrate_grip(pushes, squeeze, start)
         write_calibration(found, options.out, options.fruit)
     except (GripError, DriverError, OSError, ValueError) as error:
-        sys.stderr.write(f"pomona calibrate grip: {error}\n")
-        return 2
+        raise UsageError(f"pomona calibrate grip: {error}") from error
     sys.stdout.write(
         f"{found}\nwritten to {options.out}: put its ports into the tree's SlipAvoidGrasp node\n"
     )
@@ -216,7 +220,8 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
         clock = cell.clock
         wait = clock.advance if clock.simulated else time.sleep
         try:
-            gripper, sensor = cell.device(Gripper), cell.device(ForceSensor)
+            gripper = cell.device(Gripper)
+            sensor = cell.device(ForceSensor)
         except KeyError as missing:
             raise GuidanceEnded(str(missing.args[0])) from missing
         guide = GuidedPushes(gripper, sensor, clock.now, wait, _tell, _who_is_asked(cell))
@@ -228,12 +233,7 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
 
 def _cell(name: str) -> Any:
     """Connect a cell by its file or the name of an installed one."""
-    path = Path(name)
-    if not path.is_file():
-        path = installed_trees() / "cells" / f"{name}.yaml"
-    if not path.is_file():
-        raise GuidanceEnded(f"no cell '{name}': neither a file nor an installed cell")
-    return load_cell(path)
+    return load_cell(find_cell(name))
 
 
 def _tell(sentence: str) -> None:

@@ -14,7 +14,7 @@ from pomona.executive.cell.device import Device
 from pomona.executive.recording.folder import EVENTS_FILE
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.sentences import ReportLine
-from pomona.tools.calibration.command_doctor import add, find_cell
+from pomona.tools.calibration.command_doctor import add
 from pomona.tools.calibration.doctor import _device, _Watched, examine
 
 
@@ -91,12 +91,6 @@ def test_an_unusable_cell_file_is_one_line_with_its_place(tmp_path: Path) -> Non
     assert "wgs" in check.found
     missing = by_name(examine(tmp_path / "none.yaml"))["cell file"]
     assert "cannot be read" in missing.found
-
-
-def test_installed_cells_are_found_by_name() -> None:
-    assert find_cell("frames").name == "frames.yaml"
-    assert find_cell("frames").is_file()
-    assert find_cell("elsewhere/x.yaml") == Path("elsewhere/x.yaml")
 
 
 def test_the_command_prints_a_line_for_each_check_and_a_sum(

@@ -31,11 +31,7 @@ def test_limits_stand_in_the_cell_file_with_defaults(tmp_path: Path):
     cell = read_cell_file(written(tmp_path, DEVICES + "  caliper: {driver: caliper, warn: 1 mm}\n"))
     said = caliper_of(cell)
     assert said is not None
-    assert (said.values.warn, said.values.refuse, said.values.self_calibration) == (
-        1e-3,
-        0.02,
-        "off",
-    )
+    assert (said.values.warn, said.values.refuse) == (1e-3, 0.02)
     assert caliper_of(read_cell_file(written(tmp_path, DEVICES))) is None
 
 
@@ -44,7 +40,7 @@ def test_limits_stand_in_the_cell_file_with_defaults(tmp_path: Path):
     [
         ("slow: 1 mm", "below 'warn' of 2 mm"),
         ("refuse: 9 mm", "below 'ask' of 10 mm"),
-        ("self_calibration: aply", "apply"),
+        ("self_calibration: apply", "self_calibration"),
         ("warn: 2", "unit"),
         ("warn: 0 mm", "0.5 mm"),
         ("first_speed: 0", "0.1"),
@@ -64,15 +60,6 @@ def test_a_second_section_is_refused(tmp_path: Path):
     with pytest.raises(CellFileError, match="a cell has one caliper"):
         read_cell_file(
             written(tmp_path, DEVICES + "  one: {driver: caliper}\n  two: {driver: caliper}\n")
-        )
-
-
-def test_a_pose_is_corrected_only_in_a_file(tmp_path: Path):
-    with pytest.raises(
-        CellFileError, match="'apply' corrects the file that a camera's `hand_eye` names"
-    ):
-        read_cell_file(
-            written(tmp_path, DEVICES + "  caliper: {driver: caliper, self_calibration: apply}\n")
         )
 
 

@@ -11,6 +11,7 @@ from pomona.tools.caliper.findings import (
     find_error,
     hidden,
     is_proven,
+    is_shown,
     known,
     next_picks,
 )
@@ -103,8 +104,21 @@ def test_the_corrected_pose_puts_the_fruit_where_the_fingers_felt_them():
     assert (at - found.centre)[0] == pytest.approx(7e-3, abs=0.6e-3)
 
 
-@pytest.mark.xfail(strict=True, reason="finding 8.2: one line alone counts as proven")
 def test_picks_along_one_line_prove_no_place():
     error = np.array([15e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     picks = made_picks(np.random.default_rng(0), error, 3, azimuth=np.pi / 2.0)
     assert not is_proven(estimate(picks))
+
+
+def test_a_turn_beyond_the_limit_is_not_said_to_be_that_of_the_cell_file():
+    turned = np.array([*[0.0] * 3, np.radians(0.8), *[0.0] * 4])
+    picks = made_picks(np.random.default_rng(0), turned, 1, plain=True)
+    sentence = find_error(estimate(looked(picks, turned))).sentence
+    assert "as the cell file has it" not in sentence
+    assert "not known from 1 pick, nor its turn about" in sentence
+
+
+def test_a_right_cell_shows_no_error_in_six_picks():
+    shown = [is_shown(shifted(0.0, 6, seed)) for seed in range(40)]
+    assert np.mean(shown) <= 0.1
+    assert is_shown(shifted(4e-3, 6))

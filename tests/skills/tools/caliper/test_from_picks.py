@@ -87,6 +87,25 @@ def test_a_camera_in_its_place_is_left_there_or_corrected_by_less_than_the_noise
     assert code == 2 or abs(json.loads(out.read_text())["error"][0]) < 3e-3
 
 
+def test_older_runs_of_another_calibration_are_left_out_and_named(tmp_path, capsys):
+    runs = runs_of(tmp_path / "runs", 6e-3, 10)
+    for i, touches in enumerate(picks_of(4e-3, 7, seed=5)):
+        touches["T_mount_camera"][0][3] = 0.01
+        write_run(runs / f"2026-01-02_10-00-{i:02d}_pick", touches)
+    assert call(runs, "--out", tmp_path / "c.yaml") == 0
+    told = capsys.readouterr().out
+    assert "not used: 2026-01-01_10-00-09_pick" in told
+    assert "(7 picks)" in told
+
+
+def test_a_camera_that_was_knocked_between_the_picks_gets_no_proposal(tmp_path, capsys):
+    runs = runs_of(tmp_path / "runs", 0.0, 8)
+    for i, touches in enumerate(picks_of(8e-3, 8, seed=5)):
+        write_run(runs / f"2026-01-02_10-00-{i:02d}_pick", touches)
+    assert call(runs, "--out", tmp_path / "c.yaml") == 2
+    assert "It has moved since: name the runs after that" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("other", ["cell", "calibration"])
 def test_runs_of_another_cell_or_calibration_are_refused(tmp_path, capsys, other):
     runs = runs_of(tmp_path / "runs", 6e-3, 6)
@@ -119,7 +138,7 @@ def test_a_folder_without_records_and_a_file_that_is_there_are_refused(tmp_path,
     assert "no records in" in capsys.readouterr().err
     (tmp_path / "c.yaml").write_text("earlier")
     assert call(tmp_path, "--out", tmp_path / "c.yaml") == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "nothing is overwritten" in capsys.readouterr().err
     assert (tmp_path / "c.yaml").read_text() == "earlier"
 
 
@@ -133,9 +152,10 @@ def test_a_run_that_holds_no_pick_is_named_beside_those_that_are_used(tmp_path, 
 def test_a_record_that_was_cut_at_its_beginning_is_named(tmp_path, capsys):
     runs = runs_of(tmp_path / "runs", 6e-3)
     events_file(max(runs.iterdir())).write_bytes(b"")
-    assert call(runs, "--out", tmp_path / "c.yaml") == 2
+    assert call(runs, "--out", tmp_path / "c.yaml") == 0
     assert (
-        f"{max(runs.iterdir())}: the record holds no beginning of a run" in capsys.readouterr().err
+        f"not used: {max(runs.iterdir())}: the record holds no beginning of a run"
+        in capsys.readouterr().out
     )
     assert explain(max(runs.iterdir())) == ""
 

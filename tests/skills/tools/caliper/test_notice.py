@@ -47,7 +47,6 @@ def test_more_scatter_needs_more_picks():
     assert log_odds(picks, 0.5) == log_odds(picks)
 
 
-@pytest.mark.xfail(strict=True, reason="finding 8.1: old picks weigh as much as the newest ones")
 @pytest.mark.parametrize("good", [8, 24])
 def test_a_camera_that_is_pushed_after_good_picks_is_noticed_within_six_picks(good: int):
     noticed = []

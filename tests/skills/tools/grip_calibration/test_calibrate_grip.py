@@ -173,7 +173,7 @@ def test_recordings_that_cannot_be_used_are_refused_in_words(
     ("arguments", "words"),
     [
         ((), "name a recording"),
-        (("--cell", "nowhere"), "no cell 'nowhere'"),
+        (("--cell", "nowhere"), "no cell file 'nowhere'"),
         (("--k", "0.1", "x.npz"), "k of a soft contact"),
         (("no_such_file.npz",), "no_such_file.npz"),
     ],
@@ -231,7 +231,7 @@ def test_no_file_is_written_over(
         )
         == 2
     )
-    assert "mine is there already: name another file" in capsys.readouterr().err
+    assert "mine exists, and nothing is overwritten" in capsys.readouterr().err
     assert mine.read_text() == "mine"
 
 
