@@ -5,7 +5,7 @@
     python scripts/without_leaves.py --full …         # with all quick tests, not only those that read the whole house
 
 With a leaf go the leaves that import it. Each trial runs in a copy of what is committed, in an environment of its own
-that shares the installed packages.
+that shares the installed packages. The copy stays in runs/without_leaves with its compiled files.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ import re
 import shutil
 import subprocess
 import sys
-import sysconfig
-import tempfile
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DONE = ROOT / "runs" / "without_leaves.json"
+COPY = ROOT / "runs" / "without_leaves"
 FLOORS = ("executive", "skills", "drivers")
 KINDS = ("tools", "devices", "applications")
 WHOLE_HOUSE = (
@@ -78,10 +77,12 @@ def take_out(root: Path, taken: Sequence[str]) -> None:
 def install(root: Path) -> Path:
     """Make an environment that shares the packages installed here but sees this checkout; return its Python."""
     environment = root / ".venv"
+    shutil.rmtree(environment, ignore_errors=True)
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", environment], check=True)
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     site = environment / "lib" / version / "site-packages"
-    lines = [sysconfig.get_path("purelib"), *(str(root / floor) for floor in FLOORS)]
+    shared = [folder for folder in sys.path if folder.endswith("site-packages")]
+    lines = [*(str(root / floor) for floor in FLOORS), *shared]
     (site / "shared.pth").write_text("\n".join(lines) + "\n", encoding="utf-8")
     project = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"]
     installed = site / f"pomona-{project['version']}.dist-info"
@@ -99,24 +100,31 @@ def install(root: Path) -> Path:
 
 def trial(leaf: str, is_full: bool) -> str:
     """Return how the tests end without a leaf: an empty text when they pass, else their last lines."""
-    with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder) / "pomona"
-        subprocess.run(["git", "clone", "--quiet", "--shared", ROOT, root], check=True)
-        taken = with_dependents(root, leaf)
-        sys.stdout.write(f"without {', '.join(taken)} … ")
-        sys.stdout.flush()
-        take_out(root, taken)
-        python = install(root)
-        parts = ["tests"] if is_full else [part for part in WHOLE_HOUSE if (root / part).exists()]
-        commands: list[list[str]] = [
-            [str(python), "-m", "pytest", "-n", "2", "-m", QUICK, *parts],
-            [str(python), "-m", "pytest", "-p", "no:xdist", "--collect-only", "-m", QUICK],
-        ]
-        for command in commands:
-            done = subprocess.run(command, cwd=root, capture_output=True, text=True)
-            if done.returncode:
-                return "\n".join(failures(done.stdout + done.stderr))
+    root = copy()
+    taken = with_dependents(root, leaf)
+    sys.stdout.write(f"without {', '.join(taken)} … ")
+    sys.stdout.flush()
+    take_out(root, taken)
+    python = install(root)
+    parts = ["tests"] if is_full else [part for part in WHOLE_HOUSE if (root / part).exists()]
+    commands: list[list[str]] = [
+        [str(python), "-m", "pytest", "-n", "2", "-m", QUICK, *parts],
+        [str(python), "-m", "pytest", "-p", "no:xdist", "--collect-only", "-m", QUICK],
+    ]
+    for command in commands:
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+        if done.returncode:
+            return "\n".join(failures(done.stdout + done.stderr))
     return ""
+
+
+def copy() -> Path:
+    """Return a copy of what is committed, without changes of an earlier trial."""
+    if not COPY.is_dir():
+        subprocess.run(["git", "clone", "--quiet", "--shared", ROOT, COPY], check=True)
+    for command in ("fetch --quiet", "reset --quiet --hard FETCH_HEAD", "clean --quiet -d --force"):
+        subprocess.run(["git", *command.split()], cwd=COPY, check=True)
+    return COPY
 
 
 def failures(output: str) -> Iterator[str]:
