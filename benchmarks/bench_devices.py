@@ -27,11 +27,11 @@ from pomona.devices.motoman.stream import MotomanOptions
 from pomona.devices.suntouch.calibration import FingerCalibration
 from pomona.devices.suntouch.driver import SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
-from pomona.devices.suntouch.transport import SerialLink
 from pomona.devices.wsg.codec import Command, Observe
 from pomona.devices.wsg.session import GripperSession
 from pomona.devices.wsg.transport import CanLink
 from pomona.drivers.interfaces import ArmLimits, Trajectory, WrenchSample
+from pomona.drivers.serial_link import SerialLink
 from pomona.executive.cell.owner import Link, TcpLink, raise_priority
 from pomona.executive.clock import SystemClock
 

@@ -23,7 +23,11 @@ from pomona.skills.grip.observer import (
     dynamic_force,
     observe_slip,
 )
-from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_pose
+from pomona.skills.motion.grasps.sphere import (
+    Sphere,
+    pre_grasp_orientation,
+    pre_grasp_position,
+)
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.render import render_depth, renderer
 from pomona.skills.perception.refinement.scale_fit import fit_scale, moved_and_scaled
@@ -100,7 +104,10 @@ def sphere() -> Series:
     chosen = Sphere()
     poses = np.array(
         [
-            pre_grasp_pose(np.zeros(3), chosen.radius, theta, alpha)
+            transform(
+                pre_grasp_orientation(theta, alpha),
+                pre_grasp_position(np.zeros(3), chosen.radius, theta, alpha),
+            )
             for theta, alpha in chosen.attempts()
         ]
     )

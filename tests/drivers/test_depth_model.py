@@ -14,10 +14,10 @@ from pomona.drivers.depth_model import (
     DepthModel,
     DepthModelSection,
     depth_model_of,
-    folder_depth_model,
-    read_depth_model,
 )
 from pomona.drivers.errors import CellFileError
+from pomona.executive.cell.registration import read_section_file
+from pomona.executive.values.sections import Section
 
 Z = np.array([0.3, 0.6, 1.2])
 
@@ -60,11 +60,17 @@ def test_corrected_depth_is_the_true_one_and_holes_stay_holes() -> None:
     assert SIMULATED.corrected(measured) is measured
 
 
+def read(file: Path) -> DepthModel:
+    section = Section(DepthModelSection)
+    return read_section_file(
+        file, "a depth model", lambda given: section.read(given.root, given.reader).model()
+    )
+
+
 def test_a_file_names_a_sensor_and_its_better_known_values(tmp_path: Path) -> None:
     file = tmp_path / "depth_model.yaml"
     file.write_text("sensor: azure_kinect\ngrowth: 1 mm\nscale: 0.01\nedge: 3 px\n")
-    assert folder_depth_model(tmp_path) == replace(AZURE_KINECT, growth=1e-3, scale=0.01, edge=3)
-    assert folder_depth_model(tmp_path / "elsewhere") is None
+    assert read(file) == replace(AZURE_KINECT, growth=1e-3, scale=0.01, edge=3)
     assert depth_model_of(None) == D4XX
     assert depth_model_of(DepthModelSection(sensor="simulated")) == SIMULATED
 
@@ -85,7 +91,7 @@ def test_a_file_that_cannot_be_used_is_refused_with_its_place(
     file = tmp_path / "depth_model.yaml"
     file.write_text(text + "\n")
     with pytest.raises(CellFileError, match=says) as refused:
-        read_depth_model(file)
+        read(file)
     assert f"{file}:" in str(refused.value)
 
 

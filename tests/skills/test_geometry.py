@@ -10,7 +10,6 @@ from pomona.skills.geometry import (
     angle_between,
     apply,
     inverse,
-    is_pose,
     rot_x,
     rot_y,
     rot_z,
@@ -72,18 +71,3 @@ def test_the_angle_between_two_rotations_is_that_of_the_turn_from_one_to_the_oth
         assert angle_between(R, R @ rotation_about((0.6, 0.0, 0.8), angle)) == pytest.approx(
             angle, abs=1e-9
         )
-
-
-def test_a_pose_is_distinguished_from_other_arrays(rng: np.random.Generator) -> None:
-    T = some_pose(rng)
-    assert is_pose(T)
-    assert is_pose(T + 1e-9 * (np.arange(16).reshape(4, 4) < 12))
-    for wrong in (
-        T[:3], np.diag([1.0, 1.0, -1.0, 1.0]), np.diag([-1.0, -1.0, -1.0, 1.0]), 1.001 * T,
-        np.diag([1.0, 1.0, 1.0, 2.0]),
-        np.where(np.eye(4, k=3) > 0, np.nan, T), np.where(np.eye(4, k=3) > 0, np.inf, T), T + np.eye(4, k=-3) * 0.1,
-        T + np.diag([1e-5, 0.0, 0.0, 0.0]),
-    ):  # fmt: skip
-        assert not is_pose(wrong)
-    assert is_pose(T @ transform(1.00002 * np.eye(3)), tolerance=1e-3)
-    assert not is_pose(T @ transform(1.00002 * np.eye(3)))

@@ -22,12 +22,15 @@ if TYPE_CHECKING:
     from pomona.drivers.camera_options import IntrinsicsSection as IntrinsicsSection
     from pomona.drivers.depth_model import (
         D4XX as D4XX,
-        DEPTH_MODEL_FILE as DEPTH_MODEL_FILE,
         SIMULATED as SIMULATED,
         DepthModel as DepthModel,
         DepthModelSection as DepthModelSection,
         depth_model_of as depth_model_of,
-        folder_depth_model as folder_depth_model,
+    )
+    from pomona.drivers.described_arm import other_model as other_model
+    from pomona.drivers.described_hand import (
+        HAND_STROKES as HAND_STROKES,
+        other_fingers as other_fingers,
     )
     from pomona.drivers.errors import (
         BadTrajectory as BadTrajectory,
@@ -38,7 +41,6 @@ if TYPE_CHECKING:
         DriverError as DriverError,
         FrameUnreadable as FrameUnreadable,
         MotionRefused as MotionRefused,
-        NoBias as NoBias,
         StopFailed as StopFailed,
         UnusableMesh as UnusableMesh,
         UnusableRobotFile as UnusableRobotFile,
@@ -109,6 +111,11 @@ if TYPE_CHECKING:
         RollingPath as RollingPath,
         SetPoint as SetPoint,
     )
+    from pomona.drivers.serial_link import (
+        SerialLink as SerialLink,
+        serial_opener as serial_opener,
+        serial_ports as serial_ports,
+    )
     from pomona.drivers.services import ConnectContext as ConnectContext
     from pomona.drivers.streamed_motion import StreamedMotion as StreamedMotion
     from pomona.drivers.streams import (
@@ -151,10 +158,12 @@ PUBLIC = {
     "base.parallel_gripper": "SpeedOrder WidthOrder ParallelGripper Stop Wanted",
     "base.position_gripper": "PositionGripper",
     "camera_options": "IntrinsicsSection",
-    "depth_model": "D4XX DEPTH_MODEL_FILE DepthModel DepthModelSection SIMULATED depth_model_of folder_depth_model",
+    "depth_model": "D4XX DepthModel DepthModelSection SIMULATED depth_model_of",
+    "described_arm": "other_model",
+    "described_hand": "HAND_STROKES other_fingers",
     "errors": (
         "BadTrajectory CellFileError DeviceError DeviceFault DeviceLost DriverError FrameUnreadable MotionRefused "
-        "NoBias StopFailed UnusableMesh UnusableRobotFile"
+        "StopFailed UnusableMesh UnusableRobotFile"
     ),
     "gripper_supervisor": "GripperMotion GripperSupervision GripperSupervisor allowed_speed require_move",
     "hold_watch": "HandMemory HandRecord may_hold",
@@ -174,6 +183,7 @@ PUBLIC = {
     "pomona.executive.cell.registration": "Driver NoOptions Settings Surroundings driver read_section_file",
     "robot_file": "ArmFile read_limits read_spec",
     "rolling_path": "OutOfSetPointsError POINT_PERIOD RollingPath SetPoint",
+    "serial_link": "SerialLink serial_opener serial_ports",
     "services": "ConnectContext",
     "streamed_motion": "StreamedMotion",
     "streams": "Belief FrameGuard SIDES SILENCE WrenchStream",

@@ -12,25 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.executive.cell.registration import read_section_file
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Measure, Number, Text, choose
-from pomona.executive.values.sections import Problem, Section, value
+from pomona.executive.values.sections import Problem, value
 from pomona.executive.values.units import LENGTH, PIXELS
 
 _HALFWAY = float(np.tan(np.radians(30.0)))
 _PIXEL = float(
     1.0 / np.sqrt(12.0)
 )  # standard deviation of an outline's position within its pixel [px]
-
-DEPTH_MODEL_FILE = (
-    "depth_model.yaml"  # error model of the depth in a folder of frames, before the cell file's
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,23 +186,3 @@ class DepthModelSection:
 def depth_model_of(said: DepthModelSection | None, nominal: DepthModel = D4XX) -> DepthModel:
     """Return a file's model of a camera's depth, or the nominal one."""
     return said.model() if said else nominal
-
-
-def read_depth_model(path: Path) -> DepthModel:
-    """Read a depth model from a file of its own, as `pomona calibrate depth` writes it.
-
-    Raises CellFileError: it cannot be used; the text has the place and the reason.
-    """
-    section = Section(DepthModelSection)
-    return read_section_file(
-        path, "a depth model", lambda file: section.read(file.root, file.reader).model()
-    )
-
-
-def folder_depth_model(folder: Path) -> DepthModel | None:
-    """Read the depth model in a folder of frames, or return None.
-
-    Raises CellFileError: the file is there and cannot be used.
-    """
-    path = folder / DEPTH_MODEL_FILE
-    return read_depth_model(path) if path.is_file() else None

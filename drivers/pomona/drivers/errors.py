@@ -7,7 +7,6 @@ DriverError
 ├── UnusableMesh           a mesh file cannot be used
 └── DeviceError            a device refused or failed; carries the device's name
     ├── MotionRefused      nothing has moved
-    ├── NoBias             fingers cannot be calibrated: something may be between them
     ├── DeviceLost         no answer, or the stream went stale
     └── DeviceFault        the device reports a fault, or its motion or data are implausible
         ├── StopFailed     it refused to stop, or goes on
@@ -51,18 +50,6 @@ class BadTrajectory(DriverError):
     def __init__(self, problem: str, sample: int | None = None, joint: int | None = None) -> None:
         self.problem, self.sample, self.joint = problem, sample, joint
         super().__init__(problem)
-
-
-class NoBias(DeviceError):
-    """No bias is taken of fingers that may hold something; `held` is why they may."""
-
-    def __init__(self, device: str, held: str) -> None:
-        self.held = held
-        super().__init__(
-            device,
-            f"no bias can be taken, since something may be between the fingers: {held}. Take it out, open the gripper "
-            "fully with its own interface, and connect again",
-        )
 
 
 class FrameUnreadable(DeviceFault):

@@ -143,7 +143,6 @@ if TYPE_CHECKING:
         choose as choose,
     )
     from pomona.executive.values.pictures import (
-        ENDINGS as ENDINGS,
         UnusablePicture as UnusablePicture,
         decode_picture as decode_picture,
         decode_plane as decode_plane,
@@ -239,7 +238,7 @@ PUBLIC = {
     "values.installation": "install_extra",
     "values.kinds": "AsWritten Counts Flag MappingOf Measure Number OrWord PathTo Span Text Whole Words choose",
     "values.pictures": (
-        "ENDINGS UnusablePicture decode_picture decode_plane is_lfs_pointer read_picture read_plane write_picture"
+        "UnusablePicture decode_picture decode_plane is_lfs_pointer read_picture read_plane write_picture"
     ),
     "values.plain_text": "NoTableError is_file read_plain_text read_table",
     "values.read_only": "ReadOnly",

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 
 from pomona.executive.values.arrays import Float64
 
-_IDENTITY = np.eye(3)
-
 
 def transform(rotation: ArrayLike | None = None, translation: ArrayLike | None = None) -> Float64:
     """Compose a pose from a 3 x 3 rotation and a translation, shape (3,) [m]; an omitted part is the identity."""
@@ -68,14 +66,3 @@ def angle_between(R_a: Float64, R_b: Float64) -> float:
     from scipy.spatial.transform import Rotation
 
     return float(Rotation.from_matrix(R_a.T @ R_b).magnitude())
-
-
-def is_pose(T: Float64, tolerance: float = 1e-6) -> bool:
-    """Return True if T is a finite rigid transform: orthonormal, right-handed, last row 0 0 0 1."""
-    if T.shape != (4, 4) or not np.isfinite(T).all():
-        return False
-    R = T[:3, :3]
-    orthonormal = np.abs(R @ R.T - _IDENTITY).max() < tolerance
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    right_handed = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) > 0.0
-    return bool(orthonormal and right_handed and T[3].tolist() == [0.0, 0.0, 0.0, 1.0])

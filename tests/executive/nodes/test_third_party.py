@@ -147,7 +147,7 @@ def test_a_question_of_theirs_is_asked_and_shown_with_its_answers(installed):
     assert check(document, SKILLS) == []
     tree = build(document, SKILLS, context=BenchContext())
     assert tree.nodes[0].facts()["choices"] == ["signed"]
-    (question,) = tree.asked_by("t")
+    (question,) = tree.questions.values()
     tree.root.tick_once()
     assert question.answer(question.starts, "signed")
 

@@ -86,6 +86,17 @@ def test_another_last_row_and_values_that_are_not_finite_are_not_rigid(
     assert not is_rigid(T)
 
 
+def test_another_shape_is_not_rigid() -> None:
+    assert not is_rigid(pose()[:3])
+
+
+def test_the_axes_are_judged_to_a_tolerance() -> None:
+    off = pose()
+    off[:3, :3] *= 1.00002
+    assert is_rigid(off)
+    assert not is_rigid(off, 1e-6)
+
+
 def test_mirroring_stretching_and_flattening_are_not_rigid() -> None:
     for scale in (
         (-1.0, 1.0, 1.0),

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,9 +59,7 @@ def test_beyond_reach_the_failure_states_the_reached_distance():
 
 
 def test_a_joint_limit_ends_the_line():
-    model = ROBOT_MODEL.with_limits(
-        ROBOT_MODEL.lower, np.where(np.arange(7) == 3, -0.2, ROBOT_MODEL.upper)
-    )
+    model = replace(ROBOT_MODEL, upper=np.where(np.arange(7) == 3, -0.2, ROBOT_MODEL.upper))
     line = straight_line(model, OBSERVE, goal_along_approach(-0.2))
     free = straight_line(ROBOT_MODEL, OBSERVE, goal_along_approach(-0.2))
     assert line.reason == "a joint is at its limit"

@@ -2,16 +2,19 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
 import pytest
 
 from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.skills.perception.frame_check import misplaced_depth
+from pomona.skills.perception.frame_check import depth_elsewhere
 
 WIDTH, HEIGHT = 480, 300
 CAMERA = Intrinsics(400.0, 400.0, 239.5, 149.5, WIDTH, HEIGHT)
+
+misplaced_depth = partial(depth_elsewhere, or_nowhere=True)
 
 
 def leaves(seed: int, count: int = 60, noise: float = 0.003) -> Frame:

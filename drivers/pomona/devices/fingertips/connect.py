@@ -6,9 +6,16 @@ from dataclasses import dataclass
 
 from pomona.devices.fingertips.codec import BAUD
 from pomona.devices.fingertips.driver import TsfFingertips, TsfSession
-from pomona.devices.suntouch.transport import serial_opener, serial_ports
 from pomona.devices.wrist_sensors.sensor import StreamOptions
-from pomona.drivers import ConnectContext, Gripper, Settings, driver, may_hold
+from pomona.drivers import (
+    ConnectContext,
+    Gripper,
+    Settings,
+    driver,
+    may_hold,
+    serial_opener,
+    serial_ports,
+)
 from pomona.executive import FORCE, TIME, Counts, Measure, Text, value
 
 

@@ -11,9 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from pomona.devices.frames.folder import (
+    DEPTH_MODEL_FILE,
     INTRINSICS_FILE,
     Images,
     UnusableFrames,
+    folder_depth_model,
     folder_intrinsics,
     folder_poses,
     list_frames,
@@ -21,7 +23,6 @@ from pomona.devices.frames.folder import (
 from pomona.devices.frames.video import list_video
 from pomona.drivers import (
     D4XX,
-    DEPTH_MODEL_FILE,
     Camera,
     ConnectContext,
     DepthModel,
@@ -35,7 +36,6 @@ from pomona.drivers import (
     Settings,
     depth_model_of,
     driver,
-    folder_depth_model,
 )
 from pomona.executive import Clock, Float64, Problem, Section, Text, Whole, value
 

@@ -20,7 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.devices.frames.foreign_calibration import foreign_calibration
-from pomona.drivers import DriverError, Intrinsics, IntrinsicsSection, read_section_file
+from pomona.drivers import (
+    DepthModel,
+    DepthModelSection,
+    DriverError,
+    Intrinsics,
+    IntrinsicsSection,
+    read_section_file,
+)
 from pomona.executive import (
     CellFileError,
     Finding,
@@ -36,6 +43,7 @@ from pomona.executive import (
 COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
 DEPTH_SUFFIX = "_depth_mm.png"
 INTRINSICS_FILE = "intrinsics.yaml"
+DEPTH_MODEL_FILE = "depth_model.yaml"  # how the depth errs, before the cell file's model
 POSES_FILE = "frames.json"
 NEAREST_MM = 30
 
@@ -205,6 +213,26 @@ def folder_intrinsics(folder: Path) -> Intrinsics | None:
     return read_intrinsics(path) if path.is_file() else None
 
 
+def read_depth_model(path: Path) -> DepthModel:
+    """Read a depth model from a file of its own, as `pomona calibrate depth` writes it.
+
+    Raises CellFileError: it cannot be used; the text has the place and the reason.
+    """
+    section = Section(DepthModelSection)
+    return read_section_file(
+        path, "a depth model", lambda file: section.read(file.root, file.reader).model()
+    )
+
+
+def folder_depth_model(folder: Path) -> DepthModel | None:
+    """Read the depth model in a folder of frames, or return None.
+
+    Raises CellFileError: the file is there and cannot be used.
+    """
+    path = folder / DEPTH_MODEL_FILE
+    return read_depth_model(path) if path.is_file() else None
+
+
 def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
     """Read T_base_camera (4, 4) of the frames with these labels in a folder's file of poses.
 
@@ -233,6 +261,6 @@ def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
             f"{words}, the first frame is '{next(iter(labels), '')}': correct the labels or remove the file",
         )
     for label, T in poses.items():
-        if T.shape != (4, 4) or not is_rigid(T):
+        if not is_rigid(T):
             raise UnusableFrames(path, f"the pose of '{label}' is no rigid 4 x 4 transform")
     return poses

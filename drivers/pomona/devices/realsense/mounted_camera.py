@@ -65,7 +65,7 @@ def read_hand_eye(path: Path) -> Float64:
         T = np.array(json.loads(read_plain_text(path))["T_mount_camera"], dtype=np.float64)
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise UnusableHandEye(f"{path} holds no 'T_mount_camera': {error}") from error
-    if T.shape != (4, 4) or not is_rigid(T):
+    if not is_rigid(T):
         raise UnusableHandEye(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform")
     # A camera is within this distance of the flange or base that carries it [m]; in millimetres it would be far beyond
     if np.linalg.norm(T[:3, 3]) > 5.0:

@@ -9,8 +9,16 @@ from typing import Any
 from pomona.devices.robotiq.driver import RobotiqGripper
 from pomona.devices.robotiq.options import RobotiqFile
 from pomona.devices.robotiq.session import BAUD, RobotiqSession, RtuSession, UrcapSession
-from pomona.devices.suntouch.transport import serial_opener, serial_ports
-from pomona.drivers import ConnectContext, DeviceError, DeviceLost, Settings, driver, tcp_opener
+from pomona.drivers import (
+    ConnectContext,
+    DeviceError,
+    DeviceLost,
+    Settings,
+    driver,
+    serial_opener,
+    serial_ports,
+    tcp_opener,
+)
 
 
 def opener(said: RobotiqFile, context: ConnectContext) -> Callable[[], RobotiqSession]:

@@ -6,7 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pomona.devices.robotiq.codec import SLAVE
-from pomona.drivers import Address, GripperLimits, GripperSupervision, Surroundings
+from pomona.drivers import (
+    HAND_STROKES,
+    Address,
+    GripperLimits,
+    GripperSupervision,
+    Surroundings,
+    other_fingers,
+)
 from pomona.executive import (
     FORCE,
     LENGTH,
@@ -20,7 +27,6 @@ from pomona.executive import (
     Whole,
     value,
 )
-from pomona.tools.calibration.described_hand import STROKES, other_fingers
 
 URCAP_PORT = 63352
 
@@ -35,9 +41,9 @@ class RobotiqModel:
 
 
 MODELS = {
-    "hand-e": RobotiqModel(STROKES["hand-e"], (0.020, 0.150), (20.0, 185.0)),
-    "2f-85": RobotiqModel(STROKES["2f-85"], (0.020, 0.150), (20.0, 235.0)),
-    "2f-140": RobotiqModel(STROKES["2f-140"], (0.030, 0.250), (10.0, 125.0)),
+    "hand-e": RobotiqModel(HAND_STROKES["hand-e"], (0.020, 0.150), (20.0, 185.0)),
+    "2f-85": RobotiqModel(HAND_STROKES["2f-85"], (0.020, 0.150), (20.0, 235.0)),
+    "2f-140": RobotiqModel(HAND_STROKES["2f-140"], (0.030, 0.250), (10.0, 125.0)),
 }
 """From Robotiq's data sheets. `linkage.py` has the ways of a 2F's fingertips."""
 

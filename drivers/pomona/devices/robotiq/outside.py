@@ -10,8 +10,11 @@ import time
 
 from pomona.devices.robotiq.codec import SLAVE, RobotiqCommand, RobotiqStatus
 from pomona.devices.robotiq.session import BAUD, RobotiqSession, RtuSession, UrcapSession
-from pomona.devices.suntouch.transport import SerialLink
-from pomona.drivers import Malformed, TcpLink
+from pomona.drivers import (
+    Malformed,
+    SerialLink,
+    TcpLink,
+)
 from pomona.executive import SystemClock
 
 ANSWER = 0.5  # seconds within which the gripper must answer

@@ -10,7 +10,6 @@ from pathlib import Path
 from pomona.devices.suntouch.calibration import FingerCalibration, UnusableCalibration
 from pomona.devices.suntouch.driver import SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
-from pomona.devices.suntouch.transport import serial_opener, serial_ports
 from pomona.drivers import (
     Belief,
     ConnectContext,
@@ -20,6 +19,8 @@ from pomona.drivers import (
     SampleRate,
     Settings,
     driver,
+    serial_opener,
+    serial_ports,
 )
 from pomona.executive import RATE, TIME, Measure, PathTo, Problem, Section, Text, value
 

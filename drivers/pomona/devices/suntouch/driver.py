@@ -28,7 +28,6 @@ from pomona.drivers import (
     ForceSensor,
     Gripper,
     HandMemory,
-    NoBias,
     Owner,
     Subscription,
     WrenchSample,
@@ -42,6 +41,18 @@ FIRST_SAMPLE = 1.0  # deadline of the first sample after opening [s]
 ANSWER = 0.004  # deadline of an answer [s]; a late answer is still a sample, but after this time the line is restarted
 CATCH_UP = 2  # periods that this thread may oversleep and still ask for each of them, one right after the other
 DROPPED, AVERAGED = 10, 100  # samples left out before and taken for the bias
+
+
+class NoBias(DeviceError):
+    """No bias is taken of fingers that may hold something; `held` is why they may."""
+
+    def __init__(self, device: str, held: str) -> None:
+        self.held = held
+        super().__init__(
+            device,
+            f"no bias can be taken, since something may be between the fingers: {held}. Take it out, open the gripper "
+            "fully with its own interface, and connect again",
+        )
 
 
 class SunTouchFingers(Device):

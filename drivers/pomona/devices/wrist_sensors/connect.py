@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pomona.devices.suntouch.transport import serial_opener, serial_ports
 from pomona.devices.universal_robots.options import HOST, PORTS
 from pomona.devices.wrist_sensors.codec import RANGE
 from pomona.devices.wrist_sensors.sensor import StreamOptions, WristSensor, WristSession
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
-from pomona.drivers import ConnectContext, Settings, driver, tcp_opener
+from pomona.drivers import (
+    ConnectContext,
+    Settings,
+    driver,
+    serial_opener,
+    serial_ports,
+    tcp_opener,
+)
 from pomona.executive import FORCE, MASS, RATE, TIME, Measure, Text, value
 
 BAUD, FT300_RATE = 19200, 100.0  # of the FT 300 as delivered [bit/s], and of its stream [1/s]

@@ -18,6 +18,7 @@ from pomona.drivers import (
     Settings,
     Surroundings,
     driver,
+    other_fingers,
     tcp_opener,
 )
 from pomona.executive import (
@@ -35,7 +36,6 @@ from pomona.executive import (
     Whole,
     value,
 )
-from pomona.tools.calibration.described_hand import other_fingers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

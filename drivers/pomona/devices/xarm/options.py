@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from pomona.drivers import Address, ArmFile, ArmLimits, read_limits
+from pomona.drivers import (
+    Address,
+    ArmFile,
+    ArmLimits,
+    other_model,
+    read_limits,
+)
 from pomona.executive import TIME, Flag, Measure, Problem, Text, value
-from pomona.tools.calibration.described_arm import other_model
 
 HOST = Text(
     pattern=Address.HOST, words="a host: its name or IPv4 address alone, since the ports are fixed"

@@ -188,7 +188,7 @@ def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
         raise UnusableLooks(f"{folder}: {error}") from error
     seen: dict[str, Float64] = {}
     for name, T in poses.items():
-        if T.shape != (4, 4) or not is_rigid(T):
+        if not is_rigid(T):
             raise UnusableLooks(
                 f"{folder / 'poses.json'}: the pose of '{name}' is no rigid 4 × 4 transform"
             )

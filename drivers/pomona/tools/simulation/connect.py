@@ -194,7 +194,7 @@ class CameraOptions(InWorld):
         if self.hand_eye is None:
             return None
         T = np.array(json.loads(read_plain_text(self.hand_eye))["T_mount_camera"], np.float64)
-        if T.shape != (4, 4) or not is_rigid(T):
+        if not is_rigid(T):
             raise ValueError("it is no rigid 4 x 4 transform")
         return T
 

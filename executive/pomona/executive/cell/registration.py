@@ -221,19 +221,6 @@ def read_section_file(path: Path, what: str, read: Callable[[ValueFile], T]) -> 
     raise CellFileError(findings.sorted())
 
 
-def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:
-    """Return the settings of one device from a file that holds nothing else: for tools and tests.
-
-    Raises CellFileError: something is wrong; all of it is in the error.
-    """
-    section = Section(of.options, ignore=("driver",))
-
-    def read(file: ValueFile) -> Settings[Options]:
-        return Settings(path.stem, of, section.read_placed(file.root, file.reader))
-
-    return read_section_file(path, "a device's settings", read)
-
-
 def installed_drivers() -> Mapping[str, EntryPoint]:
     """Return every installed driver by its name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}

@@ -95,15 +95,6 @@ class BuiltTree:
         """Nodes that ask a person, by path."""
         return {path: b for path, b in self.behaviours.items() if isinstance(b, Question)}
 
-    def asked_by(self, name: str) -> tuple[Question, ...]:
-        """Return the questions to the operator of the nodes of this name (see `find`) and of their modifiers."""
-        named, kinds = set(self.find(name)), {info.path: info.kind for info in self.nodes}
-        return tuple(
-            q
-            for path, q in self.questions.items()
-            if named.intersection((path, path.removesuffix(f":{kinds[path]}")))
-        )
-
     def prepare(
         self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None
     ) -> None:

@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pomona.executive.reasons import Reason
-
-if TYPE_CHECKING:
-    pass
 
 ICONS = {"SUCCESS": "✓", "FAILURE": "✗", "RUNNING": "▶", "INVALID": "·"}
 STYLES = {"SUCCESS": "green", "FAILURE": "red", "RUNNING": "bold cyan", "INVALID": "dim"}
@@ -117,7 +114,7 @@ def _with_unit(name: str) -> tuple[str, str]:
 MOST_FIGURES = 5  # figures of a world's score that a summary shows
 
 
-def headline(truth: Mapping[str, Any], most: int = MOST_FIGURES) -> list[str]:
+def headline(truth: Mapping[str, Any]) -> list[str]:
     """Return the first figures of a world's score that are not 0; verdicts and numbers only.
 
     The world orders them by importance.
@@ -129,7 +126,7 @@ def headline(truth: Mapping[str, Any], most: int = MOST_FIGURES) -> list[str]:
         said
         for name, value in kept.items()
         if not re.search(r" 0( \S+)?$", said := figure(name, value))
-    ][:most]
+    ][:MOST_FIGURES]
 
 
 def _is_number(value: Any) -> bool:

@@ -18,9 +18,6 @@ from PIL import Image
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.image_bytes import is_cut_off, size_of_image
 
-ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".heic", ".heif", ".avif")
-"""Endings of files that are taken for pictures in a folder; one that cannot be decoded is named, not left out."""
-
 MOST_PIXELS = (
     250_000_000  # of a picture that is decoded [px]: 0.75 GB; the largest photographs have 0.15e9
 )

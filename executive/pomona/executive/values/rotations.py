@@ -73,14 +73,19 @@ def to_quaternion(R: ArrayLike) -> Float64:
     return -q if q[3] < 0.0 else q
 
 
-def is_rigid(T: Float64) -> bool:
-    """Return True if a matrix, shape (4, 4), is a rotation and a translation: finite, and no mirror."""
+def is_rigid(T: Float64, tolerance: float = 1e-4) -> bool:
+    """Return True if an array is a rotation and a translation of shape (4, 4): finite, and no mirror.
+
+    Args:
+        tolerance: of the products of its axes; a file may state four digits.
+    """
     import numpy as np
 
+    if T.shape != (4, 4) or not np.isfinite(T).all():
+        return False
     R = T[:3, :3]
     return bool(
-        np.isfinite(T).all()
-        and np.abs(R @ R.T - np.eye(3)).max() <= 1e-4
+        np.abs(R @ R.T - np.eye(3)).max() <= tolerance
         and np.linalg.det(R) > 0.0
-        and np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0))
+        and T[3].tolist() == [0.0, 0.0, 0.0, 1.0]
     )

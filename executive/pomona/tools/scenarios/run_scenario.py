@@ -188,10 +188,18 @@ def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Question, Itera
     found: list[tuple[Question, Iterator[str]]] = []
     for name, answers in case.answers.items():
         words = chain(answers, repeat(answers[-1]))
-        for question in tree.asked_by(name):
+        for question in _asked_by(tree, name):
             question.attended = True
             found.append((question, words))
     return found
+
+
+def _asked_by(tree: BuiltTree, name: str) -> Iterator[Question]:
+    """Yield the questions to the operator of the nodes of a name and of their modifiers."""
+    named, kinds = set(tree.find(name)), {info.path: info.kind for info in tree.nodes}
+    for path, question in tree.questions.items():
+        if named.intersection((path, path.removesuffix(f":{kinds[path]}"))):
+            yield question
 
 
 def _problems(

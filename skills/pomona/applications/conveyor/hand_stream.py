@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -196,6 +197,9 @@ def _open(hold: Hold, gripper: Gripper) -> None:
 def inner_robot(arm: Arm) -> RobotModel:
     """Return the robot within its joint limits less `LIMIT_MARGIN`."""
     limits = arm.limits
-    return RobotModel.load(arm.description).with_limits(
-        limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN
+    return replace(
+        RobotModel.load(arm.description),
+        lower=limits.lower + LIMIT_MARGIN,
+        upper=limits.upper - LIMIT_MARGIN,
+        endless=np.zeros(len(limits.lower), np.bool_),
     )

@@ -38,8 +38,8 @@ from pomona.skills.perception import (
     FruitError,
     FruitModel,
     TooFewFruit,
+    depth_elsewhere,
     load_fruit,
-    misplaced_depth,
 )
 
 BAGS = (".bag", ".db3", ".mcap")
@@ -167,7 +167,7 @@ class _Measurement:
             return error.message
         assert frame is not None, "a recorded frame is there at once"
         fruit = measure_frame(frame, self._model, options.score, options.width, options.method)
-        doubt = misplaced_depth(frame)
+        doubt = depth_elsewhere(frame, or_nowhere=True)
         rows.extend(row_of(each, doubt) for each in fruit)
         self._fruit += fruit
         label = re.sub(r"[^A-Za-z0-9._-]+", "_", frame.label)[:60]

@@ -65,15 +65,6 @@ def steps_in_a_sample(rate: float) -> int:
     return max(round(1.0 / (rate * STEP)), 1)
 
 
-@kernel()
-def _observe_all(y, g, J, settings, substeps, step, result):  # type: ignore[no-untyped-def]
-    omega, z = 0.0, y[0] / settings.sigma0
-    for i in range(y.size):
-        for _ in range(substeps):
-            omega, z = observe(omega, z, y[i], g[i], J[i], settings, step)
-        result[i] = omega
-
-
 def observe_slip(
     y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSettings, rate: float = 500.0
 ) -> Float64:
@@ -88,14 +79,14 @@ def observe_slip(
     Returns:
         omega after each sample, shape (n,) [rad/s].
     """
-    torque, friction, inertia = (
-        np.ascontiguousarray(a, np.float64) for a in np.broadcast_arrays(y, g, J)
-    )
-    result = np.empty(torque.size)
     substeps = steps_in_a_sample(rate)
-    step = 1.0 / rate / substeps
-    _observe_all(torque, friction, inertia, settings, substeps, step, result)
-    return result
+    samples = np.stack(np.broadcast_arrays(y, g, J), axis=-1).tolist()
+    omega, z, result = 0.0, samples[0][0] / settings.sigma0, []
+    for sample in samples:
+        for _ in range(substeps):
+            omega, z = observe(omega, z, *sample, settings, 1.0 / rate / substeps)
+        result.append(omega)
+    return np.array(result)
 
 
 class DynamicSettings(NamedTuple):
@@ -122,20 +113,15 @@ def answer_slip(integral, omega_before, omega, settings, step):  # type: ignore[
     return integral, min(abs(settings.kp * omega + integral), bound)
 
 
-@kernel()
-def _answer_all(omega, settings, substeps, step, result):  # type: ignore[no-untyped-def]
-    integral, before = 0.0, 0.0
-    for i in range(omega.size):
-        for _ in range(substeps):
-            integral, result[i] = answer_slip(integral, before, omega[i], settings, step)
-            before = omega[i]
-
-
 def dynamic_force(omega: ArrayLike, settings: DynamicSettings, rate: float = 500.0) -> Float64:
     """Return f_nd [N], shape (n,), for slip velocities [rad/s] that are held over each sample of `rate`, from rest."""
-    velocities = np.ascontiguousarray(omega, np.float64)
-    result = np.empty(velocities.size)
     substeps = steps_in_a_sample(rate)
-    step = 1.0 / rate / substeps
-    _answer_all(velocities, settings, substeps, step, result)
-    return result
+    integral, before, result = 0.0, 0.0, []
+    for velocity in np.asarray(omega, np.float64).tolist():
+        for _ in range(substeps):
+            integral, force = answer_slip(
+                integral, before, velocity, settings, 1.0 / rate / substeps
+            )
+            before = velocity
+        result.append(force)
+    return np.array(result)

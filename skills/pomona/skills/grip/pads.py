@@ -8,9 +8,7 @@ the first pad's frame. The torsional moment is taken about the contact's own cen
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from pomona.executive.values.arrays import Float64
 from pomona.skills.numba_kernel import kernel
 
 PAD_HALF = 0.010  # bound of the distance of a contact from the pad's centre [m]
@@ -66,22 +64,3 @@ def _beyond_noise(fast, slow, noise):  # type: ignore[no-untyped-def]
     if abs(jump) <= noise:
         return slow
     return slow + jump * (1.0 - (noise / jump) ** 2)
-
-
-def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:
-    """Return the loads of both fingers without any filter.
-
-    Args:
-        wrenches: shape (2, 6) or (n, 2, 6), bias removed, as in `WrenchSample`.
-
-    Returns:
-        f_n [N], f_t [N] (magnitude) and tau_n [N·m] (the second finger's turned into the first pad's frame), each of
-        shape (2,) or (n, 2).
-    """
-    w = np.asarray(wrenches, np.float64)
-    flat = w.reshape(-1, 2, 6)
-    rows = np.array(
-        [[loads_of_finger(pair[0]), loads_of_finger(MIRROR * pair[1])] for pair in flat]
-    )
-    rows = rows.reshape(*w.shape[:-1], 4)
-    return rows[..., 0], np.hypot(rows[..., 1], rows[..., 2]), rows[..., 3]

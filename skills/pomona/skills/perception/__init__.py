@@ -24,14 +24,12 @@ if TYPE_CHECKING:
     from pomona.skills.perception.detection.instances import FoundFruit as FoundFruit
     from pomona.skills.perception.detection.places import (
         LARGEST_SIDE as LARGEST_SIDE,
-        at_edge as at_edge,
-        findable_sizes as findable_sizes,
         search_sides as search_sides,
         shared_part as shared_part,
     )
     from pomona.skills.perception.frame_check import (
         MISMATCHES as MISMATCHES,
-        misplaced_depth as misplaced_depth,
+        depth_elsewhere as depth_elsewhere,
     )
     from pomona.skills.perception.fruit import (
         FruitModel as FruitModel,
@@ -63,8 +61,8 @@ PUBLIC = {
     "detection.detection": "AllDetections Detection DetectorOptions",
     "detection.errors": "BadFrame BadWeights DetectError",
     "detection.instances": "FoundFruit",
-    "detection.places": "LARGEST_SIDE at_edge findable_sizes search_sides shared_part",
-    "frame_check": "MISMATCHES misplaced_depth",
+    "detection.places": "LARGEST_SIDE search_sides shared_part",
+    "frame_check": "MISMATCHES depth_elsewhere",
     "fruit": "FruitModel find_weights load_fruit",
     "fruit.catalogue": "FruitError mass_of",
     "fruit.sizes": "KindSizes TooFewFruit held_out learn_sizes",

@@ -238,11 +238,6 @@ VARIANTS = {
 Complex = NDArray[np.complex64]
 
 
-def misplaced_depth(frame: Frame) -> str:
-    """Describe the misregistration of depth for the operator; empty if it is correct or unknown."""
-    return depth_elsewhere(frame, or_nowhere=True)
-
-
 def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
     """Describe the misregistration of depth that fits better shifted, mirrored or turned; else empty.
 

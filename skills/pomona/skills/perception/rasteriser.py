@@ -30,13 +30,6 @@ def project(
         return camera[0] * x * nearness + camera[2], camera[1] * y * nearness + camera[3], nearness
 
 
-def signed_areas(u: Float64, v: Float64, faces: Indices) -> Float64:
-    """Twice the area of each triangle in the picture, (n,) [px²]; v points downwards, so negative if it looks here."""
-    a, b, c = faces.T
-    areas: Float64 = (u[b] - u[a]) * (v[c] - v[a]) - (u[c] - u[a]) * (v[b] - v[a])
-    return areas
-
-
 @kernel(nogil=True)
 def draw(
     u: Float64,

@@ -8,10 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
-from pomona.skills.perception.detection.close_look import SIZE_OF_BOX, upright_rotation
+from pomona.skills.perception.detection.close_look import (
+    SIZE_OF_BOX,
+    check_picture,
+    upright_rotation,
+)
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.detection import BoxModelFile
-from pomona.skills.perception.detection.instances import Instance, cuboid_in_picture, instance_of
+from pomona.skills.perception.detection.instances import (
+    FoundFruit,
+    Instance,
+    cuboid_in_picture,
+    instance_of,
+)
 from pomona.tools.box_detectors.box_model import BoxModel, ScoredBox, load_boxes
 
 LEAST_POINTS = 40  # pixels with depth in a box, below which no sphere is fitted: a box of 7 × 7 px
@@ -189,7 +198,7 @@ class BoxDetector:
         spots = [
             (b.box[:2] + 0.5 * b.box[2:] - 0.5, SIZE_OF_BOX * float(b.box[2:].max())) for b in boxes
         ]
-        looks = self._close_look.look_closely(colour, K, spots)
+        looks = look_closely(self._close_look, colour, K, spots)
         return [
             instance_of(replace(fruit, score=found.score, box=found.box), K, self._dimensions)
             for fruit, found in zip(looks, boxes, strict=True)
@@ -222,6 +231,19 @@ class BoxDetector:
         """Return keypoints (9, 2) of a fruit without a pose: the box's corners, twice, and its middle."""
         corners = box[:2] + np.array([(1, 0), (0, 0), (0, 1), (1, 1)]) * box[2:]
         return np.concatenate([corners, corners, [box[:2] + 0.5 * box[2:]]])
+
+
+def look_closely(
+    detector: CompactDetector, colour: UInt8, K: Float64, spots: list[tuple[Float64, float]]
+) -> list[FoundFruit]:
+    """Return fruit at centres and sizes [px], as yet without score: every spot gets all looks. Raises BadFrame."""
+    check_picture(colour)
+    options = detector.options
+    found: list[FoundFruit] = []
+    for number in range(options.looks if spots else 0):
+        found, _ = detector.look(colour, K, spots, options.mirrored and number == options.looks - 1)
+        spots = [(fruit.centre, fruit.size) for fruit in found]
+    return found
 
 
 def _posed(sphere: FittedSphere, radius: float) -> tuple[Float64, Float64]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
@@ -21,7 +21,7 @@ from pomona.executive.values.archives import UnreadableArraysError, read_plain_a
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.grip import GripError
 from pomona.skills.grip.limit_surface import SoftContact, least_force
-from pomona.skills.grip.pads import PAD_HALF, pad_loads
+from pomona.skills.grip.pads import MIRROR, PAD_HALF, loads_of_finger
 
 
 class TooFewPushes(GripError):
@@ -314,6 +314,25 @@ def _slides(pushes: list[Push]) -> tuple[Float64, Float64, Float64]:
             most = load >= np.quantile(load, 1.0 - SLIDING_SHARE)
             found.append((f_n[most].mean(), f_t[most].mean(), tau_n[most].mean()))
     return tuple(np.array(found).reshape(-1, 3).T)  # type: ignore[return-value]
+
+
+def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:
+    """Return the loads of both fingers without any filter.
+
+    Args:
+        wrenches: shape (2, 6) or (n, 2, 6), bias removed, as in `WrenchSample`.
+
+    Returns:
+        f_n [N], f_t [N] (magnitude) and tau_n [N·m] (the second finger's turned into the first pad's frame), each of
+        shape (2,) or (n, 2).
+    """
+    w = np.asarray(wrenches, np.float64)
+    flat = w.reshape(-1, 2, 6)
+    rows = np.array(
+        [[loads_of_finger(pair[0]), loads_of_finger(MIRROR * pair[1])] for pair in flat]
+    )
+    rows = rows.reshape(*w.shape[:-1], 4)
+    return rows[..., 0], np.hypot(rows[..., 1], rows[..., 2]), rows[..., 3]
 
 
 def _stiffness(squeeze: Push) -> tuple[float | None, float]:

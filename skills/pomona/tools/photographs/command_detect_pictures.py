@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 
 from pomona.executive import (
-    ENDINGS,
     Number,
     UInt8,
     UnusablePicture,
@@ -32,6 +31,9 @@ from pomona.tools.photographs.picture_results import (
 
 if TYPE_CHECKING:
     from pomona.skills.perception import CompactDetector, DetectorOptions, FoundFruit
+
+ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".heic", ".heif", ".avif")
+"""Endings of files that are taken for pictures in a folder; one that cannot be decoded is named, not left out."""
 
 BESIDE = (
     ".txt",

@@ -7,8 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from pomona.executive import Float64
-from pomona.skills.perception import LARGEST_SIDE, at_edge, findable_sizes, search_sides
-from pomona.skills.perception.detection.places import LARGEST_WHOLE
+from pomona.skills.perception import LARGEST_SIDE, search_sides
+from pomona.skills.perception.detection.places import (
+    LARGEST_FRUIT,
+    LARGEST_WHOLE,
+    SMALLEST_FRUIT,
+    SURE_LARGEST,
+)
 
 MOST_ANNOUNCED = (
     5  # sizes of pictures whose search is announced: a folder may hold as many sizes as pictures
@@ -19,6 +24,23 @@ AT_FIRST = f"; above {LARGEST_WHOLE} px only where a smaller width is sure of a 
 CUT = (
     0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
 )
+
+
+EDGE_SMALLEST = 32.0  # a median longer side below this in the largest input means that smaller fruit is missed [px]
+
+
+def findable_sizes(sides: Sequence[int], width: int, height: int) -> tuple[float, float]:
+    """Return the smallest and largest longer side of fruit in a picture that a search at these sides can find [px]."""
+    longer = max(width, height)
+    return SMALLEST_FRUIT * longer / max(sides), min(longer, LARGEST_FRUIT * longer / min(sides))
+
+
+def at_edge(sizes: Float64, sides: Sequence[int], width: int, height: int) -> tuple[int, int]:
+    """Return how many longer sides of fruit (n,) [px] lie at the lower, and at the upper edge of the findable range."""
+    low, high = findable_sizes(sides, width, height)
+    lower = sizes < low * EDGE_SMALLEST / SMALLEST_FRUIT
+    upper = sizes > high * SURE_LARGEST / LARGEST_FRUIT
+    return int(lower.sum()), int(upper.sum()) if high < max(width, height) else 0
 
 
 class SizesFound:

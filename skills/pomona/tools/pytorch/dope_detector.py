@@ -12,11 +12,11 @@ from pomona.executive.values.arrays import Float32, Float64
 from pomona.executive.values.trial import MEMORY, trial
 from pomona.skills.perception.detection.detection import DopeFiles
 from pomona.skills.perception.detection.dope_config import PoseConfig, find_entry
-from pomona.skills.perception.detection.errors import BadWeights, PoseUnsolved
+from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.instances import Instance, cuboid_in_picture
 from pomona.tools.pytorch.dope_decode import decode_maps
 from pomona.tools.pytorch.networks import DopeNetwork, dope_input
-from pomona.tools.pytorch.pose import solve_pose
+from pomona.tools.pytorch.pose import PoseUnsolved, solve_pose
 from pomona.tools.pytorch.weights import load_weights
 
 MOST_BYTES = 256 << 20  # of a checkpoint; DOPE's have 201 MB [byte]

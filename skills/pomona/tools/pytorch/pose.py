@@ -9,11 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.perception.detection.errors import PoseUnsolved
+from pomona.skills.perception.detection.errors import DetectError
 from pomona.skills.perception.detection.instances import CuboidConvention, cuboid_keypoints
 
 LEAST_KEYPOINTS = 4
 LEAST_SPREAD = 0.3  # no keypoint is trusted better than this [px]
+
+
+class PoseUnsolved(DetectError):
+    """No pose follows from the keypoints."""
+
+    def __init__(self, problem: str) -> None:
+        self.problem = problem
+        super().__init__(f"no pose follows from the keypoints: {problem}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,15 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.rotations import from_quaternion, to_quaternion
-from pomona.skills.perception.detection.errors import BadAnnotation
+from pomona.skills.perception.detection.errors import DetectError
+
+
+class BadTraining(DetectError):
+    """A training that cannot go on, or not with these options."""
+
+    def __init__(self, problem: str) -> None:
+        self.problem = problem
+        super().__init__(problem)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +82,7 @@ def write_annotation(path: Path, annotation: Annotation) -> None:
 def read_annotation(path: Path) -> Annotation:
     """Read a JSON file of `write_annotation`.
 
-    Raises BadAnnotation: no such file, no JSON, or other keys, such as those of frames that another tool rendered.
+    Raises BadTraining: no such file, no JSON, or other keys, such as those of frames that another tool rendered.
     """
     try:
         content = json.loads(read_plain_text(path))
@@ -90,7 +98,7 @@ def read_annotation(path: Path) -> Annotation:
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         words = f"is no frame of `pomona data detect`: {error!r}"
-        raise BadAnnotation(path, words) from error
+        raise BadTraining(f"{path}: {words}") from error
 
 
 def _object_json(item: AnnotatedObject) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.utils.data import DataLoader, Dataset, Subset
 
-from pomona.skills.perception.detection.errors import BadTraining
+from pomona.tools.training.annotations import BadTraining
 from pomona.tools.training.optimiser import Optimiser
 
 Loss = Callable[[nn.Module, tuple[Tensor, ...]], Tensor]

@@ -7,11 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pomona.executive.values.arrays import Float32, Int32
+from pomona.executive.values.arrays import Float32, Float64, Int32
 from pomona.skills.numba_kernel import kernel
-from pomona.skills.perception.rasteriser import draw, project, signed_areas
+from pomona.skills.perception.rasteriser import draw, project
 
 NEAR = 0.03  # faces closer to the camera than this are dropped [m]
+
+
+def signed_areas(u: Float64, v: Float64, faces: Int32) -> Float64:
+    """Twice the area of each triangle in the picture, (n,) [px²]; v points downwards, so negative if it looks here."""
+    a, b, c = faces.T
+    areas: Float64 = (u[b] - u[a]) * (v[c] - v[a]) - (u[c] - u[a]) * (v[b] - v[a])
+    return areas
 
 
 def rasterise(

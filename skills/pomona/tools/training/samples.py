@@ -21,8 +21,12 @@ from pomona.skills.perception.detection.close_look import (
     keypoint_size,
     look_at,
 )
-from pomona.skills.perception.detection.errors import BadTraining
-from pomona.tools.training.annotations import AnnotatedObject, Annotation, read_annotation
+from pomona.tools.training.annotations import (
+    AnnotatedObject,
+    Annotation,
+    BadTraining,
+    read_annotation,
+)
 from pomona.tools.training.augmentation import change_look, cover
 
 Sample = tuple[NDArray[np.generic], ...]
@@ -50,7 +54,7 @@ class FrameFolder:
         return f"{picture.parent.name}/{picture.stem}"
 
     def annotation(self, index: int) -> Annotation:
-        """Return the annotation of a picture. Raises BadAnnotation: the file cannot be read."""
+        """Return the annotation of a picture. Raises BadTraining: the file cannot be read."""
         return read_annotation(self.pictures[index].with_suffix(".json"))
 
     def picture(self, index: int) -> UInt8:

@@ -17,8 +17,8 @@ from pomona.devices.laboratory_emulators.tsf85 import COUNT, Tsf85Emulator
 from pomona.devices.wrist_sensors.sensor import RECONNECT, StreamOptions
 from pomona.drivers import CellFileError, ConnectContext, DeviceFault, DeviceLost, PressSensor
 from pomona.executive import ManualClock, SystemClock
-from pomona.executive.cell.registration import read_settings
 from pomona.tools.mock import MockClock, MockGripper
+from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.motoman.test_driver import Connection
 
 ROWS = st.lists(st.integers(0, 65535), min_size=TAXELS, max_size=TAXELS)

@@ -13,8 +13,8 @@ from pomona.devices.frames.folder import list_frames
 from pomona.drivers.errors import CellFileError, FrameUnreadable
 from pomona.drivers.interfaces import Camera, FrameSequence
 from pomona.drivers.services import ConnectContext
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
+from tests.drivers.device_settings import read_settings
 
 INTRINSICS = "{fx: 600 px, fy: 601 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"
 

@@ -13,8 +13,8 @@ from pomona.drivers.errors import CellFileError, UnusableRobotFile
 from pomona.drivers.interfaces import MotionState, Trajectory
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.services import ConnectContext
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import SystemClock
+from tests.drivers.device_settings import read_settings
 
 ROBOT = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"
 

@@ -14,7 +14,7 @@ from pomona.devices.plc import client, connect as leaf
 from pomona.devices.plc.signals import SignalNames
 from pomona.drivers import CellFileError, ConnectContext
 from pomona.executive import SystemClock
-from pomona.executive.cell.registration import read_settings
+from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.plc.plc_rig import PlcRig
 
 USUAL = """\

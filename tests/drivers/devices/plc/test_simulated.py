@@ -10,7 +10,7 @@ from pomona.devices.plc import simulated
 from pomona.devices.plc.signals import SignalNames
 from pomona.drivers import CellFileError, ConnectContext, DeviceFault, MotionRefused
 from pomona.executive import ManualClock
-from pomona.executive.cell.registration import read_settings
+from tests.drivers.device_settings import read_settings
 
 RULES = """\
 driver: sim-signals

@@ -20,7 +20,7 @@ from pomona.devices.robotiq.driver import RobotiqGripper
 from pomona.devices.robotiq.options import RobotiqFile
 from pomona.drivers import CellFileError, ConnectContext, GripperLimits, MotionState
 from pomona.executive import SystemClock
-from pomona.executive.cell.registration import read_settings
+from tests.drivers.device_settings import read_settings
 
 
 @contextlib.contextmanager

@@ -23,8 +23,8 @@ from pomona.devices.frames.camera import FramesCamera
 from pomona.devices.ros2.bag_camera import connect
 from pomona.drivers.errors import CellFileError, DeviceFault
 from pomona.drivers.services import ConnectContext
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
+from tests.drivers.device_settings import read_settings
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

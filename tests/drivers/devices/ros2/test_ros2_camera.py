@@ -24,9 +24,9 @@ from pomona.devices.ros2.images import COMPRESSED, IMAGE, INFO
 from pomona.drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost
 from pomona.drivers.interfaces import Camera
 from pomona.drivers.services import ConnectContext
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock, SystemClock
 from pomona.tools.ros2.peer import Ros2Peer
+from tests.drivers.device_settings import read_settings
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 W, H = 40, 30

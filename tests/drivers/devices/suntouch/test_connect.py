@@ -5,8 +5,8 @@ import pytest
 from pomona.devices.suntouch.connect import connect
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.services import ConnectContext
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
+from tests.drivers.device_settings import read_settings
 
 CALIBRATION = (
     Path(__file__).resolve().parents[4] / "trees" / "cells" / "emulated_fingers" / "left.json"

@@ -13,12 +13,12 @@ import pytest
 from pomona.devices.emulators.server import PtyPort, Server
 from pomona.devices.emulators.suntouch import SunTouchEmulator
 from pomona.devices.suntouch.calibration import FingerCalibration
-from pomona.devices.suntouch.driver import RECONNECT, SunTouchFingers
+from pomona.devices.suntouch.driver import RECONNECT, NoBias, SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
-from pomona.devices.suntouch.transport import SerialLink
-from pomona.drivers.errors import DeviceFault, DeviceLost, NoBias
+from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.hold_watch import HandMemory, HandRecord
 from pomona.drivers.interfaces import Gripper, WrenchSample
+from pomona.drivers.serial_link import SerialLink
 from pomona.drivers.streams import Belief
 from pomona.executive.clock import ManualClock, SystemClock
 from pomona.tools.mock import MockClock, MockGripper

@@ -20,7 +20,7 @@ from pomona.devices.universal_robots.driver import UrArm
 from pomona.devices.universal_robots.options import PORTS
 from pomona.drivers import CellFileError, ConnectContext, DeviceLost, MotionState
 from pomona.executive import SystemClock
-from pomona.executive.cell.registration import read_settings
+from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.motoman.test_driver import swing
 
 ROBOT = Path(__file__).resolve().parents[4] / "trees" / "robots" / "ur5e_wsg32.xml"

@@ -18,7 +18,7 @@ from pomona.devices.wrist_sensors.sensor import RECONNECT, StreamOptions, WristS
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
 from pomona.drivers import CellFileError, ConnectContext, DeviceFault, DeviceLost, LoadSensor
 from pomona.executive import ManualClock, SystemClock
-from pomona.executive.cell.registration import read_settings
+from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.motoman.test_driver import Connection
 
 PULL = np.array([1.5, -2.0, 10.0, 0.1, 0.2, -0.3])

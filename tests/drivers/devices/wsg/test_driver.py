@@ -21,10 +21,10 @@ from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFa
 from pomona.drivers.interfaces import Gripper, GripperState, MotionState
 from pomona.drivers.services import ConnectContext
 from pomona.executive.cell.owner import Nonsense
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import ManualClock
 from pomona.executive.skill_testing import drive
 from pomona.skills.grasp import Grasp
+from tests.drivers.device_settings import read_settings
 
 OFFSET = 0.035
 

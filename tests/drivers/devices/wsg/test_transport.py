@@ -17,8 +17,8 @@ from pomona.devices.wsg.transport import CanLink, can_channels
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import MotionState
 from pomona.drivers.services import ConnectContext
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.clock import SystemClock
+from tests.drivers.device_settings import read_settings
 
 
 def serving(port: Endpoint, device: WsgEmulator) -> Iterator[str]:

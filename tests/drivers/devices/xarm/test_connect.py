@@ -19,7 +19,7 @@ from pomona.devices.xarm.connect import connect
 from pomona.devices.xarm.driver import XArm
 from pomona.drivers import CellFileError, ConnectContext, MotionState
 from pomona.executive import SystemClock
-from pomona.executive.cell.registration import read_settings
+from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.motoman.test_driver import swing
 
 ROBOT = Path(__file__).resolve().parents[4] / "trees" / "robots" / "xarm6_hand_e.xml"

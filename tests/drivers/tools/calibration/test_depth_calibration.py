@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pomona.drivers.depth_model import SENSORS, read_depth_model
+from pomona.devices.frames.folder import read_depth_model
+from pomona.drivers.depth_model import SENSORS
 from pomona.drivers.interfaces import Frame, Intrinsics
 from pomona.executive.cell.cell import Cell
 from pomona.tools.calibration import command_calibrate as calibrate

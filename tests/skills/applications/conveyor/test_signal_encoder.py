@@ -19,10 +19,10 @@ from pomona.drivers import (
 from pomona.drivers.camera_options import IntrinsicsSection
 from pomona.executive import ManualClock, find_cell
 from pomona.executive.cell.cell_file import judge_cell_file
-from pomona.executive.cell.registration import read_settings
 from pomona.executive.values.findings import Findings
 from pomona.tools.mock import MockArm
 from pomona.tools.simulation.connect import FixedSection
+from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.plc.mock_signals import MockSignals
 
 USUAL = "driver: signal-conveyor\ntravel: encoder\nbeside: -360 mm\ntop: -120 mm\n"

@@ -129,7 +129,7 @@ def test_a_space_proven_free_is_never_denied_where_another_check_looks_elsewhere
     )
     start = rng.uniform(robot.lower, robot.upper)
     end = np.clip(start + rng.normal(size=robot.dof) * 0.3, robot.lower, robot.upper)
-    if not world.segment_free(start, end, 0.07):
+    if world.check_path([start, end], 0.07) is not None:
         return
     shares = np.sort(rng.uniform(0.0, 1.0, 7))
     assert world.first_blocked(start + shares[:, None] * (end - start), 0.07) is None

@@ -2,8 +2,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from pomona.skills.geometry import transform
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
-from pomona.skills.motion.grasps.sphere import pre_grasp_pose
+from pomona.skills.motion.grasps.sphere import pre_grasp_orientation
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL
 
 SHAPE = gripper_shape(ROBOT_MODEL)
@@ -12,7 +13,7 @@ SHAPE = gripper_shape(ROBOT_MODEL)
 @pytest.mark.parametrize("theta", [0.0, 0.26, 0.52, 0.79])
 def test_the_lowest_point_is_that_of_the_finger_boxes(theta):
     """Fingers are 20 mm wide and end 12 mm beyond the TCP."""
-    T = pre_grasp_pose(np.array([0.0, -0.4, 0.1]), 0.0, theta, 0.7)
+    T = transform(pre_grasp_orientation(theta, 0.7), np.array([0.0, -0.4, 0.1]))
     height, body = SHAPE.lowest(T, 0.08)
     assert height == pytest.approx(0.1 - 0.012 * np.cos(theta) - 0.010 * np.sin(theta), abs=1e-6)
     assert body.startswith("finger")

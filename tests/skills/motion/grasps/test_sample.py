@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from pomona.drivers.interfaces import Box
-from pomona.skills.geometry import is_pose, rot_y, rot_z, transform
+from pomona.executive.values.rotations import is_rigid
+from pomona.skills.geometry import rot_y, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, fruit_points
 from pomona.skills.motion.grasps.gripper_shape import fruit_section, gripper_shape
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below
@@ -69,7 +70,7 @@ def test_candidates_keep_their_promises():
     space = space_around(target)
     grasps, _ = sample(target, space=space)
     for grasp in grasps:
-        assert is_pose(grasp.T_base_grasp)
+        assert is_rigid(grasp.T_base_grasp, 1e-6)
         np.testing.assert_allclose(
             grasp.T_base_pre_grasp[:3, 3],
             grasp.T_base_grasp[:3, 3] - 0.12 * grasp.T_base_grasp[:3, 2],

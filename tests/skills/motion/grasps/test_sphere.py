@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
-from pomona.skills.geometry import is_pose
+from pomona.executive.values.rotations import is_rigid
+from pomona.skills.geometry import transform
 from pomona.skills.motion.grasps.sphere import (
     Sphere,
     pre_grasp_orientation,
-    pre_grasp_pose,
     pre_grasp_position,
 )
 
@@ -18,9 +18,10 @@ angles = {"theta": st.floats(0.0, np.pi / 2.0), "alpha": st.floats(-np.pi, 2.0 *
 def test_the_approach_runs_from_the_pre_grasp_through_the_fruits_centre(theta, alpha):
     p_fruit = np.array([0.1, -0.4, 0.05])
     for camera_above in (True, False):
-        T = pre_grasp_pose(p_fruit, 0.12, theta, alpha, camera_above)
-        assert is_pose(T)
-        np.testing.assert_allclose(T[:3, 3] + 0.12 * T[:3, 2], p_fruit, atol=1e-12)
+        R = pre_grasp_orientation(theta, alpha, camera_above)
+        p = pre_grasp_position(p_fruit, 0.12, theta, alpha)
+        assert is_rigid(transform(R, p), 1e-6)
+        np.testing.assert_allclose(p + 0.12 * R[:, 2], p_fruit, atol=1e-12)
 
 
 @given(**angles)

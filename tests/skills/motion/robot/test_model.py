@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
@@ -235,14 +235,3 @@ def test_bad_joints_are_named() -> None:
 def test_bad_poses_are_refused(T: object) -> None:
     with pytest.raises(NotAPose):
         inverse_kinematics(RobotModel.load(SIA5F), T)  # type: ignore[arg-type]
-
-
-@settings(max_examples=20)
-@given(st.floats(0.1, 1.0))
-def test_narrower_limits_are_kept(share: float) -> None:
-    robot = RobotModel.load(SIA5F)
-    narrow = robot.with_limits(robot.lower * share, robot.upper * share)
-    assert np.array_equal(narrow.lower, robot.lower * share)
-    assert np.array_equal(narrow.upper, robot.upper * share)
-    with pytest.raises(BadJoints):
-        robot.with_limits(robot.upper, robot.lower)

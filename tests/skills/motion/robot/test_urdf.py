@@ -256,7 +256,6 @@ def test_a_continuous_joint_has_no_range(tmp_path: Path) -> None:
     )
     assert robot.endless.tolist() == [False, False, True]
     assert (robot.lower[2], robot.upper[2]) == pytest.approx((-32 * np.pi, 32 * np.pi))
-    assert not robot.with_limits(np.full(3, -1.0), np.full(3, 1.0)).endless.any()
 
 
 def test_jaws_that_close_to_nothing_have_an_opening(tmp_path: Path) -> None:

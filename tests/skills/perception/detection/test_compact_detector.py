@@ -175,11 +175,6 @@ def test_every_fruit_gets_its_looks_and_the_last_one_a_mirror(
     made = detector(Finder((5, 9, 4.0)), close, looks=looks, mirrored=mirrored)
     made.find(COLOUR, K)
     assert close.batches == batches
-    close.batches.clear()
-    spots = [(np.array([60.0, 50.0]), 20.0)]
-    assert len(made.look_closely(COLOUR, K, spots)) == 1
-    assert close.batches == batches
-    assert made.look_closely(COLOUR, K, []) == []
 
 
 def test_a_place_that_is_hopeless_gets_no_second_look() -> None:
@@ -191,11 +186,11 @@ def test_a_place_that_is_hopeless_gets_no_second_look() -> None:
 def test_looks_go_through_the_network_in_batches() -> None:
     close = CloseLook()
     spots = [(np.array([60.0, 50.0]), 20.0)] * (BATCH + 1)
-    detector(close_look=close).look_closely(COLOUR, K, spots)
+    detector(close_look=close).look(COLOUR, K, spots, mirrored=False)
     assert sum(close.batches) == BATCH + 1
     assert len(close.batches) == 2
     close.batches.clear()
-    detector(close_look=close).look_closely(COLOUR, K, spots[:BATCH])
+    detector(close_look=close).look(COLOUR, K, spots[:BATCH], mirrored=False)
     assert close.batches == [BATCH]
 
 
@@ -295,7 +290,6 @@ def test_what_is_no_array_is_no_picture() -> None:
     made = detector()
     for call in (
         lambda: made.find(COLOUR[:, :, 0], K),
-        lambda: made.look_closely(COLOUR[:, :, 0], K, []),
         lambda: made.looking(replace(OPTIONS, working_width=None)).find(COLOUR[:, :, 0], K),
     ):
         with pytest.raises(BadFrame):

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pomona.drivers.depth_model import SIMULATED
-from pomona.skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
+from pomona.executive.values.rotations import is_rigid
+from pomona.skills.geometry import rot_x, rot_y, rotation_about, transform
 from pomona.skills.perception.refinement import DepthLook, FruitContext, refine
 from pomona.skills.perception.refinement.cloud import Plane
 from pomona.skills.perception.refinement.measure import other_starts
@@ -22,7 +23,7 @@ def test_every_start_is_a_pose_at_the_same_place_with_a_new_axis(a, b, c, standi
     T = transform(rot_x(a) @ rot_y(b) @ rot_x(c), [0.1, 0.0, 0.5])
     up = rot_y(c) @ np.array([0.0, -1.0, 0.0])
     starts = other_starts(T, Plane(up, 0.3) if standing else None)
-    assert all(is_pose(start) for start in starts)
+    assert all(is_rigid(start, 1e-6) for start in starts)
     assert all(np.array_equal(start[:3, 3], T[:3, 3]) for start in starts)
     stems = np.array([-start[:3, 1] for start in starts])
     wanted = [up, -up, T[:3, 1]] if standing else [T[:3, 1]]

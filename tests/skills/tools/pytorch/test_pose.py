@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from pomona.skills.geometry import is_pose
-from pomona.skills.perception.detection.errors import PoseUnsolved
+from pomona.executive.values.rotations import is_rigid
 from pomona.skills.perception.detection.instances import CuboidConvention, cuboid_keypoints
-from pomona.tools.pytorch.pose import solve_pose
+from pomona.tools.pytorch.pose import PoseUnsolved, solve_pose
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 APPLE = (0.09756, 0.08539, 0.09590)
@@ -43,7 +42,7 @@ def test_exact_keypoints_give_back_the_pose(
     solved = solve_pose(project(T, convention), APPLE, K, convention)
     assert np.allclose(solved.T_camera_object, T, atol=2e-4)
     assert solved.residual < 1e-2
-    assert is_pose(solved.T_camera_object)
+    assert is_rigid(solved.T_camera_object, 1e-6)
 
 
 def test_missing_keypoints_are_left_out() -> None:
@@ -102,6 +101,6 @@ def test_any_keypoints_give_a_pose_before_the_camera_or_a_typed_error(
         solved = solve_pose(np.array(points), APPLE, K)
     except PoseUnsolved:
         return
-    assert is_pose(solved.T_camera_object)
+    assert is_rigid(solved.T_camera_object, 1e-6)
     assert solved.T_camera_object[2, 3] > 0.0
     assert np.isfinite(solved.covariance).all()

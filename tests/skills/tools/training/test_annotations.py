@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pomona.skills.geometry import rotation_about, transform
-from pomona.skills.perception.detection.errors import BadAnnotation
 from pomona.tools.training.annotations import (
     AnnotatedObject,
     Annotation,
+    BadTraining,
     read_annotation,
     write_annotation,
 )
@@ -80,5 +80,5 @@ def test_files_carry_the_keys_that_dopes_tools_read(tmp_path: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.json"
     path.write_text(text)
-    with pytest.raises(BadAnnotation, match=r"bad\.json: is no frame of `pomona data detect`"):
+    with pytest.raises(BadTraining, match=r"bad\.json: is no frame of `pomona data detect`"):
         read_annotation(path)

@@ -9,7 +9,7 @@ import pytest
 import torch
 from PIL import Image
 
-from pomona.skills.perception.detection.errors import BadTraining
+from pomona.tools.training.annotations import BadTraining
 from pomona.tools.training.finder_samples import SIDE, FinderBatches, draw_window
 from pomona.tools.training.samples import FrameFolder
 from pomona.tools.training.targets import PEAK, REACHES, WEIGHT

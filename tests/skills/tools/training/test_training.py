@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from pomona.skills.perception.detection.close_look import HEAT, QUALITY, REACHES
-from pomona.skills.perception.detection.errors import BadTraining
 from pomona.tools.pytorch.networks import CloseLookNetwork, FinderNetwork
 from pomona.tools.training import optimiser, targets, train
+from pomona.tools.training.annotations import BadTraining
 from pomona.tools.training.dataset import render_dataset
 from pomona.tools.training.finder_samples import FinderBatches
 from pomona.tools.training.loop import Progress, Schedule

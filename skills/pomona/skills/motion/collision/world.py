@@ -18,7 +18,7 @@ from pomona.skills.motion.collision import kernel
 from pomona.skills.motion.collision.distance_field import Convex, DistanceField
 from pomona.skills.motion.collision.kernel import WorldArrays
 from pomona.skills.motion.collision.robot_shape import RobotShape
-from pomona.skills.motion.collision.segment import SLACK, check_path, check_segment
+from pomona.skills.motion.collision.segment import SLACK, check_path
 from pomona.skills.motion.robot import RobotModel
 
 
@@ -241,11 +241,6 @@ class CollisionWorld:
         """Which postures, shape (n, dof), keep all margins, shape (n,): the fast question."""
         free: NDArray[np.bool_] = self._judge(self._checked_many(Q), width, 0.0)[0] >= 0.0
         return free
-
-    def segment_free(self, start: ArrayLike, end: ArrayLike, width: float) -> bool:
-        """Return True if a straight joint-space segment keeps all margins to within `SLACK`, at every point of it."""
-        first, last = self.shape.model.checked(start), self.shape.model.checked(end)
-        return bool(check_segment(self.shape.arrays, self.arrays, first, last, width, 0.0)[0] > 1.0)
 
     def check_path(self, waypoints: ArrayLike, width: float) -> Collision | None:
         """Return the first collision along straight joint-space segments between waypoints, shape (n, dof), or None.

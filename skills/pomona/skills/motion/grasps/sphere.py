@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
+from pomona.skills.geometry import rot_x, rot_y, rot_z
 
 Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(
     np.pi
@@ -40,16 +40,6 @@ def pre_grasp_orientation(theta: float, alpha: float, camera_above: bool = True)
     """Eq. (pre-grasp orientation attempt) as a rotation matrix: TCP axes in the base frame, shape (3, 3)."""
     R_base_tcp = Q_TILDE @ rot_z(alpha) @ rot_y(theta)
     return R_base_tcp @ rot_z(np.pi) if camera_above else R_base_tcp
-
-
-def pre_grasp_pose(
-    p_fruit: Float64, r_o: float, theta: float, alpha: float, camera_above: bool = True
-) -> Float64:
-    """T_base_tcp (4, 4) [m] of one attempt; at r_o = 0, the pose with the TCP in `p_fruit`."""
-    return transform(
-        pre_grasp_orientation(theta, alpha, camera_above),
-        pre_grasp_position(p_fruit, r_o, theta, alpha),
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ Rz(q[i]). Poses inside the kernels are the upper three rows of a homogeneous mat
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import cos, sin
 from pathlib import Path
@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.read_only import ReadOnly
-from pomona.skills.geometry import inverse, is_pose
+from pomona.executive.values.rotations import is_rigid
+from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.description import Body, Description, Geom, read_description
 from pomona.skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose
 from pomona.skills.numba_kernel import kernel
@@ -217,17 +218,6 @@ class RobotModel(ReadOnly):
         J = self.jacobian(q)
         return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
 
-    def with_limits(self, lower: ArrayLike, upper: ArrayLike) -> RobotModel:
-        """Return the same robot with other position limits, for instance those of the driver.
-
-        Raises:
-            BadJoints: a wrong number of values, or a lower limit above the upper one.
-        """
-        low, high = self.checked(lower), self.checked(upper)
-        if np.any(low > high):
-            raise BadJoints(self.joint_names, lower, "a lower limit is above the upper one")
-        return replace(self, lower=low, upper=high, endless=np.zeros(self.dof, np.bool_))
-
 
 def checked_pose(T: ArrayLike) -> Float64:
     """Return a pose as a contiguous float64 array (4, 4); NotAPose: it is no finite rigid transform."""
@@ -235,7 +225,7 @@ def checked_pose(T: ArrayLike) -> Float64:
         pose = np.ascontiguousarray(T, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise NotAPose(T) from error
-    if not is_pose(pose):
+    if not is_rigid(pose, 1e-6):
         raise NotAPose(T)
     return pose
 

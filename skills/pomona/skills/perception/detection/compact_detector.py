@@ -125,7 +125,7 @@ class CompactDetector:
         blank = np.zeros((height, width, 3), np.uint8)
         self.places(blank, 1.0)
         K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
-        self._look(blank, K, [(K[:2, 2], 40.0)], self.options.mirrored)
+        self.look(blank, K, [(K[:2, 2], 40.0)], self.options.mirrored)
 
     def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         """Find all fruit in a picture, by falling score.
@@ -168,7 +168,7 @@ class CompactDetector:
         if not places:
             return [], np.empty((0, FEATURES))
         options = self.options
-        seen, kinds = self._look(
+        seen, kinds = self.look(
             colour,
             K,
             [(place.centre, place.size) for place in places],
@@ -181,7 +181,7 @@ class CompactDetector:
             if not again:
                 break
             spots = [(seen[k].centre, seen[k].size) for k in again]
-            better, kinds = self._look(
+            better, kinds = self.look(
                 colour, K, spots, options.mirrored and number == options.looks
             )
             for k, fruit, kind in zip(again, better, kinds, strict=True):
@@ -220,23 +220,6 @@ class CompactDetector:
             )
             fruit.append(replace(one, score=score, box=place.box))
         return fruit
-
-    def look_closely(
-        self, colour: UInt8, K: Float64, spots: list[tuple[Float64, float]]
-    ) -> list[FoundFruit]:
-        """Return fruit at centres and sizes [px], as yet without score: every spot gets all looks.
-
-        Raises:
-            BadFrame: another shape or type.
-        """
-        check_picture(colour)
-        found: list[FoundFruit] = []
-        for number in range(self.options.looks if spots else 0):
-            found, _ = self._look(
-                colour, K, spots, self.options.mirrored and number == self.options.looks - 1
-            )
-            spots = [(fruit.centre, fruit.size) for fruit in found]
-        return found
 
     def places(self, colour: UInt8, threshold: float) -> list[Proposal]:
         """Return the finder's places by its own falling score, in pixels of the picture.
@@ -294,7 +277,7 @@ class CompactDetector:
         maps: Float32 = self._finder(_input(picture[None]))[0][0]
         return maps
 
-    def _look(
+    def look(
         self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], mirrored: bool
     ) -> tuple[list[FoundFruit], list[float]]:
         """Return fruit at centres and sizes [px], as yet without score, and the logits of being fruit."""

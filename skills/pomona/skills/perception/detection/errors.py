@@ -5,10 +5,7 @@ DetectError
 ├── BadMaps          belief or affinity maps of the wrong shape
 ├── BadWeights       a weights file that cannot be read or does not fit the network
 ├── BadPoseConfig    a config_pose.yaml that cannot be read
-├── BadAnnotation    an annotation file that cannot be read
-├── PoseUnsolved     keypoints from which no pose follows
-├── MissingPackage   a package of the extra `torch` is needed and not installed
-└── BadTraining      a training run that cannot start or continue
+└── MissingPackage   a package of the extra `torch` is needed and not installed
 """
 
 from __future__ import annotations
@@ -38,22 +35,6 @@ class BadMaps(DetectError):
         super().__init__(f"maps must be {expected}; these are {got}")
 
 
-class PoseUnsolved(DetectError):
-    """No pose follows from the keypoints."""
-
-    def __init__(self, problem: str) -> None:
-        self.problem = problem
-        super().__init__(f"no pose follows from the keypoints: {problem}")
-
-
-class BadTraining(DetectError):
-    """A training that cannot go on, or not with these options."""
-
-    def __init__(self, problem: str) -> None:
-        self.problem = problem
-        super().__init__(problem)
-
-
 class _BadFile(DetectError):
     def __init__(self, path: Path | str, problem: str) -> None:
         self.path, self.problem = Path(path), problem
@@ -66,10 +47,6 @@ class BadWeights(_BadFile):
 
 class BadPoseConfig(_BadFile):
     """A configuration of DOPE's that cannot be used."""
-
-
-class BadAnnotation(_BadFile):
-    """An annotation file that cannot be used."""
 
 
 class MissingPackage(DetectError):

@@ -6,7 +6,6 @@ Boxes are x, y, w, h [px].
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,7 +40,6 @@ SMALLEST_FRUIT, LARGEST_FRUIT = 24.0, 130.0
 SURE_SMALLEST, SURE_LARGEST = 28.0, 110.0
 """Longer sides in the finder's input at which fruit should be found [px]: the score counts a miss there."""
 
-EDGE_SMALLEST = 32.0  # a median longer side below this in the largest input means that smaller fruit is missed [px]
 BEST_FRUIT = 50.0  # longer side in the finder's input at which boxes are most exact [px]
 
 LEARNT_FRUIT = 46.0  # median longer side of fruit in the finder's input when it learnt [px]
@@ -73,20 +71,6 @@ def width_for(distance: float, size: float, fx: float, width: int) -> int:
     """
     wanted = round(LEARNT_FRUIT * width * distance / (fx * size))
     return min(max(wanted, STEPS[0]), width, LARGEST_SIDE)
-
-
-def findable_sizes(sides: Sequence[int], width: int, height: int) -> tuple[float, float]:
-    """Return the smallest and largest longer side of fruit in a picture that a search at these sides can find [px]."""
-    longer = max(width, height)
-    return SMALLEST_FRUIT * longer / max(sides), min(longer, LARGEST_FRUIT * longer / min(sides))
-
-
-def at_edge(sizes: Float64, sides: Sequence[int], width: int, height: int) -> tuple[int, int]:
-    """Return how many longer sides of fruit (n,) [px] lie at the lower, and at the upper edge of the findable range."""
-    low, high = findable_sizes(sides, width, height)
-    lower = sizes < low * EDGE_SMALLEST / SMALLEST_FRUIT
-    upper = sizes > high * SURE_LARGEST / LARGEST_FRUIT
-    return int(lower.sum()), int(upper.sum()) if high < max(width, height) else 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
-from pomona.skills.geometry import is_pose
+from pomona.executive.values.rotations import is_rigid
 from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.rasteriser import draw, project
@@ -132,7 +132,7 @@ def check_depth(depth: object, intrinsics: Intrinsics) -> None:
 
 def check_pose(T_camera_object: Float64) -> None:
     """Raises BadPose: not a finite rigid transform."""
-    if not is_pose(np.asarray(T_camera_object)):
+    if not is_rigid(np.asarray(T_camera_object), 1e-6):
         raise BadPose(f"not a rigid transform: {np.asarray(T_camera_object).tolist()}")
 
 

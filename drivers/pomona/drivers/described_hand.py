@@ -13,7 +13,7 @@ from pomona.executive.cell.registration import Surroundings
 from pomona.executive.values.sections import Problem
 
 OFF = 0.01  # an opening that differs by more is another gripper's [m]: strokes of the hands differ by 17 mm or more
-STROKES = {
+HAND_STROKES = {
     "hand-e": 0.050,
     "2f-85": 0.085,
     "2f-140": 0.140,
@@ -52,7 +52,7 @@ def other_fingers(around: Surroundings, own: str, closed: float) -> Iterator[Pro
     One without pads cannot be compared, which is a warning as well: grasps and ways know no opening of its fingers.
 
     Args:
-        own: the gripper, as `STROKES` names it, or the first word of several.
+        own: the gripper, as `HAND_STROKES` names it, or the first word of several.
         closed: distance of its pads when it is closed [m].
     """
     for robot in dict.fromkeys(getattr(said, "robot", None) for said in around.options.values()):
@@ -65,26 +65,19 @@ def other_fingers(around: Surroundings, own: str, closed: float) -> Iterator[Pro
         if found is None:
             words = f"{robot} has no two sites 'pad_…', so its fingers are not compared with those of a {own}"
             yield Problem("", f"{words}, and plans know no opening of them", PADS, warning=True)
-        else:
-            yield from _differences(robot, found, own, closed)
-
-
-def _differences(
-    robot: Path, found: tuple[float, float], own: str, closed: float
-) -> Iterator[Problem]:
-    stroke = found[1] - found[0]
-    near = [name for name, of in STROKES.items() if abs(stroke - of) <= OFF]
-    if not any(name.startswith(own) for name in near):
-        words = f"the fingers in {robot} open by {1e3 * stroke:.0f} mm" + (
-            f", as a {near[0]}'s" if near else ""
-        )
-        hint = "give the arm a description with this gripper" + (
-            f", or take a {near[0]} here" if near else ""
-        )
-        ways = " or ".join(
-            f"{1e3 * of:.0f}" for name, of in STROKES.items() if name.startswith(own)
-        )
-        yield Problem("", f"{words}; those of a {own} by {ways} mm", hint, warning=not near)
-    elif abs(found[0] - closed) > OFF:
-        words = f"the closed pads in {robot} are {1e3 * found[0]:.0f} mm apart, and here {1e3 * closed:.0f} mm"
-        yield Problem("finger_offset", words, "measure it; both must agree", warning=True)
+            continue
+        stroke = found[1] - found[0]
+        near = [name for name, of in HAND_STROKES.items() if abs(stroke - of) <= OFF]
+        if not any(name.startswith(own) for name in near):
+            words = f"the fingers in {robot} open by {1e3 * stroke:.0f} mm"
+            hint = "give the arm a description with this gripper"
+            if near:
+                words += f", as a {near[0]}'s"
+                hint += f", or take a {near[0]} here"
+            ways = " or ".join(
+                f"{1e3 * of:.0f}" for name, of in HAND_STROKES.items() if name.startswith(own)
+            )
+            yield Problem("", f"{words}; those of a {own} by {ways} mm", hint, warning=not near)
+        elif abs(found[0] - closed) > OFF:
+            words = f"the closed pads in {robot} are {1e3 * found[0]:.0f} mm apart, and here {1e3 * closed:.0f} mm"
+            yield Problem("finger_offset", words, "measure it; both must agree", warning=True)

@@ -11,9 +11,9 @@ import pytest
 
 from pomona.devices.universal_robots.options import LENGTHS
 from pomona.devices.xarm.options import LENGTHS as XARMS
-from pomona.tools.calibration.described_arm import DOUBT, OFF, axis_distances, other_model
+from pomona.drivers.described_arm import DOUBT, OFF, axis_distances, other_model
 
-ROBOTS = Path(__file__).resolve().parents[4] / "trees" / "robots"
+ROBOTS = Path(__file__).resolve().parents[2] / "trees" / "robots"
 
 
 def apart(one: Sequence[float], other: Sequence[float]) -> float:

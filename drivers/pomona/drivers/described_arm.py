@@ -52,19 +52,19 @@ def other_model(
     if model not in lengths:
         return
     found = axis_distances(robot, len(lengths[model]) + 1)
-    if not _alike(found, lengths[model], DOUBT):
-        named = next((name for name, of in lengths.items() if _alike(found, of, DOUBT)), "")
-        shape = (
-            f"{_shown(found)} mm apart, as in a {named}" if named else f"{_shown(found)} mm apart"
-        )
-        doubtful = _alike(found, lengths[model], OFF)
+    off = {name: _difference(found, of) for name, of in lengths.items()}
+    if off[model] > DOUBT:
+        named = next((name for name in off if off[name] <= DOUBT), "")
+        shape = f"{_shown(found)} mm apart" + (f", as in a {named}" if named else "")
+        doubtful = off[model] <= OFF
         words = f"{robot} {'may be' if doubtful else 'is'} no description of a {model}: its joints' axes are {shape}"
         hint = f"give that of a {model}" + (f", or 'model: {named}'" if named else "")
         yield Problem("robot", f"{words}, not {_shown(lengths[model])} mm", hint, warning=doubtful)
 
 
-def _alike(found: Float64, of: tuple[float, ...], within: float) -> bool:
-    return len(found) == len(of) and bool(np.all(np.abs(found - of) <= within))
+def _difference(found: Float64, of: tuple[float, ...]) -> float:
+    """Return the largest difference of two arms' distances [m]; infinite for another number of joints."""
+    return float(np.abs(found - of).max()) if len(found) == len(of) else np.inf
 
 
 def _shown(lengths: Float64 | tuple[float, ...]) -> str:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from pomona.drivers.described_hand import described_opening
 from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.values.findings import Findings
-from pomona.tools.calibration.described_hand import described_opening
 from pomona.tools.calibration.doctor import examine
 
-ROBOTS = Path(__file__).resolve().parents[4] / "trees" / "robots"
+ROBOTS = Path(__file__).resolve().parents[2] / "trees" / "robots"
 HANDS = {
     "robotiq": "driver: robotiq\n    model: hand-e\n    port: /dev/nothing\n    finger_offset: 53 mm",
     "wsg": "driver: wsg\n    tcp: 127.0.0.1:9",

@@ -1,4 +1,4 @@
-"""A serial line to a finger."""
+"""A serial line to a device."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import serial
 from serial.tools import list_ports
 
-from pomona.drivers import Link
+from pomona.executive.cell.owner import Link
 
 
 class SerialLink:
