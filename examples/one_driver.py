@@ -29,14 +29,14 @@ class WallCamera(Device):
 
     def __init__(self, options: WallOptions, clock: Clock, name: str = "camera") -> None:
         super().__init__(name)
-        self._options, self._clock, self._frames = options, clock, 0
+        self._options = options
+        self._clock = clock
+        self._frames = 0
 
     def latest(self) -> Frame | None:
         self._frames += 1
-        colour, depth = (
-            np.full((48, 64, 3), 128, np.uint8),
-            np.full((48, 64), self._options.distance, np.float32),
-        )
+        colour = np.full((48, 64, 3), 128, np.uint8)
+        depth = np.full((48, 64), self._options.distance, np.float32)
         lens = Intrinsics(fx=60.0, fy=60.0, cx=31.5, cy=23.5, width=64, height=48)
         return Frame(
             self._clock.now(), self._frames, colour, depth, lens, q=None, T_mount_camera=np.eye(4)

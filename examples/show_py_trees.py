@@ -17,7 +17,9 @@ class Count(py_trees.behaviour.Behaviour):
 
     def __init__(self, name: str, ticks: int, end: Status = Status.SUCCESS) -> None:
         super().__init__(name)
-        self.ticks, self.left, self.end = ticks, ticks, end
+        self.ticks = ticks
+        self.left = ticks
+        self.end = end
 
     def initialise(self) -> None:
         self.left = self.ticks

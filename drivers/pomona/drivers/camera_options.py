@@ -50,9 +50,11 @@ class IntrinsicsSection:
 
 def scaled(of: Intrinsics, width: int, height: int) -> Intrinsics:
     """Return the intrinsics of the same view in an image of another size [px]."""
-    x, y = width / of.width, height / of.height
+    x = width / of.width
+    y = height / of.height
     if (x, y) == (1.0, 1.0):
         return of
     # Pixel centres lie at integers: an image's left edge is at -0.5, however many pixels it has.
-    cx, cy = (of.cx + 0.5) * x - 0.5, (of.cy + 0.5) * y - 0.5
+    cx = (of.cx + 0.5) * x - 0.5
+    cy = (of.cy + 0.5) * y - 0.5
     return Intrinsics(of.fx * x, of.fy * y, cx, cy, width, height)

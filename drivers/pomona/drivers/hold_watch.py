@@ -187,10 +187,14 @@ class HoldWatch:
         Args:
             memory: state of the hand before this connection; kept up to date.
         """
-        self._arm, self._fingers, self._gripper, self._memory = arm, fingers, gripper, memory
+        self._arm = arm
+        self._fingers = fingers
+        self._gripper = gripper
+        self._memory = memory
         self._q: Float64 | None = None
         self._force: float | None = None
-        self._hand, self._unfelt = "", HARDLY
+        self._hand = ""
+        self._unfelt = HARDLY
         self._held_at: float | None = None
         self._begun = False
         self._stood = (
@@ -245,7 +249,8 @@ class HoldWatch:
         the fingers may hold the fruit: a small force suffices, and a bias may have been taken under load. Without a
         measured force the motor's force and the width of the last move decide.
         """
-        force, gripper = self._least_force(), self._state()
+        force = self._least_force()
+        gripper = self._state()
         if force is None and self._gripper is None:
             return None
         if (
@@ -268,7 +273,9 @@ class HoldWatch:
     def _feel(self, force: float, width: float | None) -> None:
         """Decide by the smaller force of both fingers [N] and their opening [m]."""
         if force > HELD_FORCE:
-            self._hand, self._unfelt, self._held_at = SURE, HARDLY, width
+            self._hand = SURE
+            self._unfelt = HARDLY
+            self._held_at = width
         elif force < LOST_FORCE and self._hand:
             away = width is None or self._held_at is None or abs(width - self._held_at) > GIVE
             self._hand = "" if away else self._unfelt
@@ -282,7 +289,8 @@ class HoldWatch:
         assert self._gripper is not None
         limits = self._gripper.limits
         if self._hand and self._let_go(state, limits):
-            self._hand, self._stood = "", state.width
+            self._hand = ""
+            self._stood = state.width
         if state.moving or abs(state.speed) > SLOW or not state.referenced:
             return
         evidence = between(state, limits)
@@ -294,7 +302,8 @@ class HoldWatch:
         ):
             evidence = f"the fingers closed to {1e3 * state.width:.1f} mm, and no move ended there"
         if evidence and (presses(state) or not self._hand):
-            self._hand, self._held_at = SURE if presses(state) else evidence, state.width
+            self._hand = SURE if presses(state) else evidence
+            self._held_at = state.width
         elif self._hand == SURE:
             self._hand = LOOSE
         elif not self._hand:
@@ -317,7 +326,8 @@ class HoldWatch:
 
     def _begin(self, gripper: GripperState, force: float | None) -> None:
         """Continue from the state of the hand before this connection."""
-        self._begun, self._stood = True, gripper.width
+        self._begun = True
+        self._stood = gripper.width
         if self._gripper is None or (self._memory is None and force is not None):
             return
         last = None if self._memory is None else self._memory.record

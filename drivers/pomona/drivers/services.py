@@ -173,7 +173,8 @@ COUNTS_MOST = (
 class RobotServices(Services):
     """Follows the hand of a cell, and gives skills its workspace and cameras."""
 
-    context, section = ConnectContext, WorkspaceSection
+    context = ConnectContext
+    section = WorkspaceSection
 
     def __init__(
         self, devices: Mapping[str, device.Device], workspace: object | None = None
@@ -198,10 +199,8 @@ class RobotServices(Services):
         if workspace is None or not isinstance(poses, YamlMapping):
             return
         for name, other in itertools.combinations(workspace.poses, 2):
-            q, same = (
-                workspace.poses[name],
-                name.rstrip("0123456789_") == other.rstrip("0123456789_"),
-            )
+            q = workspace.poses[name]
+            same = name.rstrip("0123456789_") == other.rstrip("0123456789_")
             if (
                 same
                 and len(q) == len(workspace.poses[other])

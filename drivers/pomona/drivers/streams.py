@@ -27,7 +27,9 @@ FEW = 5  # minimum run of bad samples before a fault: fewer may be a stall of th
 EARLY = (
     0.005  # stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]
 )
-WINDOW, FEW_GAPS, IN_BITS = 6, 4, 0.4
+WINDOW = 6
+FEW_GAPS = 4
+IN_BITS = 0.4
 """Limit of an intermittent stream: within this multiple of the silence allowed, this number of gaps of half of it or
 more that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip."""
 FEW_FRAMES, EARLY_FRAME = (
@@ -62,7 +64,8 @@ SIDES = ("the left finger", "the right finger")
 
 class _Listener:
     def __init__(self, call: Callable[[WrenchSample], None], stream: WrenchStream) -> None:
-        self.call, self._stream = call, stream
+        self.call = call
+        self._stream = stream
 
     def close(self) -> None:
         self._stream._forget(self)
@@ -195,13 +198,15 @@ class WrenchStream:
         """Acknowledge the problem. Raises DeviceFault: it persists."""
         if self._wrong and self._left_out:
             raise DeviceFault(device, f"still: {self._wrong}")
-        self._wrong, self._cause = "", None
+        self._wrong = ""
+        self._cause = None
 
     # -------------------------------------------------------------------------------------------- judgement
 
     def _forget_past(self) -> None:
         self._last = (-math.inf, -1)
-        self._delivered, self._gaps = math.nan, []
+        self._delivered = math.nan
+        self._gaps = []
         self._same: Float64 | None = None
         self._same_since, self._same_count = [0.0] * len(self._sides), [0] * len(self._sides)
         self._left_out = 0
@@ -209,7 +214,8 @@ class WrenchStream:
 
     def _accuse(self, words: str, cause: Exception | None = None) -> None:
         if not self._wrong:
-            self._wrong, self._cause = words, cause
+            self._wrong = words
+            self._cause = cause
             self.on_lost()
 
     def _flaw(self, sample: WrenchSample) -> str:
@@ -231,7 +237,8 @@ class WrenchStream:
 
     def _unchanged(self, sample: WrenchSample) -> str:
         """Return the certain fault of the fingers' values: impossible, or the same for too long."""
-        wrenches, strongest = sample.wrenches, self._belief.strongest
+        wrenches = sample.wrenches
+        strongest = self._belief.strongest
         if not np.abs(wrenches).max() <= strongest:  # this form is True also for NaN
             row, said = next(
                 (i // 6, float(one))
@@ -272,14 +279,16 @@ class FrameGuard:
         Args:
             silence: time without a valid frame after which the camera is lost [s]; older frames are rejected.
         """
-        self._clock, self._silence = clock, silence
+        self._clock = clock
+        self._silence = silence
         self.restart()
 
     def restart(self) -> None:
         """The camera was started anew: its next frame has no past."""
         self._last = (-math.inf, -1)
         self._images: dict[str, tuple[bytes, float]] = {}
-        self._flaw, self._flawed = "", 0
+        self._flaw = ""
+        self._flawed = 0
         self._believed_at = self._clock.now()
 
     def judge(self, stamp: float, number: int, colour: bytes = b"", depth: bytes = b"") -> bool:

@@ -60,7 +60,8 @@ def _check_form(trajectory: Trajectory, dof: int) -> None:
 
 
 def _check_range(trajectory: Trajectory, limits: ArmLimits) -> None:
-    t, q = trajectory.t, trajectory.q
+    t = trajectory.t
+    q = trajectory.q
     outside = np.maximum(limits.lower - q, q - limits.upper)
     if outside.max() > ROUNDING:
         sample, joint = divmod(int(outside.argmax()), q.shape[1])
@@ -72,7 +73,9 @@ def _check_range(trajectory: Trajectory, limits: ArmLimits) -> None:
 
 
 def _check_rates(trajectory: Trajectory, limits: ArmLimits) -> None:
-    t, qd, qdd = trajectory.t, trajectory.qd, trajectory.qdd
+    t = trajectory.t
+    qd = trajectory.qd
+    qdd = trajectory.qdd
     if np.abs(qd[[0, -1]]).max() > REST:
         sample, joint = divmod(int(np.abs(qd[[0, -1]]).argmax()), qd.shape[1])
         speed = abs(qd[[0, -1]][sample, joint])

@@ -175,7 +175,8 @@ class ObstacleSection:
         """Return the solids that it is made of, all of one name."""
         T_base_box = np.eye(4)
         T_base_box[:3, 3] = self.centre
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        cos = np.cos(self.yaw)
+        sin = np.sin(self.yaw)
         T_base_box[:2, :2] = [[cos, -sin], [sin, cos]]
         size = np.array(self.size)
         if self.wall is None:
@@ -233,7 +234,8 @@ class ZoneSection:
 
     def box(self) -> Box:
         """For the skills."""
-        lower, upper = np.array(self.lower), np.array(self.upper)
+        lower = np.array(self.lower)
+        upper = np.array(self.upper)
         T_base_box = np.eye(4)
         T_base_box[:3, 3] = (lower + upper) / 2.0
         return _box(f"zone {self.name}", T_base_box, np.zeros(3), upper - lower)
@@ -315,7 +317,8 @@ class WorkspaceSection:
         """Return why fruit cannot be in a crate at its place, empty if it can."""
         boxes = crate.boxes()
         reach = np.abs(boxes[0].T_base_box[:3, :3]) @ crate.size / 2.0
-        low, high = crate.centre - reach, crate.centre + reach
+        low = crate.centre - reach
+        high = crate.centre + reach
         if (low[:2] < np.subtract(self.lower[:2], TOUCH)).any() or (
             high > np.add(self.upper, TOUCH)
         ).any():

@@ -64,7 +64,9 @@ def run_behaviour(
 
     Raises UsageError: the record cannot be opened or the page's address is in use; nothing was ticked.
     """
-    views, console, parser = RunViews.installed(), Screen(), argparse.ArgumentParser()
+    views = RunViews.installed()
+    console = Screen()
+    parser = argparse.ArgumentParser()
     views.add(parser)
     options = parser.parse_args(["--dashboard", "--port", str(port)] if dashboard else [])
     with views.open(options, console, record or RECORDS):
@@ -91,7 +93,9 @@ def _run(
     listeners: Sequence[Listener],
     on_ready: Callable[[Runner], None] | None,
 ) -> Executed:
-    cell, events, summary = dry_cell(), EventStream(), Summary()
+    cell = dry_cell()
+    events = EventStream()
+    summary = Summary()
     session = RecordingSession(record, cell)
     runner = Runner(
         lambda _context, board: as_built(root, board),
@@ -119,10 +123,13 @@ def _run(
 
 def as_built(root: Behaviour, board: Board) -> BuiltTree:
     """Return a py_trees tree in the form in which the runner ticks and the page draws it."""
-    paths, infos, behaviours = UniquePaths(), list[NodeInfo](), dict[str, Behaviour]()
+    paths = UniquePaths()
+    infos = list[NodeInfo]()
+    behaviours = dict[str, Behaviour]()
     for behaviour, parent in _walk(root, None):
         above = "" if parent is None else f"{parent.path}/"  # type: ignore[attr-defined]
-        name, of = _shown(behaviour), type(behaviour).__name__
+        name = _shown(behaviour)
+        of = type(behaviour).__name__
         path = paths.take(above + name.replace("/", "∕"))
         behaviour.path = path  # type: ignore[attr-defined]
         kind = next((kind for base, kind in _KINDS if isinstance(behaviour, base)), "skill")

@@ -22,7 +22,8 @@ class SkillError(PomonaError):
     """A skill broke its contract, for instance an undeclared failure code or an output of the wrong type."""
 
     def __init__(self, skill: str, message: str) -> None:
-        self.skill, self.message = skill, message
+        self.skill = skill
+        self.message = message
         super().__init__(f"{skill}: {message}")
 
 
@@ -30,7 +31,9 @@ class NotOwnerError(SkillError):
     """A command to a device from code that does not own it; the device was not called."""
 
     def __init__(self, skill: str, device: str, command: str, why: str) -> None:
-        self.device, self.command, self.why = device, command, why
+        self.device = device
+        self.command = command
+        self.why = why
         super().__init__(
             skill, f"refused to command '{command}' of the {device}: {why}; nothing has moved"
         )

@@ -232,7 +232,8 @@ class _Ready:
 
 
 def _read(order: RunOrder, starting: Starting) -> _Ready:
-    registry, document = Registry.installed(), read_document(order.tree, order.texts)
+    registry = Registry.installed()
+    document = read_document(order.tree, order.texts)
     missing = sorted(document.main.declared_skills.keys() - registry.keys())
     if missing:
         words = f"{', '.join(missing)}: declared in the tree and not installed"
@@ -275,7 +276,9 @@ def _run_dry(order: RunOrder, followers: _Followers) -> Executed:
 
 def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
     """Connect the cell, which no other run is using, and run."""
-    order, file, starting = ready.order, ready.cell, followers.starting
+    order = ready.order
+    file = ready.cell
+    starting = followers.starting
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
@@ -334,7 +337,8 @@ def _after_cut(order: RunOrder, followers: _Followers) -> None:
 
     Raises UsageError: it may hold something, or the recovery did not succeed; KeyboardInterrupt: a signal came.
     """
-    starting, past = followers.starting, order.past or order.record
+    starting = followers.starting
+    past = order.past or order.record
     cut = unfinished(past, order.cell) if past is not None and not order.cleared else None
     if cut is None and not order.recover:
         return
@@ -375,8 +379,11 @@ class _Work:
     around: Around = field(default_factory=dict)
 
     def build(self, context: SkillContext, board: Board) -> BuiltTree:
-        given, mocks, around = self.settings, self.mocks, self.around
-        document, registry = self.document, self.registry
+        given = self.settings
+        mocks = self.mocks
+        around = self.around
+        document = self.document
+        registry = self.registry
         return build(
             document,
             registry,
@@ -405,12 +412,13 @@ class _Work:
 
 
 def _run(work: _Work, followers: _Followers) -> Executed:
-    order, cell, signals, starting = work.order, work.cell, work.signals, followers.starting
-    events, summary, session = (
-        EventStream(),
-        Summary(),
-        RecordingSession(order.record, cell, followers.readers),
-    )
+    order = work.order
+    cell = work.cell
+    signals = work.signals
+    starting = followers.starting
+    events = EventStream()
+    summary = Summary()
+    session = RecordingSession(order.record, cell, followers.readers)
     supervision = work.supervision
     runner = Runner(
         work.build,
@@ -559,7 +567,9 @@ def _with_place(error: BaseException) -> str:
 
 def _started(work: _Work, runner: Runner, folder: Path | None, preparation: float) -> RunStarted:
     """Return the first event of a run: everything that is needed to repeat it."""
-    order, document, cell = work.order, work.document, work.cell
+    order = work.order
+    document = work.document
+    cell = work.cell
     return RunStarted(
         0.0,
         0,

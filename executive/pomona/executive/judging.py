@@ -121,7 +121,8 @@ def judge(
         texts: contents of files, by path, that are not to be read from the disk.
     """
     findings = Findings()
-    file, interfaces = None, None
+    file = None
+    interfaces = None
     for_tree, for_cell = split_settings(document, settings)
     if cell is not None:
         _name_unknown(document, cell, for_cell, findings)

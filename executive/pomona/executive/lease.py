@@ -65,7 +65,8 @@ class Lease:
             over: why it gives no right from the beginning.
         """
         self.owner = owner
-        self._refused, self._over = refused, over
+        self._refused = refused
+        self._over = over
         self.lock = RLock()
 
     def end(self, why: str) -> None:
@@ -126,7 +127,8 @@ class Handle:
     __slots__ = ("__weakref__", "_device", "_lease")
 
     def __init__(self, device: object, lease: Lease) -> None:
-        self._device, self._lease = device, lease
+        self._device = device
+        self._lease = lease
 
 
 def leased(device: T, interface: type, lease: Lease) -> T:
@@ -205,7 +207,8 @@ def _handle_class(interface: type, offered: tuple[type, ...]) -> type[Handle] | 
     concrete = not getattr(interface, "_is_protocol", False)
     if concrete and not any(commands_of(one) for one in (interface, *offered)):
         return None
-    commands, members = commands_of(interface), _members_of(interface)
+    commands = commands_of(interface)
+    members = _members_of(interface)
     space: dict[str, Any] = {"__slots__": (), "__doc__": interface.__doc__}
     space |= {name: property(attrgetter(f"_device.{name}")) for name in members - commands}
     space |= {name: _command(interface, name) for name in commands}
@@ -231,7 +234,8 @@ def _command(interface: type, name: str) -> Callable[..., Any]:
     gives = returned if isinstance(returned, type) and commands_of(returned) else None
 
     def carry_out(handle: Handle, *arguments: Any, **named: Any) -> Any:
-        lease, device = handle._lease, handle._device
+        lease = handle._lease
+        device = handle._device
         with lease.lock:
             lease.require(device, name)
             result = getattr(device, name)(*arguments, **named)

@@ -31,7 +31,8 @@ class NoValue(PomonaError):
     def at(self, place: str) -> NoValue:
         """Return the error with its place; one that has a place keeps it."""
         if not self.place:
-            self.place, self.args = place, (f"{self}, in {place}",)
+            self.place = place
+            self.args = (f"{self}, in {place}",)
         return self
 
 

@@ -75,11 +75,9 @@ class Registry(Mapping[str, type[Skill]]):
         looked_up = tuple(said if names is None else names)
         if not looked_up:
             return self
-        skills, problems, offered = (
-            dict(self._skills),
-            dict(self.problems),
-            _by_name(entry_points(group=GROUP)),
-        )
+        skills = dict(self._skills)
+        problems = dict(self.problems)
+        offered = _by_name(entry_points(group=GROUP))
         for name in looked_up:
             skills.pop(name, None)
             problems.pop(name, None)
@@ -139,7 +137,8 @@ def source_of(name: str) -> str:
     if skill is None:
         return ""
     try:
-        line, file = inspect.getsourcelines(skill)[1], inspect.getfile(skill)
+        line = inspect.getsourcelines(skill)[1]
+        file = inspect.getfile(skill)
     except (OSError, TypeError):  # its source is not installed, or it was not read from a file
         return ""
     if not skill.__module__.startswith("pomona."):
@@ -195,7 +194,8 @@ def chosen(
             0
         ], "" if found else f"'{said[name]}' offers no {name}: {', '.join(offers)} do"
     if len({point.value for point in points}) > 1:
-        packages, one = " and ".join(sorted(offers)), sorted(offers)[0]
+        packages = " and ".join(sorted(offers))
+        one = sorted(offers)[0]
         choose = f"skills: {{{name}: {one}}} in the tree, or pomona --skill {name}={one}"
         return points[0], f"{packages} both offer it: remove one, or choose: {choose}"
     return points[0], ""
@@ -221,7 +221,8 @@ def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
     optional = tuple(
         interface.__name__ for interface in skill.optional_devices if interface not in skill.devices
     )
-    inputs, outputs = ports(skill.inputs), ports(skill.outputs)
+    inputs = ports(skill.inputs)
+    outputs = ports(skill.outputs)
     return SkillListing(
         name, summary, inputs, outputs, devices, optional, skill.failures, skill.__module__
     )

@@ -96,7 +96,8 @@ def _port(skill: str, name: str, annotation: Any, default: Any) -> Port:
             skill, f"{name}: the default is None, so its type must be one that may be None"
         )
     if get_origin(carried) is Literal:
-        declared, carried = replace(declared, choices=get_args(carried)), str
+        declared = replace(declared, choices=get_args(carried))
+        carried = str
     port = replace(
         declared,
         type=quantities[0] if quantities else get_origin(carried) or carried,

@@ -55,7 +55,8 @@ def keep_apart(sources: Path) -> None:
     In a folder that is set, else beside the sources, else in the user's cache, else in a temporary folder, which does
     not outlast a restart.
     """
-    name, given = f"compiled-{digest(sources)}", os.environ.get(PLACE, "")
+    name = f"compiled-{digest(sources)}"
+    given = os.environ.get(PLACE, "")
     if Path(given).name != name:
         places = (sources / "__pycache__", _users_cache())
         place = (

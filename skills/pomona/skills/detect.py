@@ -287,7 +287,8 @@ def _place(instance: Instance, frame: Frame, T_base_camera: Float64) -> Float64:
     """Return where the fruit is in the base frame [m], with the measured depth at its centroid where there is one,
     and 1 with such a depth, else 0; shape (4,)."""
     assert instance.T_camera_object is not None
-    p_camera, is_measured = instance.T_camera_object[:3, 3], 0.0
+    p_camera = instance.T_camera_object[:3, 3]
+    is_measured = 0.0
     if frame.depth is not None:
         u, v = np.round(instance.keypoints[8]).astype(int)
         patch = (
@@ -297,5 +298,6 @@ def _place(instance: Instance, frame: Frame, T_base_camera: Float64) -> Float64:
         )
         measured = patch[np.isfinite(patch) & (patch > 0.0)]
         if measured.size:
-            p_camera, is_measured = p_camera * (float(np.median(measured)) / p_camera[2]), 1.0
+            p_camera = p_camera * (float(np.median(measured)) / p_camera[2])
+            is_measured = 1.0
     return np.append(T_base_camera[:3, :3] @ p_camera + T_base_camera[:3, 3], is_measured)

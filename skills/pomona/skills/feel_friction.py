@@ -177,7 +177,8 @@ class FeelFriction(MovingSkill):
         robot = RobotModel.load(arm.description)
         start = robot.tcp(line[0])[:3, 3]
         samples: list[tuple[float, Float64]] = []
-        stamps, shares = [], []
+        stamps = []
+        shares = []
 
         def watch() -> None:
             self._watch(hold)

@@ -78,10 +78,8 @@ class Grasp(MovingSkill):
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Refuse a gripper that always presses harder than `force`; warn without a force sensor."""
-        limits, force = (
-            (None if cell is None else cell.known(GripperLimits)),
-            known.get("force", DEFAULT_FORCE),
-        )
+        limits = None if cell is None else cell.known(GripperLimits)
+        force = known.get("force", DEFAULT_FORCE)
         if limits is not None and force is not None and (words := _too_strong(limits, force)):
             yield Problem("force", words, "allow it, or take another gripper")
         if cell is not None and cell.place(ForceSensor) is None:
@@ -154,7 +152,8 @@ class Grasp(MovingSkill):
 
     def _close(self, aim: float, speed: float, force: float) -> Watching:
         """Close until the fingers are at their aim, are stopped by something, or press with a force [N]."""
-        gripper, tips = self.device(Gripper), self.optional_device(PressSensor)
+        gripper = self.device(Gripper)
+        tips = self.optional_device(PressSensor)
 
         def watch() -> str:
             state = gripper.state()

@@ -66,11 +66,13 @@ class Pivot(Skill):
         before = lever_of(hold)
         while self.context.elapsed() - start < patience:
             watch_grip(self, hold)
-            lever, now = lever_of(hold), self.context.elapsed()
+            lever = lever_of(hold)
+            now = self.context.elapsed()
             if (
                 abs(lever - before) > 0.0005 or not hold.has_settled
             ):  # smallest change of the lever [m]
-                before, since = lever, now
+                before = lever
+                since = now
             if (
                 now - since > 0.3
             ):  # time without a change of the lever after which the fruit hangs still [s]

@@ -92,7 +92,8 @@ class SampleGrasp(Skill):
             bool, Port(help="exclude grasps without a free approach; the paper: no")
         ] = True,
     ) -> Work[Sampled]:
-        arm, workspace = self.device(Arm), self.device(Workspace)
+        arm = self.device(Arm)
+        workspace = self.device(Workspace)
         self._tried.begin(around)
         if tried is not None:
             self._tried.add(tried)
@@ -101,10 +102,8 @@ class SampleGrasp(Skill):
         space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
         sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
         rules = GraspRules(side=(air, GraspRules().side[1]), sigmas=sigmas, check=check)
-        support, tried_before = (
-            support_below(workspace, around.T_base_fruit[:3, 3]),
-            self._tried.directions,
-        )
+        support = support_below(workspace, around.T_base_fruit[:3, 3])
+        tried_before = self._tried.directions
         for level in range(1 + FINER):
             grasps, ruled_out = yield from self.compute(
                 sample_pre_grasps, around, robot, space, arm.state().q, support, sphere, rules

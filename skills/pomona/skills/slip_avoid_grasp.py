@@ -135,7 +135,8 @@ class SlipAvoidGrasp(Skill):
         ] = "slip_avoidance",
         gentle: Annotated[bool, Port(help="respond to slip with a tenth of the force")] = False,
     ) -> Work[Grasped]:
-        gripper, sensor = self.device(Gripper), self.device(ForceSensor)
+        gripper = self.device(Gripper)
+        sensor = self.device(ForceSensor)
         contact = SoftContact(mu, delta, gamma, k, ellipsoid=surface == "ellipsoid")
         yield from self.compute(surface_table, contact)
         controller = GripController(

@@ -73,7 +73,8 @@ class UpdateMap(Skill):
         ] = LENGTH("10 mm"),
         max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
     ) -> Work[Mapped]:
-        arm, workspace = self.device(Arm), self.device(Workspace)
+        arm = self.device(Arm)
+        workspace = self.device(Workspace)
         model = RobotModel.load(arm.description)
         look = measured or detection
         frame = look.frame if look is not None else self.device(Camera).latest()
@@ -95,7 +96,8 @@ class UpdateMap(Skill):
                 yield from require_true_look(self, frame, T_base_camera, workspace)
             q = state.q if frame.q is None else frame.q
             robot = RobotShape.of(model).spheres(q, self.device(Gripper).state().width)
-            lower, upper = workspace.lower, workspace.upper
+            lower = workspace.lower
+            upper = workspace.upper
             grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
             fused = yield from self.compute(
                 _fuse, grid, frame, T_base_camera, workspace, robot, measured
@@ -112,7 +114,8 @@ class UpdateMap(Skill):
 
 def view_of(map: OccupancyMap) -> SceneView:
     """Return a view of the blocked cells."""
-    occupied, hidden = map.centres(OCCUPIED), map.centres(HIDDEN)
+    occupied = map.centres(OCCUPIED)
+    hidden = map.centres(HIDDEN)
     return SceneView(
         points=(
             Points3(occupied, "occupied", "occupied", map.resolution),

@@ -317,7 +317,9 @@ def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContex
 def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
     """Return a line of the process's standard output, or the part of it that arrived within `deadline` [s]."""
     assert process.stdout is not None
-    descriptor, line, end = process.stdout.fileno(), b"", time.monotonic() + deadline
+    descriptor = process.stdout.fileno()
+    line = b""
+    end = time.monotonic() + deadline
     while not line.endswith(b"\n"):
         ready, _, _ = select.select([descriptor], [], [], max(end - time.monotonic(), 0.0))
         chunk = os.read(descriptor, 65536) if ready else b""
@@ -331,7 +333,9 @@ class WireSource:
     """Frames from the emulated camera, one per request, at most `rate` per second of the cell's time."""
 
     def __init__(self, link: Link, rate: float, clock: Clock) -> None:
-        self._link, self._period, self._clock = link, 1.0 / rate, clock
+        self._link = link
+        self._period = 1.0 / rate
+        self._clock = clock
         self._buffer = bytearray()
         self._asked_at = -math.inf
         self._waiting = False
@@ -343,7 +347,8 @@ class WireSource:
             self._clock.advance(min(max(early, 0.0), timeout))
             if early > timeout:
                 return None
-            self._asked_at, self._waiting = self._clock.now(), True
+            self._asked_at = self._clock.now()
+            self._waiting = True
             self._link.send(b"?")
         self._buffer += self._link.receive(timeout)
         pair = self._take()

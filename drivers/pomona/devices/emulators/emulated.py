@@ -108,15 +108,12 @@ class SimJoints:
 
     def __init__(self, world: SimWorld) -> None:
         model = world.model
-        self._state, self._actuators = world.state, world.arm_actuators
-        self._qpos, self._qvel = (
-            model.jnt_qposadr[world.arm_joints],
-            model.jnt_dofadr[world.arm_joints],
-        )
-        kp, kv = (
-            model.actuator_gainprm[self._actuators, 0],
-            -model.actuator_biasprm[self._actuators, 2],
-        )
+        self._state = world.state
+        self._actuators = world.arm_actuators
+        self._qpos = model.jnt_qposadr[world.arm_joints]
+        self._qvel = model.jnt_dofadr[world.arm_joints]
+        kp = model.actuator_gainprm[self._actuators, 0]
+        kv = -model.actuator_biasprm[self._actuators, 2]
         self._feed_forward = kv / kp
 
     def measured(self) -> tuple[Float64, Float64]:

@@ -27,7 +27,9 @@ class Pipe(FaultSwitch):
             latency: from the device to the driver [s].
         """
         super().__init__()
-        self.emulator, self.time, self.latency = emulator, time, latency
+        self.emulator = emulator
+        self.time = time
+        self.latency = latency
         self._ends: list[PipeEnd] = []
 
     def open(self) -> PipeEnd:
@@ -78,7 +80,8 @@ class PipeEnd:
         self._need_connection()
         self._pipe.time.wait(timeout, self._has_something)
         self._need_connection()
-        now, chunks = self._pipe.time.now(), []
+        now = self._pipe.time.now()
+        chunks = []
         while self._arriving and self._arriving[0][0] <= now + 1e-9:
             chunks.append(self._arriving.popleft()[1])
         return b"".join(chunks)

@@ -80,7 +80,8 @@ class TcpPort:
     def __init__(
         self, emulator: Emulator, host: str = "127.0.0.1", port: int = 0, clients: int = 1
     ) -> None:
-        self._emulator, self._clients = emulator, clients
+        self._emulator = emulator
+        self._clients = clients
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._listener = socket.create_server((host, port), family=family)
         self._listener.setblocking(False)
@@ -177,8 +178,10 @@ class CanPort:
     def __init__(
         self, emulator: Emulator, bus: can.BusABC, request_id: int = 0x01, reply_id: int = 0x02
     ) -> None:
-        self._emulator, self._bus = emulator, bus
-        self._request_id, self._reply_id = request_id, reply_id
+        self._emulator = emulator
+        self._bus = bus
+        self._request_id = request_id
+        self._reply_id = reply_id
         emulator.connected(self)
 
     @property

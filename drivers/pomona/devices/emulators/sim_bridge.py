@@ -74,7 +74,8 @@ class StatePort:
     address = "camera's process"
 
     def __init__(self, world: SimWorld, pipe: Connection) -> None:
-        self._world, self._pipe = world, pipe
+        self._world = world
+        self._pipe = pipe
 
     def readable(self) -> list[int]:
         return [self._pipe.fileno()]

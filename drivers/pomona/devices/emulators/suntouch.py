@@ -93,7 +93,8 @@ class SunTouchEmulator:
         self._said = volts
         self._answers += 1
         answer = encode(volts)[self.drop_bytes :]
-        self.spike, self.drop_bytes = 0.0, 0
+        self.spike = 0.0
+        self.drop_bytes = 0
         return answer
 
 

@@ -50,7 +50,8 @@ class AttributeSwitch(FaultSwitch):
     def __init__(self, device: object, faults: Mapping[str, Mapping[str, object]]) -> None:
         super().__init__()
         self.known_faults = tuple(faults)
-        self._device, self._faults = device, faults
+        self._device = device
+        self._faults = faults
         self._before: dict[str, object] = {}
 
     def inject_fault(self, kind: str) -> None:

@@ -20,9 +20,11 @@ class Turn(threading.Thread):
 
     def __init__(self, name: str, run: Callable[[], None], time: VirtualTime) -> None:
         super().__init__(name=name, daemon=True)
-        self.until, self.ready = 0.0, _never
+        self.until = 0.0
+        self.ready = _never
         self.polls = 0
-        self._task, self._time = run, time
+        self._task = run
+        self._time = time
         self._go, self._done = threading.Lock(), threading.Lock()
         self._go.acquire()
         self._done.acquire()
@@ -78,7 +80,8 @@ class VirtualTime:
             world: the simulated world's clock; advancing it by `period` [s] is one step.
         """
         self.turns: list[Turn] = []
-        self._world, self._period = world, period
+        self._world = world
+        self._period = period
         self._owed = 0.0
         self._stepping = threading.RLock()
 
@@ -120,7 +123,8 @@ class VirtualTime:
         if ready() or (timeout <= 0.0 and turn.polls < 100):
             return
         turn.polls = 0
-        turn.until, turn.ready = self.now() + max(timeout, EPSILON * 10.0), ready
+        turn.until = self.now() + max(timeout, EPSILON * 10.0)
+        turn.ready = ready
         turn.wait()
 
     def step(self) -> None:

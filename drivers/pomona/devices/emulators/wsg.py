@@ -49,7 +49,9 @@ class WsgEmulator:
         referenced: bool = True,
         has_script: bool = True,
     ) -> None:
-        self.referenced, self.has_script, self.silent = referenced, has_script, False
+        self.referenced = referenced
+        self.has_script = has_script
+        self.silent = False
         self.faults = SystemState(0)
         self.refusing: set[Command] = set()
         self.deaf: set[Command] = set()
@@ -58,13 +60,15 @@ class WsgEmulator:
         self.frozen = False
         self.reported_width: float | None = None
         self._frozen_values: dict[Command, tuple[float, ...]] = {}
-        self._fingers, self._offset = fingers, finger_offset
+        self._fingers = fingers
+        self._offset = finger_offset
         self._peer: Peer | None = None
         self._decoder = FrameDecoder()
         self._now = 0.0
         self._bits = SystemState(0)
         self._motion: tuple[Command, Motion] | None = None
-        self._speed, self._speed_until = 0.0, 0.0
+        self._speed = 0.0
+        self._speed_until = 0.0
         self._updates: dict[Command, tuple[float, float]] = {}
         self._settings = {Command.SET_ACCELERATION: 2.0, Command.SET_FORCE_LIMIT: 40.0}
         self._soft_limits: tuple[float, float] | None = None
@@ -169,7 +173,8 @@ class WsgEmulator:
                 self._reply(Command.INFO, values=(2, 1, 0x2710, 32001))
             case Plain(Command.LIMITS):
                 hardware = self._fingers.limits
-                stroke, force = hardware.width_max - hardware.width_min, hardware.force_max
+                stroke = hardware.width_max - hardware.width_min
+                force = hardware.force_max
                 values = (stroke, 0.005, hardware.speed_max, 0.1, 5.0, FORCE_MIN, force, force)
                 self._reply(Command.LIMITS, values=values)
             case SetValue(command, value):
@@ -235,7 +240,8 @@ class WsgEmulator:
                 return
             self._end_motion(Status.CMD_ABORTED)
             # the finger script stops the fingers when the speed is not renewed within this time [s]
-            self._speed, self._speed_until = speed, self._now + 0.1
+            self._speed = speed
+            self._speed_until = self._now + 0.1
             self._fingers.set_speed(self.runaway or self._limited(speed))
         self._reply(command, values=(*self._observe(Command.WIDTH), *self._observe(Command.SPEED)))
 

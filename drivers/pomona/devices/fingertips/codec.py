@@ -12,7 +12,10 @@ import numpy as np
 
 from pomona.executive import Float64
 
-BAUD, START, AUTOSEND, READ = 115200, 0x9A, 0x58, 0x61
+BAUD = 115200
+START = 0x9A
+AUTOSEND = 0x58
+READ = 0x61
 TAXELS = 28  # of each finger, 7 rows of 4
 FIELDS = {0x10: 2 * TAXELS, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, 0x60: 2, 0x70: 8}
 """Bytes of each kind of field: taxels, vibration, accelerations, turns, magnetic field, temperature, time."""
@@ -64,7 +67,8 @@ def _fields(body: bytes) -> Mapping[int, Float64] | None:
     found: dict[int, Float64] = {}
     at = 0
     while at < len(body):
-        kind, finger = body[at] & 0xF0, body[at] >> 2 & 3
+        kind = body[at] & 0xF0
+        finger = body[at] >> 2 & 3
         size = FIELDS.get(kind)
         if size is None or at + 1 + size > len(body):
             return None

@@ -37,8 +37,11 @@ class TsfSession:
 
         Raises OSError: the line failed; Nonsense: other bytes come; TimeoutError: too few packets for a zero.
         """
-        self._device, self._link, self._count = device, link, count
-        self._buffer, self._dropped = bytearray(), 0
+        self._device = device
+        self._link = link
+        self._count = count
+        self._buffer = bytearray()
+        self._dropped = 0
         self._sums = np.full(2, np.nan)
         link.send(autosend(round(1e3 * period)))
         self.zero = np.array(zero if zero is not None else self._at_rest(clock), dtype=np.float64)

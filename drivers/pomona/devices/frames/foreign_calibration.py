@@ -71,7 +71,8 @@ def _matrix(fx: float, fy: float, cx: float, cy: float) -> Float64:
 
 
 def _pose(content: Mapping[str, Any]) -> str:
-    said, at = content["parameters"], content.get("transform", content.get("transformation"))
+    said = content["parameters"]
+    at = content.get("transform", content.get("transformation"))
     x, y, z = (float(at.get("translation", at)[key]) for key in "xyz")
     turn = at.get("rotation", {key: at.get(f"q{key}") for key in "xyzw"})
     q = np.array([float(turn[key]) for key in "wxyz"])
@@ -124,7 +125,8 @@ def _kalibr(content: Mapping[str, Any]) -> str:
     camera = content[CAMERA]
     if camera["camera_model"] != "pinhole":
         return f"its model is {camera['camera_model']}: rectify the pictures for a pinhole camera, and take its values"
-    K, model = _matrix(*camera["intrinsics"]), camera.get("distortion_model")
+    K = _matrix(*camera["intrinsics"])
+    model = camera.get("distortion_model")
     return _intrinsics(K, camera["resolution"], camera["distortion_coeffs"], model=model)
 
 

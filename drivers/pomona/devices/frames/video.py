@@ -33,7 +33,8 @@ class Video:
         Raises:
             UnusableFrames: it is no video that can be read.
         """
-        self.path, self._raw = path, raw
+        self.path = path
+        self._raw = raw
         self._next = 0
         self._capture = self._open()
         self.count = max(
@@ -47,7 +48,8 @@ class Video:
         """
         if index < self._next:
             self._capture.release()
-            self._capture, self._next = self._open(), 0
+            self._capture = self._open()
+            self._next = 0
         while self._next < index and self._capture.grab():
             self._next += 1
         there, image = self._capture.read() if self._next == index else (False, None)
@@ -83,7 +85,8 @@ class VideoFrame:
 
     def read(self, intrinsics: Intrinsics) -> Images:
         """Return both images. Raises UnusableFrames: they cannot be read, or are not of the intrinsics' size."""
-        colour, depth = self.colour.read(self.index), self.depth.read(self.index)
+        colour = self.colour.read(self.index)
+        depth = self.depth.read(self.index)
         expected = (intrinsics.width, intrinsics.height)
         if depth.ndim == 2 and depth.size == expected[0] * expected[1]:
             depth = depth.reshape(

@@ -42,7 +42,8 @@ def add_universal_robots(kinds: Any) -> None:
 
 def _universal_robots(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     controller = UrEmulator(FreeJoints(STRETCHED_UP), np.full(6, math.pi), options.model)
-    controller.remote, controller.mode = not options.local, 3 if options.off else controller.mode
+    controller.remote = not options.local
+    controller.mode = 3 if options.off else controller.mode
     served = [(controller.rtde, PORTS["rtde"]), (controller.dashboard, PORTS["dashboard"])]
     served += [(controller.script, port) for port in (30001, 30002, 30003)]
     return [TcpPort(port, options.host, number, clients=4) for port, number in served], [controller]

@@ -31,7 +31,10 @@ BY_FUNCTION = {function: area for area, function in READS.items()} | {
     15: "coil",
     16: "holding",
 }
-FUNCTION, ADDRESS, VALUE, COUNT = 1, 2, 3, 3
+FUNCTION = 1
+ADDRESS = 2
+VALUE = 3
+COUNT = 3
 """Modbus exceptions: no such function, address, value or number of values."""
 WRONG_UNIT = 11
 
@@ -57,12 +60,15 @@ class PlcEmulator(FaultSwitch):
         """`unit` is the only one that it answers as; with None it answers as any."""
         super().__init__()
         self.memory: dict[str, list[int]] = {area: [0] * size for area in READS}
-        self.owned, self.unit = frozenset(owned), unit
+        self.owned = frozenset(owned)
+        self.unit = unit
         self.alive = False
         self.program: Callable[[float], None] = lambda now: None
         self.now = 0.0
         self._buffers: dict[int, bytearray] = {}
-        self._beat_at, self._heard, self._heard_at = 0.0, 0, -MISSED
+        self._beat_at = 0.0
+        self._heard = 0
+        self._heard_at = -MISSED
 
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
@@ -102,7 +108,8 @@ class PlcEmulator(FaultSwitch):
             self._beat_at = now
             self.memory["discrete"][0] ^= 1
         if self.memory["coil"][0] != self._heard:
-            self._heard, self._heard_at = self.memory["coil"][0], now
+            self._heard = self.memory["coil"][0]
+            self._heard_at = now
         self.alive = now - self._heard_at <= MISSED
         self.program(now)
 

@@ -55,8 +55,11 @@ class SensorLine(FaultSwitch, ControllerPort):
         period: of the stream [s]; 0 while there is none. intact: bytes at the beginning that are not spoiled.
     """
 
-    deaf, period, intact = False, 0.0, 0
-    _next, _sent = 0.0, b""
+    deaf = False
+    period = 0.0
+    intact = 0
+    _next = 0.0
+    _sent = b""
 
     def __init__(self) -> None:
         super().__init__()

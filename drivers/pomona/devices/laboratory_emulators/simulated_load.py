@@ -35,8 +35,10 @@ class SimLoadSensor(FaultyDevice):
 
     def __init__(self, world: PhysicsWorld, noise: float, mass: float, least: float) -> None:
         super().__init__("load")
-        self.mass, self.least = mass, least
-        self._world, self._noise = world, noise
+        self.mass = mass
+        self.least = least
+        self._world = world
+        self._noise = noise
         self._hand = world.model.body("tool0").id
         self._rng = np.random.default_rng([world.seed, 17])
         self._silence = max(SILENCE, 4.0 / self.rate)
@@ -51,7 +53,8 @@ class SimLoadSensor(FaultyDevice):
         return self._passing.subscribe(listener)
 
     def check(self) -> None:
-        newest, now = self._passing.newest, self._world.clock.now()
+        newest = self._passing.newest
+        now = self._world.clock.now()
         if newest is not None and now - newest.stamp > self._silence and self.fault == "lost":
             raise DeviceLost(self.name, f"no sample for {1e3 * (now - newest.stamp):.0f} ms")
         if (problem := self._passing.problem(self.name)) is not None:
@@ -117,6 +120,7 @@ class LoadOptions:
 @driver(SimLoadSensor, LoadOptions)
 def connect(settings: Settings[LoadOptions], context: ConnectContext) -> SimLoadSensor:
     """`driver: sim-load`"""
-    said, world = settings.values, context.find(PhysicsWorld)
+    said = settings.values
+    world = context.find(PhysicsWorld)
     assert world is not None, "judged when the cell file was read"
     return SimLoadSensor(world, said.noise, said.mass, said.least)

@@ -30,7 +30,9 @@ _LINES = (
 
 def to_python(text: str) -> str:
     """Return a script as Python with the same functions. Raises SyntaxError: blocks lack their ends."""
-    out, depth, held = [], 0, ""
+    out = []
+    depth = 0
+    held = ""
     for raw in re.sub(r"(?m)^(\d+)\s+(global .*)$", r"\1\n\2", text).splitlines():
         line = f"{held} {_without_comment(raw).strip()}".strip()
         held = line if line.endswith("=") else ""
@@ -65,7 +67,9 @@ def _poses(line: str) -> str:
     """Write `p[x, y, …]` as a call; `p[0]` is an index."""
     at = 0
     while found := re.compile(r"(?<!\w)p\[").search(line, at):
-        place, depth, listed = found.end(), 1, False
+        place = found.end()
+        depth = 1
+        listed = False
         while depth:
             depth += {"[": 1, "]": -1}.get(line[place], 0)
             listed |= depth == 1 and line[place] == ","

@@ -38,7 +38,8 @@ JUMP = 0.6
 """Step of the first joint's feedback by the fault `jump` [rad]."""
 FAR = 0.2
 """Distance of a set-point in servo mode that is the error 24 [rad]: plausible, not measured."""
-MOVE_JOINT, JOINT_SPEEDS = 23, 81
+MOVE_JOINT = 23
+JOINT_SPEEDS = 81
 """Registers of the queue (mode 0) and of joint speeds (mode 4)."""
 READ_AS_ZERO = 40  # bytes of the answer to a register that the emulator does not have
 
@@ -82,19 +83,26 @@ class XArmEmulator(FaultSwitch):
             ControllerPort(self),
             ControllerPort(self),
         )
-        self.axes, self.kind, self.firmware = len(velocity), kind, (2, 5, 0)
-        self.state, self.mode, self.error, self.warning = 4, 0, 0, 0
+        self.axes = len(velocity)
+        self.kind = kind
+        self.firmware = (2, 5, 0)
+        self.state = 4
+        self.mode = 0
+        self.error = 0
+        self.warning = 0
         self.enabled = self.pressed = False
         self.unknown: set[int] = set()
         self.clock = OwnTime()
-        self._joints, self._velocity = joints, velocity
+        self._joints = joints
+        self._velocity = velocity
         self._q, self._qd = joints.measured()[0], np.zeros(len(velocity))
         self._frozen = joints.measured()
         self._target: Float64 | None = None
         self._way: deque[Float64] = deque()
         self._stray = self._q
         self._queue: deque[tuple[Float64, float]] = deque()
-        self._speeds, self._speeds_end = np.zeros(len(velocity)), math.inf
+        self._speeds = np.zeros(len(velocity))
+        self._speeds_end = math.inf
         self._next: float | None = None
         self._count = 0
 
@@ -153,7 +161,8 @@ class XArmEmulator(FaultSwitch):
 
     def set_mode(self, mode: int) -> None:
         """Take another mode; the arm stops until a state is commanded."""
-        self.mode, self.state = mode, 4
+        self.mode = mode
+        self.state = 4
         self._forget()
 
     def _forget(self) -> None:
@@ -249,7 +258,8 @@ class XArmEmulator(FaultSwitch):
             self._next += CYCLE
 
     def _cycle(self, now: float) -> None:
-        wanted, most = np.zeros_like(self._qd), MOST
+        wanted = np.zeros_like(self._qd)
+        most = MOST
         if self.fault == "moved":
             self._target = self._q + np.clip(
                 self._stray - self._q, -FILTER * STRAY_SPEED, FILTER * STRAY_SPEED
@@ -257,7 +267,8 @@ class XArmEmulator(FaultSwitch):
         if self.state in (1, 2):
             if self.mode == 1 and self._target is not None:
                 self._target = self._way.popleft() if self._way else self._target
-                wanted, most = (self._target - self._q) / FILTER, math.inf
+                wanted = (self._target - self._q) / FILTER
+                most = math.inf
             elif self.mode == 0 and self._queue:
                 wanted = self._towards(*self._queue[0])
             elif self.mode == 4 and now < self._speeds_end:
@@ -349,9 +360,11 @@ class _CommandPort(ControllerPort):
             if protocol not in (2, 3) or not body:
                 continue  # a heart beat of the vendor's client, or standard Modbus
             try:
-                answer, refused = self._robot.answer(body[0], body[1:]), 0
+                answer = self._robot.answer(body[0], body[1:])
+                refused = 0
             except (struct.error, IndexError):
-                answer, refused = b"", INVALID
+                answer = b""
+                refused = INVALID
             head = bytes([body[0], self._robot.flags | refused])
             peer.send(HEADER.pack(transaction, protocol, 2 + len(answer)) + head + answer)
 

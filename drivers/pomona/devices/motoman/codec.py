@@ -206,12 +206,14 @@ class MessageDecoder:
     def complain(self) -> None:
         """Raise if bytes came that are no message. Raises Malformed: with the first of them."""
         if self.garbage:
-            garbage, self.garbage = self.garbage, b""
+            garbage = self.garbage
+            self.garbage = b""
             raise Malformed(garbage, "bytes that are no simple message in this byte order")
 
     def _scan(self, final: bool) -> list[Message]:
         messages: list[Message] = []
-        buffer, position = self._buffer, self._taken
+        buffer = self._buffer
+        position = self._taken
         while len(buffer) - position >= 16:
             size = self._size(position)
             if size is None:

@@ -31,7 +31,8 @@ def stop(host: str, port: int, order: Order, group: int) -> None:
         link.send(
             encode(Message(MotionControl(group, -1, Control.STOP), Communication.REQUEST), order)
         )
-        decoder, end = MessageDecoder(order), time.monotonic() + ANSWER
+        decoder = MessageDecoder(order)
+        end = time.monotonic() + ANSWER
         while time.monotonic() < end:
             if any(
                 isinstance(message.body, MotionReply)

@@ -41,7 +41,9 @@ class ControllerSession:
         self.feedback: JointFeedback | None = None
         self.status: RobotStatus | None = None
         self.feedback_at = self.status_at = clock.now()
-        self._state, self._motion, self._clock = state, motion, clock
+        self._state = state
+        self._motion = motion
+        self._clock = clock
         self._order: Order = order
         self._group = group
         self._state_decoder, self._motion_decoder = MessageDecoder(order), MessageDecoder(order)

@@ -57,8 +57,11 @@ class ModbusClient:
             unit: of the device, from 0 to 255.
             deadline: of each answer [s].
         """
-        self._device, self._link, self._clock = device, link, clock
-        self._unit, self._deadline = unit, deadline
+        self._device = device
+        self._link = link
+        self._clock = clock
+        self._unit = unit
+        self._deadline = deadline
         self._buffer = bytearray()
         self._transaction = 0
 

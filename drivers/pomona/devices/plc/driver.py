@@ -52,7 +52,9 @@ class ModbusSignals(Device):
         """`period` is that of the cycles [s]."""
         super().__init__(name)
         self.names = names_of(inputs, outputs)
-        self._open_client, self._clock, self._period = open_client, clock, period
+        self._open_client = open_client
+        self._clock = clock
+        self._period = period
         self._inputs, self._outputs, self._heartbeat = dict(inputs), dict(outputs), heartbeat
         self._read_places = {**inputs, BEAT: SignalPlace(heartbeat.input)}
         self._write_places = {**outputs, BEAT: SignalPlace(heartbeat.output)}
@@ -161,9 +163,11 @@ class ModbusSignals(Device):
 
     def _serve(self, client: ModbusClient) -> None:
         """Write all outputs and read all inputs."""
-        commanded, now = dict(self._commanded), self._clock.now()
+        commanded = dict(self._commanded)
+        now = self._clock.now()
         if now - self._beaten_at >= self._heartbeat.period and now - self._looked_at <= STALL:
-            self._beat, self._beaten_at = not self._beat, now
+            self._beat = not self._beat
+            self._beaten_at = now
         for area, first, values in writes(self._write_places, {**commanded, BEAT: self._beat}):
             client.write(area, first, values)
         taken = {name: (value, now) for name, value in commanded.items()}
@@ -200,7 +204,8 @@ class ModbusSignals(Device):
         self._problem = self._problem or problem
 
     def _leave(self) -> None:
-        client, self._client = self._client, None
+        client = self._client
+        self._client = None
         if client is not None:
             client.close()
 
@@ -258,7 +263,8 @@ class ModbusSignals(Device):
     def acknowledge(self) -> None:
         """Release the latch; outputs keep their safe values. Raises DeviceError: lost, or its program stands still."""
         self._owner.ask(self._renew, 1.0)
-        self._latched, self._problem = "", None
+        self._latched = ""
+        self._problem = None
 
     def _renew(self) -> None:
         if self._client is None:

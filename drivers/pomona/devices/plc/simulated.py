@@ -113,8 +113,10 @@ class SimSignals(FaultSwitch, Device):
     def __init__(self, clock: Clock, said: SimSignalsFile) -> None:
         Device.__init__(self, "plc")
         FaultSwitch.__init__(self)
-        self.names, self._rules = said.names, said.inputs
-        self._clock, self._latched = clock, ""
+        self.names = said.names
+        self._rules = said.inputs
+        self._clock = clock
+        self._latched = ""
         self._stopped_at: float | None = None
         # times of the changes and values: switches that are off
         self._written: dict[str, list[tuple[float, bool | float]]] = {

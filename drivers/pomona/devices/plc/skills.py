@@ -186,7 +186,8 @@ class Handshake(SignalSkill):
 
     moves = (Signals,)
     failures = ("EDGE_MISSED", "SIGNAL_UNKNOWN", "SIGNAL_REFUSED", "NO_SIGNAL")
-    input_ports, output_ports = ("accepted", "done"), ("request",)
+    input_ports = ("accepted", "done")
+    output_ports = ("request",)
 
     def run(
         self,

@@ -59,8 +59,12 @@ class StreamingCamera(Device):
         name: str = "camera",
     ) -> None:
         super().__init__(name)
-        self._open_source, self._mount, self._clock = open_source, mount, clock
-        self._silence, self._label, self._depth_model = silence, label, depth_model
+        self._open_source = open_source
+        self._mount = mount
+        self._clock = clock
+        self._silence = silence
+        self._label = label
+        self._depth_model = depth_model
         self._stamps, self._guard = Stamps(clock), FrameGuard(clock, silence)
         self._source: ImageSource | None = None
         self._owner = Owner(name, self.step, self._lose, clock)
@@ -186,7 +190,8 @@ class StreamingCamera(Device):
         self._close_source()
 
     def _close_source(self) -> None:
-        source, self._source = self._source, None
+        source = self._source
+        self._source = None
         if source is not None:
             source.close()
 

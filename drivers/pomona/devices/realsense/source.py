@@ -68,7 +68,8 @@ class Aligner:
     """Turns framesets of the library into `Pair`s: filters, alignment to colour, metres."""
 
     def __init__(self, rs: ModuleType, depth_unit: float, filters: tuple[str, ...] = ()) -> None:
-        self._rs, self._unit = rs, depth_unit
+        self._rs = rs
+        self._unit = depth_unit
         self._align = rs.align(rs.stream.color)
         known = {
             "decimation": rs.decimation_filter,
@@ -83,7 +84,8 @@ class Aligner:
         for step in self._filters:
             frames = step.process(frames).as_frameset()
         frames = self._align.process(frames)
-        colour, depth = frames.get_color_frame(), frames.get_depth_frame()
+        colour = frames.get_color_frame()
+        depth = frames.get_depth_frame()
         if not colour or not depth:
             return None
         image = np.asanyarray(colour.get_data())

@@ -21,7 +21,8 @@ class Stamps:
     """
 
     def __init__(self, clock: Clock, host_time: Callable[[], float] = time.time) -> None:
-        self._clock, self._host_time = clock, host_time
+        self._clock = clock
+        self._host_time = host_time
         self._offset: float | None = None
         self._then = 0.0
 
@@ -42,5 +43,6 @@ class Stamps:
             difference > offset - STARTING
         ):  # else the counter jumped ahead, and its frames seem to be of the future
             offset = min(offset, difference)
-        self._offset, self._then = offset, now
+        self._offset = offset
+        self._then = now
         return pair.taken + offset - LATENCY

@@ -38,16 +38,20 @@ class RtuSession:
 
     def __init__(self, link: Link, clock: Clock, unit: int = SLAVE) -> None:
         """`unit`: the gripper's Modbus address."""
-        self._link, self._clock, self._unit = link, clock, unit
+        self._link = link
+        self._clock = clock
+        self._unit = unit
         self._buffer = bytearray()
-        self._asked_at, self._waiting = -1.0, False
+        self._asked_at = -1.0
+        self._waiting = False
 
     def serve(self, command: RobotiqCommand | None, patience: float) -> RobotiqStatus | None:
         now = self._clock.now()
         if now - self._asked_at >= (REPEAT if self._waiting else SPACING):
             self._buffer.clear()
             self._link.send(request(command, self._unit))
-            self._asked_at, self._waiting = now, True
+            self._asked_at = now
+            self._waiting = True
         self._buffer += self._link.receive(patience)
         try:
             status = answer(self._buffer, self._unit)
@@ -79,7 +83,9 @@ class UrcapSession:
     """The URCap on a UR: lines of text, one question at a time, about 30 statuses a second."""
 
     def __init__(self, link: Link, clock: Clock, device: str = "gripper") -> None:
-        self._link, self._clock, self._device = link, clock, device
+        self._link = link
+        self._clock = clock
+        self._device = device
         # positions that may be requested now: the newest that was (None: any), and those sent since
         self._ours: list[int | None] = [None]
         self._buffer = b""
@@ -95,7 +101,8 @@ class UrcapSession:
         self._buffer += self._link.receive(patience)
         if self._asked == "SET":
             if b"ack" in self._buffer:
-                self._buffer, self._asked = self._buffer.split(b"ack", 1)[1].lstrip(), ""
+                self._buffer = self._buffer.split(b"ack", 1)[1].lstrip()
+                self._asked = ""
             return None
         if b"\n" not in self._buffer:
             return None
@@ -108,7 +115,8 @@ class UrcapSession:
             self._own(int(number))
         if len(self._told) < len(QUESTIONS):
             return None
-        status, self._told = RobotiqStatus(**self._told), {}
+        status = RobotiqStatus(**self._told)
+        self._told = {}
         if status.activation == ACTIVE:
             self._require_go(bool(status.go))
         return status
@@ -122,18 +130,23 @@ class UrcapSession:
 
     def _require_go(self, go: bool) -> None:
         """Send a command again that is not read back. Raises DeviceFault: it was, and is not any more."""
-        was_read, self._was_read = self._was_read, True
-        expected, self._go = self._go, go
+        was_read = self._was_read
+        self._was_read = True
+        expected = self._go
+        self._go = go
         if expected is None or go is expected:
             return
         if was_read:
             raise DeviceFault(self._device, FOREIGN)
-        self._sent, self._was_read = None, False
+        self._sent = None
+        self._was_read = False
 
     def _ask(self, command: RobotiqCommand | None) -> None:
         if command is not None and command != self._sent:
-            self._sent, self._asked = command, "SET"
-            self._go, self._was_read = command.go, False
+            self._sent = command
+            self._asked = "SET"
+            self._go = command.go
+            self._was_read = False
             self._ours.append(command.position)
             values = {
                 "ACT": command.active,

@@ -169,8 +169,10 @@ def _pairs(bag: Bag, said: BagFile) -> tuple[BagFrame, ...]:
     def when(place: BagMessage) -> int:
         return place.taken if stamped else place.written
 
-    colours, depths = sorted(colours, key=when), sorted(depths, key=when)
-    times, unit = [when(place) for place in depths], _unit(bag, said.depth)
+    colours = sorted(colours, key=when)
+    depths = sorted(depths, key=when)
+    times = [when(place) for place in depths]
+    unit = _unit(bag, said.depth)
     nearest: dict[int, BagMessage] = {}  # by the number of a depth
     for colour in colours:
         at = bisect_left(times, when(colour))
@@ -218,7 +220,8 @@ def _check_viewer(bag: Bag, said: BagFile) -> None:
 
 
 def _place(transform: Any) -> list[float]:
-    t, r = transform.translation, transform.rotation
+    t = transform.translation
+    r = transform.rotation
     return [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
 
 

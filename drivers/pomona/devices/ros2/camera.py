@@ -57,7 +57,9 @@ class Ros2Images:
     """Pairs of images from topics; a source of `StreamingCamera`."""
 
     def __init__(self, peer: Topics, topics: CameraTopics, name: str = "camera") -> None:
-        self._peer, self._topics, self._name = peer, topics, name
+        self._peer = peer
+        self._topics = topics
+        self._name = name
         self._arrived = threading.Condition()
         self._raw: dict[str, deque[bytes]] = {
             kind: deque(maxlen=KEPT) for kind in ("colour", "depth", "info")

@@ -12,11 +12,9 @@ from pomona.devices.frames.folder import are_swapped
 from pomona.drivers import Intrinsics
 from pomona.executive import UnusablePicture, decode_picture, decode_plane
 
-IMAGE, COMPRESSED, INFO = (
-    "sensor_msgs/msg/Image",
-    "sensor_msgs/msg/CompressedImage",
-    "sensor_msgs/msg/CameraInfo",
-)
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+INFO = "sensor_msgs/msg/CameraInfo"
 
 MOST_PIXELS = 50_000_000  # of an image that is decoded
 
@@ -59,7 +57,8 @@ def depth_of(message: Any, kind: str, unit: float = MILLIMETRE) -> NDArray[np.fl
         raise UnusablePicture(
             f"its encoding is '{message.encoding}', depth has {', '.join(_DEPTH)}"
         )
-    order, of = ">" if message.is_bigendian else "<", _DEPTH[message.encoding]
+    order = ">" if message.is_bigendian else "<"
+    of = _DEPTH[message.encoding]
     counts = _rows(message, np.dtype(order + of), 1)[..., 0]
     if are_swapped(counts):
         raise UnusablePicture(
@@ -70,8 +69,11 @@ def depth_of(message: Any, kind: str, unit: float = MILLIMETRE) -> NDArray[np.fl
 
 def _decompressed(message: Any, unit: float) -> NDArray[np.float32]:
     """Return the depth of a PNG of 16 bits, alone or as compressed_depth_image_transport writes it."""
-    said, content = str(message.format), np.ascontiguousarray(message.data).tobytes()
-    encoding, a, b = said.partition(";")[0].strip(), 0.0, 0.0
+    said = str(message.format)
+    content = np.ascontiguousarray(message.data).tobytes()
+    encoding = said.partition(";")[0].strip()
+    a = 0.0
+    b = 0.0
     if "compressedDepth" in said:
         if "rvl" in said.lower() or len(content) < COMPRESSED_DEPTH.size:
             raise UnusablePicture(
@@ -132,7 +134,9 @@ def intrinsics_of(info: Any, rectified: bool = False) -> Intrinsics:
 
 def _rows(message: Any, dtype: np.dtype[Any], channels: int) -> NDArray[Any]:
     """Return pixels, shape (h, w, channels)."""
-    height, width, step = int(message.height), int(message.width), int(message.step)
+    height = int(message.height)
+    width = int(message.width)
+    step = int(message.step)
     row = width * channels * dtype.itemsize
     data = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8)
     if not 0 < height * width <= MOST_PIXELS or step < row or len(data) < height * step:

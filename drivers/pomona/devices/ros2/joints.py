@@ -75,7 +75,8 @@ class JointFeed:
             tuple(joints),
             silence,
         )
-        self._clock, self._host_time = clock, host_time
+        self._clock = clock
+        self._host_time = host_time
         self._arrived = threading.Condition()
         self._raw: deque[bytes] = deque(maxlen=KEPT)
         self._last_taken, self._last_stamp = (
@@ -105,7 +106,8 @@ class JointFeed:
         for raw in reversed(waiting):
             sample = self._sample(raw)
             if sample is not None:
-                self._believed_at, self._instead = self._clock.now(), ""
+                self._believed_at = self._clock.now()
+                self._instead = ""
                 return sample
         return None
 

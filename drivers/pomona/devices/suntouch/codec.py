@@ -46,7 +46,8 @@ def decode(answer: bytes) -> FingerReading:
     if len(answer) != SIZE:
         raise Malformed(answer, f"a finger answers {SIZE} bytes, not {len(answer)}")
     counts = np.array(struct.unpack(f"<{TAXELS}H", answer)) & (COUNTS - 1)
-    low, high = int(counts.min()), int(counts.max())
+    low = int(counts.min())
+    high = int(counts.max())
     volts: Float64 = counts * np.float64(VOLTS / COUNTS)
     return FingerReading(volts, low == 0 or high == COUNTS - 1, high == 0 or low == COUNTS - 1)
 

@@ -30,7 +30,8 @@ class Finger:
         self.bias: Float64 = np.zeros(TAXELS)
         self.resynchronised = 0
         self.spikes = SpikeFilter()
-        self._open_link, self._clock = open_link, clock
+        self._open_link = open_link
+        self._clock = clock
         self._link: Link | None = None
         self._assembler = Assembler()
 
@@ -104,7 +105,8 @@ class SpikeFilter:
         usual = self._accepted is None or self._near(volts, self._accepted)
         confirmed = self._suspect is not None and self._near(volts, self._suspect)
         if usual or confirmed:
-            self._accepted, self._suspect = volts, None
+            self._accepted = volts
+            self._suspect = None
             return True
         self._suspect = volts
         self.rejected += 1

@@ -57,16 +57,15 @@ def read_recording(path: Path) -> tuple[Float64, Float64]:
     try:
         if path.suffix == ".npz":
             arrays = read_plain_arrays(path)
-            volts, wrenches = (
-                np.asarray(arrays["volts"], float),
-                np.asarray(arrays["wrenches"], float),
-            )
+            volts = np.asarray(arrays["volts"], float)
+            wrenches = np.asarray(arrays["wrenches"], float)
         else:
             text = read_plain_text(path, MOST_BYTES)
             if not text.strip():
                 raise ValueError("it is empty")
             table = np.loadtxt(io.StringIO(text), delimiter=",", comments="#", ndmin=2)
-            volts, wrenches = table[:, :TAXELS], table[:, TAXELS:]
+            volts = table[:, :TAXELS]
+            wrenches = table[:, TAXELS:]
     except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
         raise UnusableRecording(f"{path}: cannot be read: {error}") from error
     if volts.ndim != 2 or volts.shape[1] != TAXELS or wrenches.shape != (len(volts), 6):
@@ -114,8 +113,10 @@ def fit_calibration(
     _, _, directions = np.linalg.svd(volts[~aside] - mean, full_matrices=False)
     basis = directions[:components]
     x = (volts - mean) @ basis.T
-    in_low, in_high = x[~aside].min(axis=0), x[~aside].max(axis=0)
-    out_low, out_high = wrenches[~aside].min(axis=0), wrenches[~aside].max(axis=0)
+    in_low = x[~aside].min(axis=0)
+    in_high = x[~aside].max(axis=0)
+    out_low = wrenches[~aside].min(axis=0)
+    out_high = wrenches[~aside].max(axis=0)
     scaled_x = 2.0 * (x - in_low) / (in_high - in_low) - 1.0
     scaled_y = 2.0 * (wrenches - out_low) / (out_high - out_low) - 1.0
     layers = _train(scaled_x, scaled_y, aside, hidden, epochs, seed)
@@ -168,13 +169,17 @@ def _train(
         np.concatenate([rng.standard_normal(fan_in * fan_out) / fan_in**0.5, np.zeros(fan_out)])
         for fan_in, fan_out in shapes
     ]
-    best, best_parameters, stale = float("inf"), np.concatenate(start), 0
+    best = float("inf")
+    best_parameters = np.concatenate(start)
+    stale = 0
 
     def watch(parameters: Float64) -> None:
         nonlocal best, best_parameters, stale
         now, _ = _error(_layers(parameters, shapes), x[aside], y[aside])
         if now < best * 0.999:
-            best, best_parameters, stale = now, parameters.copy(), 0
+            best = now
+            best_parameters = parameters.copy()
+            stale = 0
             return
         stale += 1
         if stale >= _PATIENCE:
@@ -198,7 +203,8 @@ def _train(
 
 
 def _layers(parameters: Float64, shapes: list[tuple[int, int]]) -> list[tuple[Float64, Float64]]:
-    layers, begin = [], 0
+    layers = []
+    begin = 0
     for fan_in, fan_out in shapes:
         end = begin + fan_in * fan_out
         layers.append(
@@ -214,7 +220,8 @@ def _error(layers: list[tuple[Float64, Float64]], x: Float64, y: Float64) -> tup
     for weights, bias in layers[:-1]:
         activations.append(np.tanh(activations[-1] @ weights.T + bias))
     residual = activations[-1] @ layers[-1][0].T + layers[-1][1] - y
-    slope, gradient = 2.0 / residual.size * residual, []
+    slope = 2.0 / residual.size * residual
+    gradient = []
     for (weights, _), inputs in zip(reversed(layers), reversed(activations), strict=True):
         gradient += [slope.sum(axis=0), (slope.T @ inputs).ravel()]
         slope = (slope @ weights) * (1.0 - inputs**2)

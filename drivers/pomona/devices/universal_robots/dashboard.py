@@ -22,7 +22,9 @@ class UrDashboard:
     """Asks the dashboard server; each question has a connection of its own."""
 
     def __init__(self, device: str, open_link: Callable[[], Link], clock: Clock) -> None:
-        self._device, self._open, self._clock = device, open_link, clock
+        self._device = device
+        self._open = open_link
+        self._clock = clock
 
     def ask(self, command: str) -> str:
         """Send a command and return its answer, a line. Raises DeviceLost: there is none."""
@@ -42,7 +44,8 @@ class UrDashboard:
 
     def _answer(self, link: Link, command: str) -> str:
         link.send(command.encode() + b"\n")
-        text, end = b"", self._clock.now() + ANSWER
+        text = b""
+        end = self._clock.now() + ANSWER
         while self._clock.now() < end:
             text += link.receive(0.02)
             *whole, _ = text.decode("ascii", "replace").split(

@@ -84,9 +84,12 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         """`open_port` connects to "rtde", "script" or "dashboard"."""
         self.options = options
         super().__init__(name, clock, options.robot, limits, options.supervision, PERIOD)
-        self._open_port, self.lead = open_port, options.lead
+        self._open_port = open_port
+        self.lead = options.lead
         self._dashboard = UrDashboard(name, lambda: open_port("dashboard"), clock)
-        self._command, self._beat, self._beat_at = STOP, 0, -np.inf
+        self._command = STOP
+        self._beat = 0
+        self._beat_at = -np.inf
         self._knot: list[float] = [0, *([0.0] * 14)]
 
     # ---------------------------------------------------------------------------------------- connection
@@ -131,7 +134,8 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
 
     def _end_own_script(self, session: RtdeSession) -> None:
         """End a script of ours, here or of a process that has ended. Raises DeviceFault: another program runs."""
-        self._command, self._knot = STOP, [0, *([0.0] * 14)]
+        self._command = STOP
+        self._knot = [0, *([0.0] * 14)]
         other = "another program runs on it, or is paused there; stop that one at the pendant first"
         self._await(session, lambda: session.whole("runtime_state") == STOPPED, UNLOCKED, other)
 
@@ -139,7 +143,8 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         """Send the script and wait until it runs."""
         self._command = FOLLOW
         self._give_beat(session, at_once=True)  # and no knot, before the script reads the registers
-        first, link = self._beat, self._open_port("script")
+        first = self._beat
+        link = self._open_port("script")
         try:
             link.send(resident_script().encode())
             missing = "the script does not run; see the pendant's log"
@@ -173,7 +178,8 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     @staticmethod
     def _trouble(session: RtdeSession) -> str:
         safety = session.whole("safety_mode")
-        slider, status = session.number("target_speed_fraction"), session.whole("robot_status_bits")
+        slider = session.number("target_speed_fraction")
+        status = session.whole("robot_status_bits")
         return stopped(safety, session.whole("robot_mode")) or unfit(safety, status, slider)
 
     # ----------------------------------------------------------------------------------------- the wire
@@ -181,7 +187,8 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     def _abandon(self, problem: str) -> None:
         """As the base; a script that still runs, or is resumed at the pendant, ends."""
         super()._abandon(problem)
-        self._command, self._beat_at = STOP, -np.inf
+        self._command = STOP
+        self._beat_at = -np.inf
 
     def _serve(self, session: RtdeSession) -> None:
         fresh = session.receive(0.002)
@@ -239,7 +246,8 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     def _give_beat(self, session: RtdeSession, at_once: bool = False) -> None:
         now = self._clock.now()
         if at_once or now - self._beat_at >= BEAT:
-            self._beat_at, self._beat = now, self._beat % LAST + 1
+            self._beat_at = now
+            self._beat = self._beat % LAST + 1
             self._write(session)
 
     def _pump(self, session: RtdeSession, stream: KnotStream) -> None:

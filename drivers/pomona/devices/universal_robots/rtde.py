@@ -109,7 +109,9 @@ class RtdeSession:
             DeviceLost, OSError: no controller answers.
             DeviceFault: it is too old, or fields are missing or taken.
         """
-        self._device, self._link, self._clock = device, link, clock
+        self._device = device
+        self._link = link
+        self._clock = clock
         self._buffer = bytearray()
         self._fields: dict[str, tuple[float, ...]] = {}
         self._outputs: RtdeRecipe | None = None
@@ -143,7 +145,8 @@ class RtdeSession:
                     self._fields = self._outputs.unpack(body)
                 except Malformed as error:
                     raise Nonsense(self._device, error) from error
-                self.heard_at, fresh = self._clock.now(), True
+                self.heard_at = self._clock.now()
+                fresh = True
         return fresh
 
     def write(self, values: Sequence[float]) -> None:

@@ -60,8 +60,10 @@ class KnotStream(KnotMaker):
         `commanded` is called with each knot that was taken and the time at which the arm shall pass it [s].
         """
         super().__init__(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
-        self.number, self.sent = number, 0
-        self._lead, self._commanded = options.lead, commanded
+        self.number = number
+        self.sent = 0
+        self._lead = options.lead
+        self._commanded = commanded
         self._time = 0.0  # of the newest knot [s]
         self._braked = False
         self._begun = False  # the script has taken the knot at the time 0
@@ -86,7 +88,8 @@ class KnotStream(KnotMaker):
             knot = self._waiting.popleft()
             self._taken.append(knot)
             self._begun = True
-            self.number, self.sent = self.number + 1, self.sent + 1
+            self.number = self.number + 1
+            self.sent = self.sent + 1
             self._commanded(self._zero_at + knot.time, knot.q)
         while len(self._taken) > 1 and self._taken[0].time < playing:
             self._taken.popleft()
@@ -108,7 +111,8 @@ class KnotStream(KnotMaker):
 
     def _brake(self, playing: float) -> bool:
         """Let a motion that was stopped brake from the first knot that is not due within `SURE`; once."""
-        motion, taken = self.motion, self._taken
+        motion = self.motion
+        taken = self._taken
         stopped = motion.phase.name == "BRAKING" and motion.state is MotionState.RUNNING
         if self._braked or not stopped or not taken:
             return False
@@ -117,7 +121,8 @@ class KnotStream(KnotMaker):
             taken.pop()
         if not isinstance(motion, PathMotion) or taken[-1].braking is None:
             return False
-        self._time, self.q_last = taken[-1].time, taken[-1].q
+        self._time = taken[-1].time
+        self.q_last = taken[-1].q
         motion.come_to_rest(taken[-1].braking)
         return True
 
@@ -126,14 +131,17 @@ class KnotStream(KnotMaker):
 
         An arm that has rested, as after a pause, begins anew: with two knots, since the script counts no time with one.
         """
-        left, before, braking = self._left(now), self.q_last, self._braking()
+        left = self._left(now)
+        before = self.q_last
+        braking = self._braking()
         rested = left < ROUNDING
         due = now + (CUSHION if rested else left)
         knots = [knot for _ in range(joined) if (knot := self.next(due)) is not None]
         if not knots:
             return
         if rested:
-            self._begun, self._time = False, 0.0
+            self._begun = False
+            self._time = 0.0
             self._taken.clear()
             self._append(0.0, before, np.zeros_like(before), braking)
         self._append(sum(elapsed for elapsed, _, _ in knots), *knots[-1][1:], self._braking())
@@ -141,7 +149,8 @@ class KnotStream(KnotMaker):
     def _append(
         self, elapsed: float, q: Float64, qd: Float64, braking: PathFollower | None = None
     ) -> None:
-        before, self._time = self._time, self._time + elapsed
+        before = self._time
+        self._time = self._time + elapsed
         self._waiting.append(Knot(self._time, before, q, qd, braking))
 
     def _braking(self) -> PathFollower | None:

@@ -9,7 +9,9 @@ import numpy as np
 from pomona.devices.robotiq.codec import crc
 from pomona.executive import Float64
 
-SLAVE, STREAM, START = 9, 410, 0x0200
+SLAVE = 9
+STREAM = 410
+START = 0x0200
 """Modbus address, the register that selects the stream, and its value (FT 300 instruction manual)."""
 STOP = b"\xff" * 50
 """Bytes that end a stream."""
@@ -38,7 +40,8 @@ def take_frames(buffer: bytearray) -> tuple[list[Float64], int]:
     Returns:
         wrenches, shape (6,) each [N, N·m], and the number of dropped bytes.
     """
-    found, dropped = [], 0
+    found = []
+    dropped = 0
     while len(buffer) >= FRAME.size:
         head, *counts, check = FRAME.unpack_from(buffer)
         if head == HEAD and crc(bytes(buffer[: FRAME.size - 2])) == check:

@@ -70,12 +70,16 @@ class StreamingSensor(Device):
         """`open_session` opens the wire. Raises OSError, DeviceError."""
         super().__init__(name)
         self.rate = options.rate
-        self._open, self._clock, self._options = open_session, clock, options
+        self._open = open_session
+        self._clock = clock
+        self._options = options
         self._owner = Owner(name, self.step, self._lose, clock)
         self._stream = WrenchStream(clock, options.silence, sides=self.sides)
         self._session: WristSession | None = None
         self._problem: DeviceError | None = DeviceLost(name, "was never connected")
-        self._sequence, self._heard_at, self._retry_at = 0, 0.0, 0.0
+        self._sequence = 0
+        self._heard_at = 0.0
+        self._retry_at = 0.0
 
     def connect(self) -> None:
         """Open the wire and wait for the first sample. Raises DeviceLost: there is none."""
@@ -143,7 +147,8 @@ class StreamingSensor(Device):
         self._retry_at = self._clock.now() + RECONNECT
 
     def _close_session(self) -> None:
-        session, self._session = self._session, None
+        session = self._session
+        self._session = None
         if session is not None:
             try:
                 session.close()
@@ -207,4 +212,5 @@ class WristSensor(StreamingSensor):
         name: str = "load",
     ) -> None:
         super().__init__(open_session, clock, options, name)
-        self.mass, self.least = mass, least
+        self.mass = mass
+        self.least = least

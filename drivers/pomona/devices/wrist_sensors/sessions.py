@@ -21,8 +21,10 @@ class Ft300Session:
 
     def __init__(self, device: str, link: Link, clock: Clock) -> None:
         """End an earlier stream and start one. Raises OSError: the line failed."""
-        self._device, self._link = device, link
-        self._buffer, self._dropped = bytearray(), 0
+        self._device = device
+        self._link = link
+        self._buffer = bytearray()
+        self._dropped = 0
         link.send(STOP)
         end = clock.now() + DRAINED
         while clock.now() < end:

@@ -221,7 +221,8 @@ def decode_request(frame: WireFrame) -> Request:
 
     Raises Malformed: no known command, or a payload that does not fit it.
     """
-    command, payload = _command(frame), frame.payload
+    command = _command(frame)
+    payload = frame.payload
     if command is Command.ACKNOWLEDGE and payload == b"ack":
         return Plain(command)
     if command in _PLAIN and not payload:
@@ -288,7 +289,8 @@ def decode_reply(frame: WireFrame) -> Reply:
     command = _command(frame)
     if len(frame.payload) < 2:
         raise Malformed(encode_frame(frame), f"a reply to {command.name} without a status")
-    code, body = struct.unpack_from("<H", frame.payload)[0], frame.payload[2:]
+    code = struct.unpack_from("<H", frame.payload)[0]
+    body = frame.payload[2:]
     try:
         status = Status(code)
     except ValueError:

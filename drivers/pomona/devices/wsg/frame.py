@@ -67,7 +67,8 @@ class FrameDecoder:
 
     def _scan(self, final: bool) -> list[WireFrame]:
         frames: list[WireFrame] = []
-        buffer, position = self._buffer, 0
+        buffer = self._buffer
+        position = 0
         while True:
             start = buffer.find(PREAMBLE, position)
             if start < 0:

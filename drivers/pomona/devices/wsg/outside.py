@@ -29,7 +29,8 @@ def stop_on_can(interface: str, channel: str, bitrate: int, send_id: int, reply_
 def _stop(link: Link) -> None:
     try:
         link.send(encode(Plain(Command.STOP)))
-        decoder, end = FrameDecoder(), time.monotonic() + ANSWER
+        decoder = FrameDecoder()
+        end = time.monotonic() + ANSWER
         while time.monotonic() < end:
             replies = [decode_reply(frame) for frame in decoder.decode(link.receive(0.05))]
             if any(reply.command is Command.STOP for reply in replies):

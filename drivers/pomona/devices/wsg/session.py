@@ -19,7 +19,8 @@ class GripperSession:
     def __init__(self, device: str, link: Link, clock: Clock) -> None:
         self.device = device
         self.last_heard = clock.now()
-        self._link, self._clock = link, clock
+        self._link = link
+        self._clock = clock
         self._decoder = FrameDecoder()
         self._awaited: dict[Command, float] = {}
 

@@ -16,7 +16,9 @@ class CanLink:
 
     def __init__(self, bus: can.BusABC, send_id: int = 0x01, reply_id: int = 0x02) -> None:
         """Take over an open bus; `reply_id` is a setting of the gripper."""
-        self._bus, self._send_id, self._reply_id = bus, send_id, reply_id
+        self._bus = bus
+        self._send_id = send_id
+        self._reply_id = reply_id
 
     @classmethod
     def open(

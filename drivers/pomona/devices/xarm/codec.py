@@ -19,7 +19,10 @@ HEADER = struct.Struct(">HHH")
 """Transaction, protocol, number of bytes that follow."""
 PROTOCOLS = (2, 3)
 """3 is answered to clients that send heart beats."""
-ERROR, WARNING, NOT_READY, INVALID = 0x40, 0x20, 0x10, 0x08
+ERROR = 0x40
+WARNING = 0x20
+NOT_READY = 0x10
+INVALID = 0x08
 """Flags of each answer."""
 _REPORT = struct.Struct(">IB")
 _JOINTS = struct.Struct(f"<{PLACES}f")

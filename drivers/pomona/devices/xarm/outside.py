@@ -19,7 +19,9 @@ def stop(host: str, port: int) -> None:
     link = TcpLink(host, port, ANSWER)
     try:
         link.send(encode(1, Register.SET_STATE, bytes([STOP])))
-        end, buffer, number = time.monotonic() + ANSWER, bytearray(), 1
+        end = time.monotonic() + ANSWER
+        buffer = bytearray()
+        number = 1
         while time.monotonic() < end:
             buffer += link.receive(0.01)
             for answer in decode_answers(buffer):

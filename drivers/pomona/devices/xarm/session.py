@@ -30,7 +30,10 @@ class XArmSession:
         self, device: str, command: Link, reports: Link, clock: Clock, silence: float
     ) -> None:
         """`silence`: deadline of an answer [s]. Read version and first report. Raises DeviceLost, Nonsense, OSError."""
-        self._device, self._command, self._reports, self._clock = device, command, reports, clock
+        self._device = device
+        self._command = command
+        self._reports = reports
+        self._clock = clock
         self._silence = silence
         self._answered, self._pushed = bytearray(), bytearray()
         self._transaction = 0
@@ -58,7 +61,8 @@ class XArmSession:
             Nonsense: it is another protocol. OSError: the connection failed.
             DeviceFault: the controller does not accept the request in its present state.
         """
-        number, sent_at = self.send(register, parameters), self._clock.now()
+        number = self.send(register, parameters)
+        sent_at = self._clock.now()
         deadline = self._silence if deadline is None else deadline
         while True:
             late = self._clock.now() - sent_at > deadline

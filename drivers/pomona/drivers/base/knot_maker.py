@@ -35,7 +35,8 @@ class KnotMaker:
                 the set-points that fill this time are not known yet.
         """
         self.motion, self.q_last, self.due = motion, q_arm, clock.now()
-        self._clock, self._period = clock, period
+        self._clock = clock
+        self._period = period
         self._steps = max(round(spacing / period), 1)
         self._wait = lead if isinstance(motion, StreamedMotion) else 0.0
         self._looked_at = -np.inf
@@ -49,14 +50,17 @@ class KnotMaker:
         Args:
             due: when the arm shall pass the knot before [s].
         """
-        knot, self._next = self._next, None
+        knot = self._next
+        self._next = None
         if knot is not None:
             return self._made(*knot)
-        now, rested = self._clock.now(), self.motion.set_point_rests
+        now = self._clock.now()
+        rested = self.motion.set_point_rests
         if rested and 0.0 <= now - self._looked_at < self._period - 1e-9:
             return None
         wait = max(now + self._wait - due, 0.0) if rested else 0.0
-        self._looked_at, self.due = now, due + wait
+        self._looked_at = now
+        self.due = due + wait
         q, qd = self.motion.step()
         if rested and self.motion.set_point_rests:
             return None

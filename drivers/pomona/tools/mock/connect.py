@@ -101,7 +101,8 @@ def connect_fingers(
     settings: Settings[MockFingersOptions], context: ConnectContext
 ) -> MockForceSensor:
     """`driver: mock-fingers`"""
-    gripper, width = context.find(MockGripper), settings.values.fruit
+    gripper = context.find(MockGripper)
+    width = settings.values.fruit
     feel = spring_fruit(gripper, width) if gripper is not None and width > 0.0 else None
     return MockForceSensor(_clock(context), feel)
 

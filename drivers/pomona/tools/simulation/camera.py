@@ -35,7 +35,9 @@ class Delivery:
         Args:
             latency: least and largest time from an exposure to its delivery [s].
         """
-        self._clock, self._latency, self._seed = clock, latency, seed
+        self._clock = clock
+        self._latency = latency
+        self._seed = seed
         self._coming: deque[tuple[float, Frame]] = deque()
         self._delivered: Frame | None = None
 
@@ -43,7 +45,8 @@ class Delivery:
         """Take the frame of this moment, and return the newest one that has arrived."""
         if exposed is None or self._latency[1] == 0.0:
             return exposed
-        now, waits = self._clock.now(), 2.0 * self._latency[1]
+        now = self._clock.now()
+        waits = 2.0 * self._latency[1]
         if self._delivered is None or now - self._delivered.stamp > waits + self._latency[1]:
             self._coming.clear()
             self._delivered = exposed
@@ -100,7 +103,10 @@ class SimCamera(FaultyDevice):
             T_mount_stated: pose in its mount that the frames state, shape (4, 4); without it, the true one.
         """
         super().__init__("camera")
-        self._world, self._intrinsics, self._stereo, self._rate = world, intrinsics, stereo, rate
+        self._world = world
+        self._intrinsics = intrinsics
+        self._stereo = stereo
+        self._rate = rate
         model = world.model
         self._fixed = T_base_camera is not None
         if T_base_camera is None:
@@ -119,7 +125,8 @@ class SimCamera(FaultyDevice):
         self._pictures, self._depths = (
             Delivery(world.clock, self._timing.latency, world.seed) for _ in range(2)
         )
-        self._fault_since, self._judged = 0.0, 0
+        self._fault_since = 0.0
+        self._judged = 0
         self._guard = FrameGuard(world.clock, SILENCE)
         self._asked = self._shown = -math.inf
         self._picture: tuple[UInt8, float] | None = None
@@ -298,7 +305,8 @@ class SimCamera(FaultyDevice):
             renderer.update_scene(state, camera="camera")
             return
         renderer.update_scene(state)
-        model, T = self._world.model, self.T_mount_camera
+        model = self._world.model
+        T = self.T_mount_camera
         near = float(model.vis.map.znear * model.stat.extent)
         left, right = (
             near * (u - intrinsics.cx) / intrinsics.fx for u in (-0.5, intrinsics.width - 0.5)
@@ -307,9 +315,13 @@ class SimCamera(FaultyDevice):
             near * (intrinsics.cy - v) / intrinsics.fy for v in (-0.5, intrinsics.height - 0.5)
         )
         for eye in renderer.scene.camera:
-            eye.pos, eye.forward, eye.up = T[:3, 3], T[:3, 2], -T[:3, 1]
-            eye.frustum_center, eye.frustum_width = (left + right) / 2.0, (right - left) / 2.0
-            eye.frustum_bottom, eye.frustum_top = bottom, top
+            eye.pos = T[:3, 3]
+            eye.forward = T[:3, 2]
+            eye.up = -T[:3, 1]
+            eye.frustum_center = (left + right) / 2.0
+            eye.frustum_width = (right - left) / 2.0
+            eye.frustum_bottom = bottom
+            eye.frustum_top = top
             eye.frustum_near, eye.frustum_far = near, float(model.vis.map.zfar * model.stat.extent)
 
     def _open_renderer(self) -> Any:
@@ -344,7 +356,9 @@ def _set_projection(model: Any, camera: int, intrinsics: Intrinsics) -> None:
 
 def _pose_in_flange(model: Any) -> Float64:
     """T_tool0_camera, from the robot's sites."""
-    site, rotation, T = model.site("camera"), np.zeros(9), np.eye(4)
+    site = model.site("camera")
+    rotation = np.zeros(9)
+    T = np.eye(4)
     load_mujoco().mju_quat2Mat(rotation, site.quat)
     T[:3, :3], T[:3, 3] = rotation.reshape(3, 3), site.pos
     return T

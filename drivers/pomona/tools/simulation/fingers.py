@@ -178,17 +178,19 @@ def pad_wrench(
         contact: net force [N], torque [N·m] and their point [m] that the pad exerts, shape (9,), in the base frame.
         site_position, site_rotation: pad frame's origin, shape (3,) [m], and axes as columns, row-major, shape (9,).
     """
-    fx, fy, fz = -contact[0], -contact[1], -contact[2]
-    px, py, pz = (
-        contact[6] - site_position[0],
-        contact[7] - site_position[1],
-        contact[8] - site_position[2],
-    )
+    fx = -contact[0]
+    fy = -contact[1]
+    fz = -contact[2]
+    px = contact[6] - site_position[0]
+    py = contact[7] - site_position[1]
+    pz = contact[8] - site_position[2]
     tx = -contact[3] + py * fz - pz * fy
     ty = -contact[4] + pz * fx - px * fz
     tz = -contact[5] + px * fy - py * fx
     for k in range(3):
-        a, b, c = site_rotation[k], site_rotation[3 + k], site_rotation[6 + k]
+        a = site_rotation[k]
+        b = site_rotation[3 + k]
+        c = site_rotation[6 + k]
         wrench[k] = a * fx + b * fy + c * fz
         wrench[3 + k] = a * tx + b * ty + c * tz
 
@@ -212,7 +214,8 @@ class SimFingers(FaultyDevice):
         belief: Belief | None = None,
     ) -> None:
         super().__init__("fingers")
-        self._world, self._range = world, force_range
+        self._world = world
+        self._range = force_range
         rng = np.random.default_rng([world.seed, 3])
         scale = np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
         offset = rng.uniform(-bias, bias, (2, 6)) * scale

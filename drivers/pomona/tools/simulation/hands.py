@@ -39,7 +39,10 @@ class SimHands(Device):
         self._inertia = float(world.model.body_inertia[self._body].min())
         self._holding = False
         self._p, self._R = np.zeros(3), np.eye(3)
-        self._pull, self._twist, self._pulled, self._way = 0.0, 0.0, 0.0, 1.0
+        self._pull = 0.0
+        self._twist = 0.0
+        self._pulled = 0.0
+        self._way = 1.0
         world.before_step.append(self._act)
 
     def do(self, task: HandTask) -> None:
@@ -48,7 +51,8 @@ class SimHands(Device):
             self._take()
         elif task in (HandTask.PULL, HandTask.TWIST) and self._holding:
             self._p, self._R = self._pose()  # no strain is left from the pull before
-            self._way, self._pulled = -self._way, 0.0
+            self._way = -self._way
+            self._pulled = 0.0
             self._pull = TWIST_PULL if task is HandTask.TWIST else PULL
             self._twist = TWIST if task is HandTask.TWIST else 0.0
 
@@ -82,7 +86,8 @@ class SimHands(Device):
             self._R = _turned(pad[:, 2], self._twist * TIMESTEP) @ self._R
         p, R = self._pose()
         body = self._world.state.body("fruit_0")
-        speed, turning = body.cvel[3:], body.cvel[:3]
+        speed = body.cvel[3:]
+        turning = body.cvel[:3]
         error = 0.5 * sum((np.cross(R[:, i], self._R[:, i]) for i in range(3)), start=np.zeros(3))
         damping = 2.0 * np.sqrt(STIFFNESS * self._mass)
         turning_damping = 2.0 * np.sqrt(TURNING_STIFFNESS * self._inertia)

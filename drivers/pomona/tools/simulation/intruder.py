@@ -19,7 +19,8 @@ from pomona.executive.values.sections import Problem, value
 from pomona.executive.values.units import LENGTH, SPEED, TIME
 
 BODY = "intruder"
-PALM, FOREARM = (0.045, 0.020, 0.095), (0.040, 0.150)
+PALM = (0.045, 0.020, 0.095)
+FOREARM = (0.040, 0.150)
 """Half axes of the hand, an ellipsoid; radius and half length of the forearm behind it, a capsule [m]: an adult's."""
 FAR = 1.0  # distances are measured up to this [m]
 
@@ -73,7 +74,10 @@ class Intruder(FaultSwitch):
         self, mujoco: Any, model: Any, state: Any, arm_dofs: Any, said: IntruderSection
     ) -> None:
         super().__init__()
-        self._mujoco, self._model, self._state, self._dofs = mujoco, model, state, arm_dofs
+        self._mujoco = mujoco
+        self._model = model
+        self._state = state
+        self._dofs = arm_dofs
         body = model.body(BODY)
         self._mocap = int(body.mocapid[0])
         self._geoms = [int(body.geomadr[0]) + i for i in range(int(body.geomnum[0]))]
@@ -124,7 +128,8 @@ class Intruder(FaultSwitch):
         """How near it is to the robot now; called a hundred times a second."""
         if self._since is None:
             return
-        distance, line = FAR, np.zeros(6)
+        distance = FAR
+        line = np.zeros(6)
         for own in self._geoms:
             for geom in self._robot:
                 away = self._mujoco.mj_geomDistance(

@@ -60,7 +60,8 @@ def crate_of(fixed: tuple[Box, ...]) -> Gathering | None:
     boxes = [box for box in fixed if box.name == SOURCE]
     if len(boxes) < 2:
         return None
-    floor, wall = boxes[0], min(min(box.half_extents) for box in boxes[1:])
+    floor = boxes[0]
+    wall = min(min(box.half_extents) for box in boxes[1:])
     T_base_floor = floor.T_base_box.copy()
     T_base_floor[:3, 3] += T_base_floor[:3, 2] * floor.half_extents[2]
     return Gathering(T_base_floor, np.array(floor.half_extents[:2]) - 2.0 * wall)
@@ -74,11 +75,13 @@ def gather(mujoco: Any, model: Any, state: Any, sizes: Float64, how: Gathering, 
     """
     rng = np.random.default_rng([seed, 7])
     bodies = [model.body(f"fruit_{i}").id for i in range(len(sizes))]
-    radii, T = sizes[:, 0] / 2.0, how.T_base_floor
+    radii = sizes[:, 0] / 2.0
+    T = how.T_base_floor
     limits = np.full((len(sizes), 2), np.inf) if how.inside is None else how.inside - radii[:, None]
     lower = len(sizes) - (len(sizes) // 3 if how.layers == 2 else 0)
     layers = [_apart(radii[part], limits[part], rng) for part in (slice(lower), slice(lower, None))]
-    spots, bottoms = np.vstack(layers), np.full(len(sizes), 0.003)
+    spots = np.vstack(layers)
+    bottoms = np.full(len(sizes), 0.003)
     bottoms[lower:] += sizes[:lower, 1].max()
     for body, spot, bottom, height in zip(bodies, spots, bottoms, sizes[:, 1], strict=True):
         address = model.jnt_qposadr[model.body_jntadr[body]]
@@ -310,10 +313,8 @@ class WorldOptions:
             yield Problem("robot", words, 'write gravcomp="1" on each of its bodies')
         if self.fruits_at == "crate":
             obstacles = () if around.workspace is None else around.workspace.obstacles
-            crate, near = (
-                crate_of(obstacles),
-                get_close_matches(SOURCE, {box.name for box in obstacles}, 1),
-            )
+            crate = crate_of(obstacles)
+            near = get_close_matches(SOURCE, {box.name for box in obstacles}, 1)
             if crate is None:
                 hint = f"name: {SOURCE}, wall: 8 mm" + (
                     f" in the obstacle '{near[0]}'" if near else ""
@@ -345,13 +346,15 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
     }
     rng = drawn["places"]
     spots = [np.array(xy) for xy in said.places.values()]
-    gathering, place = None, list(said.places).index(said.place)
+    gathering = None
+    place = list(said.places).index(said.place)
     if said.fruits_at != "places":
         middle = np.eye(4)
         middle[:3, 3] = [*np.mean(spots, axis=0), said.table_z]
         gathering = crate_of(fixed) if said.fruits_at == "crate" else Gathering(middle, None)
         gathering = None if gathering is None else replace(gathering, layers=said.layers)
-        spots, place = [middle[:2, 3]] * (said.others + 1), 0
+        spots = [middle[:2, 3]] * (said.others + 1)
+        place = 0
     free = [i for i in rng.permutation(len(spots)) if i != place][: said.others]
     target = said.fruits[said.fruit]
     alike = [

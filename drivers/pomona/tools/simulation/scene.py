@@ -285,12 +285,13 @@ def container_of(fixed: tuple[Box, ...], p: Float64, radius: float) -> str:
 
 def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
     """Add net contact sensors, summed by the engine: pads with all, fruit with its support, the robot with others."""
-    geom, body, subtree = (
-        mujoco.mjtObj.mjOBJ_GEOM,
-        mujoco.mjtObj.mjOBJ_BODY,
-        mujoco.mjtObj.mjOBJ_XBODY,
-    )
-    force, torque, found, pos = 2, 4, 1, 16
+    geom = mujoco.mjtObj.mjOBJ_GEOM
+    body = mujoco.mjtObj.mjOBJ_BODY
+    subtree = mujoco.mjtObj.mjOBJ_XBODY
+    force = 2
+    torque = 4
+    found = 1
+    pos = 16
     net = 3  # reduce: one wrench for all contacts, in the global frame
     of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
     arm = next(
@@ -311,7 +312,8 @@ def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
 
     for pad in PADS:
         sensor(f"wrench_{pad}", geom, pad, None, "", force | torque | pos)
-    fruits, fixed = range(len(layout.fruits)), fixed_names(layout.fixed)
+    fruits = range(len(layout.fruits))
+    fixed = fixed_names(layout.fixed)
     for i in fruits:
         sensor(f"support_{i}_table", body, f"fruit_{i}", body, "table", found | force)
         for name in fixed:
@@ -330,7 +332,8 @@ def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
 
 def standing_pose(fruit: FruitOnTable, height: float) -> Float64:
     """T_base_fruit (4, 4) of a fruit that stands on its calyx, stem up, a little tilted, its centre at `height` [m]."""
-    c, s = np.cos(fruit.yaw), np.sin(fruit.yaw)
+    c = np.cos(fruit.yaw)
+    s = np.sin(fruit.yaw)
     upright = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
         [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
     )

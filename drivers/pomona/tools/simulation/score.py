@@ -140,7 +140,8 @@ class Scorer:
 
     def __post_init__(self) -> None:
         self._source = [self._inside(i) for i in range(len(self.scene.fruits))]
-        count, carriers = len(self.scene.fruits), ("table", *fixed_names(self.scene.fixed))
+        count = len(self.scene.fruits)
+        carriers = ("table", *fixed_names(self.scene.fixed))
         self._fruits = [FruitRecord(self._pose(i), self._pose(i)) for i in range(count)]
         self._sensors = [
             _Sensors(
@@ -201,7 +202,8 @@ class Scorer:
         held = min(forces) > TOUCH
         if not held:
             if record.grip is not None:
-                record.last_grip, record.grip = record.grip, None
+                record.last_grip = record.grip
+                record.grip = None
                 record.lost_at = float(self.state.time)
                 record.ending = self._in_tool(i)
                 record.fell = bool(record.last_grip.hung and not sensors.supported)
@@ -212,7 +214,8 @@ class Scorer:
                 record.end_grip()
             return
         record.ending = None
-        T_base_tool, T_base_fruit = self._tool(), self._pose(i)
+        T_base_tool = self._tool()
+        T_base_fruit = self._pose(i)
         supported = sensors.supported or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
         if record.grip is None:
             # a fruit that both pads touch again within this time is still in the same grip [s]
@@ -228,7 +231,8 @@ class Scorer:
             supported and not grip.hung and self._tool_speed() < 3e-3
         ):  # the tool is at rest below this speed [m/s]
             fresh = self._take_hold(T_base_tool, T_base_fruit)
-            grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
+            grip.T_tool_fruit = fresh.T_tool_fruit
+            grip.point = fresh.point
             grip.slip = grip.turn = (
                 0.0  # pads that slide over a fruit that stands are no slip of a held one
             )
@@ -269,13 +273,15 @@ class Scorer:
         """Return the force of both fingers at which the contact model's ellipsoidal limit surface just holds the load
         [N]. The load is the force of both pads along their faces, and the torque about the closing axis.
         """
-        shear, twist = np.zeros(3), 0.0
+        shear = np.zeros(3)
+        twist = 0.0
         for pad, wrench, side in zip(PADS, self._wrenches, (1.0, -1.0), strict=True):
             normal = self.state.site(pad).xmat.reshape(3, 3)[:, 2]
             force = wrench[:3]
             shear += force - normal * (normal @ force)
             twist += side * float(normal @ wrench[3:6])
-        friction, torsion = self.scene.friction, self.scene.torsion
+        friction = self.scene.friction
+        torsion = self.scene.torsion
         return float(np.hypot(np.linalg.norm(shear) / friction, twist / torsion))
 
     # ------------------------------------------------------------------------------------------ reporting
@@ -283,7 +289,8 @@ class Scorer:
     def report(self) -> dict[str, object]:
         """Return the score as plain values; of the fruit that was lifted or gripped last, else of the target."""
         index = self._judged()
-        fruit, record = self.scene.fruits[index], self._fruits[index]
+        fruit = self.scene.fruits[index]
+        record = self._fruits[index]
         pose = self._pose(index)
         grip = record.grip or record.last_grip
         risen = float(pose[2, 3] - record.rest[2, 3])

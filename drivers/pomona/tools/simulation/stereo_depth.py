@@ -106,7 +106,8 @@ Change = Callable[
 def _posed(axis: int, shift: float, turn: float) -> Change:
     T = np.eye(4)
     T[axis, 3] = shift
-    first, second = (axis + 1) % 3, (axis + 2) % 3
+    first = (axis + 1) % 3
+    second = (axis + 2) % 3
     T[[first, second], [first, second]] = np.cos(turn)
     T[second, first] = np.sin(turn)
     T[first, second] = -T[second, first]
@@ -182,7 +183,8 @@ class FrameChanger:
 
     def begin(self, kind: str, before: tuple[Frame, ...]) -> None:
         """Change frames from now on; `before` are those of this moment, one of each size."""
-        self._kind, self._newest = kind, {}
+        self._kind = kind
+        self._newest = {}
         self._earlier = {_size(frame): frame for frame in before}
 
     def end(self) -> None:

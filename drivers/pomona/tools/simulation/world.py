@@ -56,7 +56,8 @@ class PhysicsWorld(Device, ABC):
     def __init__(self, model: Any, description: Path, q_start: Float64, seed: int) -> None:
         super().__init__("world")
         self.mujoco = load_mujoco()
-        self.description, self.seed = description, seed
+        self.description = description
+        self.seed = seed
         self.intruder: Intruder | None = None
         self.model: Any = model
         self.state: Any = self.mujoco.MjData(self.model)

@@ -46,8 +46,11 @@ class Cell:
             devices: connected, in this order.
             services: of these devices; without them, those of the installation.
         """
-        self.record_required, self.heartbeat_deadline = record_required, heartbeat_deadline
-        self.name, self.kind, self.clock = name, kind, clock
+        self.record_required = record_required
+        self.heartbeat_deadline = heartbeat_deadline
+        self.name = name
+        self.kind = kind
+        self.clock = clock
         self.devices = dict(devices)
         if services is None:  # none where there is nothing to watch: a dry run loads no robot
             services = (installed_services() if self.devices else Services)(self.devices)
@@ -102,7 +105,8 @@ class Cell:
         Raises:
             DeviceLost, DeviceFault: from the first device that has a problem, or of a clock that went back.
         """
-        before, self._checked_at = self._checked_at, self.clock.now()
+        before = self._checked_at
+        self._checked_at = self.clock.now()
         if self._checked_at < before:  # no deadline and no age of a sample can be trusted
             raise DeviceFault(
                 "clock", f"the cell's time went back by {before - self._checked_at:.3g} s"

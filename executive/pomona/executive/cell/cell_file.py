@@ -230,7 +230,8 @@ def outline_cell(path: Path, findings: Findings) -> Outline | None:
 
 def _misfits(section: CellSection, workspace: Any) -> Iterator[tuple[Placed[Any], Problem]]:
     """Yield the conflicts of a device with this cell; its own section is valid."""
-    above, lines = dict[str, Any](), dict[str, str]()
+    above = dict[str, Any]()
+    lines = dict[str, str]()
     said = {name: device.values for name, device in section.devices.items()}
     world = section.world
     if world is not None and not hasattr(world.driver.device, "truth"):

@@ -75,7 +75,8 @@ def connect_cell(
             simulator = _connect(said.world, context)
             if not isinstance(simulator, World):
                 raise said.world.error("the driver simulates no world", "driver")
-            world, context.clock = simulator, simulator.clock
+            world = simulator
+            context.clock = simulator.clock
         for name, settings in said.devices.items():
             try:
                 _connect(settings, context)

@@ -27,8 +27,11 @@ class CellFileError(DriverError):
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.findings = tuple(findings)
         first = next((f for f in self.findings if f.severity == "error"), self.findings[0])
-        self.path, self.line, self.column = Path(first.path), first.line, first.column
-        self.message, self.hint = first.message, first.hint
+        self.path = Path(first.path)
+        self.line = first.line
+        self.column = first.column
+        self.message = first.message
+        self.hint = first.hint
         super().__init__(format_findings(self.findings))
 
 
@@ -36,7 +39,8 @@ class DeviceError(DriverError):
     """A device refused a call or failed."""
 
     def __init__(self, device: str, message: str) -> None:
-        self.device, self.message = device, message
+        self.device = device
+        self.message = message
         super().__init__(f"{device}: {message}")
 
 

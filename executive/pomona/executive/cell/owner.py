@@ -184,7 +184,10 @@ class Owner:
         Args:
             clock: the cell's; a `TurnTaking` one makes the thread.
         """
-        self._device, self._step, self._failed, self._clock = device, step, failed, clock
+        self._device = device
+        self._step = step
+        self._failed = failed
+        self._clock = clock
         self._calls: deque[Callable[[], None]] = deque()
         self._closed = threading.Event()
         self._turning = threading.RLock()  # held during calls and steps
@@ -300,7 +303,8 @@ class Watchdog:
             limit: a command ends when it is older than this [s].
         """
         self.limit = limit
-        self._age, self._looked_at = math.inf, 0.0
+        self._age = math.inf
+        self._looked_at = 0.0
 
     def renew(self, now: float) -> None:
         """A command has come.
@@ -308,7 +312,8 @@ class Watchdog:
         Args:
             now: the cell's clock [s].
         """
-        self._age, self._looked_at = 0.0, now
+        self._age = 0.0
+        self._looked_at = now
 
     def has_expired(self, now: float) -> bool:
         """Return True when the command is too old; called again and again.

@@ -35,7 +35,8 @@ class Services:
     """Dataclass of the key `workspace` in a cell file; its method `workspace` returns the object for the skills."""
 
     def __init__(self, devices: Mapping[str, Device], workspace: object | None = None) -> None:
-        self.devices, self.workspace = devices, workspace
+        self.devices = devices
+        self.workspace = workspace
 
     @classmethod
     def judge(cls, placed: Placed[Any], facts: Iterable[object], findings: Findings) -> None:

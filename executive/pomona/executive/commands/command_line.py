@@ -143,7 +143,8 @@ def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
 
     Raises UsageError: both distributions are installed, or the other one has a subcommand that is wanted.
     """
-    entries, wanted = _commands(), tuple(wanted)
+    entries = _commands()
+    wanted = tuple(wanted)
     for name in set(wanted).intersection(ELSEWHERE).difference(entry.name for entry in entries):
         raise UsageError(f"pomona {name}: {elsewhere('this command')}")
     parser = argparse.ArgumentParser(

@@ -113,7 +113,10 @@ class _Builder:
     def __init__(
         self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None
     ) -> None:
-        self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
+        self.analysis = analysis
+        self.context = context
+        self.board = board
+        self.mocks = mocks
         self.kept, self.around = dict[tuple[str, str], Any](), dict[tuple[str, str], Any]()
         self.nodes: dict[str, NodeInfo] = {}
         self.behaviours: dict[str, Behaviour] = {}
@@ -188,7 +191,9 @@ class LayerBuild:
 
     def info(self) -> NodeInfo:
         """Return the layer's description for views and records."""
-        node, layer, source = self.node, self.layer, self.node.at.source
+        node = self.node
+        layer = self.layer
+        source = self.node.at.source
         if self.wraps:
             return NodeInfo(
                 self.own_path,
@@ -209,7 +214,8 @@ class LayerBuild:
             for n in self.found.outputs
             if n in node.ports and n not in inputs
         }
-        skill, mocked = self.found.skill, self.stand_in() is not None
+        skill = self.found.skill
+        mocked = self.stand_in() is not None
         return NodeInfo(
             self.path,
             self.parent,
@@ -268,11 +274,9 @@ class LayerBuild:
         return {name: getter(value, self.scope) for name, value in self.found.inputs.items()}
 
     def writer(self, name: str) -> Callable[[Any], None]:
-        write, key, path = (
-            self.builder.board.write,
-            self.scope.key(self.found.outputs[name]),
-            self.own_path,
-        )
+        write = self.builder.board.write
+        key = self.scope.key(self.found.outputs[name])
+        path = self.own_path
         return lambda value: write(key, value, path)
 
     def inner(self, names: Mapping[str, Any]) -> InstanceScope:
@@ -309,7 +313,8 @@ class LayerBuild:
 
     def stand_in(self) -> Skill | None:
         """Return the mock that replaces the node's skill."""
-        mocks, skill = self.builder.mocks, self.found.skill
+        mocks = self.builder.mocks
+        skill = self.found.skill
         if mocks is None or skill is None:
             return None
         return mocks.replace(skill, self.node.key.text, self.node.label, self.path)
@@ -330,7 +335,8 @@ class LayerBuild:
         return behaviour
 
     def subtree(self) -> Behaviour:
-        called, scope = self.found.subtree, self.scope
+        called = self.found.subtree
+        scope = self.scope
         assert called is not None
         assert called.root is not None
         interface = self.builder.analysis.interfaces[id(called)]

@@ -133,7 +133,8 @@ class InstanceScope:
         named = self.analysis.scopes[id(self.definition)].names[name]
         if named.origin == "constant":
             return constant(named.value)
-        get, key = self.board.get, self.key(name)
+        get = self.board.get
+        key = self.key(name)
 
         def read() -> Any:
             entry = get(key)

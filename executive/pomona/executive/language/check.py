@@ -92,7 +92,8 @@ class _Checker:
     def __init__(
         self, document: Document, skills: Registry, devices: tuple[type, ...] | None
     ) -> None:
-        self.document, self.devices = document, devices
+        self.document = document
+        self.devices = devices
         self.findings = Findings()
         self.findings.extend(document.findings)
         packages = document.main.skills
@@ -210,7 +211,8 @@ class _Checker:
                 self.findings.error(declared.key, "unwritten", message, hint)
                 continue
             if port is not None and not can_flow(written.type, port.type):
-                said, found = describe(port.type), describe(written.type)
+                said = describe(port.type)
+                found = describe(written.type)
                 message = f"output '{name}' is declared as {said}, {written.by} writes {found}"
                 self.findings.error(
                     declared.key, "port-type", f"{message} (line {written.where.line})"

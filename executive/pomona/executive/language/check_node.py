@@ -111,7 +111,8 @@ class NodeChecker:
 
     def hint_for(self, node: TreeNode) -> str:
         """Return the change for a name that nothing here has; an empty text if none is known."""
-        name, foreign = node.key.text, self.words.known_elsewhere(node.key.text)
+        name = node.key.text
+        foreign = self.words.known_elsewhere(node.key.text)
         if foreign is not None:
             return f"other libraries' {name} is the {foreign.role} '{foreign.key}' here"
         of = node.ports.get("ID")
@@ -166,7 +167,8 @@ class NodeChecker:
         found: dict[str, str] = {}
         if not self.moved:
             return found
-        stack, seen = [node], set()
+        stack = [node]
+        seen = set()
         while stack:
             below = stack.pop()
             skill = self.skills.get(below.key.text)
@@ -266,7 +268,10 @@ class LayerCheck:
         self.found.settings[slot] = Given(value, written)
 
     def check_ports(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
-        node, who, reader, ports = self.node, self.node.key.text, self.reader, dict(inputs.items())
+        node = self.node
+        who = self.node.key.text
+        reader = self.reader
+        ports = dict(inputs.items())
         meant: set[str] = set()
         for name, (key, value) in node.ports.items():
             port = ports.get(name)
@@ -317,7 +322,9 @@ class LayerCheck:
         outputs: Mapping[str, Port],
     ) -> str:
         """Report a port that the node does not have; return the one that is meant, or an empty text."""
-        node, name, who = self.node, key.text, self.node.key.text
+        node = self.node
+        name = key.text
+        who = self.node.key.text
         known = [*inputs, *outputs]
         modifier = self.whole.words.get(name)
         if modifier is not None and modifier.role == "modifier":
@@ -450,7 +457,8 @@ class LayerCheck:
 
 def _moved_out(node: TreeNode, key: YamlScalar, value: YamlNode) -> list[Edit]:
     """Return the edits that make a node's last port a modifier; none if more than that is necessary."""
-    ports, source = node.value, key.source
+    ports = node.value
+    source = key.source
     if (
         not isinstance(ports, YamlMapping)
         or [*ports.entries][-1] != key.text

@@ -164,7 +164,10 @@ class ExpressionSyntaxError(ValueError):
     """An expression that cannot be parsed; `offset` and `length` give the place in its text."""
 
     def __init__(self, message: str, offset: int, length: int = 1, hint: str = "") -> None:
-        self.message, self.offset, self.length, self.hint = message, offset, length, hint
+        self.message = message
+        self.offset = offset
+        self.length = length
+        self.hint = hint
         super().__init__(message)
 
 
@@ -250,7 +253,9 @@ def parse_expression(text: str) -> Expression:
 
 class _Parser:
     def __init__(self, text: str) -> None:
-        self.tokens, self.position, self.depth = _tokenize(text), 0, 0
+        self.tokens = _tokenize(text)
+        self.position = 0
+        self.depth = 0
 
     @property
     def token(self) -> _Token:

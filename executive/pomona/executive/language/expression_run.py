@@ -112,10 +112,8 @@ def compile_condition(expression: Expression, names: GetterOf) -> Callable[[], b
 
 def _binary(expression: Binary, names: GetterOf) -> Getter:
     if expression.operator in ("and", "or"):
-        left, right = (
-            compile_condition(expression.left, names),
-            compile_condition(expression.right, names),
-        )
+        left = compile_condition(expression.left, names)
+        right = compile_condition(expression.right, names)
         return (
             (lambda: left() and right())
             if expression.operator == "and"
@@ -143,7 +141,8 @@ def _binary(expression: Binary, names: GetterOf) -> Getter:
 def _apply(
     function: Callable[[Any, Any], Any], left: Expression, right: Expression, names: GetterOf
 ) -> Getter:
-    get_left, get_right = compile_expression(left, names), compile_expression(right, names)
+    get_left = compile_expression(left, names)
+    get_right = compile_expression(right, names)
     return _guarded(lambda: function(get_left(), get_right()))
 
 
@@ -271,7 +270,8 @@ def overflows(expression: Expression, known: Mapping[str, Any]) -> list[Expressi
     """Return the calculations whose result is certainly too large."""
     found = [part for inner in expression.parts for part in overflows(inner, known)]
     if isinstance(expression, Binary) and expression.operator in ("+", "-", "*", "/"):
-        left, right = _fold(expression.left, known), _fold(expression.right, known)
+        left = _fold(expression.left, known)
+        right = _fold(expression.right, known)
         zero = expression.operator == "/" and right == 0
         numbers = isinstance(left, (int, float)) and isinstance(right, (int, float))
         if numbers and not zero and _fold(expression, known) is _UNKNOWN:
@@ -284,10 +284,8 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
         case Unary(operator="not"):
             return _cases(expression.operand, not wanted, known)
         case Binary(operator="and" | "or"):
-            left, right = (
-                _cases(expression.left, wanted, known),
-                _cases(expression.right, wanted, known),
-            )
+            left = _cases(expression.left, wanted, known)
+            right = _cases(expression.right, wanted, known)
             if (expression.operator == "or") is wanted:
                 both = (*left, *right)
                 return (
@@ -309,13 +307,16 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
 
 def _comparison(expression: Binary, wanted: bool, known: Mapping[str, Any]) -> tuple[Case, ...]:
     operator = expression.operator if wanted else _NEGATED[expression.operator]
-    left, right = _fold(expression.left, known), _fold(expression.right, known)
+    left = _fold(expression.left, known)
+    right = _fold(expression.right, known)
     if isinstance(left, Plain) and isinstance(right, Plain):
         value = _fold(expression, known)
         return () if value is (not wanted) else _ANYTHING
     about = expression.left
     if isinstance(left, Plain) and operator in _FLIPPED:
-        about, operator, right = expression.right, _FLIPPED[operator], left
+        about = expression.right
+        operator = _FLIPPED[operator]
+        right = left
     possible = _possible(operator, right)
     if possible is None or not references(about):
         return _ANYTHING

@@ -139,7 +139,8 @@ def _index(expression: Index, scope: TypeScope) -> ValueType:
     if element is None:
         scope.report(expression.of, "expression-type", f"{describe(of)} has no elements")
         return ANY
-    length, at = (of.length if isinstance(of, ListType) else None), _whole_number(expression.index)
+    length = of.length if isinstance(of, ListType) else None
+    at = _whole_number(expression.index)
     if length is not None and at is not None and not -length <= at < length:
         message = f"there is no element {at}: this has {length}"
         scope.report(
@@ -191,7 +192,8 @@ def _binary(expression: Binary, scope: TypeScope) -> ValueType:
         left = _require_number(expression.left, scope, f"'{operator}'")
         right = _require_number(expression.right, scope, f"'{operator}'")
         return _arithmetic(expression, left, right, scope)
-    left, right = type_of(expression.left, scope), type_of(expression.right, scope)
+    left = type_of(expression.left, scope)
+    right = type_of(expression.right, scope)
     if operator in ("in", "not in"):
         element = element_type(right)
         if element is None:
@@ -303,12 +305,11 @@ def _check_symbols(
         if isinstance(word, Constant) and isinstance(word.value, str) and word.value not in known:
             new = scope.renamed_failures().get(word.value, "")
             renamed = Instead(f"it is called '{new}' now", word.value, new) if new in known else ""
-            message, can = (
-                f"{scope.failed() or 'the node before'} cannot fail with {word.value}",
-                "it can with",
-            )
+            message = f"{scope.failed() or 'the node before'} cannot fail with {word.value}"
+            can = "it can with"
             if isinstance(value_type, type) and issubclass(value_type, Enum):
-                message, can = f"this is never {word.value}", "it can be"
+                message = f"this is never {word.value}"
+                can = "it can be"
             hint = renamed or did_you_mean(word.value, known) or f"{can} {', '.join(sorted(known))}"
             scope.report(word, "removed" if renamed else "unknown-code", message, hint)
 

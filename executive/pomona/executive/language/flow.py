@@ -50,7 +50,8 @@ class Outcomes:
         key = (id(node), index)
         known = self._known.get(key)
         if known is None:
-            at, layer = LayerOutcome(self, node, index), node.layers[index]
+            at = LayerOutcome(self, node, index)
+            layer = node.layers[index]
             known = self._known[key] = (
                 layer.possible_outcome(at) if layer.needed(at) else at.inside()
             )
@@ -88,7 +89,8 @@ class LayerOutcome:
         return None if entry is None else entry[1]
 
     def literal(self, slot: str) -> Any:
-        taken, written = self.layer.slots.get(slot), self.written(slot)
+        taken = self.layer.slots.get(slot)
+        written = self.written(slot)
         if (
             not isinstance(taken, Value)
             or not isinstance(written, YamlScalar)
@@ -253,7 +255,8 @@ class LayerTruth(LayerAt[Truth]):
         condition = self.found.settings.get(slot)
         if not isinstance(condition, ComputedValue):
             return known
-        names, fixed = {r.name for r in references(condition.expression)}, self.whole.known
+        names = {r.name for r in references(condition.expression)}
+        fixed = self.whole.known
         known = known.without((), passing=True)
         if always_same(condition.expression, fixed) is False:
             message = f"'{condition.text}' can never hold: this waits for ever"

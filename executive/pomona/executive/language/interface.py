@@ -43,7 +43,8 @@ class InterfaceReader:
     """Reads the declarations of one file; each once."""
 
     def __init__(self, findings: Findings, skills: Registry) -> None:
-        self.findings, self.skills = findings, skills
+        self.findings = findings
+        self.skills = skills
         self.ports: dict[int, Port | None] = {}
         self.defaults: dict[int, Any] = {}
         self.constants: dict[int, tuple[Any, ValueType]] = {}
@@ -109,7 +110,8 @@ class InterfaceReader:
         """Return the type of this name; an unknown one is reported."""
         found = self.skills.types.get(name.text)
         if found is None:
-            there, meant = sorted(self.skills.types), _TYPES_ELSEWHERE.get(name.text.lower(), "")
+            there = sorted(self.skills.types)
+            meant = _TYPES_ELSEWHERE.get(name.text.lower(), "")
             hint = (
                 Instead(f"write '{meant}'", name.text, meant)
                 if meant

@@ -36,7 +36,9 @@ class LiteralError(ValueError):
     """A literal that is no value of the type; `where` is the node that is wrong."""
 
     def __init__(self, where: YamlNode, message: str, hint: str = "") -> None:
-        self.where, self.message, self.hint = where, message, hint
+        self.where = where
+        self.message = message
+        self.hint = hint
         super().__init__(message)
 
 

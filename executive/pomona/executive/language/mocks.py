@@ -220,7 +220,8 @@ class OneOrSeveral(Kind[tuple[T, ...]]):
     """A value, or a list of them."""
 
     def __init__(self, of: Kind[T]) -> None:
-        self.of, self.words = of, f"{of.words}, or a list of them"
+        self.of = of
+        self.words = f"{of.words}, or a list of them"
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[T, ...]:
         items = node.items if isinstance(node, YamlList) else [node]
@@ -354,7 +355,8 @@ class _Call(Kind[tuple[MockResult, ...]]):
             raise reader.refuse(code, message, hint, "unknown-code")
 
     def outputs(self, placed: Placed[MockSection], reader: Reader) -> dict[str, Any]:
-        written, found = placed.node.get("outputs"), dict[str, Any]()
+        written = placed.node.get("outputs")
+        found = dict[str, Any]()
         refused = None
         for key, node in written.entries.values() if isinstance(written, YamlMapping) else ():
             port = self.skill.outputs.get(key.text)

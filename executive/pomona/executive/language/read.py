@@ -97,7 +97,8 @@ class _Reader:
         types: NodeTypes,
     ) -> None:
         self.findings = Findings()
-        self.texts, self.types = texts, types
+        self.texts = texts
+        self.types = types
         self.folders = [folder.resolve() for folder in tree_folders]
         self.files: dict[Path, TreeFile] = {}
 

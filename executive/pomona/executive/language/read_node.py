@@ -29,7 +29,9 @@ class NodeReader:
     """Reads the nodes of one file (a `Reading`)."""
 
     def __init__(self, findings: Findings, file: TreeFile, types: NodeTypes) -> None:
-        self.findings, self.file, self.types = findings, file, types
+        self.findings = findings
+        self.file = file
+        self.types = types
         self.known = dict(types)
         self.shape = ShapeCheck(findings)
         self.commented: set[int] = set()
@@ -81,7 +83,8 @@ class NodeReader:
             if entry is not None:
                 taken.take(self, node, layer, slot, entry[1])
             elif taken.required:
-                message, hint = f"'{layer.key}' has no '{slot}'", f"add '{slot}: …' beside it"
+                message = f"'{layer.key}' has no '{slot}'"
+                hint = f"add '{slot}: …' beside it"
                 self.findings.error(node.key, "missing-key", message, hint)
 
     def type_named(self, word: str) -> NodeType:
@@ -119,10 +122,8 @@ class NodeReader:
         candidates = [entry for name, entry in written.entries.items() if name not in self.words]
         if not candidates:
             first = self.first_key(written)
-            message, hint = (
-                "this node has no type",
-                "name a skill, a subtree, or a word such as sequence, check or wait",
-            )
+            message = "this node has no type"
+            hint = "name a skill, a subtree, or a word such as sequence, check or wait"
             if isinstance(first, YamlScalar) and first.text in self.types.beside:
                 message = f"'{first.text}' is a modifier and no node of its own"
                 hint = "write it beside the node that it belongs to, at the same column"
@@ -210,10 +211,8 @@ class NodeReader:
             return True
         owner = owners[0]
         if owner.role == "modifier":
-            message, hint = (
-                f"'{key.text}' means nothing without '{owner.key}'",
-                f"add '{owner.key}: …' beside it",
-            )
+            message = f"'{key.text}' means nothing without '{owner.key}'"
+            hint = f"add '{owner.key}: …' beside it"
             self.findings.error(key, "missing-key", message, hint)
         else:
             message = f"'{key.text}' belongs to {owner.key}, not to {node.key.text}"

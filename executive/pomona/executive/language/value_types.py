@@ -34,7 +34,9 @@ class ListType:
 
 
 ValueType = type[Any] | Quantity | Loose | ListType
-ANY, SI_NUMBER, NONE = Loose.ANY, Loose.SI_NUMBER, Loose.NONE
+ANY = Loose.ANY
+SI_NUMBER = Loose.SI_NUMBER
+NONE = Loose.NONE
 
 
 def describe(value_type: ValueType) -> str:
@@ -50,7 +52,8 @@ def describe(value_type: ValueType) -> str:
 
 def _counted(value_type: ListType) -> str:
     """Return the elements of an array: `3 lengths`, `4 × 4 numbers`."""
-    sizes, element = [value_type.length], value_type.element
+    sizes = [value_type.length]
+    element = value_type.element
     while isinstance(element, ListType):
         sizes.append(element.length)
         element = element.element

@@ -258,9 +258,15 @@ def out_of_range(value: Any, port: Port) -> str:
         return ""
     low, high = port.bounds
     if low is not None and not is_within(value, low, math.inf):
-        limit, bound, word, too = port.min, low, "least", "below"
+        limit = port.min
+        bound = low
+        word = "least"
+        too = "below"
     elif high is not None and not is_within(value, -math.inf, high):
-        limit, bound, word, too = port.max, high, "most", "above"
+        limit = port.max
+        bound = high
+        word = "most"
+        too = "above"
     else:
         return ""
     quantity = port.type if isinstance(port.type, Quantity) else None

@@ -101,7 +101,8 @@ class Sequence(Branch):
         self, name: str, memory: bool, children: SequenceOf[Behaviour], keeps: bool = False
     ) -> None:
         super().__init__(name, children)
-        self.memory, self.keeps = memory, keeps
+        self.memory = memory
+        self.keeps = keeps
         self._at = self._skipped = 0
 
     def tick(self) -> Iterator[Behaviour]:
@@ -164,7 +165,9 @@ class Parallel(Branch):
         if self.status is not Status.RUNNING:
             self.reset()
             self._open = self._any or sum(self._needed)
-        done, skipped, skipped_needed = Status.SUCCESS, 0, 0
+        done = Status.SUCCESS
+        skipped = 0
+        skipped_needed = 0
         for child, needed in zip(self.children, self._needed, strict=True):
             if child.status is done:
                 continue

@@ -126,7 +126,8 @@ class Switch(Choice):
         value: Callable[[], Any],
     ) -> None:
         super().__init__(name, children)
-        self._words, self._value = tuple(words), value
+        self._words = tuple(words)
+        self._value = value
 
     def tick(self) -> Iterator[Behaviour]:
         if self.status is not Status.RUNNING:
@@ -160,7 +161,8 @@ def texts_of(value: Any) -> tuple[str, ...]:
 class IfType(Composite):
     """when it succeeds (a node) or holds (a condition), `then` runs, otherwise `else`; without `else` it is skipped"""
 
-    key, symbol = "if", "⎇"
+    key = "if"
+    symbol = "⎇"
     value = takes.ChildOrCondition(CheckType(), "a condition or a node")
     fields: ClassVar[takes.Fields] = {
         "then": takes.Child("runs when the condition holds or the node succeeds", required=True),
@@ -219,7 +221,8 @@ class IfType(Composite):
 class ReactiveIfType(IfType):
     """like `if`, but evaluated in every tick; interrupts the running branch when the result changes"""
 
-    key, symbol = "reactive_if", "⎇"
+    key = "reactive_if"
+    symbol = "⎇"
     other_names = ("WhileDoElse",)
     reactive = True
 
@@ -227,7 +230,8 @@ class ReactiveIfType(IfType):
 class SwitchType(Composite):
     """runs the node whose word is the value; reads it in every tick; `default` when none fits, else it is skipped"""
 
-    key, symbol = "switch", "⎇"
+    key = "switch"
+    symbol = "⎇"
     value = takes.Single(Port(object), "the word, number or member that chooses; no quantity")
     fields: ClassVar[takes.Fields] = {
         "cases": takes.Cases("nodes by word", required=True),
@@ -242,15 +246,14 @@ class SwitchType(Composite):
         return Outcome(codes_of(chosen), any(outcome.succeeds for outcome in chosen), skips, least)
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        success, failure = ALL, before if at.computes else ALL
+        success = ALL
+        failure = before if at.computes else ALL
         skipped = ALL if "default" in at.node.modifiers else before
         for index in range(len(at.node.children)):
             ends = at.child(index, before)
-            success, failure, skipped = (
-                success & ends.success,
-                failure & ends.failure,
-                skipped & ends.skipped,
-            )
+            success = success & ends.success
+            failure = failure & ends.failure
+            skipped = skipped & ends.skipped
         return Ends(success, failure, skipped)
 
     def words(self, at: NodeContext) -> list[str]:

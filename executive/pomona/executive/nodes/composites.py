@@ -25,7 +25,8 @@ from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
 class SequenceType(Composite):
     """one after the other while they succeed; goes on where it was"""
 
-    key, symbol = "sequence", "→"
+    key = "sequence"
+    symbol = "→"
     value = takes.Children("one after the other while they succeed")
     other_names: ClassVar[tuple[str, ...]] = ("Sequence", "AsyncSequence")
     memory: ClassVar[bool] = True
@@ -43,17 +44,23 @@ class SequenceType(Composite):
                 break
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        codes, least, succeeds, skips = NO_CODES, 0.0, False, True
+        codes = NO_CODES
+        least = 0.0
+        succeeds = False
+        skips = True
         for outcome in at.children():
             codes |= outcome.codes
             if not (outcome.succeeds or outcome.skips):
                 return Outcome(codes, False)
             least += 0.0 if outcome.skips else outcome.least
-            succeeds, skips = succeeds or outcome.succeeds, skips and outcome.skips
+            succeeds = succeeds or outcome.succeeds
+            skips = skips and outcome.skips
         return Outcome(codes, succeeds, skips, least)
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        success, skipped, failure = ALL, before, ALL
+        success = ALL
+        skipped = before
+        failure = ALL
         for index in range(len(at.node.children)):
             ends = at.child(index, success & skipped)
             failure &= ends.failure
@@ -76,7 +83,8 @@ class SequenceType(Composite):
 class ReactiveSequenceType(SequenceType):
     """begins again with the first in every tick; interrupts the running child when an earlier one fails"""
 
-    key, symbol = "reactive_sequence", "⇉"
+    key = "reactive_sequence"
+    symbol = "⇉"
     value = takes.Children("begins again with the first in every tick")
     other_names = ("ReactiveSequence",)
     memory = False
@@ -85,7 +93,8 @@ class ReactiveSequenceType(SequenceType):
 class SequenceWithMemoryType(SequenceType):
     """a sequence that goes on with the child that failed when it is started again"""
 
-    key, symbol = "sequence_with_memory", "⇥"
+    key = "sequence_with_memory"
+    symbol = "⇥"
     value = takes.Children("goes on with the child that failed when it is started again")
     other_names = ("SequenceWithMemory", "SequenceStar")
     keeps = True
@@ -94,7 +103,8 @@ class SequenceWithMemoryType(SequenceType):
 class ParallelType(Composite):
     """all at once, ticked in order; fails with the first failure, succeeds when all have succeeded or were skipped"""
 
-    key, symbol = "parallel", "∥"
+    key = "parallel"
+    symbol = "∥"
     value = takes.Children("all at once; fails with the first failure")
     fields: ClassVar[takes.Fields] = {
         "success_on": takes.ChildNames("'all', 'one', a number, or a list of children by name")

@@ -46,12 +46,10 @@ class LastFailure:
         leaf = reason
         while leaf.causes:
             leaf = leaf.causes[-1]
-        self.code, self.message, self.data, self.node = (
-            reason.code,
-            reason.message,
-            leaf.data,
-            leaf.node_path,
-        )
+        self.code = reason.code
+        self.message = reason.message
+        self.data = leaf.data
+        self.node = leaf.node_path
         self.codes = tuple(sorted(reason.codes()))
 
 

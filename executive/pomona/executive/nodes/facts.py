@@ -32,7 +32,8 @@ class Possible:
 
     def and_also(self, other: Possible) -> Possible:
         """Return the values that both allow."""
-        low, high = max(self.low, other.low), min(self.high, other.high)
+        low = max(self.low, other.low)
+        high = min(self.high, other.high)
         above = any(p.above and p.low == low for p in (self, other))
         below = any(p.below and p.high == high for p in (self, other))
         sets = [p.among for p in (self, other) if p.among is not None]
@@ -211,7 +212,8 @@ class Names:
 
     def _with(self, bits: int) -> Names:
         made = Names.__new__(Names)
-        made.bits, made.numbers = bits, self.numbers
+        made.bits = bits
+        made.numbers = self.numbers
         return made
 
     def _numbered(self, other: Names) -> int:

@@ -37,12 +37,14 @@ class Force(Wrapper):
 class ForceType(Modifier):
     """ends with a fixed status"""
 
-    key, symbol = "force", "!"
+    key = "force"
+    symbol = "!"
     value = takes.Value(Port(str, choices=("success", "failure")), known=True)
     other_names = ("ForceSuccess", "ForceFailure")
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        inside, end = at.inside(), at.literal(self.key)
+        inside = at.inside()
+        end = at.literal(self.key)
         succeeds = end != "failure" and (inside.succeeds or bool(inside.codes))
         return Outcome(
             NO_CODES if end == "success" else inside.codes | {"FORCED"}, succeeds, inside.skips
@@ -73,7 +75,8 @@ class Invert(Wrapper):
 class InvertType(Modifier):
     """success and failure change places"""
 
-    key, symbol = "invert", "!"
+    key = "invert"
+    symbol = "!"
     value = takes.Value(Port(bool), known=True)
     other_names = ("Inverter",)
 

@@ -62,7 +62,8 @@ class Repeat(Wrapper):
 class RepeatType(Modifier):
     """again while it succeeds"""
 
-    key, symbol = "repeat", "↻"
+    key = "repeat"
+    symbol = "↻"
     value = takes.count("number of rounds, or 'forever'", words=("forever",))
     other_names = ("Repeat", "KeepRunningUntilFailure")
 
@@ -130,7 +131,8 @@ class ForEach(Wrapper):
 class ForEachType(Modifier):
     """once for each item, which is written to `name` (`item` by default); an empty list succeeds"""
 
-    key, symbol = "for_each", "∀"
+    key = "for_each"
+    symbol = "∀"
     value = takes.Elements("a list; the node runs once for each item")
     fields: ClassVar[takes.Fields] = {
         "as": takes.NewName("for_each", "item", "name of the item, 'item' by default")
@@ -157,5 +159,6 @@ class ForEachType(Modifier):
 
     def build(self, at: BuildContext) -> Behaviour:
         count = ForEachCount()
-        items, give = at.value(self.key), at.writer(self.key)
+        items = at.value(self.key)
+        give = at.writer(self.key)
         return ForEach(at.name, at.inside(for_each=count), items, give, count)

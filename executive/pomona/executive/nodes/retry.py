@@ -65,7 +65,9 @@ class Retry(Branch):
         super().__init__(name, [child] if on_failure is None else [child, on_failure])
         self.attempts: tuple[Attempt, ...] = ()
         self.listener: Callable[[Retry, Attempt], None] | None = None
-        self._now, self._total, self._retry_if = now, total, retry_if
+        self._now = now
+        self._total = total
+        self._retry_if = retry_if
         self._count = count or RetryCount()
         self._last_failure = last_failure or LastFailure()
         self._recovering = self._last = False
@@ -111,7 +113,10 @@ class Retry(Branch):
 
     def _start(self) -> None:
         self.reset()
-        self.attempts, self._why, self._recovering, self._last = (), None, False, False
+        self.attempts = ()
+        self._why = None
+        self._recovering = False
+        self._last = False
         total = self._total()
         if total < 1:
             raise NoValue(f"{self.name}: the number of tries is {total}, but must be at least 1")
@@ -162,7 +167,8 @@ class Retry(Branch):
 class RetryType(Modifier):
     """limits the number of tries"""
 
-    key, symbol = "retry", "↻"
+    key = "retry"
+    symbol = "↻"
     value = takes.count("number of tries")
     fields: ClassVar[takes.Fields] = {
         "retry_if": takes.Condition("looked at after a failed try: go on trying?"),
@@ -193,7 +199,8 @@ class RetryType(Modifier):
         return replace(at.around, counters=at.around.counters | {"retry"})
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        inside, after = at.inside(), at.part("on_failure")
+        inside = at.inside()
+        after = at.part("on_failure")
         return inside.plus(*after.codes) if inside.codes and after is not None else inside
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
@@ -203,7 +210,8 @@ class RetryType(Modifier):
         return ends if recovered is None else Ends(ends.success, recovered.any(), ends.skipped)
 
     def build(self, at: BuildContext) -> Behaviour:
-        count, last_failure = RetryCount(), LastFailure()
+        count = RetryCount()
+        last_failure = LastFailure()
         retry_if = (
             at.condition("retry_if", retry=count, failure=last_failure).holds
             if at.given("retry_if")
@@ -293,7 +301,8 @@ class Fallback(Branch):
 class FallbackType(Composite):
     """one after the other until one succeeds"""
 
-    key, symbol = "fallback", "?"
+    key = "fallback"
+    symbol = "?"
     value = takes.Children("one after the other until one succeeds")
     other_names: ClassVar[tuple[str, ...]] = ("Fallback", "FallbackStar", "AsyncFallback")
     memory: ClassVar[bool] = True
@@ -301,16 +310,15 @@ class FallbackType(Composite):
     def around(self, at: CheckContext, index: int) -> Around:
         if index == 0:
             return at.around
-        before, codes, failed = (
-            at.outcomes.child(index - 1),
-            NO_CODES,
-            at.node.children[index - 1].label,
-        )
+        before = at.outcomes.child(index - 1)
+        codes = NO_CODES
+        failed = at.node.children[index - 1].label
         if not (before.codes or before.skips):
             message = f"{at.node.children[index].label} is never reached: {at.node.children[index - 1].label} cannot fail"
             at.findings.warning(at.node.children[index].key, "unreachable", message)
         while index and before.skips:
-            codes, index = codes | before.codes, index - 1
+            codes = codes | before.codes
+            index = index - 1
             before = (
                 at.outcomes.child(index - 1) if index else Outcome(at.around.failure or NO_CODES)
             )
@@ -326,7 +334,9 @@ class FallbackType(Composite):
         return Outcome(codes_of(outcomes), succeeds, skips, least)
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        success, failure, skipped = ALL, ALL, before
+        success = ALL
+        failure = ALL
+        skipped = before
         for index in range(len(at.node.children)):
             ends = at.child(index, failure & skipped)
             success &= ends.success
@@ -354,7 +364,8 @@ class FallbackType(Composite):
 class ReactiveFallbackType(FallbackType):
     """begins again with the first in every tick"""
 
-    key, symbol = "reactive_fallback", "⁇"
+    key = "reactive_fallback"
+    symbol = "⁇"
     value = takes.Children("begins again with the first in every tick")
     other_names = ("ReactiveFallback",)
     memory = False

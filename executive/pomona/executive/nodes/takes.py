@@ -41,7 +41,9 @@ class Value(Field):
         required: bool = False,
     ) -> None:
         super().__init__(help, required=required)
-        self.port, self.words, self.known = port, words, known
+        self.port = port
+        self.words = words
+        self.known = known
 
     def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
         if isinstance(written, YamlScalar) and written.text in self.words:
@@ -104,7 +106,8 @@ class NewName(Field):
 
     def __init__(self, of: str, default: str, help: str = "") -> None:
         super().__init__(help)
-        self.of, self.default = of, default
+        self.of = of
+        self.default = default
 
     def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
         written = at.written(self.of)
@@ -181,7 +184,8 @@ class Children(Field):
 
     def __init__(self, help: str = "", *, leads: tuple[str, ...] = (), exactly: str = "") -> None:
         super().__init__(help)
-        self.leads, self.exactly = leads, exactly
+        self.leads = leads
+        self.exactly = exactly
 
     def take(
         self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
@@ -405,10 +409,8 @@ class ChildNames(Field):
             )
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
-        number, names = (
-            {"type": "integer", "minimum": 1},
-            {"type": "array", "items": {"type": "string"}},
-        )
+        number = {"type": "integer", "minimum": 1}
+        names = {"type": "array", "items": {"type": "string"}}
         return {"anyOf": [{"enum": ["all", "one"]}, number, names]}
 
 

@@ -32,7 +32,8 @@ class Disabled(Wrapper):
 class DisabledType(Modifier):
     """switches the node off: it is skipped, and still checked"""
 
-    key, symbol = "disabled", "⊘"
+    key = "disabled"
+    symbol = "⊘"
     value = takes.Value(Port(bool), known=True)
 
     def needed(self, at: NodeContext) -> bool:
@@ -56,7 +57,8 @@ class DisabledType(Modifier):
 class BreakpointType(Modifier):
     """pauses the run `before` the node starts or `after` it has ended, if an operator can resume it"""
 
-    key, symbol = "breakpoint", "◉"
+    key = "breakpoint"
+    symbol = "◉"
     value = takes.Value(Port(str, choices=("before", "after")), known=True)
 
     def needed(self, at: NodeContext) -> bool:

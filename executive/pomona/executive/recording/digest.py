@@ -60,7 +60,11 @@ def _path_of(node: Any) -> str:
     return path
 
 
-MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES, MOST_QUANTITIES = 2000, 100, 200, 1000, 50
+MOST_TEXT = 2000
+MOST_CODE = 100
+MOST_CODES = 200
+MOST_ENTRIES = 1000
+MOST_QUANTITIES = 50
 """Limits of an entry: characters of a text, of a code or name; number of codes, settings, measured quantities."""
 
 
@@ -200,7 +204,8 @@ def _cell_texts(event: Mapping[str, Any]) -> tuple[Any, ...]:
 
 def _end(event: Mapping[str, Any]) -> dict[str, Any]:
     reason = event["reason"]
-    ticks, truth = event["ticks"], event["truth"]
+    ticks = event["ticks"]
+    truth = event["truth"]
     return {
         "state": "ended",
         "outcome": _text(event["outcome"]),

@@ -55,7 +55,8 @@ class EndingFile:
 
 def why_cut(record: Path, size: int | None = None) -> str:
     """Return why a record ends too early, and the reaction of the supervisor, as a phrase."""
-    why, stopped = _why(record, size), _stopped(record)
+    why = _why(record, size)
+    stopped = _stopped(record)
     return f"{why}; {stopped}" if stopped else why
 
 

@@ -40,7 +40,8 @@ MOST_MESSAGE = (
     MOST_BYTES - 1_000_000
 )  # largest message that is written [bytes]: its chunk also holds earlier messages
 
-MOST_GROWTH, FREE_GROWTH = 200, 16_000_000
+MOST_GROWTH = 200
+FREE_GROWTH = 16_000_000
 """Largest size of a decompressed chunk: per compressed byte, and in addition [bytes]. JSON shrinks to a twentieth."""
 
 _PIECE = 1 << 20
@@ -70,7 +71,8 @@ class DamagedError(PomonaError):
     """A record of the file contradicts its checksum or its format."""
 
     def __init__(self, at: int, what: str) -> None:
-        self.at, self.what = at, what
+        self.at = at
+        self.what = what
         super().__init__(f"{what} (byte {at} of the file)")
 
 
@@ -133,7 +135,8 @@ def records_of(raw: RawRecord) -> list[McapRecord]:
 
 def next_chunk(stream: BinaryIO, start: int) -> int | None:
     """Return the offset of the next undamaged chunk at or after an offset, or None."""
-    size, at = size_of(stream), start
+    size = size_of(stream)
+    at = start
     while at < size:
         stream.seek(at)
         window = stream.read(_PIECE + 64)
@@ -195,7 +198,8 @@ def decode(raw: RawRecord) -> McapRecord:
 
     Raises DamagedError: it contradicts its checksum or its format.
     """
-    stream, length = _Exact(io.BytesIO(raw.content)), len(raw.content)
+    stream = _Exact(io.BytesIO(raw.content))
+    length = len(raw.content)
     kind = _KINDS[raw.opcode]
     try:
         record: McapRecord = kind.read(stream, length) if kind is Message else kind.read(stream)
@@ -217,7 +221,8 @@ def decode(raw: RawRecord) -> McapRecord:
 
 def _check_chunk(chunk: Chunk, at: int) -> None:
     """Raises DamagedError: its size or compression is refused; CRCValidationError: its checksum is wrong."""
-    size, packed = chunk.uncompressed_size, len(chunk.data)
+    size = chunk.uncompressed_size
+    packed = len(chunk.data)
     if chunk.message_start_time > chunk.message_end_time:
         raise DamagedError(at, "a chunk ends before it begins")
     if chunk.compression == "zstd":
@@ -247,9 +252,11 @@ def size_of(stream: BinaryIO) -> int:
 def crc_of(stream: BinaryIO, begin: int, end: int) -> int:
     """Return the checksum of a part of the file."""
     stream.seek(begin)
-    crc, left = 0, end - begin
+    crc = 0
+    left = end - begin
     while left > 0 and (piece := stream.read(min(left, _PIECE))):
-        crc, left = zlib.crc32(piece, crc), left - len(piece)
+        crc = zlib.crc32(piece, crc)
+        left = left - len(piece)
     return crc
 
 

@@ -25,7 +25,8 @@ from pomona.executive.running.tick import BREAK_ACTIONS
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView
 
-VIEW, PART = 4_000_000, 48
+VIEW = 4_000_000
+PART = 48
 """Largest array that is written out, in a view and in other values [elements]. 48 covers poses, covariances and joints;
 the joint solutions of thirty candidates would be half of a pick's record."""
 
@@ -77,7 +78,9 @@ class UnencodableError(PomonaError):
     """
 
     def __init__(self, node: str, what: str, why: str) -> None:
-        self.node, self.what, self.why = node, what, why
+        self.node = node
+        self.what = what
+        self.why = why
         super().__init__(f"{what} of {node or 'the run'} cannot be encoded: {why}")
 
 
@@ -85,18 +88,20 @@ def refuse(taken: Any, error: BaseException) -> UnencodableError:
     """Name an event, or readings (t, tick, by device), that raised this error while it was encoded."""
     match taken:
         case Published():
-            node, what = (
-                taken.node,
-                f"'{taken.topic}'" if isinstance(taken.topic, str) else "a published value",
-            )
+            node = taken.node
+            what = f"'{taken.topic}'" if isinstance(taken.topic, str) else "a published value"
         case PortWritten():
-            node, what = taken.writer, f"'{taken.key}'"
+            node = taken.writer
+            what = f"'{taken.key}'"
         case NodeChanged() | AttemptEnded():
-            node, what = taken.path, type(taken).__name__
+            node = taken.path
+            what = type(taken).__name__
         case Event():
-            node, what = "", type(taken).__name__
+            node = ""
+            what = type(taken).__name__
         case _:
-            node, what = "", "measurements"
+            node = ""
+            what = "measurements"
     return UnencodableError(node, what, sentence_of(error))
 
 

@@ -33,7 +33,8 @@ class Extremes:
         """Add the samples of a message with this text. A malformed one adds nothing."""
         self._last = content
         try:
-            times, values = _listed(message["value"]["t"]), message["value"]["values"]
+            times = _listed(message["value"]["t"])
+            values = message["value"]["values"]
             if not self._count:
                 self._begin = float(times[0])
             for name, series in values.items():
@@ -42,7 +43,8 @@ class Extremes:
                     sample for sample in found if sample is not None and sample == sample
                 ]  # NaN differs
                 if measured:
-                    low, high = min(measured), max(measured)
+                    low = min(measured)
+                    high = max(measured)
                     self._widen(
                         name,
                         low,
@@ -183,7 +185,9 @@ class Overview:
     def _coarsen(self) -> None:
         """Join two parts each: the later one's last messages stay, and the extremes of both."""
         self.interval *= 2.0
-        finer, self._kept, self.size = self._kept, {}, 0
+        finer = self._kept
+        self._kept = {}
+        self.size = 0
         for place, entry in finer.items():
             if not isinstance(place, tuple):
                 self._keep(place, entry)
@@ -219,7 +223,8 @@ class Standing(NamedTuple):
 
 def standing(seq: int, message: Mapping[str, Any]) -> Standing | None:
     """Return the place of a message of an overview, or None if its kind is not one of `STANDING`."""
-    key, t = key_of(message), message.get("t")
+    key = key_of(message)
+    t = message.get("t")
     if (
         key is None
         or key[0] not in STANDING

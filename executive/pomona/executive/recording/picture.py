@@ -55,7 +55,8 @@ class Picture:
         elif isinstance(event, NodeChanged) and event.status == "FAILURE":
             self._failed[event.path] = event.t
         elif isinstance(event, RunEnded) and event.outcome != "success":
-            self._reason, self._ended = event.reason and latest_leaf(event.reason), event.t
+            self._reason = event.reason and latest_leaf(event.reason)
+            self._ended = event.t
         if not isinstance(event, Published):
             return
         if isinstance(event.value, ImageView):
@@ -114,12 +115,14 @@ class Picture:
             bottom=below + 0.06 if units else 0.03,
             **margins,
         )
-        look, beside = figure.add_subplot(images[0]), figure.add_subplot(images[1])
+        look = figure.add_subplot(images[0])
+        beside = figure.add_subplot(images[1])
         self._draw_images(look)
         beside.set_axis_off()
         _legend(look, beside, "upper left")  # on the image it would hide the fruit
         if spatial:
-            first, scene = beside.get_legend(), figure.add_subplot(images[2], projection="3d")
+            first = beside.get_legend()
+            scene = figure.add_subplot(images[2], projection="3d")
             self._draw_scene(scene)
             _legend(scene, beside, "lower left")
             if first is not None:

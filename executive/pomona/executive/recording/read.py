@@ -138,10 +138,8 @@ def read_events(record: Path) -> Iterator[Event]:
             elif topic == EVENTS:
                 event = event_from(parse_object(data))
                 if isinstance(event, Published) and isinstance(event.value, ImageView):
-                    image, depth = (
-                        pixels.pop(f"/images/{event.topic}", None),
-                        pixels.pop(f"/depth/{event.topic}", None),
-                    )
+                    image = pixels.pop(f"/images/{event.topic}", None)
+                    depth = pixels.pop(f"/depth/{event.topic}", None)
                     metres = None if depth is None else depth.astype(np.float32) * np.float32(1e-3)
                     event = replace(event, value=replace(event.value, image=image, depth=metres))
                 yield event

@@ -68,12 +68,15 @@ class Lag:
     """Time for which a count stands still. A late look counts as `BATCH`, so a stalled computer is no stalled disk."""
 
     def __init__(self) -> None:
-        self._count, self._lag, self._looked_at = -1, 0.0, 0.0
+        self._count = -1
+        self._lag = 0.0
+        self._looked_at = 0.0
 
     def seconds(self, count: int, now: float) -> float:
         """Return it [s], for a look at a monotonic time [s]."""
         self._lag = 0.0 if count != self._count else self._lag + min(now - self._looked_at, BATCH)
-        self._count, self._looked_at = count, now
+        self._count = count
+        self._looked_at = now
         return self._lag
 
 
@@ -94,11 +97,16 @@ class Recorder:
             RecordError: the file cannot be opened.
         """
         self.folder = folder.absolute()  # the process may change its folder
-        self._problem, self._stalled, self._lacks, self._whole = "", "", "", False
+        self._problem = ""
+        self._stalled = ""
+        self._lacks = ""
+        self._whole = False
         self._durable, self._lag, self._steps = durable, Lag(), 0
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._closing = threading.Event()
-        self._t, self._t_written, self._flushed = 0.0, 0.0, 0.0
+        self._t = 0.0
+        self._t_written = 0.0
+        self._flushed = 0.0
         self._written = 0  # size of the file after the newest flush [bytes]
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -113,7 +121,8 @@ class Recorder:
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)
-        self._overview, self._events = Overview(), 0
+        self._overview = Overview()
+        self._events = 0
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
 

@@ -205,7 +205,8 @@ def _trusted_records(
 ) -> Iterator[RawRecord]:
     """Yield the chunks of an interval of time [ns] by the index; without one, every record up to `verdict.good`."""
     if verdict.chunks is not None:
-        size, read = size_of(stream), 0
+        size = size_of(stream)
+        read = 0
         for chunk in verdict.chunks:
             if chunk.oldest <= end and chunk.newest >= begin:
                 if chunk.at < read:  # a forged index must not multiply the cost of reading
@@ -247,7 +248,8 @@ def _end_of(stream: BinaryIO) -> _End | None:
     size = size_of(stream)
     try:
         tail = raw_record_at(stream, max(size - _TAIL, 0), size)
-        footer, closing = decode(tail), stream.read()
+        footer = decode(tail)
+        closing = stream.read()
         at = (
             (footer.summary_start or tail.at) - HEAD.size - 4
             if isinstance(footer, Footer)
@@ -288,8 +290,11 @@ class _Walk:
     def __init__(self, stream: BinaryIO, begin: int) -> None:
         self._stream, self._begin, self._indexed = stream, begin, begin > len(MAGIC)
         self._required = _library_of(stream) == LIBRARY
-        self._good, self._stamp, self._lost = begin, 0, ""
-        self._checked, self._data_ended = True, False
+        self._good = begin
+        self._stamp = 0
+        self._lost = ""
+        self._checked = True
+        self._data_ended = False
         self._attachments: dict[str, int] = {}
         self._topics: dict[int, str] = {}
         self._chunks: list[ChunkPlace] = []
@@ -341,11 +346,9 @@ class _Walk:
                 declared = (each for each in records_of(self._chunk) if isinstance(each, Channel))
                 self._topics |= {channel.id: channel.topic for channel in declared}
             case Message():
-                self._stamp, self._checked, self._required = (
-                    max(self._stamp, record.log_time),
-                    False,
-                    False,
-                )
+                self._stamp = max(self._stamp, record.log_time)
+                self._checked = False
+                self._required = False
             case Channel():
                 self._topics[record.id] = record.topic
             case Attachment():

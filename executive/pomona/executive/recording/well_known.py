@@ -62,7 +62,9 @@ Message = tuple[str, Schema, dict[str, Any]]  # topic, schema and content of one
 
 SERIES_TOPIC = "/series/"
 INTERVENTIONS = "/interventions"
-INFO, WARNING, ERROR = 2, 3, 4
+INFO = 2
+WARNING = 3
+ERROR = 4
 FLOAT32 = 7
 IDENTITY = {
     "position": {"x": 0.0, "y": 0.0, "z": 0.0},
@@ -183,7 +185,10 @@ def _camera(topic: str, view: ImageView, at: Mapping[str, int]) -> Iterator[Mess
     if pinhole is None or view.image is None:
         return
     height, width = view.image.shape[:2]
-    fx, fy, cx, cy = pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy
+    fx = pinhole.fx
+    fy = pinhole.fy
+    cx = pinhole.cx
+    cy = pinhole.cy
     K = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     P = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     R = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]

@@ -113,7 +113,10 @@ class CellWatch:
             felt: called with the contact between the fingers, when it has changed.
             watch: shows the appearance of the cell.
         """
-        self._cell, self._linked, self._felt, self._watch = cell, linked, felt, watch
+        self._cell = cell
+        self._linked = linked
+        self._felt = felt
+        self._watch = watch
         self._hand: str | None = None
         self._links: dict[str, str] = {}
         self._others: dict[str, tuple[Callable[[], str], bool]] = {}

@@ -33,7 +33,8 @@ class WorkerDied(PomonaError):
     """The process of an isolated computation ended without an answer."""
 
     def __init__(self, function: str, exit_code: int | None) -> None:
-        self.function, self.exit_code = function, exit_code
+        self.function = function
+        self.exit_code = exit_code
         super().__init__(f"the process computing {function} died (exit code {exit_code})")
 
 
@@ -157,7 +158,9 @@ class _Isolated:
     def __init__(
         self, worker: Worker, function: str, release: Callable[[Worker | None], None]
     ) -> None:
-        self._worker, self._function, self._release = worker, function, release
+        self._worker = worker
+        self._function = function
+        self._release = release
         self._answer: tuple[bool, Any] | None = None
 
     def done(self) -> bool:

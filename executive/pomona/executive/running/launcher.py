@@ -34,7 +34,8 @@ _FOLLOWED = frozenset({*WORDS, getattr(signal, "SIGCHLD", signal.SIGTERM)})
 _END = 0
 
 
-LOOKS, APART = 5, 0.1
+LOOKS = 5
+APART = 0.1
 """Number of successive checks, with their distance [s], that must show a stopped launcher: one that a shell stops and
 continues together with its run is stopped for a moment longer than the run."""
 
@@ -78,7 +79,8 @@ def in_child(work: Callable[[], int]) -> int:
     if sys.platform != "linux":
         return work()
     reading, writing = os.pipe()
-    before, parent = signal.pthread_sigmask(signal.SIG_BLOCK, _FOLLOWED), os.getpid()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _FOLLOWED)
+    parent = os.getpid()
     child = os.fork()
     if child:
         os.close(writing)
@@ -104,7 +106,8 @@ class _Follower:
     """The parent's side."""
 
     def __init__(self, child: int, reading: int) -> None:
-        self._child, self._reading = child, reading
+        self._child = child
+        self._reading = reading
         self._end: int | None = None
         self._heard: dict[int, float] = {}
         os.set_blocking(reading, False)
@@ -135,7 +138,8 @@ class _Follower:
 
     def _has_heard(self, number: int) -> bool:
         """Return True when the child has taken this signal by itself just now."""
-        since, until = time.monotonic() - ECHO, time.monotonic() + HEARD
+        since = time.monotonic() - ECHO
+        until = time.monotonic() + HEARD
         while True:
             self._read()
             if self._heard.get(number, 0.0) >= since:

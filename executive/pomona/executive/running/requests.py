@@ -39,7 +39,8 @@ class UnknownFaultError(PomonaError):
     """The cell cannot be made to fail so."""
 
     def __init__(self, fault: str, known: Mapping[str, Sequence[str]]) -> None:
-        self.fault, self.known = fault, known
+        self.fault = fault
+        self.known = known
         super().__init__(
             f"this cell has no fault '{fault}'; there are {', '.join(known)}"
             if known

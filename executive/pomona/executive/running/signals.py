@@ -108,10 +108,12 @@ def raising() -> Iterator[None]:
     def handle(number: int, _frame: FrameType | None) -> None:
         global _raised, _came
         _report(number)
-        _raised, _came = number, True
+        _raised = number
+        _came = True
         raise Terminated(number)
 
-    _raised, _came = None, False
+    _raised = None
+    _came = False
 
     def send_again() -> None:
         if (
@@ -120,10 +122,8 @@ def raising() -> Iterator[None]:
             signal.pthread_kill(threading.main_thread().ident or 0, _raised)
 
     before = _install(handle, tuple(WORDS))
-    tell, sys.unraisablehook = (
-        sys.unraisablehook,
-        _tell_unless_signalled(sys.unraisablehook, send_again),
-    )
+    tell = sys.unraisablehook
+    sys.unraisablehook = _tell_unless_signalled(sys.unraisablehook, send_again)
     try:
         yield
     finally:
@@ -235,9 +235,11 @@ class RunSignals:
 
     def _handle(self, number: int, _frame: FrameType | None) -> None:
         global _came
-        before, self._last = self._last, _report(number)
+        before = self._last
+        self._last = _report(number)
         if self._phase is _Phase.RAISING:
-            self._raised, _came = number, True
+            self._raised = number
+            _came = True
             raise Terminated(number)
         first = self.number is None
         self.number = self.number or number

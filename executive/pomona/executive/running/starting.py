@@ -31,7 +31,8 @@ class Permit:
             read_fd: non-blocking end of the pipe.
             write_fd: its other end, in the process that prepares runs.
         """
-        self.read_fd, self._write_fd = read_fd, write_fd
+        self.read_fd = read_fd
+        self._write_fd = write_fd
         self._closed = False
 
     @classmethod
@@ -101,7 +102,8 @@ class CellInUseError(UsageError):
     """Another run is going on on this cell, or with another cell file on the same wire."""
 
     def __init__(self, cell: Path, wire: str = "") -> None:
-        self.cell, self.wire = cell, wire
+        self.cell = cell
+        self.wire = wire
         super().__init__(
             f"{cell}: another run is going on on {wire or 'this cell'}. Nothing was run."
         )
@@ -179,7 +181,8 @@ class Starting:
             changed: called after each change.
             permit: needed to begin, where another process may withdraw it.
         """
-        self._changed, self._permit = changed, permit
+        self._changed = changed
+        self._permit = permit
         if permit is not None:
             permit.issue()
         self._lock = threading.Lock()
@@ -226,7 +229,8 @@ class Starting:
         """Accept stop requests for a run with a cell from now on; apply an earlier request at once."""
         with self._lock:
             self._run = run
-            cancelled, leaving = self._cancelled, self._leaving
+            cancelled = self._cancelled
+            leaving = self._leaving
         if cancelled is not None:
             run.safe_stop(*cancelled)
         if leaving:

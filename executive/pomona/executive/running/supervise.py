@@ -78,7 +78,8 @@ def main() -> int:
 
 def _listen(heartbeat: int, deadline: float, run: int) -> str:
     """Why the devices must be stopped; empty when all ended well."""
-    watched, looks = False, 0
+    watched = False
+    looks = 0
     while True:
         ready, _, _ = select.select([heartbeat], [], [], deadline / LOOKS if watched else None)
         if not ready:

@@ -79,7 +79,9 @@ class Supervisor:
             raise NoSupervisorError("the supervisor process did not start; nothing was moved")
         os.set_blocking(self._process.stdin.fileno(), False)
         os.set_blocking(self._process.stdout.fileno(), False)
-        self._deadline, self._silent_since, self._unanswered = deadline, 0.0, 0
+        self._deadline = deadline
+        self._silent_since = 0.0
+        self._unanswered = 0
 
     def beat(self) -> None:
         """The tick is alive."""

@@ -127,13 +127,15 @@ class SkillLogs(logging.Handler):
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self._lines = deque[tuple[str, str, str]]()
-        self._counts, self._until = Counter[str](), 0.0
+        self._counts = Counter[str]()
+        self._until = 0.0
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
         """Take INFO lines in here. Warnings go on to the error stream, as without this handler."""
         root = logging.getLogger()
-        level, handlers = root.level, [self] if root.handlers else [self, logging.lastResort]
+        level = root.level
+        handlers = [self] if root.handlers else [self, logging.lastResort]
         root.handlers += [handler for handler in handlers if handler is not None]
         _set_level(root, min(level, logging.INFO))
         try:
@@ -164,7 +166,9 @@ class SkillLogs(logging.Handler):
         while self._lines:
             yield Logged(t, tick, *self._lines.popleft())
         if t >= self._until or last:
-            counts, self._counts, self._until = self._counts, Counter(), t + 1.0
+            counts = self._counts
+            self._counts = Counter()
+            self._until = t + 1.0
             for node, count in list(counts.items()):
                 if count > MOST_LOGGED:
                     yield Logged(

@@ -92,8 +92,11 @@ class _Story:
         self.overruns: list[TickOverran] = []
         self.running: dict[str, float] = {}
         self.interrupted: list[str] = []
-        self.logged, self.lines = deque[Logged](maxlen=MOST_LINES), 0
-        self.hand, self.hand_told, self.hand_t = "", "", 0.0
+        self.logged = deque[Logged](maxlen=MOST_LINES)
+        self.lines = 0
+        self.hand = ""
+        self.hand_told = ""
+        self.hand_t = 0.0
         self.t = 0.0
 
     def on_event(self, event: Event) -> None:
@@ -119,7 +122,8 @@ class _Story:
             self.logged.append(event)
             self.lines += 1
         elif isinstance(event, HandChanged):
-            self.hand, self.hand_t = event.what, event.t
+            self.hand = event.what
+            self.hand_t = event.t
         elif isinstance(event, TickOverran):
             self.overruns.append(event)
         elif isinstance(event, LinkChanged) and event.state != "ok":
@@ -148,7 +152,8 @@ class _Story:
 
     def briefly(self, going_on: bool, why_cut: str) -> Iterator[str]:
         """Yield the events, their causes, and a remedy."""
-        started, ended = self.summary.started, self.summary.ended
+        started = self.summary.started
+        ended = self.summary.ended
         if started is None:
             yield f"The record holds no beginning of a run: {why_cut}."
             return
@@ -226,7 +231,8 @@ class _Story:
             t = self.stops[0].t if self.stops else self.t
         where = self._place(leaf.node_path)
         if leaf.code in STOPPED and where:  # the node did not fail: it was interrupted
-            doing, failed = f", while {where} was running", leaf.code
+            doing = f", while {where} was running"
+            failed = leaf.code
         else:
             doing = (
                 f", while {' and '.join(self.interrupted)} was running"
@@ -259,7 +265,8 @@ class _Story:
                 yield t, f"So it went on, {len(failed) - MOST_ATTEMPTS} attempts more."
                 continue
             attempt, within = entry
-            t, leaf = attempt.t, _leaf(attempt)
+            t = attempt.t
+            leaf = _leaf(attempt)
             name = self._name(attempt.path.partition(":")[0]) + (f", in {within}" if within else "")
             which = f"At {attempt.t:.1f} s attempt {attempt.number} of {attempt.of} ({name}) ended"
             if leaf is None:

@@ -41,7 +41,8 @@ class Keys:
     """Reads lines from the first prompt on. It never blocks on the terminal: the process can end at any time."""
 
     def __init__(self, console: Screen, lines: TextIO) -> None:
-        self._console, self._lines = console, lines
+        self._console = console
+        self._lines = lines
         self._runner: Runner | None = None
         self._pause = 0
         self._ended = False
@@ -87,7 +88,8 @@ class Keys:
 
     def _show(self, prompt: _Prompt | None) -> None:
         with self._reading:
-            self._prompt, self._answered = prompt, False
+            self._prompt = prompt
+            self._answered = False
             if prompt is not None:
                 self._discard_typed()
                 self._console.print(self._words(prompt), style="bold yellow")

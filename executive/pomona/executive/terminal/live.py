@@ -172,7 +172,9 @@ class LiveTree:
         """Return a line for each node, and the index of the one in focus: the last running leaf, or the last change."""
         lines: list[Text] = []
         depth: dict[str | None, int] = {}
-        running, changed, newest = None, 0, -1
+        running = None
+        changed = 0
+        newest = -1
         for number, node in enumerate(self._nodes):
             path = node["path"]
             level = depth.get(node["parent"], -1) + 1
@@ -182,7 +184,8 @@ class LiveTree:
             if change is not None and path in self._leaves:
                 running = number if status == "RUNNING" else running
                 if change.tick >= newest:
-                    changed, newest = number, change.tick
+                    changed = number
+                    newest = change.tick
             lines.append(self._line(node, level, change))
         return lines, changed if running is None else running
 
@@ -214,7 +217,8 @@ def _window(lines: Sequence[Text], here: int, room: int) -> list[Text]:
         return list(lines)
     inside = room - 2
     first = min(max(0, here - 2 * inside // 3), len(lines) - inside)
-    above, below = first, len(lines) - first - inside
+    above = first
+    below = len(lines) - first - inside
     return [
         Text(f"  ⋮ {above} above" if above else "", style="dim"),
         *lines[first : first + inside],

@@ -109,7 +109,8 @@ class Output:
             except BlockingIOError:  # another process has made it non-blocking
                 select.select([], [self._file], [])
         if self._left_out and self._waiting.qsize() < MOST:
-            left_out, self._left_out = self._left_out, 0
+            left_out = self._left_out
+            self._left_out = 0
             self._write_all(
                 self._coded(f"\n[{left_out} texts are left out here: the output was not read]\n")
             )

@@ -76,11 +76,9 @@ class Summary:
 
     def within(self) -> list[str]:
         """Return each attempt's outer attempt, `outer 2 of 3`; empty for the outermost and for unfinished ones."""
-        trying, ended, found = (
-            {attempt.path for attempt in self.attempts},
-            dict[str, AttemptEnded](),
-            [],
-        )
+        trying = {attempt.path for attempt in self.attempts}
+        ended = dict[str, AttemptEnded]()
+        found = []
         outer: dict[str | None, str | None] = {}
         for path, parent in self._parents.items():  # a parent comes before its children
             outer[path] = parent if parent in trying else outer.get(parent)
@@ -194,7 +192,8 @@ class Summary:
         assert self.started is not None
         assert self.ended is not None
         clock = "simulated" if self.started.cell_kind == "simulated" else "on the cell's clock"
-        run, before = self.ended.wall, self.started.preparation
+        run = self.ended.wall
+        before = self.started.preparation
         here = (
             f"{seconds(run)} to run, {seconds(before)} to prepare, {seconds(run + before)} in all"
         )
@@ -266,7 +265,8 @@ def _row(console: Screen, label: str, *text: str | tuple[str, str]) -> None:
 
 
 def _table(view: TableView) -> Table:
-    rows, columns = view.rows[:MOST_ROWS], view.columns[:MOST_COLUMNS]
+    rows = view.rows[:MOST_ROWS]
+    columns = view.columns[:MOST_COLUMNS]
     left_out = [
         f"{len(all_of) - len(shown)} more {what}"
         for all_of, shown, what in ((view.rows, rows, "rows"), (view.columns, columns, "columns"))

@@ -49,7 +49,8 @@ class Instead(str):
     def __new__(cls, hint: str, wrong: str, right: str) -> Instead:
         """Make a hint of its sentence and the two texts."""
         made = super().__new__(cls, hint)
-        made.wrong, made.right = wrong, right
+        made.wrong = wrong
+        made.right = right
         return made
 
     wrong: str
@@ -128,7 +129,8 @@ class Source:
     """One file's text, for excerpts; `comments` maps a line to its comment, `comment_lines` hold nothing else."""
 
     def __init__(self, path: str, text: str) -> None:
-        self.path, self.text = path, text
+        self.path = path
+        self.text = text
         self.lines = text.splitlines()
         self.comments: dict[int, str] = {}
         self.comment_lines: set[int] = set()
@@ -173,7 +175,10 @@ class Findings:
         hint: str,
         edits: Sequence[Edit] = (),
     ) -> None:
-        source, line, column, length = where.source, where.line, where.column, max(where.length, 1)
+        source = where.source
+        line = where.line
+        column = where.column
+        length = max(where.length, 1)
         excerpt = source.excerpt(line)
         if isinstance(hint, Instead):
             at = excerpt.rfind(hint.wrong, column - 1, column - 1 + length)
@@ -227,7 +232,9 @@ def mended(text: str, findings: Iterable[Finding]) -> tuple[str, list[Finding]]:
 
     If the edits of several findings touch one line, only the first is applied; the next check shows the remaining ones.
     """
-    lines, touched, applied = text.splitlines(keepends=True), set[int](), list[Finding]()
+    lines = text.splitlines(keepends=True)
+    touched = set[int]()
+    applied = list[Finding]()
     for finding in findings:
         at = {edit.line for edit in finding.edits}
         if not at or at & touched or max(at) > len(lines):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 
-_SCAN, _END = 0xDA, 0xD9
+_SCAN = 0xDA
+_END = 0xD9
 _ALONE = (0x01, *range(0xD0, 0xD8))  # markers that no length follows
 
 
@@ -12,7 +13,8 @@ def is_cut_off(content: bytes) -> bool:
     """Return True for a JPEG that stops before its end: decoders fill the missing part with grey, without an error."""
     if content[:3] != b"\xff\xd8\xff":
         return False
-    at, data = 2, False
+    at = 2
+    data = False
     while True:
         at = content.find(b"\xff", at) if data else at
         if at < 0 or at + 2 > len(content):

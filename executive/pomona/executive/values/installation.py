@@ -102,7 +102,8 @@ def elsewhere(what: str) -> str:
 
 def _source(name: str, extra: str = "") -> str:
     """Return pip's argument for installing a distribution from its origin, for a shell."""
-    extras, origin = f"[{extra}]" if extra else "", _origin(name)
+    extras = f"[{extra}]" if extra else ""
+    origin = _origin(name)
     url = str(origin.get("url", ""))
     if url.startswith("file:"):
         place = Path(url2pathname(unquote(urlsplit(url).path)))

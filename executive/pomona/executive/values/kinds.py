@@ -93,7 +93,8 @@ class Text(ScalarKind[str]):
     """A text; with `choices`, one of them; with `pattern`, one that matches it from end to end."""
 
     def __init__(self, *choices: str, pattern: str = "", words: str = "") -> None:
-        self.choices, self.pattern = choices, pattern
+        self.choices = choices
+        self.pattern = pattern
         self.words = words or ("one of " + ", ".join(choices) if choices else "a text")
 
     def parse(self, text: str) -> str:
@@ -134,7 +135,8 @@ class Number(ScalarKind[float]):
     words = "a number"
 
     def __init__(self, low: float = -math.inf, high: float = math.inf) -> None:
-        self.low, self.high = low, high
+        self.low = low
+        self.high = high
 
     def parse(self, text: str) -> float:
         if not is_number(text) or not math.isfinite(value := float(text)):
@@ -204,7 +206,8 @@ class Span(ScalarKind[tuple[float, float]]):
     """A value or a range: `0.8`, `0.7..0.9` or `[0.7, 0.9]`."""
 
     def __init__(self, of: Number | Measure) -> None:
-        self.of, self.words = of, f"{of.words} or a range 'from..to'"
+        self.of = of
+        self.words = f"{of.words} or a range 'from..to'"
 
     def parse(self, text: str) -> tuple[float, float]:
         first, dots, last = text.partition("..")
@@ -239,7 +242,8 @@ class Row(Kind[tuple[float, ...]]):
     """Several numbers: a list, or a text with one unit at its end. `[90 mm, 80 mm]` and `90 80 mm` are the same."""
 
     def __init__(self, of: Number | Measure, size: int | None = None) -> None:
-        self.of, self.size = of, size
+        self.of = of
+        self.size = size
         self.words = f"a list of {f'{size} ' if size else ''}numbers" + (
             f" with a unit of {of.quantity.name}" if isinstance(of, Measure) else ""
         )
@@ -295,7 +299,9 @@ class Counts(Kind[tuple[int, ...]]):
     """A list of `size` whole numbers, such as an image's width and height."""
 
     def __init__(self, size: int, low: int, high: int) -> None:
-        self.of, self.size, self.words = Whole(low, high), size, f"a list of {size} whole numbers"
+        self.of = Whole(low, high)
+        self.size = size
+        self.words = f"a list of {size} whole numbers"
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[int, ...]:
         found = reader.filled(node)
@@ -316,7 +322,9 @@ class OrWord(ScalarKind[Any]):
     """A value, or a word that stands for none: `auto`."""
 
     def __init__(self, of: ScalarKind[Any], word: str) -> None:
-        self.of, self.word, self.words = of, word, f"{of.words} or '{word}'"
+        self.of = of
+        self.word = word
+        self.words = f"{of.words} or '{word}'"
 
     def parse(self, text: str) -> Any:
         return None if text.strip() == self.word else self.of.parse(text)
@@ -337,7 +345,9 @@ class PathTo(ScalarKind[Path]):
     """
 
     def __init__(self, what: str = "file", hint: str = "") -> None:
-        self.what, self.hint, self.words = what, hint, f"the path of a {what}"
+        self.what = what
+        self.hint = hint
+        self.words = f"the path of a {what}"
 
     def parse(self, text: str) -> Path:
         return Path(text)
@@ -348,7 +358,8 @@ class PathTo(ScalarKind[Path]):
             path = Path(node.source.path).parent / given.expanduser()
             there = path.is_dir() if self.what == "folder" else path.is_file()
         except (OSError, RuntimeError, ValueError):
-            path, there = given, False
+            path = given
+            there = False
         if not there:
             words = (
                 f"{reader.title}: {path} does not exist"
@@ -366,7 +377,8 @@ class Words(Kind[tuple[str, ...]]):
     """Words: a list, or a text with spaces between them; with `choices`, only these; with `once`, no word twice."""
 
     def __init__(self, *choices: str, once: bool = True) -> None:
-        self.choices, self.once = choices, once
+        self.choices = choices
+        self.once = once
         self.words = "a list of words" + (f" out of {', '.join(choices)}" if choices else "")
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[str, ...]:
@@ -429,7 +441,8 @@ class ListOf(Kind[tuple[T, ...]]):
     """A list of values of one kind."""
 
     def __init__(self, of: Kind[T]) -> None:
-        self.of, self.words = of, f"a list, each item {of.words}"
+        self.of = of
+        self.words = f"a list, each item {of.words}"
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[T, ...]:
         if not isinstance(node, YamlList):
@@ -472,7 +485,8 @@ def read_each(kind: Kind[T], items: Iterable[tuple[YamlNode, Reader]]) -> list[T
 
     Raises Refused: one of them cannot be read.
     """
-    values, refused = [], None
+    values = []
+    refused = None
     for node, reader in items:
         try:
             values.append(kind.read(node, reader))

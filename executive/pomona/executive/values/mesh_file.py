@@ -39,7 +39,8 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
     try:
         loaded: Any = trimesh.load_mesh(path, process=False, skip_materials=True)
-        vertices, faces = np.array(loaded.vertices, np.float64), np.array(loaded.faces, np.int64)
+        vertices = np.array(loaded.vertices, np.float64)
+        faces = np.array(loaded.faces, np.int64)
     except Exception as error:  # trimesh's readers may raise any exception
         words = " ".join(str(error).strip().strip("'").split())[:200] or type(error).__name__
         raise UnreadableMeshError(f"is no mesh that can be read ({words})") from error
@@ -60,7 +61,8 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 def _judge(path: Path) -> None:
     """Judge a file's name, its size, and the counts in it, without a library."""
-    size, suffix = path.stat().st_size, path.suffix.lower()
+    size = path.stat().st_size
+    suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise UnreadableMeshError(
             f"is none of {', '.join(SUFFIXES)}: export it in one of these formats"

@@ -133,7 +133,8 @@ class Section(Kind[S]):
     """A mapping whose keys are the fields of the dataclass `of`, declared with `value`; other code reads `ignore`."""
 
     def __init__(self, of: type[S], ignore: tuple[str, ...] = ()) -> None:
-        self.of, self.ignore = of, ignore
+        self.of = of
+        self.ignore = ignore
         self.words = "a mapping"
 
     def read(self, node: YamlNode, reader: Reader) -> S:

@@ -69,12 +69,11 @@ def report_unreadable(
     )
     problem = f"not YAML: {context}{error.problem or 'cannot be read'}"
     if _CURVED & set(source.excerpt(line)):
-        problem, hint = "curved quotes do not quote in YAML", 'write straight ones: "{name}"'
+        problem = "curved quotes do not quote in YAML"
+        hint = 'write straight ones: "{name}"'
     if source.text.startswith("%YAML:1.0"):
-        problem, hint = (
-            "this is a file of OpenCV's FileStorage, and no YAML",
-            "name it intrinsics.yaml beside frames",
-        )
+        problem = "this is a file of OpenCV's FileStorage, and no YAML"
+        hint = "name it intrinsics.yaml beside frames"
     findings.error(Spot(source, line, column), "yaml", problem, hint)
 
 
@@ -108,7 +107,8 @@ def report_false_spaces(source: Source, findings: Findings) -> bool:
             continue
         places = [at for at, sign in enumerate(plain, start=1) if sign in FALSE_SPACES]
         if places:
-            sign, found = plain[places[0] - 1], True
+            sign = plain[places[0] - 1]
+            found = True
             message = f"U+{ord(sign):04X} ({FALSE_SPACES[sign]}) is no space in YAML: put a space in its place"
             edits = [Edit(line, at, 1, "" if plain[at - 1] == "\u200b" else " ") for at in places]
             findings.error(
@@ -151,11 +151,13 @@ def _unclosed_quote(source: Source, first: int, last: int) -> _Found | None:
 
 def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
     """Return the opening bracket of a collection that does not end before a line."""
-    start, text = opened.line + 1, source.excerpt(opened.line + 1)
+    start = opened.line + 1
+    text = source.excerpt(opened.line + 1)
     bracket = text[opened.column : opened.column + 1]
     if bracket not in _CLOSING or start == line:
         return None
-    missing, end = "", len(text.rstrip())
+    missing = ""
+    end = len(text.rstrip())
     for match in _FLOW.finditer(text):
         if match[0][0] == "#":
             end = len(text[: match.start()].rstrip())
@@ -179,7 +181,8 @@ def _unclosed_bracket(source: Source, opened: Any, line: int) -> _Found | None:
 def _comma_or_bracket(source: Source, problem: str, line: int, column: int) -> _Found | None:
     """Return a comma that is missing inside a flow collection, or a comma or bracket too many behind one."""
     text = source.excerpt(line)
-    here, before = text[column - 1 : column], text[: column - 1].rstrip()
+    here = text[column - 1 : column]
+    before = text[: column - 1].rstrip()
     if "expected ','" in problem:
         word = (
             re.search(r"\s(\w+)$", before) if here == ":" else re.match(r"\w+", text[column - 1 :])
@@ -206,14 +209,14 @@ def _missing_mark(source: Source, first: int, line: int, column: int) -> _Found 
         match = re.match(r"(\s*(?:- +)*)(\w+)(:(?=[^\s:])|\s+(?=\S)|\s*$)", text)
         if match is None or _KEY.search(text) is not None:
             continue
-        at, word = match.end(2) + 1, match[2]
+        at = match.end(2) + 1
+        word = match[2]
         if match[3] == ":":
-            message, edit = f"a space is missing behind '{word}:'", Edit(number, at + 1, 0, " ")
+            message = f"a space is missing behind '{word}:'"
+            edit = Edit(number, at + 1, 0, " ")
         elif number == line or not match[3].strip():
-            message, edit = (
-                f"a colon is missing behind '{word}': write '{word}: …'",
-                Edit(number, at, 0, ":"),
-            )
+            message = f"a colon is missing behind '{word}': write '{word}: …'"
+            edit = Edit(number, at, 0, ":")
         else:
             continue
         return Spot(source, number, match.start(2) + 1, len(word)), message, [edit]
@@ -291,13 +294,15 @@ def moved(source: Source, line: int, by: int) -> Iterator[Edit]:
 def _open_blocks(source: Source, line: int) -> list[_Block]:
     """Return the lists and mappings of the lines before that may go on in a line, from the outside to the inside."""
     blocks: list[_Block] = []
-    brackets, verbatim = 0, 0
+    brackets = 0
+    verbatim = 0
     for text in source.lines[: line - 1]:
         indent = len(text) - len(text.lstrip())
         content = text.strip()
         if not content or content.startswith("#") or (verbatim and indent >= verbatim):
             continue
-        verbatim, inside = 0, brackets > 0
+        verbatim = 0
+        inside = brackets > 0
         brackets += sum(
             {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0) for match in _FLOW.finditer(text)
         )

@@ -24,7 +24,8 @@ from pomona.executive.values.yaml_errors import (
 MAX_CHARACTERS = 512 * 1024
 MAX_NODES = 100_000
 
-_SCALAR, _MAPPING_END = yaml.ScalarEvent, yaml.MappingEndEvent
+_SCALAR = yaml.ScalarEvent
+_MAPPING_END = yaml.MappingEndEvent
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -131,7 +132,10 @@ class Composer:
     """Makes nodes of libyaml's events."""
 
     def __init__(self, source: Source, findings: Findings, loader: Any, what: str) -> None:
-        self.source, self.findings, self.loader, self.what = source, findings, loader, what
+        self.source = source
+        self.findings = findings
+        self.loader = loader
+        self.what = what
         self.scalars: list[YamlScalar] = []
         """Those that may hold a #: a plain one on one line ends where a comment begins."""
         self.count = 0
@@ -163,7 +167,8 @@ class Composer:
         return root
 
     def _scalar_at(self, event: Any) -> YamlScalar:
-        start, end = event.start_mark, event.end_mark
+        start = event.start_mark
+        end = event.end_mark
         return YamlScalar(
             self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, "", True
         )
@@ -194,7 +199,8 @@ class Composer:
             return self._scalar(event)
         self.count += 1
         mark = event.start_mark
-        line, column = mark.line + 1, mark.column + 1
+        line = mark.line + 1
+        column = mark.column + 1
         if kind is yaml.SequenceStartEvent:
             items, mark = self._items(depth + 1)
             return YamlList(self.source, line, column, mark.line + 1, mark.column + 1, items)
@@ -203,8 +209,11 @@ class Composer:
 
     def _scalar(self, event: Any) -> YamlScalar:
         self.count += 1
-        start, end, plain = event.start_mark, event.end_mark, not event.style
-        line, end_line = start.line + 1, end.line + 1
+        start = event.start_mark
+        end = event.end_mark
+        plain = not event.style
+        line = start.line + 1
+        end_line = end.line + 1
         scalar = YamlScalar(
             self.source, line, start.column + 1, end_line, end.column + 1, event.value, plain
         )
@@ -213,13 +222,15 @@ class Composer:
         return scalar
 
     def _items(self, depth: int) -> tuple[list[YamlNode], Any]:
-        get, items = self.loader.get_event, []
+        get = self.loader.get_event
+        items = []
         while type(event := get()) is not yaml.SequenceEndEvent:
             items.append(self.node(event, depth))
         return items, event.end_mark
 
     def _entries(self, depth: int) -> tuple[dict[str, tuple[YamlScalar, YamlNode]], Any]:
-        get, node = self.loader.get_event, self.node
+        get = self.loader.get_event
+        node = self.node
         entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
         while type(event := get()) is not _MAPPING_END:
             key = node(event, depth)
@@ -344,7 +355,9 @@ class Unfit(ValueError):
     """A text that is no value of its kind, with the problem and the correction."""
 
     def __init__(self, message: str, hint: str = "", code: str = "value") -> None:
-        self.message, self.hint, self.code = message, hint, code
+        self.message = message
+        self.hint = hint
+        self.code = code
         super().__init__(message)
 
 

@@ -34,7 +34,11 @@ SHELF = (0.0, 1.6)  # place of the first waiting fruit, x and y in the base fram
 APART = 0.25  # distance of waiting fruit along x [m]
 FLOOR = 0.75  # depth of the floor below the belt [m]
 RAIL = 0.02  # height of a rail's box; its upper side lies 10 mm below the surface, so that it guides nothing [m]
-NET, FOUND, FORCE, TORQUE, PLACE = 3, 1, 2, 4, 16
+NET = 3
+FOUND = 1
+FORCE = 2
+TORQUE = 4
+PLACE = 16
 """MuJoCo's contact sensors: one wrench for all contacts in the base frame, and their fields."""
 
 
@@ -81,19 +85,19 @@ def build_belt_model(
 
 
 def _add_belt(mujoco: Any, spec: Any, belt: Belt, rng: np.random.Generator) -> None:
-    box, plane = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_PLANE
+    box = mujoco.mjtGeom.mjGEOM_BOX
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
     touch = {"contype": 1, "conaffinity": 3}
     speckled = np.array([0.20, 0.22, 0.22]) * rng.uniform(0.7, 1.6)
     picture = speckled * (1.0 + 0.15 * rng.normal(size=(256, 256)))[..., None]
     add_material(mujoco, spec, "belt", np.clip(picture, 0.0, 1.0), (20.0, 1.0))
-    place, world = belt.T_base_belt[:3, 3], spec.worldbody
+    place = belt.T_base_belt[:3, 3]
+    world = spec.worldbody
     turn = np.zeros(4)
     mujoco.mju_mat2Quat(turn, belt.T_base_belt[:3, :3].ravel())
     body = world.add_body(name="belt", pos=place, quat=turn)
-    size, rough = (
-        [belt.length / 2.0, belt.width / 2.0, 0.02],
-        {"condim": 6, "friction": TABLE_FRICTION},
-    )
+    size = [belt.length / 2.0, belt.width / 2.0, 0.02]
+    rough = {"condim": 6, "friction": TABLE_FRICTION}
     surface = body.add_geom(
         name="belt", type=box, pos=[0.0, 0.0, -0.02], size=size, material="belt", **touch, **rough
     )
@@ -119,11 +123,9 @@ def _add_belt(mujoco: Any, spec: Any, belt: Belt, rng: np.random.Generator) -> N
 
 def _add_sensors(mujoco: Any, spec: Any, fruits: int) -> None:
     """Net contacts: pads and fruit with all, fruit with the belt, the robot with the belt, itself and fruit."""
-    geom, body, subtree = (
-        mujoco.mjtObj.mjOBJ_GEOM,
-        mujoco.mjtObj.mjOBJ_BODY,
-        mujoco.mjtObj.mjOBJ_XBODY,
-    )
+    geom = mujoco.mjtObj.mjOBJ_GEOM
+    body = mujoco.mjtObj.mjOBJ_BODY
+    subtree = mujoco.mjtObj.mjOBJ_XBODY
     of_arm = {actuator.target for actuator in spec.actuators if actuator.name != "gripper"}
     arm = next(joint.parent.name for joint in spec.joints if joint.name in of_arm)
 

@@ -19,7 +19,9 @@ from pomona.skills.perception import Detection, DetectorOptions, FruitModel
 SEARCH_EVERY = 5  # frames from one search for new fruit to the next: a search takes 15 ms, a fit of one fruit 2 ms
 WORKING_WIDTH = 320  # width at which a picture is searched [px]
 SURE_SCORE = 0.5  # least score of a detection; a false one is given up after three frames
-SOON, LATER, STALE = 0.17, 0.04, 0.5
+SOON = 0.17
+LATER = 0.04
+STALE = 0.5
 """Age of the newest frame from which frames are missing [s]: `LATER` than lately, within `SOON` and `STALE`. At
 30 Hz and 65 ms of latency the newest is 120 to 140 ms old when the next one is there. No look takes `STALE`."""
 FORGETS = 0.95
@@ -43,7 +45,9 @@ class BeltWatch:
         self.newest_frame = self.shown_at = -1.0
         self._pending: Computation | None = None
         self._sequence = -1
-        self._frames, self._oldest, self._began = 0, STALE, 0.0
+        self._frames = 0
+        self._oldest = STALE
+        self._began = 0.0
 
     @property
     def sentence(self) -> str:
@@ -75,10 +79,12 @@ class BeltWatch:
         if self._pending is not None:
             if not self._pending.done():
                 return
-            self.tracks, self._pending = self._pending.result(), None
+            self.tracks = self._pending.result()
+            self._pending = None
         if frame is None or frame.sequence == self._sequence:
             return
-        self._sequence, self._began = frame.sequence, now
+        self._sequence = frame.sequence
+        self._began = now
         self._frames += 1
         at = BeltFrame(frame, pose(frame), self.travel.at(frame.stamp))
         find = self._finder(at.T_base_camera) if searches else None
@@ -108,7 +114,8 @@ class BeltWatch:
 
     def place(self, track: FruitTrack, t: float) -> tuple[Float64, Float64]:
         """Return place and velocity of a resting fruit at a time in the base frame, shape (3,) each [m], [m/s]."""
-        belt, step = self.tracks.belt, 0.01
+        belt = self.tracks.belt
+        step = 0.01
         at, _ = self.tracks.expected(track, t, self.travel.at(t))
         later, _ = self.tracks.expected(track, t + step, self.travel.at(t + step))
         turn = belt.T_base_belt[:3, :3]

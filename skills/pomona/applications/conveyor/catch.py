@@ -20,7 +20,8 @@ from pomona.skills.perception import MeasuredFruit
 
 BESIDE = 8e-3
 """Distance of the hand from its place when the fingers begin to close beyond which the fruit is let pass [m]."""
-SAME_TIME, AT_SPEED = 6.0, 0.3
+SAME_TIME = 6.0
+AT_SPEED = 0.3
 """Mean squared innovation of a track beyond which camera, joints and belt do not agree on the time, up to this speed
 [m/s]; it grows with the square: 5 ms between colour and depth are 4.0 to 9.6 at 0.5 m/s."""
 CLEARANCE = 5e-3  # distance of the arm from fixed objects on its way [m]
@@ -101,10 +102,14 @@ class Catch:
         stream: HandStream,
         fails: Fails,
     ) -> None:
-        self.pick, self.track, self._fails = pick, track, fails
-        self._tracks, self._stream = tracks, stream
+        self.pick = pick
+        self.track = track
+        self._fails = fails
+        self._tracks = tracks
+        self._stream = stream
         self._speed, self._change = tracks.travel.steady()
-        self._first, self._judged = track, False
+        self._first = track
+        self._judged = False
 
     def reaches(self, now: float) -> bool:
         """Return True while the hand comes to the fruit, until the grip may take its bias; `now` [s]."""
@@ -159,10 +164,8 @@ class Catch:
             q: joints, shape (dof,) [rad].
             width: between the pads [m].
         """
-        T_base_tcp, T_base_fruit = (
-            self._stream.robot.tcp(q),
-            self.track.measured.T_base_fruit.copy(),
-        )
+        T_base_tcp = self._stream.robot.tcp(q)
+        T_base_fruit = self.track.measured.T_base_fruit.copy()
         T_base_fruit[:3, 3] = T_base_tcp[:3, 3] - self.pick.grip
         fruit: MeasuredFruit = replace(self.track.measured, T_base_fruit=T_base_fruit)
         above = T_base_tcp.copy()

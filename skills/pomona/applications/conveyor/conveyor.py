@@ -115,13 +115,12 @@ class BeltPlace:
             ends = (
                 f"y {_mm(space.lower[1], space.upper[1])}, z {_mm(space.lower[2], space.upper[2])}"
             )
-            words, remedy = (
-                f"{belt} leaves the workspace, {ends}",
-                "move the belt, or workspace.lower and .upper",
-            )
+            words = f"{belt} leaves the workspace, {ends}"
+            remedy = "move the belt, or workspace.lower and .upper"
             yield Problem("beside", words, remedy)
         boxes = ((box.name, *_corners(box)) for box in space.obstacles)
-        inner, outer = lower + LEVEL, upper - LEVEL
+        inner = lower + LEVEL
+        outer = upper - LEVEL
         for name in dict.fromkeys(
             name for name, low, high in boxes if (low < outer).all() and (high > inner).all()
         ):
@@ -133,7 +132,8 @@ class BeltPlace:
         lower, upper = self._room(
             self.length / 4.0, self.width / 2.0
         )  # a volume for the belt holds this at least
-        inner, outer = lower + LEVEL, upper - LEVEL
+        inner = lower + LEVEL
+        outer = upper - LEVEL
         holding = [
             high
             for low, high in map(_corners, passing)
@@ -143,10 +143,8 @@ class BeltPlace:
         low, up = (
             " ".join(f"{x:.3f}" for x in corner) for corner in self._room(self.length, self.width)
         )
-        volume, where = (
-            f"- {{name: belt, lower: {low} m, upper: {up} m}}",
-            "workspace.watch.passing",
-        )
+        volume = f"- {{name: belt, lower: {low} m, upper: {up} m}}"
+        where = "workspace.watch.passing"
         if not holding:
             words = "no volume `passing` holds the fruit on the belt, so that each fruit would stop the arm"
             yield Problem(where if passing else "workspace.watch", words, volume)

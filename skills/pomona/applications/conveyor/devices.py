@@ -31,7 +31,8 @@ class SimConveyor(FaultyDevice):
         self.belt = world.built.belt
         self._world = world
         self._counted = [(world.clock.now(), 0.0)]
-        self._usual, self._stopped = world.wanted_speed, False
+        self._usual = world.wanted_speed
+        self._stopped = False
         world.after_step.append(self._count)
 
     def travelled(self) -> ConveyorState | None:

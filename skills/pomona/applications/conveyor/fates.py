@@ -128,17 +128,21 @@ class BeltScore:
         }
 
     def _watch_grip(self, number: int, fate: FruitFate) -> None:
-        pressed, beside = self._pressed(number), self._beside(number)
+        pressed = self._pressed(number)
+        beside = self._beside(number)
         fate.peak = max(fate.peak, *pressed)
         fate.put_down = max(fate.put_down, beside) if fate.lifted else 0.0
         radius = float(self.built.fruits[number].dimensions[0]) / 2.0
         fate.press.add(max(pressed), beside, radius, LOOK)
-        body, tool = self.state.body(f"fruit_{number}"), self.state.body("tool0")
-        R_tool, R_fruit = tool.xmat.reshape(3, 3), body.xmat.reshape(3, 3)
+        body = self.state.body(f"fruit_{number}")
+        tool = self.state.body("tool0")
+        R_tool = tool.xmat.reshape(3, 3)
+        R_fruit = body.xmat.reshape(3, 3)
         if min(pressed) < TOUCH or self._view(f"belt_{number}")[0] > 0.0:
             fate.held_at = None if min(pressed) < TOUCH else fate.held_at
             return
-        p, R = R_tool.T @ (body.xpos - tool.xpos), R_tool.T @ R_fruit
+        p = R_tool.T @ (body.xpos - tool.xpos)
+        R = R_tool.T @ R_fruit
         if fate.held_at is None:  # the fruit's point between the pads, and where it is in the tool
             between = np.asarray(self.built.model.site("tcp").pos)
             fate.held_at = between.copy(), R.T @ (between - p)

@@ -34,7 +34,8 @@ DESCENTS = (
     0.4,
 )  # times of the descent that are tried [s]: 80 mm in 0.3 s take 2.6 m/s² and 0.5 m/s
 FAST = 0.35  # speed of a belt from which a pick must be shorter, to end within the reach [m/s]
-CLOSING, QUICK = 0.85, 0.7
+CLOSING = 0.85
+QUICK = 0.7
 """Time at the fruit for which reach is kept [s], and on a fast belt: closing took 0.7 s (median) to 0.9 s in 200 picks,
 of which 0.15 s are now before the arrival; so it ended 0.49 to 0.67 s after the arrival in 16."""
 LIFTS = 2.0  # largest acceleration of a lift [m/s²], as of a fruit that is carried
@@ -93,7 +94,8 @@ class InterceptPlan:
 
     def pose(self, t: float, place: Place) -> Float64:
         """T_base_tcp at a time, shape (4, 4)."""
-        s, T = max(t - self.t0, 0.0), np.eye(4)
+        s = max(t - self.t0, 0.0)
+        T = np.eye(4)
         if s < self.reach:
             turned, _ = cv2.Rodrigues(float(_value(self.turn, s)) * self.axis)
             T[:3, :3], beside = self.R_base_start @ turned, _value(self.way, s)
@@ -131,7 +133,8 @@ class Rise:
 
     def pose(self, t: float) -> Float64:
         """T_base_tcp at a time, shape (4, 4)."""
-        s, T = max(t - self.t0, 0.0), self.T_base_start.copy()
+        s = max(t - self.t0, 0.0)
+        T = self.T_base_start.copy()
         u = min(s / self._lift, 1.0)
         ride, brake = self.brakes
         slowing = min(max(s - ride, 0.0), brake)
@@ -179,7 +182,9 @@ def plan_pick(
         yaws: angles of the tool's x axis to the belt's direction, in the order in which they are tried [rad].
         along: the belt's direction in the base frame, shape (3,).
     """
-    T_base_tcp, short, near = hand.robot.tcp(hand.q), False, False
+    T_base_tcp = hand.robot.tcp(hand.q)
+    short = False
+    near = False
     steady = _steady(*place(now), now)
     found: NoPick = NoPick("", "the fruit is not near enough yet")
     for reach in REACHES:
@@ -205,7 +210,8 @@ def plan_pick(
                     found = NoPick("OUT_OF_REACH", blocked)
                     continue
                 return planned
-        short, near = short or not reached, near or (reached and reach == REACHES[0])
+        short = short or not reached
+        near = near or (reached and reach == REACHES[0])
     if (
         near and not found.code
     ):  # the fruit is in reach, and a later start leaves less time to the same place
@@ -246,14 +252,16 @@ def reachable(
     T_base_tcp[:3, 3] = p_base + hand_along * along
     ends = []
     for way in (-1.0, 1.0):
-        q, at = nearest_solution(hand.robot, T_base_tcp, hand.q), hand_along
+        q = nearest_solution(hand.robot, T_base_tcp, hand.q)
+        at = hand_along
         while q is not None and abs(at - hand_along) < FARTHEST:
             T = T_base_tcp.copy()
             T[:3, 3] = p_base + (at + way * COARSE) * along
             ahead = nearest_solution(hand.robot, T, q)
             if ahead is None or np.abs(ahead - q).max() > JUMP:
                 break
-            q, at = ahead, at + way * COARSE
+            q = ahead
+            at = at + way * COARSE
         ends.append(at)
     return ends[0], ends[1]
 
@@ -292,7 +300,8 @@ def _pick(
     p, v = place(now)
     axis, _ = cv2.Rodrigues(T_base_tcp[:3, :3].T @ R_base_grasp)
     sinks = np.array([-SINKING * ABOVE / descent])
-    up, down = np.array([0.0, 0.0, ABOVE]), np.array([0.0, 0.0, sinks[0]])
+    up = np.array([0.0, 0.0, ABOVE])
+    down = np.array([0.0, 0.0, sinks[0]])
     way = _quintic(T_base_tcp[:3, 3] - p - grip, -v, up, down, reach)
     turn = _quintic(np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), reach)[:, 0]
     drop = _quintic(np.array([ABOVE]), sinks, np.zeros(1), np.zeros(1), descent)[:, 0]
@@ -324,7 +333,9 @@ def _planned(hand: ReadyHand, pick: InterceptPlan, place: Place) -> InterceptPla
         for t in np.linspace(closed, rise.end, 7)[1:]:
             yield float(t), rise.pose(float(t))
 
-    q, times, postures = hand.q, [], []
+    q = hand.q
+    times = []
+    postures = []
     for t, T in way():
         solved = nearest_solution(hand.robot, T, q)
         if solved is None or np.abs(solved - q).max() > JUMP:
@@ -332,7 +343,8 @@ def _planned(hand: ReadyHand, pick: InterceptPlan, place: Place) -> InterceptPla
         q = solved
         times.append(t)
         postures.append(q)
-    found, t_all = np.array(postures), np.array(times)
+    found = np.array(postures)
+    t_all = np.array(times)
     qd = np.gradient(found, t_all, axis=0)
     qdd = np.gradient(qd, t_all, axis=0)
     shares = np.abs(qd) / hand.limits.velocity, np.abs(qdd) / hand.limits.acceleration
@@ -341,7 +353,8 @@ def _planned(hand: ReadyHand, pick: InterceptPlan, place: Place) -> InterceptPla
 
 def plumb(along: Float64, yaw: float) -> Float64:
     """Return the orientation of a hand that points down, its x axis turned from the belt's direction, shape (3, 3)."""
-    c, s = np.cos(yaw), np.sin(yaw)
+    c = np.cos(yaw)
+    s = np.sin(yaw)
     x = np.array([c * along[0] - s * along[1], s * along[0] + c * along[1], 0.0])
     x /= np.linalg.norm(x)
     z = np.array([0.0, 0.0, -1.0])
@@ -380,7 +393,8 @@ def in_the_way(
         p_others: their places in the base frame, shape (3,), and their largest radii [m].
         width: opening of the fingers [m].
     """
-    along, across = FINGER[0], width / 2.0 + FINGER[1]
+    along = FINGER[0]
+    across = width / 2.0 + FINGER[1]
     worst = -np.inf
     for p, radius in p_others:
         x, y, _ = R_base_grasp.T @ (p - p_fruit)

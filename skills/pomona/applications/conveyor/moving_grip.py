@@ -19,7 +19,8 @@ EARLY = (
 FIRST_BIAS = 0.23 + EARLY  # time before the arrival at which the grip begins to record its bias [s]
 SOONER = 0.07  # time by which all that begins sooner on a fast belt [s]
 OPENING = 0.018  # opening over the fruit's width with which the hand comes down [m]
-SLOWS, SLOWS_LATER = 0.008, 0.005
+SLOWS = 0.008
+SLOWS_LATER = 0.005
 """Opening over the fruit's width at which the fingers slow down, also on a fast belt [m]: it may lie off the middle."""
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 FIRST_FORCE, MOST = (

@@ -64,8 +64,11 @@ class PickChoice:
         Args:
             sure: largest half-axis of its place's 90 % ellipse [m].
         """
-        self._hand, self._tracks, self._grip = hand, tracks, grip
-        self._opening, self._sure = opening, sure
+        self._hand = hand
+        self._tracks = tracks
+        self._grip = grip
+        self._opening = opening
+        self._sure = sure
         self._end: float | None = None
         self._why: NoPick | None = None
 
@@ -88,7 +91,8 @@ class PickChoice:
         return NoPick("", pick.reason)
 
     def _possible(self, track: FruitTrack, now: float) -> InterceptPlan | NoPick:
-        tracks, place = self._tracks, partial(self._tracks.place, track)
+        tracks = self._tracks
+        place = partial(self._tracks.place, track)
         if not track.rests:
             return NoPick("TOO_UNSURE", "the fruit rolls on the belt")
         radius = ellipse_radius(tracks.covariance(track, now + SURE_UNTIL))

@@ -56,7 +56,8 @@ class Track(LookingSkill):
             Time, Port(min="1 ms", max="60 s", help="older frames are refused")
         ] = TIME("500 ms"),
     ) -> Work[Tracked]:
-        model, conveyor = self.fruit_model(fruit), self.device(Conveyor)
+        model = self.fruit_model(fruit)
+        conveyor = self.device(Conveyor)
         frame = self.newest_frame(max_age)
         if frame.depth is None:
             raise self.failure(
@@ -72,7 +73,8 @@ class Track(LookingSkill):
             words = f"the camera sees no belt where the cell file has one: {where}"
             remedy = "check its `beside` and `top` there, and the pose from which the camera looks"
             raise self.failure("NO_BELT", f"{words}; {remedy}", share=share)
-        watch, travel = BeltWatch(model, conveyor.belt, conveyor.travelled() is not None), Travel()
+        watch = BeltWatch(model, conveyor.belt, conveyor.travelled() is not None)
+        travel = Travel()
         began = self.clock.now()
         while watch.tracks.encoder and self.clock.now() - began < LISTENS:
             travel.note(conveyor.travelled())

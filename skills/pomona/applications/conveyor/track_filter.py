@@ -16,7 +16,8 @@ import numpy as np
 from pomona.executive import Float64, ReadOnly
 
 SIGMA = 1e-4  # random error of one fit in each direction [m]
-BIAS, BIAS_TIME = 6e-4, 0.9
+BIAS = 6e-4
+BIAS_TIME = 0.9
 """Deviation of the bias in each direction [m], and the time in which it is forgotten [s]: it then walks by 0.8 mm a
 root second, the best of the probe's filters."""
 FIRST = 3e-4  # random error of a fruit's first measurement in each direction [m]: its shape is not known yet
@@ -81,7 +82,9 @@ def predict(state: FruitState, t: float, travelled: float, model: MotionModel) -
     F[6:, 6:] *= keeps
     x = F @ state.x
     x[0] += travelled - state.travelled
-    Q, d, level = np.zeros((9, 9)), abs(dt), model.wander**2 * np.diag([1.0, 1.0, 0.0])
+    Q = np.zeros((9, 9))
+    d = abs(dt)
+    level = model.wander**2 * np.diag([1.0, 1.0, 0.0])
     Q[:3, :3], Q[:3, 3:6], Q[3:6, :3], Q[3:6, 3:6] = (
         level * d**3 / 3.0, level * d * dt / 2.0, level * d * dt / 2.0, level * d,
     )  # fmt: skip

@@ -195,7 +195,8 @@ class Tracks:
         stretched = self.model.vertices * (measured.dimensions / self.model.dimensions)
         mesh = replace(self.model, vertices=stretched, dimensions=measured.dimensions)
         place = (inverse(self.belt.T_base_belt) @ measured.T_base_fruit[:, 3])[:3]
-        t, travelled = at.frame.stamp, at.travelled
+        t = at.frame.stamp
+        travelled = at.travelled
         filters = begin(t, travelled, place, self.still), begin(t, travelled, place, ROLLING)
         return FruitTrack(number, measured, mesh, measured.T_base_fruit[:3, :3], *filters)
 
@@ -233,5 +234,6 @@ def _inside(p_base: Float64, at: BeltFrame, edge: float) -> bool:
     x, y, z = (inverse(at.T_base_camera) @ np.append(p_base, 1.0))[:3]
     if z <= 0.0:
         return False
-    u, v = (lens.fx * x / z + lens.cx) / lens.width, (lens.fy * y / z + lens.cy) / lens.height
+    u = (lens.fx * x / z + lens.cx) / lens.width
+    v = (lens.fy * y / z + lens.cy) / lens.height
     return bool(edge < u < 1.0 - edge and edge < v < 1.0 - edge)

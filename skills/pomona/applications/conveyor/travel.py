@@ -11,7 +11,8 @@ KEPT = 2.0  # time over which measurements are kept [s]: longer than a frame tak
 SAME_SPEED = (
     0.02  # change of a belt's speed that is a change and no noise, of whatever encoder [m/s]
 )
-LEAST_CHANGE, RIPPLE = 4e-3, 1.5
+LEAST_CHANGE = 4e-3
+RIPPLE = 1.5
 """A smaller change is one as well, from this one on [m/s], if it is so many times what the speed varied by lately."""
 STEADY = 0.3  # time over which the speed is measured before a pick [s]: counts of 0.1 mm then err by 0.3 mm/s
 FASTEST_CHANGE = 5.0
@@ -70,7 +71,8 @@ class Travel:
         if after == 0:
             oldest = self._states[0]
             return oldest.position + oldest.speed * (t - oldest.stamp)
-        before, behind = self._states[after - 1], self._states[after]
+        before = self._states[after - 1]
+        behind = self._states[after]
         share = (t - before.stamp) / (behind.stamp - before.stamp)
         return before.position + share * (behind.position - before.position)
 

@@ -48,7 +48,8 @@ class ConveyorWorld(PhysicsWorld):
         speed: float,
         feed: Feed,
     ) -> None:
-        self.built, self.feed = built, feed
+        self.built = built
+        self.feed = feed
         self.wanted_speed = self.speed = speed
         self.travelled = 0.0
         super().__init__(built.model, description, q_start, seed)
@@ -71,7 +72,8 @@ class ConveyorWorld(PhysicsWorld):
 
     def pose(self, number: int) -> Float64:
         """T_base_fruit, shape (4, 4)."""
-        body, T = self.state.body(f"fruit_{number}"), np.eye(4)
+        body = self.state.body(f"fruit_{number}")
+        T = np.eye(4)
         T[:3, 3], T[:3, :3] = body.xpos, body.xmat.reshape(3, 3)
         return T
 
@@ -92,11 +94,13 @@ class ConveyorWorld(PhysicsWorld):
             yaw: turn about the vertical [rad].
             roll: speed over the belt at which it comes lying and rolls [m/s]; None: it stands, or lies as its kind.
         """
-        fruit, belt = self.built.fruits[number], self.built.belt
+        fruit = self.built.fruits[number]
+        belt = self.built.belt
         lies = fruit.tilt > 1.0 or roll is not None
         across = fruit.dimensions[0] if lies else fruit.dimensions[1]
         T = standing_pose(fruit, belt.top + across / 2.0 + HIGHER)
-        c, s = np.cos(yaw), np.sin(yaw)
+        c = np.cos(yaw)
+        s = np.sin(yaw)
         T[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T[:3, :3]
         if roll is not None and fruit.tilt <= 1.0:  # its axis lies across the belt
             T[:3, :3] = belt.T_base_belt[:3, :3] @ np.array(
@@ -108,7 +112,8 @@ class ConveyorWorld(PhysicsWorld):
 
     def park(self, number: int) -> None:
         """Let a fruit wait on the shelf."""
-        fruit, belt = self.built.fruits[number], self.built.belt
+        fruit = self.built.fruits[number]
+        belt = self.built.belt
         across = fruit.dimensions[0] if fruit.tilt > 1.0 else fruit.dimensions[1]
         T = standing_pose(fruit, belt.top + across / 2.0 + HIGHER)
         T[:2, 3] = waiting_place(number)
@@ -120,7 +125,8 @@ class ConveyorWorld(PhysicsWorld):
 
     def _place(self, number: int, T: Float64, velocity: Float64, spin: Float64) -> None:
         joint = self.model.joint(f"fruit_{number}")
-        at, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
+        at = int(joint.qposadr[0])
+        dof = int(joint.dofadr[0])
         self.state.qpos[at : at + 3] = T[:3, 3]
         self.state.qpos[at + 3 : at + 7] = quaternion(load_mujoco(), T)
         self.state.qvel[dof : dof + 6] = [*velocity, *(T[:3, :3].T @ spin)]
@@ -141,11 +147,13 @@ class ConveyorWorld(PhysicsWorld):
                 self._bring(self._waiting.pop(0))
 
     def _bring(self, number: int) -> None:
-        rng, belt = self._rng, self.built.belt
+        rng = self._rng
+        belt = self.built.belt
         roll = (
             float(rng.uniform(*self.feed.roll_speed)) if rng.random() < self.feed.rolling else None
         )
-        aside, yaw = rng.uniform(-self.feed.lateral, self.feed.lateral), rng.uniform(-np.pi, np.pi)
+        aside = rng.uniform(-self.feed.lateral, self.feed.lateral)
+        yaw = rng.uniform(-np.pi, np.pi)
         self.put(number, 0.05 - belt.length / 2.0, aside, yaw, roll)
         self.score.begin(number, self.clock.now())
         self._next_at = self.travelled + float(rng.uniform(*self.feed.gap))

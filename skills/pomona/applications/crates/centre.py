@@ -50,7 +50,8 @@ class Centre(FeelingSkill):
             Length, Port(min="1 mm", max="15 mm", help="largest way of the hand")
         ] = LENGTH("6 mm"),
     ) -> Work[Centred]:
-        gripper, begin = self.device(Gripper), tool_pose(self)
+        gripper = self.device(Gripper)
+        begin = tool_pose(self)
         take_over(gripper)
         yield from self.move_fingers(
             min(grasp.width, gripper.limits.width_max), gripper.limits.speed_max

@@ -73,7 +73,8 @@ class ChooseFruit(Skill):
         seen = [fruit for fruit in scene.fruit if fruit.measured is not None]
         room = yield from self.compute(self._room, scene, seen, target, air)
         order = sorted(range(len(seen)), key=lambda k: room[k], reverse=True)
-        rows, chosen = [], None
+        rows = []
+        chosen = None
         for k in order:
             before = self._times(scene, seen[k])
             rows.append(
@@ -105,7 +106,8 @@ class ChooseFruit(Skill):
                 (-float(np.linalg.norm(fruit.detection.T_camera_object[:3, 3])),) for fruit in seen
             ]
         robot = RobotModel.load(self.device(Arm).description)
-        fingers, workspace = gripper_shape(robot), self.device(Workspace)
+        fingers = gripper_shape(robot)
+        workspace = self.device(Workspace)
         rooms: list[tuple[float, ...]] = []
         for fruit in seen:
             assert fruit.measured is not None
@@ -124,13 +126,15 @@ class ChooseFruit(Skill):
         return self._neighbours(scene, fruit) < known.neighbours or _was_moved(known, fruit)
 
     def _note(self, scene: FruitScene, fruit: SeenFruit) -> None:
-        known, number = self._known(fruit), self._neighbours(scene, fruit)
+        known = self._known(fruit)
+        number = self._neighbours(scene, fruit)
         if known is None:
             self._tried.append(_Tried(_place(fruit), number))
             return
         known.tries = 1 if self._is_another(known, scene, fruit) else known.tries + 1
         known.moves += _was_moved(known, fruit)
-        known.p_base, known.neighbours = _place(fruit), number
+        known.p_base = _place(fruit)
+        known.neighbours = number
 
     def _known(self, fruit: SeenFruit) -> _Tried | None:
         place = _place(fruit)

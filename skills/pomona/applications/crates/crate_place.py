@@ -73,7 +73,8 @@ def crate_named(name: str, boxes: Sequence[object]) -> Crate | None:
     own = [box for box in boxes if isinstance(box, Box) and box.name == name]
     if len(own) < 2:
         return None
-    floor, T_base_crate = own[0], own[0].T_base_box.copy()
+    floor = own[0]
+    T_base_crate = own[0].T_base_box.copy()
     up = T_base_crate[:3, 2]
     tops = [
         float((box.T_base_box[:3, 3] - T_base_crate[:3, 3]) @ up) + box.half_extents[2]
@@ -98,7 +99,8 @@ def rim_points(depth: Float64, lens: Intrinsics, T_base_camera: Float64, crate: 
     seen: Float64 = depth[::PIXELS, ::PIXELS].astype(np.float64)
     v, u = np.nonzero(seen > 0.0)
     z = seen[v, u]
-    x, y = (PIXELS * u - lens.cx) / lens.fx * z, (PIXELS * v - lens.cy) / lens.fy * z
+    x = (PIXELS * u - lens.cx) / lens.fx * z
+    y = (PIXELS * v - lens.cy) / lens.fy * z
     T = np.linalg.inv(crate.T_base_crate) @ T_base_camera
     points = np.column_stack((x, y, z)) @ T[:3, :3].T + T[:3, 3]
     near = (np.abs(points[:, 2]) < BAND) & (np.abs(points[:, :2]) < crate.half + REACH).all(axis=1)
@@ -114,7 +116,8 @@ def share_in_view(lens: Intrinsics, T_base_camera: Float64, crate: Crate) -> flo
     T = np.linalg.inv(T_base_camera) @ crate.T_base_crate
     p = np.column_stack((edge, np.zeros(len(edge)))) @ T[:3, :3].T + T[:3, 3]
     ahead = np.maximum(p[:, 2], 1e-6)
-    u, v = p[:, 0] / ahead * lens.fx + lens.cx, p[:, 1] / ahead * lens.fy + lens.cy
+    u = p[:, 0] / ahead * lens.fx + lens.cx
+    v = p[:, 1] / ahead * lens.fy + lens.cy
     return float(
         ((p[:, 2] > 0.0) & (u >= 0.0) & (u < lens.width) & (v >= 0.0) & (v < lens.height)).mean()
     )
@@ -127,13 +130,16 @@ def find_crate(points: Float64, crate: Crate) -> SeenCrate | None:
     """
     if len(points) < 2 * LEAST_SIDE:
         return None
-    line, best, most = crate.half - crate.wall / 2.0, None, 0
+    line = crate.half - crate.wall / 2.0
+    best = None
+    most = 0
     for dx, dy, turn in product(BEGINNINGS[0], BEGINNINGS[0], BEGINNINGS[1]):
         pose = _fitted(points, line, np.array([dx, dy, turn]))
         side, off = _nearest(_seen_from(points, pose), line)
         on_it = np.abs(off) < crate.wall / 2.0 + 2e-3
         if on_it.sum() > most:
-            best, most = (pose, np.bincount(side[on_it], minlength=4)), int(on_it.sum())
+            best = (pose, np.bincount(side[on_it], minlength=4))
+            most = int(on_it.sum())
     if best is None:
         return None
     (x, y, turn), counts = best
@@ -145,7 +151,8 @@ def find_crate(points: Float64, crate: Crate) -> SeenCrate | None:
 
 def _seen_from(points: Float64, pose: Float64) -> Float64:
     """Return points in the frame of a crate that is shifted and turned by a pose (x, y, angle)."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c = np.cos(pose[2])
+    s = np.sin(pose[2])
     seen: Float64 = (points - pose[:2]) @ np.array([[c, -s], [s, c]])
     return seen
 
@@ -173,10 +180,12 @@ def _fitted(points: Float64, line: Float64, pose: Float64) -> Float64:
         used = np.abs(off) < gate
         if used.sum() < LEAST_SIDE:
             return pose
-        n, p = normals[side[used]], own[used]
+        n = normals[side[used]]
+        p = own[used]
         # a step (x, y, angle) in the crate's frame takes from each distance n · (step - angle · p⊥)
         rows = np.column_stack((n, n[:, 1] * p[:, 0] - n[:, 0] * p[:, 1]))
         step = np.linalg.lstsq(rows, off[used], rcond=None)[0]
-        c, s = np.cos(pose[2]), np.sin(pose[2])
+        c = np.cos(pose[2])
+        s = np.sin(pose[2])
         pose = pose + np.array([c * step[0] - s * step[1], s * step[0] + c * step[1], step[2]])
     return pose

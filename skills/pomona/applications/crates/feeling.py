@@ -28,7 +28,8 @@ from pomona.skills import (
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp, RobotModel, straight_line
 
-START, START_ANGLE = 0.01, 0.1
+START = 0.01
+START_ANGLE = 0.1
 """How far the TCP may stand from the place over the fruit [m, rad]."""
 OPEN = 1e-3
 """Deviation of the opening that is none [m]."""
@@ -68,7 +69,8 @@ class OuterFaces:
 
     def __init__(self, gripper: Gripper) -> None:
         self._gripper, state = gripper, gripper.state()
-        self._opened, self._resting = state.width, state.motor_force or 0.0
+        self._opened = state.width
+        self._resting = state.motor_force or 0.0
 
     @property
     def moved(self) -> float:
@@ -185,7 +187,8 @@ class FeelingSkill(MovingSkill):
         Raises SkillFailure: NOT_AT_PRE_GRASP; CONTACT, if something keeps the fingers from it or pushes them; the arm
         has not moved.
         """
-        gripper, pose = self.device(Gripper), tool_pose(self)
+        gripper = self.device(Gripper)
+        pose = tool_pose(self)
         apart = float(np.linalg.norm(pose[:3, 3] - grasp.T_base_pre_grasp[:3, 3]))
         cosine = (float(np.trace(pose[:3, :3].T @ grasp.T_base_pre_grasp[:3, :3])) - 1.0) / 2.0
         angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
@@ -224,7 +227,8 @@ class FeelingSkill(MovingSkill):
 
     def _show(self, way: Float64, hand: ManoeuvreHand, ended: bool) -> None:
         """Publish the latest ways with their forces, the newest first; `way` is the last one, shape (3,) [m]."""
-        across, up = float(np.linalg.norm(way[:2])), float(way[2])
+        across = float(np.linalg.norm(way[:2]))
+        up = float(way[2])
         where = "across" if across > abs(up) else "down" if up < 0.0 else "up"
         length = f"{1e3 * max(across, abs(up)):.0f} mm {where}"
         row = (
@@ -283,23 +287,28 @@ class FeelingSkill(MovingSkill):
         Returns:
             Whether both feel it.
         """
-        gripper, before, blocked = self.device(Gripper), 0.0, False
+        gripper = self.device(Gripper)
+        before = 0.0
+        blocked = False
         for _ in range(steps):
             self.require_fresh(hand)
             pressed = (hand.pads.average() - offset)[:, 2]
             if (pressed < -FELT).all():
                 return True
-            side, where = float(np.sign(pressed[1] - pressed[0])), place(pressed)
+            side = float(np.sign(pressed[1] - pressed[0]))
+            where = place(pressed)
             if where is not None and (
                 blocked or side != -before
             ):  # else the last shift went past the fruit
-                before, blocked = side, False
+                before = side
+                blocked = False
                 shifting = hand._replace(outer=OuterFaces(gripper))
                 yield from self.feel_way(self.line_to(where), SHIFTING, shifting, limit, limit)
             elif blocked:
                 break
             else:
-                before, blocked = 0.0, not (yield from self._close(gripper.state().width - CLOSING))
+                before = 0.0
+                blocked = not (yield from self._close(gripper.state().width - CLOSING))
             yield from self.wait(SETTLE)
             hand.forget_change()
         return False
@@ -351,7 +360,8 @@ def straight_to(skill: MovingSkill, p_goal: Float64) -> Float64:
 
     Raises SkillFailure: NO_STRAIGHT_LINE; nothing has moved.
     """
-    arm, goal = skill.device(Arm), tool_pose(skill)
+    arm = skill.device(Arm)
+    goal = tool_pose(skill)
     goal[:3, 3] = p_goal
     line = straight_line(RobotModel.load(arm.description), arm.state().q, goal)
     if not line.complete:
@@ -362,7 +372,8 @@ def straight_to(skill: MovingSkill, p_goal: Float64) -> Float64:
 def as_it_stands(grasp: Grasp, T_base_tcp: Float64) -> Grasp:
     """Return a grasp where the hand stands, T_base_tcp (4, 4): the fruit is between the fingers as it was planned."""
     shift = T_base_tcp[:3, 3] - grasp.T_base_grasp[:3, 3]
-    T_base_fruit, T_base_over = grasp.fruit.T_base_fruit.copy(), grasp.T_base_pre_grasp.copy()
+    T_base_fruit = grasp.fruit.T_base_fruit.copy()
+    T_base_over = grasp.T_base_pre_grasp.copy()
     T_base_fruit[:2, 3] += shift[:2]
     T_base_over[:2, 3] += shift[:2]
     fruit = replace(grasp.fruit, T_base_fruit=T_base_fruit)

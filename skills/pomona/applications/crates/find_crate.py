@@ -51,7 +51,8 @@ class FindCrate(LookingSkill):
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Check that the cell has the crate that is named."""
-        workspace, name = (None if cell is None else cell.known(Workspace)), known.get("name")
+        workspace = None if cell is None else cell.known(Workspace)
+        name = known.get("name")
         if (
             cell is None
             or workspace is None

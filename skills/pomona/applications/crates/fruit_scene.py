@@ -19,7 +19,8 @@ that touches is apart by the sum."""
 HIGH = 0.02
 """Height of a fruit's lowest point over the floor from which another fruit must carry it [m]: fruit that stands was
 measured up to 4 mm off, and a fruit that leans on a wall or a neighbour stands up to 5 mm high."""
-LOWER, BESIDE = 0.03, 0.012
+LOWER = 0.03
+BESIDE = 0.012
 """A fruit that carries another one has its middle lower by this, and touches it within this gap [m]."""
 WHOLE = 0.9
 """Share of its pixels with agreeing depth of a fruit that lies on others: nothing hides it. In four simulated heaps of
@@ -104,7 +105,8 @@ def in_the_air(
     obstacles: Sequence[Box] = (),
 ) -> bool:
     """Return True if neither the table, nor a box, nor another fruit carries a fruit where it was measured."""
-    p, radius = fruit.T_base_fruit[:3, 3], float(fruit.dimensions.mean()) / 2.0
+    p = fruit.T_base_fruit[:3, 3]
+    radius = float(fruit.dimensions.mean()) / 2.0
     floors = [table_z, *(top for box in obstacles if (top := _top_below(box, p)) is not None)]
     if float(fruit_points(fruit)[:, 2].min()) < max(floors) + HIGH:
         return False
@@ -118,7 +120,8 @@ def in_the_air(
 
 def _top_below(box: Box, p: Float64) -> float | None:
     """Return the height of a box's top in the base frame [m]; None where it is not below a place, shape (3,) [m]."""
-    T, half = box.T_base_box, np.array(box.half_extents)
+    T = box.T_base_box
+    half = np.array(box.half_extents)
     top = float(T[2, 3] + np.abs(T[2, :3]) @ half)
     middle = np.array([*p[:2], T[2, 3]]) - T[:3, 3]
     return top if top < p[2] and bool((np.abs(T[:3, :3].T @ middle) <= half).all()) else None

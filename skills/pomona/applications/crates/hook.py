@@ -106,7 +106,8 @@ class Hook(FeelingSkill):
 
     def _down(self, hook: Grasp, hand: ManoeuvreHand, limit: float) -> Work[None]:
         """Go down beside the wall until a finger touches the fruit's flank, or to the lowest place."""
-        start, end = hook.T_base_pre_grasp[2, 3], hook.T_base_grasp[2, 3]
+        start = hook.T_base_pre_grasp[2, 3]
+        end = hook.T_base_grasp[2, 3]
         robot = RobotModel.load(self.device(Arm).description)
         tips = start - float(gripper_shape(robot).points[:, 2].max())
         fast = tips - float(fruit_points(hook.fruit)[:, 2].max()) - ABOVE

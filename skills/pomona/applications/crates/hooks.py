@@ -184,7 +184,8 @@ def _reachable(
     ruled_out: list[RuledOut],
 ) -> list[Grasp]:
     """Return the hooks about one direction that the arm can go, and add the others to `ruled_out`."""
-    robot, grasps = space.world.shape.model, []
+    robot = space.world.shape.model
+    grasps = []
     found = hooks(beside, away, gripper_shape(robot), space.width, distance)
     for index, (turn, T_base_tcp, pull, why) in enumerate(found, len(ruled_out)):
         q_free: Float64 = np.empty((0, robot.dof))
@@ -251,7 +252,8 @@ def _lowest(
     middle = (beside.points.max(axis=0) + beside.points.min(axis=0)) / 2.0
     T_base_tcp = np.eye(4)
     T_base_tcp[:3, :3] = R_base_tcp
-    half, why = float(np.ptp(beside.points @ pull)) / 2.0, ""
+    half = float(np.ptp(beside.points @ pull)) / 2.0
+    why = ""
     for behind in np.arange(half, BEHIND, -STEP):
         T_base_tcp[:3, 3] = middle + pull * (width / 2.0 - behind)
         T_base_tcp[2, 3] = middle[2] + LOWEST
@@ -320,11 +322,13 @@ def postures_over(
         passed: names of obstacles beside which the fingers' outline was judged: the spheres of collision checks are
             too coarse there.
     """
-    robot, world = space.world.shape.model, space.world
+    robot = space.world.shape.model
+    world = space.world
     for name in set(passed) & set(world.names):
         world = world.allowing(name, "fingers")
     ways = replace(space, world=world)
-    found, why = [], "the arm does not reach over the fruit"
+    found = []
+    why = "the arm does not reach over the fruit"
     solutions = inverse_kinematics(robot, T_base_over, arm_angles=18, near=near)
     T_base_end = T_base_tcp.copy()
     T_base_end[:3, 3] += pull

@@ -111,7 +111,8 @@ class Insert(FeelingSkill):
             yield from self.feel_way(
                 self.line_to(before[:3, 3] - [0.0, 0.0, fast]), DOWN, hand, law.touch, law.touch
             )
-        manner, stopped = SLOW, False
+        manner = SLOW
+        stopped = False
         while (
             step := law.next(tool_pose(self)[:3, 3], self._felt(hand, offset), stopped)
         ) is not None:

@@ -18,7 +18,8 @@ from pomona.executive import Float64
 
 COMPLIANCE = 1e-3
 """Way sideways in a step per force [m/N]: less than a contact of 1 N/mm gives."""
-LONGEST, SHORTEST = 1.5e-3, 0.4e-3
+LONGEST = 1.5e-3
+SHORTEST = 0.4e-3
 """Steps sideways [m]."""
 CENTRING = 0.7e-3
 """Step sideways of a hand whose pads close on the fruit [m]."""
@@ -64,7 +65,8 @@ class FeltByHand:
         Args:
             crowded: the finger that is pushed from outside: 1 along y, -1 the other one, 0 unknown.
         """
-        left, right = self.wrenches[0, :3], self.wrenches[1, :3]
+        left = self.wrenches[0, :3]
+        right = self.wrenches[1, :3]
         return np.array(
             [right[1] - left[1], right[2] - left[2] - crowded * self.outer, left[0] + right[0]]
         )
@@ -101,15 +103,18 @@ class Insertion:
             crowded: see `FeltByHand.on_hand`.
             blocked: whether the hand at a place, shape (3,) [m], would touch a wall.
         """
-        self.left, self.most, self.shifted, self.arrived = (
-            float(T_start[2, 3]) - height,
-            0.0,
-            0.0,
-            False,
-        )
-        self._start, self._R, self._height = T_start[:3, 3].copy(), T_start[:3, :3], height
-        self._limit, self._crowded, self._blocked = limit, crowded, blocked
-        self._lowest, self._stops = self.left, 0
+        self.left = float(T_start[2, 3]) - height
+        self.most = 0.0
+        self.shifted = 0.0
+        self.arrived = False
+        self._start = T_start[:3, 3].copy()
+        self._R = T_start[:3, :3]
+        self._height = height
+        self._limit = limit
+        self._crowded = crowded
+        self._blocked = blocked
+        self._lowest = self.left
+        self._stops = 0
 
     @property
     def touch(self) -> float:

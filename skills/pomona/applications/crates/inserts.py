@@ -37,7 +37,8 @@ LOCK = 0.11
 """Largest overlap of a finger with a neighbour, in its radii [1]. A ball between a finger and the floor is nipped, and
 does not roll away, where tan((90° - a) / 2) < friction, with cos a = 1 - overlap / radius: from 0.12 on at 0.6, the
 friction of skin on plastic."""
-FLOOR_AIR, RAISED = 3e-3, 4e-3
+FLOOR_AIR = 3e-3
+RAISED = 4e-3
 """Air between the fingers and the floor, and height of the TCP over the fruit's middle at least [m]."""
 PALM_AIR = 5e-3
 """Air between palm and fruit [m]."""
@@ -106,11 +107,13 @@ def insert_candidates(
         space: the arm among its obstacles.
         near: joints from which short ways are preferred, shape (dof,) [rad].
     """
-    grasps, ruled_out = [], []
+    grasps = []
+    ruled_out = []
     for index, place in enumerate(
         sorted(insert_places(beside, fingers, widest), key=lambda place: place.push)
     ):
-        q_free, why = np.empty((0, space.world.shape.model.dof)), place.why
+        q_free = np.empty((0, space.world.shape.model.dof))
+        why = place.why
         T_base_over = place.T_base_tcp.copy()
         if not why:
             T_base_over[2, 3] = beside.top + fingers.points[:, 2].max()
@@ -157,7 +160,9 @@ def _least_push(
     free: float,
 ) -> InsertPlace:
     """Return the place with the least push among shifts of the hand; `free` is the air on both sides together [m]."""
-    corners, best, why = finger_corners(fingers, T_base_tcp, width), (LOCK, T_base_tcp), ""
+    corners = finger_corners(fingers, T_base_tcp, width)
+    best = (LOCK, T_base_tcp)
+    why = ""
     give = GIVE * T_base_tcp[:3, 1]
     for shift in sorted(ALONG, key=abs):
         pads = max(0.0, abs(shift) - free / 2.0)

@@ -21,7 +21,8 @@ STEP = 3e-3
 """Of a pull, after which the finger gives way [m]."""
 LEAST = 0.3
 """Change of force that shows a fruit at the finger [N]; the fingers' noise is 0.2 N."""
-LOWER, LOWERED = 1.2e-3, 2
+LOWER = 1.2e-3
+LOWERED = 2
 """How far the finger stays below the way of a rolling ball in each of the first steps [m]: it presses into the flank.
 An apple on the ring of its base tips with a jerk, and a finger that rises before slides over its shoulder."""
 HITS = 8
@@ -65,7 +66,8 @@ class HookPull:
         self._behind = hook.width / 2.0 - float(
             (p_start - hook.fruit.T_base_fruit[:3, 3]) @ self._along
         )
-        self._hits, self._begins = 0, True
+        self._hits = 0
+        self._begins = True
         self.came = self.off = self.most = 0.0
         self.limit = limit
 

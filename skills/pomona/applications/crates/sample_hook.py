@@ -46,7 +46,8 @@ class SampleHook(Skill):
             Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("4 mm"),
     ) -> Work[HooksSampled]:
-        arm, workspace = self.device(Arm), self.device(Workspace)
+        arm = self.device(Arm)
+        workspace = self.device(Workspace)
         beside = Beside.of(around, workspace)
         if not beside.away:
             raise self.failure(

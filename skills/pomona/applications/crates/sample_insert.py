@@ -44,8 +44,10 @@ class SampleInsert(Skill):
             Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
         ] = LENGTH("4 mm"),
     ) -> Work[InsertsSampled]:
-        arm, workspace = self.device(Arm), self.device(Workspace)
-        robot, beside = RobotModel.load(arm.description), Beside.of(around, workspace)
+        arm = self.device(Arm)
+        workspace = self.device(Workspace)
+        robot = RobotModel.load(arm.description)
+        beside = Beside.of(around, workspace)
         space = arm_space(arm, workspace, usable_field(self, map), robot.width_max, clearance)
         found = yield from self.compute(
             insert_candidates, beside, space, arm.state().q, gripper_shape(robot), robot.width_max

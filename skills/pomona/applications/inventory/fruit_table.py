@@ -30,7 +30,8 @@ LEAST_TELLING = 3
 
 def row_of(fruit: FruitInFrame, doubt: str) -> Row:
     """Return the row of a fruit; `doubt` is the reason why its frame may be wrong, or empty."""
-    detection, measured = fruit.detection, fruit.measured
+    detection = fruit.detection
+    measured = fruit.measured
     row: Row = {
         "frame": detection.frame.label,
         "row": fruit.number,
@@ -41,7 +42,8 @@ def row_of(fruit: FruitInFrame, doubt: str) -> Row:
         row[f"{key}_px"] = round(value, 1)
     row |= dict.fromkeys(MEASURES)
     if measured is not None:
-        place, size = measured.T_base_fruit[:3, 3], measured.dimensions
+        place = measured.T_base_fruit[:3, 3]
+        size = measured.dimensions
         values = 1e3 * np.concatenate([size, place])
         deviations = 1e3 * np.sqrt(np.diag(measured.covariance)[[3, 4, 5, 0, 1, 2]])
         for name, value, deviation in zip(LENGTHS, values, deviations, strict=True):

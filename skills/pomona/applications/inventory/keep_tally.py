@@ -44,7 +44,8 @@ class KeepTally(Skill):
         p_base: Float64 | None = None
         size: Float64 | None = None
         if measured is not None and (detection is None or measured.frame is detection.frame):
-            p_base, size = measured.T_base_fruit[:3, 3], measured.dimensions
+            p_base = measured.T_base_fruit[:3, 3]
+            size = measured.dimensions
         elif detection is not None:
             p_base = (detection.T_base_camera @ detection.T_camera_object)[:3, 3]
         touches = () if hold is None or outcome != DONE else hold.first_touches

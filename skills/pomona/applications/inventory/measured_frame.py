@@ -22,7 +22,8 @@ from pomona.skills.perception import (
 MOST_FRUIT = 100
 """Largest number of close looks in one frame."""
 
-MEASURED, FOUND = (90, 200, 60), (240, 180, 40)
+MEASURED = (90, 200, 60)
+FOUND = (240, 180, 40)
 """Colours of outlines: of fruit that was measured, and of fruit that was only found (RGB)."""
 
 

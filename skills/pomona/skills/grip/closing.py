@@ -39,12 +39,10 @@ class Closing:
     ) -> None:
         """Take the time between two commands [s] besides the parts of the grip."""
         self.problem: GripProblem | None = None
-        self._settings, self._reference, self._tracker, self._interval = (
-            settings,
-            reference,
-            tracker,
-            interval,
-        )
+        self._settings = settings
+        self._reference = reference
+        self._tracker = tracker
+        self._interval = interval
         self._stuck, self._gone, self._reached = Timer(), Timer(), Timer()
         self._touched_at = self._last_width = math.nan
 
@@ -70,7 +68,9 @@ class Closing:
         return 0.0
 
     def _close(self, now: GripState, speed: float) -> float:
-        s, estimate, width = self._settings, now.estimate, now.width
+        s = self._settings
+        estimate = now.estimate
+        width = now.width
         touch = (estimate.left > s.watch.contact, estimate.right > s.watch.contact)
         if all(touch):
             self._reference.begin(estimate.f_n)
@@ -101,7 +101,8 @@ class Closing:
         return -s.contact_speed
 
     def _ramp(self, now: GripState, speed: float) -> float:
-        s, estimate = self._settings, now.estimate
+        s = self._settings
+        estimate = now.estimate
         if now.width <= s.width_min + s.watch.stroke_end and estimate.f_n < s.initial_force - 0.2:
             message = (
                 f"the gripper's stroke ends at {1e3 * now.width:.1f} mm with {estimate.f_n:.1f} N"

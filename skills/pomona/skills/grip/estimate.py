@@ -211,7 +211,9 @@ def estimate_sample(  # type: ignore[no-untyped-def]
         noise, rates, friction, filters, observer, dynamic, allowance: the parts of `GripModel`; numba takes them faster
             one by one.
     """
-    fast, slow, smoothed = memory.fast.copy(), memory.slow.copy(), np.empty((2, 6))
+    fast = memory.fast.copy()
+    slow = memory.slow.copy()
+    smoothed = np.empty((2, 6))
     shares = (rates.fast, rates.normal, rates.load)
     for _ in range(periods):
         smooth(raw, noise, fast, slow, smoothed, shares, expected)
@@ -256,11 +258,9 @@ def estimate_sample(  # type: ignore[no-untyped-def]
         )
     tau_std = math.sqrt(2.0 * (noise.variance[5] + lever * lever * noise.variance[4]))
     f_least_std = math.sqrt(left.least_variance + right.least_variance)
-    rise, cautious, reserved = (
-        f_least - f_least_before,
-        left.cautious + right.cautious,
-        left.reserved + right.reserved,
-    )
+    rise = f_least - f_least_before
+    cautious = left.cautious + right.cautious
+    reserved = left.reserved + right.reserved
     twist = min(max(f_least / max(f_coulomb, 0.1) - 1.0, 0.0), filters.twist_bound)
     slip_speed = abs(omega) * centre
     averages = (
@@ -314,7 +314,8 @@ class Estimator:
 
     def calibrate(self, samples: Float64) -> None:
         """Learn bias and noise from samples with nothing touching, shape (n, 2, 6)."""
-        rates, share = self._model.rates, self._filters.noise_stds
+        rates = self._model.rates
+        share = self._filters.noise_stds
         right = MIRROR * samples[:, 1]
         modes = 0.5 * np.stack([samples[:, 0] + right, samples[:, 0] - right], axis=1)
         fast_std = math.sqrt(rates.fast / (2.0 - rates.fast))
@@ -358,7 +359,8 @@ class Estimator:
 
 
 def _model_of(settings: GripSettings) -> GripModel:
-    filters, period = settings.filters, 1.0 / settings.rate
+    filters = settings.filters
+    period = 1.0 / settings.rate
     substeps = steps_in_a_sample(settings.rate)
 
     def weight(lag: float) -> float:

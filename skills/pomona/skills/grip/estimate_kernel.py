@@ -61,8 +61,11 @@ def calm_load(f_t, tau_n, push_now, periods, memory, rates, filters):  # type: i
 def loads_in_noise(wrench, variance, friction, unknown):  # type: ignore[no-untyped-def]
     """Loads of one finger, and the grip forces that they need."""
     lever_of_centre, push, push_lever, farthest = unknown
-    mu, torsion, gamma = friction.mu, friction.torsion, friction.gamma
-    f, tau = friction.f, friction.tau
+    mu = friction.mu
+    torsion = friction.torsion
+    gamma = friction.gamma
+    f = friction.f
+    tau = friction.tau
     f_n, f_x, f_y, tau_n = loads_of_finger(wrench)
     # Noise biases magnitudes upwards: its variance is subtracted from their squares.
     f_t = math.sqrt(max(f_x * f_x + f_y * f_y - variance[0] - variance[1], 0.0))
@@ -112,9 +115,13 @@ def observe_finger_loads(left, right, periods, rates, observer, dynamic, memory)
         + right.friction_torque
         + centre * (left.friction_force + right.friction_force)
     )
-    omega, z, integral = memory.omega, memory.z, memory.integral
+    omega = memory.omega
+    z = memory.z
+    integral = memory.integral
     if not memory.is_started:
-        omega, z, integral = 0.0, y / observer.sigma0, 0.0
+        omega = 0.0
+        z = y / observer.sigma0
+        integral = 0.0
     J = observer.inertia + observer.mass * (centre + observer.offset) ** 2
     before = omega
     f_nd = 0.0
@@ -132,7 +139,8 @@ def jumps_of_one_finger(memory, fast, slow, periods, noise, rates, filters):  # 
     The jumps are (tangential, normal) while the other finger is quiet, and that of a contact. A finger
     that swings passes through its average: its recent changes show that it is not quiet.
     """
-    left, right = _changes(fast, slow, noise.band, 1.0), _changes(fast, slow, noise.band, -1.0)
+    left = _changes(fast, slow, noise.band, 1.0)
+    right = _changes(fast, slow, noise.band, -1.0)
     kept = math.exp(-periods * rates.period / filters.swing_memory)
     change_left = max(max(left), kept * memory.change_left)
     change_right = max(max(right), kept * memory.change_right)

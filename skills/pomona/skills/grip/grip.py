@@ -124,7 +124,8 @@ class UnusableRate(GripError):
     """The sample rate of a force sensor is too low or too high for a grip."""
 
     def __init__(self, rate: float, rates: tuple[float, float]) -> None:
-        self.rate, self.rates = rate, rates
+        self.rate = rate
+        self.rates = rates
         super().__init__(
             f"the force sensor gives {rate:g} samples a second; a grip needs {rates[0]:g} to {rates[1]:g}: set the"
             " sensor's rate in the cell file"
@@ -139,5 +140,6 @@ class UnfitSensor(GripError):
     """
 
     def __init__(self, message: str, measured: float, expected: float) -> None:
-        self.measured, self.expected = measured, expected
+        self.measured = measured
+        self.expected = expected
         super().__init__(message)

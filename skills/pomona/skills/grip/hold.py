@@ -68,7 +68,8 @@ class Hold:
             now: the cell's clock, for the detection of a stale stream.
         """
         take_over(gripper)
-        self._gripper, self._controller = keep(gripper, "the grip"), controller
+        self._gripper = keep(gripper, "the grip")
+        self._controller = controller
         self._now, self._started = now, now()
         self._sensor = sensor
         self._lock = RLock()
@@ -255,7 +256,8 @@ class Hold:
             self._stands = self._stands or (silent > STALE_AFTER and controller.mode in IN_HAND)
             if controller.wants_width:
                 state = self._gripper.state()
-                controller.width, controller.motor_force = state.width, state.motor_force
+                controller.width = state.width
+                controller.motor_force = state.motor_force
             if (
                 sample.stamp > self._now() + EARLIEST
             ):  # else all later samples would be out of order
@@ -358,5 +360,6 @@ class FloorWatch:
         carried = not has_grown and (self.carried or float(np.linalg.norm(change)) > self._contact)
         self._lasted = self._lasted + 1 if carried is not self.carried else 0
         if self._lasted >= LASTING:
-            self.carried, self._lasted = carried, 0
+            self.carried = carried
+            self._lasted = 0
         return self.carried

@@ -82,7 +82,8 @@ class SlipWatch:
         )
         if weakest < LEAST_FORCE:
             return False
-        pressing, places = self._means[:, 0], self._places
+        pressing = self._means[:, 0]
+        places = self._places
         if math.isnan(self._origin[0]) and self._samples * self._period > self._lags[1]:
             self._origin[:] = places[1]
         elif not math.isnan(self._origin[0]):
@@ -213,7 +214,8 @@ def hold_monitors(
 
 def has_dead_finger(estimate: GripEstimate, mode: GripMode, limits: WatchSettings) -> bool:
     """Return True when one finger reads nothing while the other one presses; pads that slide may press unevenly."""
-    weaker, stronger = estimate.weaker, estimate.stronger
+    weaker = estimate.weaker
+    stronger = estimate.stronger
     # The table's friction on a fruit may load one finger alone, as it did when that finger pushed the fruit.
     stands = mode in (GripMode.STANDING, GripMode.LIFTING)
     rubs = stands and weaker > limits.gone and stronger - weaker < limits.push_limit
@@ -230,7 +232,8 @@ class SensorFaultMonitor:
     def check(self, now: GripState) -> GripProblem | None:
         if not self._sensors.reason:
             return None
-        left, right = now.estimate.left, now.estimate.right
+        left = now.estimate.left
+        right = now.estimate.right
         message = f"{self._sensors.reason}; the grip is kept"
         return now.problem("SENSOR_FAULT", message, left_force_n=left, right_force_n=right)
 
@@ -279,7 +282,8 @@ class DeadFingerMonitor:
     def check(self, now: GripState) -> GripProblem | None:
         if self._dead.update(now.has_dead_finger, now.sample.elapsed) <= self._limits.gone_after:
             return None
-        left, right = now.estimate.left, now.estimate.right
+        left = now.estimate.left
+        right = now.estimate.right
         message = (
             f"one finger reads no force any more ({left:.2f} N, {right:.2f} N); the grip is kept"
         )
@@ -294,13 +298,18 @@ class SlipMonitor:
     """
 
     def __init__(self, settings: GripSettings, slips: SlipWatch) -> None:
-        self._limits, self._slip_limit, self._slips = settings.watch, settings.slip_limit, slips
+        self._limits = settings.watch
+        self._slip_limit = settings.slip_limit
+        self._slips = slips
         self._beyond = Timer()
         self.slip = 0.0
 
     def check(self, now: GripState) -> GripProblem | None:
-        limits, estimate, elapsed = self._limits, now.estimate, now.sample.elapsed
-        slides, pivots = now.mode is GripMode.SLIDING, now.mode is GripMode.PIVOTING
+        limits = self._limits
+        estimate = now.estimate
+        elapsed = now.sample.elapsed
+        slides = now.mode is GripMode.SLIDING
+        pivots = now.mode is GripMode.PIVOTING
         f_n = now.counted_force
         needed = estimate.f_coulomb if pivots else estimate.f_least
         beyond = self._beyond.update(needed > limits.beyond * f_n and not slides, elapsed)
@@ -340,7 +349,8 @@ class FingerForceMonitor:
         self._max_force = max_force
 
     def check(self, now: GripState) -> GripProblem | None:
-        left, right = now.estimate.left, now.estimate.right
+        left = now.estimate.left
+        right = now.estimate.right
         if max(left, right) <= 0.5 * self._max_force:
             return None
         message = (

@@ -40,13 +40,15 @@ class Levels:
     def __init__(self, settings: GripSettings) -> None:
         self.set_friction(settings)
         self.held = self.wanted = self.for_weight = 0.0
-        self.limit, self.may_fall = math.inf, True
+        self.limit = math.inf
+        self.may_fall = True
         self._urgent = LowPass(self.tuned.low_pass, 0.0)
         self._target = LowPass(self.tuned.excess_lag, 0.0)
 
     def set_friction(self, settings: GripSettings) -> None:
         """Take settings with another friction."""
-        self.settings, self.tuned = settings, settings.reference
+        self.settings = settings
+        self.tuned = settings.reference
         self.margin = max(
             settings.margin, self.tuned.least_margin * (1.0 + settings.mu_uncertainty)
         )
@@ -124,7 +126,8 @@ class Levels:
 
     def answer(self, estimate: GripEstimate, force_coming: float) -> float:
         """Return the momentary force of slip avoidance [N]: dynamic term, rise of the load, and lack of force."""
-        s, tuned = self.settings, self.tuned
+        s = self.settings
+        tuned = self.tuned
         missing = max(estimate.f_least - tuned.edge * force_coming - estimate.f_n_band, 0.0)
         coming = (
             tuned.lead
@@ -193,7 +196,8 @@ class LiftingMode(Mode):
     _loaded_for = 0.0
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        levels, tuned = self._levels, self._levels.tuned
+        levels = self._levels
+        tuned = self._levels.tuned
         is_steady = (
             estimate.f_least_rise < tuned.carried_rise * estimate.f_least + estimate.f_n_band
         )
@@ -262,10 +266,8 @@ class CarriedMode(Mode):
     def _creep(self, estimate: GripEstimate, elapsed: float) -> float:
         """Return the growth of the ratio of minimum force to Coulomb's force, beyond noise."""
         ratio = estimate.f_least / max(estimate.f_coulomb, 0.1)
-        fast, slow = (
-            self._twist_fast.update(ratio, elapsed),
-            self._twist_slow.update(ratio, elapsed),
-        )
+        fast = self._twist_fast.update(ratio, elapsed)
+        slow = self._twist_slow.update(ratio, elapsed)
         return max(fast - slow - self._levels.tuned.creep_noise, 0.0)
 
 
@@ -279,7 +281,8 @@ class CatchingMode(Mode):
 
     def __init__(self, levels: Levels, carried: CarriedMode) -> None:
         super().__init__(levels)
-        self._carried, self._caught = carried, 0.0
+        self._carried = carried
+        self._caught = 0.0
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
         f_ref = self._carried.follow(estimate, force_coming, elapsed)
@@ -310,7 +313,8 @@ class PivotingMode(Mode):
     mode = GripMode.PIVOTING
 
     def follow(self, estimate: GripEstimate, force_coming: float, elapsed: float) -> float:
-        levels, tuned = self._levels, self._levels.tuned
+        levels = self._levels
+        tuned = self._levels.tuned
         missing = max(estimate.f_coulomb - tuned.edge * force_coming, 0.0)
         answer = min(tuned.edge_gain * missing, tuned.most_urgent)
         levels.for_weight = levels.margin * estimate.f_coulomb
@@ -326,7 +330,8 @@ class SlidingMode(Mode):
     force = 0.0
 
     def follow(self, _estimate: GripEstimate, _force_coming: float, elapsed: float) -> float:
-        levels, force = self._levels, self.force
+        levels = self._levels
+        force = self.force
         levels.wanted = force
         levels.drop_urgent()
         lowest = levels.held - levels.relaxation(force) * elapsed

@@ -79,7 +79,8 @@ class StreamGuard:
         gap = 0.0 if is_first else stamp - self.stamp - self.period
         self.missing += 0 if is_first else max(sequence - self.sequence - 1, 0)
         self.longest_gap = max(self.longest_gap, gap)
-        self.stamp, self.sequence = stamp, sequence
+        self.stamp = stamp
+        self.sequence = sequence
         periods = 1 + min(max(round(gap / self.period), 0), self._most_periods - 1)
         return GripSample(stamp, periods, periods * self.period, wrenches, saturated)
 
@@ -145,18 +146,22 @@ class BiasRecorder:
     """Collects samples until the error of their mean is small enough."""
 
     def __init__(self, settings: BiasSettings, rate: float) -> None:
-        self._settings, self._rate = settings, rate
+        self._settings = settings
+        self._rate = rate
         self._samples: list[Float64] = []
         self._received = 0
 
     def add(self, wrenches: Float64) -> Float64 | None:
         """Take a sample, shape (2, 6); return all of them, shape (n, 2, 6), once they are enough."""
-        s, rate = self._settings, self._rate
+        s = self._settings
+        rate = self._rate
         self._received += 1
         if self._received <= round(s.dropped * rate):
             return None
         self._samples.append(np.array(wrenches))
-        count, enough, most = len(self._samples), round(s.time * rate), round(s.longest * rate)
+        count = len(self._samples)
+        enough = round(s.time * rate)
+        most = round(s.longest * rate)
         if count < enough or (count % max(enough // 2, 1) and count < most):
             return None
         samples = np.array(self._samples)
@@ -189,13 +194,12 @@ def _check_steps(
     side: str, samples: Float64, noisy: NDArray[np.bool_], settings: BiasSettings
 ) -> None:
     for channel in range(6):
-        axis, is_force = "xyz"[channel % 3], channel < 3
+        axis = "xyz"[channel % 3]
+        is_force = channel < 3
         if noisy[channel]:
             gaps = np.diff(np.unique(samples[:, channel]))
-            step, coarsest = (
-                float(gaps[gaps > SAME].min()),
-                settings.step * (1.0 if is_force else LEVER),
-            )
+            step = float(gaps[gaps > SAME].min())
+            coarsest = settings.step * (1.0 if is_force else LEVER)
             if step > coarsest:
                 name, unit, scale = ("force", "N", 1.0) if is_force else ("torque", "mN·m", 1e3)
                 words = f"{name} {axis} changes in steps of {scale * step:.2g} {unit}"
@@ -232,11 +236,9 @@ class SensorWatch:
     """
 
     def __init__(self, settings: GripSettings) -> None:
-        self._settings, self._filters, self._rate = (
-            settings.sensors,
-            settings.filters,
-            settings.rate,
-        )
+        self._settings = settings.sensors
+        self._filters = settings.filters
+        self._rate = settings.rate
         self.reason = self.doubt = ""
         self.no_signal = self.has_pressed_alone = False
         self._limits = np.full((2, 6), np.inf)
@@ -272,10 +274,13 @@ class SensorWatch:
             is_carried: the fruit hangs in the fingers.
             force_rate: change of the grip force by the fingers' own motion [N/s].
         """
-        s, elapsed, saturated = self._settings, sample.elapsed, sample.saturated
+        s = self._settings
+        elapsed = sample.elapsed
+        saturated = sample.saturated
         frozen = _longest_now(sample.wrenches, self._last, self._runs, self._limits)
         if frozen >= 0 and not saturated[frozen // 6]:
-            side, channel = SIDES[frozen // 6], ("x", "y", "z")[frozen % 3]
+            side = SIDES[frozen // 6]
+            channel = ("x", "y", "z")[frozen % 3]
             kind = "force" if frozen % 6 < 3 else "torque"
             self._find(
                 f"the {side} finger's {kind} {channel} repeats one value although it is noisy",
@@ -302,7 +307,8 @@ class SensorWatch:
             self._find(f"a hanging fruit presses on both fingers alike, they read {forces}")
 
     def _check_jumps(self, estimate: GripEstimate, elapsed: float) -> None:
-        jump, lag = self._filters.jump, self._filters.normal_lag
+        jump = self._filters.jump
+        lag = self._filters.normal_lag
         # A fruit whose contact broke swings between the pads, and the slow filters still contain the break.
         broke = estimate.contact_jump > 0.5 * jump
         self._swings_for = lag if broke else self._swings_for - elapsed
@@ -324,10 +330,8 @@ class SensorWatch:
         if motor_force is None or not math.isfinite(motor_force):
             return
         # Both have the same lag, or the loss of a fruit would look like fingers that read too little.
-        motor, fingers = (
-            self._motor.update(motor_force, elapsed),
-            self._fingers.update(force_sum, elapsed),
-        )
+        motor = self._motor.update(motor_force, elapsed)
+        fingers = self._fingers.update(force_sum, elapsed)
         most = s.motor_error + s.motor_ratio * max(abs(fingers), abs(motor))
         if self._against_motor.update(abs(motor - fingers) > most, elapsed) > s.motor_after:
             words = f"the fingers read {fingers:.1f} N together while the motor presses with {motor:.1f} N"

@@ -21,7 +21,8 @@ STEADY = 0.15  # largest relative difference of a slide's halves: until the pads
 
 CAME_ALONG = 0.2  # ratio of unchanged to changing part above which the fruit was lifted; tilted pads give 0.05
 
-LIGHT, LIGHT_NOW = 0.4, 0.65
+LIGHT = 0.4
+LIGHT_NOW = 0.65
 """Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
 force, and with the sum of both fingers, of which one may press more (docs/decisions.md#grip-pick-pace)."""
 
@@ -69,12 +70,14 @@ def friction_of_slides(
     f_n_up, going_up = _ratios(up, contact)
     f_n_down, going_down = _ratios(down, contact)
     f_n = np.minimum(f_n_up, f_n_down)
-    rubs, rests = 0.5 * (going_down - going_up), 0.5 * (going_down + going_up)
+    rubs = 0.5 * (going_down - going_up)
+    rests = 0.5 * (going_down + going_up)
     came_along = _size((f_n[:, None] * rests).sum(axis=0)) > CAME_ALONG * _size(
         (f_n[:, None] * rubs).sum(axis=0)
     )
     if came_along:
-        f_n, rubs = f_n_down, going_down
+        f_n = f_n_down
+        rubs = going_down
     mu, fingers = _mu(f_n, rubs)
     early, late = (
         _mu(f_n, second if came_along else 0.5 * (second - first))[0]
@@ -101,10 +104,8 @@ def moves_with_pads(down: Float64, force: float, force_sum: float, expected_load
     """
     if not len(down) or expected_load <= 0.0:
         return False
-    f_n, f_t = (
-        -down[:, :, 2].sum(axis=1).mean(),
-        np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean(),
-    )
+    f_n = -down[:, :, 2].sum(axis=1).mean()
+    f_t = np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()
     ratio = f_t / max(f_n, 0.1) / max(expected_load, 1e-3)
     return bool(force * ratio > LIGHT or force_sum * ratio > LIGHT_NOW)
 
@@ -114,7 +115,8 @@ def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:
 
     The load is the tangential force, and the torsion over its equivalent radius.
     """
-    first, second = wrenches[:, 0].mean(axis=0), wrenches[:, 1].mean(axis=0)
+    first = wrenches[:, 0].mean(axis=0)
+    second = wrenches[:, 1].mean(axis=0)
     loads = np.array([loads_of_finger(first), loads_of_finger(MIRROR * second)])
     f_n = loads[:, 0]
     if f_n.min() < PRESSING:

@@ -62,7 +62,8 @@ def finger_speed(
     if f_n > 2.0 * settings.max_force and f_ref > f_n:
         return 0.0
     if f_n > settings.max_force or f_ref > settings.max_force:
-        f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
+        f_ref = min(f_ref, settings.max_force)
+        f_ref_rate = min(f_ref_rate, 0.0)
     pads = settings.stiffness
     # The rise of the reference is fed forward: the gain acts on the error before it.
     before = f_ref - (1.0 - error_feedthrough) * f_ref_rate * settings.command_period
@@ -80,7 +81,8 @@ class ForceTracker:
     def __init__(
         self, loop: ForceLoopSettings, settings: TrackingSettings = TrackingSettings()
     ) -> None:
-        self._loop, self._settings = loop, settings
+        self._loop = loop
+        self._settings = settings
         self._calm_loop = replace(loop, gain=min(settings.calm_gain, loop.gain))
         self._f_ref_commanded = 0.0
         self._correcting = 0.0
@@ -143,7 +145,8 @@ class ForceTracker:
 
     def _rests(self, f_ref: float, error: float, noise_band: float) -> bool:
         """Return True within a band, to whose middle a correction goes; a step opens by less than an excess."""
-        settings, one_step = self._settings, self._loop.step * slope(self._loop.stiffness, f_ref)
+        settings = self._settings
+        one_step = self._loop.step * slope(self._loop.stiffness, f_ref)
         band = (
             max(noise_band * settings.too_much, one_step)
             if error < 0.0

@@ -46,9 +46,14 @@ def track_poses(
         how it ended, and the number of poses that were reached.
     """
     dof = q_start.shape[0]
-    links, T, J = np.empty((dof + 1, 3, 4)), np.empty((3, 4)), np.empty((6, dof))
-    error, A, step = np.empty(6), np.empty((6, 6)), np.empty(dof)
-    q, q_before = q_start.copy(), np.empty(dof)
+    links = np.empty((dof + 1, 3, 4))
+    T = np.empty((3, 4))
+    J = np.empty((6, dof))
+    error = np.empty(6)
+    A = np.empty((6, 6))
+    step = np.empty(dof)
+    q = q_start.copy()
+    q_before = np.empty(dof)
     for k in range(poses.shape[0]):
         for i in range(dof):
             q_before[i] = q[i]
@@ -63,8 +68,12 @@ def track_poses(
             for column in range(
                 3
             ):  # half the sum of the axes' cross products: the rotation vector, for small angles
-                a0, a1, a2 = T[0, column], T[1, column], T[2, column]
-                b0, b1, b2 = target[0, column], target[1, column], target[2, column]
+                a0 = T[0, column]
+                a1 = T[1, column]
+                a2 = T[2, column]
+                b0 = target[0, column]
+                b1 = target[1, column]
+                b2 = target[2, column]
                 error[3] += 0.5 * (a1 * b2 - a2 * b1)
                 error[4] += 0.5 * (a2 * b0 - a0 * b2)
                 error[5] += 0.5 * (a0 * b1 - a1 * b0)

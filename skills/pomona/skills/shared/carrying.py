@@ -24,7 +24,8 @@ JERK_TIME = 0.1  # time in which the arm reaches its acceleration [s]
 NEAR = 0.015  # height above the support below which a fruit may touch down [m]: it may have slid down in the fingers
 GENTLE = 0.3  # acceleration of the tool near the support [m/s²]
 
-CONTACT, CARRIED = 0.35, 0.1
+CONTACT = 0.35
+CARRIED = 0.1
 """Change of load that shows contact [N], as in Release, and the least change relative to the load. The inertia of a
 heavy fruit is 3 % of its load with the acceleration above."""
 
@@ -46,12 +47,14 @@ class GripOverloaded(Exception):
     """The grip cannot hold the load."""
 
     def __init__(self, problem: GripProblem, load: PadLoad) -> None:
-        self.problem, self.load = problem, load
+        self.problem = problem
+        self.load = load
         super().__init__(problem.message)
 
     def outcome(self, risen: float) -> tuple[str, str]:
         """Return the failure code and the sentence for a fruit that is now `risen` above its first place [m]."""
-        problem, code = self.problem, self.problem.code
+        problem = self.problem
+        code = self.problem.code
         if code == "FORCE_LIMIT" and problem.data["for_weight_alone_n"] > problem.data["limit_n"]:
             code = "TOO_HEAVY"
         elsewhere = {
@@ -87,7 +90,8 @@ class OverloadMonitor:
     """Detects a load that the grip cannot hold."""
 
     def __init__(self, hold: Hold) -> None:
-        self._hold, self._since = hold, math.nan
+        self._hold = hold
+        self._since = math.nan
 
     def require_bearable(self) -> None:
         """Check the grip, once a tick.
@@ -118,7 +122,8 @@ def grip_failure(
     """
     if problem is None and hold is not None:
         problem = hold.problem
-    state, sensor = skill.device(Gripper).state(), skill.optional_device(ForceSensor)
+    state = skill.device(Gripper).state()
+    sensor = skill.optional_device(ForceSensor)
     now = {"width_m": float(np.round(state.width, 5))}
     if sensor is not None:
         left, right = pressing_forces(sensor)
@@ -199,7 +204,8 @@ def put_back(
     Raises SkillFailure: LOST.
     """
     arm = skill.device(Arm)
-    robot, q = RobotModel.load(arm.description), arm.state().q
+    robot = RobotModel.load(arm.description)
+    q = arm.state().q
     line = straight_line(robot, q, T_base_start)
     if line.length < BACK or not line.complete:
         return line.length < BACK

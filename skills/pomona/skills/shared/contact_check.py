@@ -65,7 +65,10 @@ def lower_to_support(
     Raises:
         Jolted, SkillFailure: as `contact_doubt`.
     """
-    limit, most, gripper, lost = contact, contact, skill.device(Gripper), watch_fruit(skill)
+    limit = contact
+    most = contact
+    gripper = skill.device(Gripper)
+    lost = watch_fruit(skill)
     with felt(skill, load) as touch, hand_felt(skill) as hand:
 
         def watch() -> None:

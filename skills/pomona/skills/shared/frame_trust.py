@@ -85,7 +85,8 @@ class DoubtedLook:
 
 def mismatch(skill: Skill, frame: Frame, problem: FrameProblem) -> SkillFailure:
     """Return the failure of a skill whose frame has a problem."""
-    camera, planes = frame.label, problem.planes
+    camera = frame.label
+    planes = problem.planes
     if planes is not None:
         skill.publish(
             "doubted_look", DoubtedLook(planes, frame.T_mount_camera, frame.q is not None)

@@ -53,7 +53,8 @@ def _coarse(vertices: Float64, faces: NDArray[np.integer]) -> tuple[Float64, NDA
 def grasp_picture(grasp: Grasp) -> ImageView:
     """Where the fingers will close and the way they come, over the look that the fruit was measured in."""
     fruit = grasp.fruit
-    K, T_camera_base = fruit.frame.intrinsics.K, inverse(fruit.T_base_camera)
+    K = fruit.frame.intrinsics.K
+    T_camera_base = inverse(fruit.T_base_camera)
     pads = apply(
         grasp.T_base_grasp, np.array([[0.0, side * grasp.width / 2.0, 0.0] for side in (-1.0, 1.0)])
     )

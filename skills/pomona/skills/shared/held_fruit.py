@@ -50,11 +50,9 @@ def is_between(skill: MovingSkill) -> bool:
 
     Without a force sensor the state of the hand decides, with every doubt; without that, width and motor now.
     """
-    gripper, sensor, hand = (
-        skill.device(Gripper),
-        pressed_fingers(skill),
-        skill.optional_device(Hand),
-    )
+    gripper = skill.device(Gripper)
+    sensor = pressed_fingers(skill)
+    hand = skill.optional_device(Hand)
     if sensor is not None:
         return something_between(gripper, sensor)
     return bool(between(gripper.state(), gripper.limits) if hand is None else hand.in_hand())

@@ -340,7 +340,8 @@ def find_in_frame(frame: Frame, fruit: FruitModel, options: Search) -> list[Inst
         BadWeights, BadPoseConfig: the detector's files cannot be used.
         MissingPackage: PyTorch runs DOPE's network, and it is not installed.
     """
-    colour, K = frame.colour, frame.intrinsics.K
+    colour = frame.colour
+    K = frame.intrinsics.K
     if isinstance(options, BoxModelFile | DopeFiles):
         own = _own_detector(options, fruit.name, fruit.weights, _sides(fruit))
         return own.find_instances(colour, K, frame.depth)

@@ -104,7 +104,9 @@ class RobotWatch:
     def _bodies(self) -> BodiesView:
         bodies = []
         for part, geoms in self._parts:
-            vertices, faces, start = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+            vertices = [np.empty((0, 3))]
+            faces = [np.empty((0, 3), np.int32)]
+            start = 0
             for points, triangles in map(solid, geoms):
                 vertices.append(points)
                 faces.append(triangles + start)

@@ -76,7 +76,8 @@ def vertical_way(
     T_base_goal = tool_pose(skill)
     T_base_goal[2, 3] += rise
     line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
-    way, reason = line.q, line.reason
+    way = line.q
+    reason = line.reason
     blocked = None if space is None else space.first_blocked(way)
     if space is not None and blocked is not None:
         way, reason = way[: blocked + 1], space.explain(way[blocked + 1])[0]

@@ -48,7 +48,11 @@ def load(forces: Float64) -> Float64:
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
 
 
-NEAR, LEVEL, FLAT, STEEPER, SINKS = 0.25, 0.002, 0.014, 2.0, 0.05
+NEAR = 0.25
+LEVEL = 0.002
+FLAT = 0.014
+STEEPER = 2.0
+SINKS = 0.05
 """Reach of the hand across the approach [m], and displacement along it that no check shows [m]; speed at which a tip
 lands on a level surface with 10 N [m/s] (`bench_approach`), of an arm that stops at once; power of a surface's cosine
 by which it falls; `reaction` of an arm that lands with as much at half of this speed [s]."""
@@ -67,7 +71,9 @@ def landing_speeds(
     Where a fingertip is level with skin, or with the top of an obstacle, it may land on it; the flatter, the slower.
     `width` is the opening [m], `length` of the approach [m], `unseen` the displacement across it that may be there [m].
     """
-    points, cosines, approach = [np.empty((0, 3))], [np.empty(0)], grasp.T_base_grasp[:3, 2]
+    points = [np.empty((0, 3))]
+    cosines = [np.empty(0)]
+    approach = grasp.T_base_grasp[:3, 2]
     for fruit in (grasp.fruit, *grasp.fruit.beside):
         skin = fruit_points(fruit)
         normals = (
@@ -77,10 +83,8 @@ def landing_speeds(
         points.append(skin)
         cosines.append(-normals @ fruit.T_base_fruit[:3, :3].T @ approach)
     for box in obstacles:
-        half, below = (
-            np.array(box.half_extents),
-            apply(inverse(box.T_base_box), grasp.T_base_grasp[:3, 3]),
-        )
+        half = np.array(box.half_extents)
+        below = apply(inverse(box.T_base_box), grasp.T_base_grasp[:3, 3])
         low, high = (np.clip(below + side, -half, half) for side in (-NEAR, NEAR))
         grid = np.linspace(low, high, int(NEAR / unseen) + 2)
         top = np.stack(
@@ -110,7 +114,8 @@ class Touch:
         self, sensor: WrenchSensor | None, of: Callable[[Float64], Float64] = each_finger
     ) -> None:
         """Start listening; `of` maps forces (finger, axis) to the vectors (n, k) whose norms are compared."""
-        self._sensor, self._of = sensor, of
+        self._sensor = sensor
+        self._of = of
         self._mass, self._least = (
             (sensor.mass, sensor.least) if isinstance(sensor, LoadSensor) else (0.0, 0.0)
         )
@@ -124,8 +129,10 @@ class Touch:
         self._first = round(
             0.01 * rate
         )  # samples whose mean is the reference: one sample has the noise of one
-        self.change, self.finger = 0.0, ""
-        self._limit, self._act = np.inf, _nothing
+        self.change = 0.0
+        self.finger = ""
+        self._limit = np.inf
+        self._act = _nothing
         self._subscription = None if sensor is None else sensor.subscribe(self._on_sample)
 
     def __enter__(self) -> Touch:
@@ -144,7 +151,8 @@ class Touch:
 
         A skill looks once in a tick; an arm that must stop has moved on by then.
         """
-        self._limit, self._act = limit, act
+        self._limit = limit
+        self._act = act
 
     def limit(self, contact: float, acceleration: float) -> float:
         """Return the change [N] that shows a contact of this force [N] while the tool is accelerated [m/s²]."""
@@ -152,7 +160,8 @@ class Touch:
 
     def forget_change(self) -> None:
         """Start the largest change again; the reference stays."""
-        self.change, self.finger = 0.0, ""
+        self.change = 0.0
+        self.finger = ""
 
     @property
     def present(self) -> float:
@@ -203,7 +212,8 @@ class Touch:
                 self.change = float(lasting.max())
                 self.finger = ("left", "right")[int(lasting.argmax())] if len(lasting) == 2 else ""
                 if self.change > self._limit:
-                    act, self._limit = self._act, np.inf
+                    act = self._act
+                    self._limit = np.inf
                     act()
 
 
@@ -212,7 +222,8 @@ def felt(skill: Skill, of: Callable[[Float64], Float64] | None = None) -> Touch:
 
     `of` is of the fingers, see `Touch`; by default each counts, also of fingertips that feel nothing but pressing.
     """
-    fingers, sensor = skill.optional_device(ForceSensor), skill.optional_device(LoadSensor)
+    fingers = skill.optional_device(ForceSensor)
+    sensor = skill.optional_device(LoadSensor)
     if fingers is None and of is None and (tips := skill.optional_device(PressSensor)) is not None:
         return Touch(tips)
     if fingers is None and sensor is not None:

@@ -48,7 +48,8 @@ def record_touches(
         skin_along(fruit_points(fruit), T_base_tcp),
         None if seen is None else seen.planes,
     )
-    name, T_base_fruit = fruit.fruit.name, fruit.T_base_fruit
+    name = fruit.fruit.name
+    T_base_fruit = fruit.T_base_fruit
     skill.publish(
         TOPIC,
         PickTouches(name, left, right, closed, T_base_tcp, T_base_fruit, *camera, *shape, landed),
@@ -57,7 +58,8 @@ def record_touches(
 
 def record_landing(skill: Skill, fruit: MeasuredFruit, finger: str, force: float) -> None:
     """Publish where a finger, left or right, met a fruit on the approach: the fruit is not where it was measured."""
-    arm, width = skill.device(Arm), skill.device(Gripper).state().width
+    arm = skill.device(Arm)
+    width = skill.device(Gripper).state().width
     robot = RobotModel.load(arm.description)
     T_base_tcp = robot.tcp(arm.state().q)
     way = gripper_shape(robot).way_to(

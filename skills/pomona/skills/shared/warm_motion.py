@@ -53,7 +53,9 @@ class _Empty:
     """A space without obstacles."""
 
     def __init__(self, robot: RobotModel) -> None:
-        self.lower, self.upper, self.endless = robot.lower, robot.upper, robot.endless
+        self.lower = robot.lower
+        self.upper = robot.upper
+        self.endless = robot.endless
 
     def free(self, q: np.ndarray) -> bool:
         return True

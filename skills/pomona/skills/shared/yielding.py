@@ -26,22 +26,28 @@ class YieldingFingers:
     """
 
     def __init__(self, gripper: Gripper) -> None:
-        self._gripper, self._given, self._speed = gripper, 0.0, 0.0
+        self._gripper = gripper
+        self._given = 0.0
+        self._speed = 0.0
         state = gripper.state()
-        self._stamp, self._width = state.stamp, state.width
+        self._stamp = state.stamp
+        self._width = state.width
         self._lower, self._upper = state.width, state.width  # widths that the commands explain [m]
 
     def rest(self) -> None:
         """Give way to a push, once a tick."""
-        before, self._speed = self._speed, self._yielded()
+        before = self._speed
+        self._speed = self._yielded()
         if before or self._speed:
             self._gripper.set_speed(self._speed)
 
     def _yielded(self) -> float:
         """Return the speed with which the fingers give way now [m/s]; 0: they stand."""
         state = self._gripper.state()
-        dt, self._stamp = min(state.stamp - self._stamp, ENDS), state.stamp
-        moved, self._width = state.width - self._width, state.width
+        dt = min(state.stamp - self._stamp, ENDS)
+        self._stamp = state.stamp
+        moved = state.width - self._width
+        self._width = state.width
         self._lower = min(state.width, self._lower + max(self._speed, 0.0) * dt)
         self._upper = max(state.width, self._upper + min(self._speed, 0.0) * dt)
         opened = max(state.width - self._lower - GIVES, 0.0)

@@ -118,7 +118,10 @@ class _Reader:
     def __init__(
         self, path: Path, root: ElementTree.Element, end: str, description: Description
     ) -> None:
-        self.path, self.root, self.end, self.description = path, root, end, description
+        self.path = path
+        self.root = root
+        self.end = end
+        self.description = description
         mujoco = load_mujoco()
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         spec.compiler.fusestatic = False
@@ -161,10 +164,12 @@ class _Reader:
 
     def _kept(self) -> dict[str, int]:
         """Return the bodies of the arm, with the number of joints that move each: none beyond the flange or a side."""
-        kept, left = {}, []
+        kept = {}
+        left = []
         for body in range(1, self.model.nbody):
             above: list[int] = []
-            at, beyond = body, False
+            at = body
+            beyond = False
             while at != 0:
                 first = int(self.model.body_jntadr[at])
                 above += range(first, first + int(self.model.body_jntnum[at]))

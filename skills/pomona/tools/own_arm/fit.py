@@ -107,7 +107,9 @@ def _inertia(arm: UrdfArm, hand: str, scratch: Path) -> Float64:
             f"{arm.path}: MuJoCo cannot use it as an arm: {' '.join(str(error).split())}"
         ) from error
     model.dof_armature[:] = 0.0
-    data, full, most = mujoco.MjData(model), np.zeros((model.nv, model.nv)), np.zeros(arm.dof)
+    data = mujoco.MjData(model)
+    full = np.zeros((model.nv, model.nv))
+    most = np.zeros(arm.dof)
     about = arm.description
     for q in np.random.default_rng(0).uniform(
         np.maximum(about.lower, -np.pi), np.minimum(about.upper, np.pi), (POSTURES, arm.dof)

@@ -43,7 +43,8 @@ def choose_flange(root: ElementTree.Element, said: str | None) -> str:
 
 
 def _last_link(link: str, children: Children) -> str | None:
-    last, seen = None, {link}
+    last = None
+    seen = {link}
     while True:
         onward = [joint for joint in children.get(link, ()) if _moves(joint, children, set(seen))]
         if len(onward) != 1 or onward[0].find("mimic") is not None:

@@ -42,8 +42,10 @@ def never_apart(model: RobotModel) -> set[tuple[str, str]]:
 
     No arm is built to touch itself in most postures: such pairs are hulls of hollow shapes, as in the wrists of a UR.
     """
-    shape, margin = RobotShape.of(model), Margins().itself
-    lower, upper = np.maximum(model.lower, -np.pi), np.minimum(model.upper, np.pi)
+    shape = RobotShape.of(model)
+    margin = Margins().itself
+    lower = np.maximum(model.lower, -np.pi)
+    upper = np.minimum(model.upper, np.pi)
     postures = np.random.default_rng(0).uniform(lower, upper, (DRAWS, model.dof))
     spheres = [
         [shape.spheres_of(geom, q, model.width_max) for geom in range(len(shape.geom_names))]
@@ -89,9 +91,11 @@ def reach(
     """
     world = CollisionWorld.build(model, workspace)
     first, *others = wanted
-    best, least = Reached({}, tuple(wanted)), (len(wanted) + 1, np.inf)
+    best = Reached({}, tuple(wanted))
+    least = (len(wanted) + 1, np.inf)
     for q in _free(model, world, first, wanted[first][0])[:TRIED]:
-        postures, far = {first: q}, 0.0
+        postures = {first: q}
+        far = 0.0
         for name in others:
             near = next(
                 (found[0] for T in wanted[name] if len(found := _free(model, world, name, T, q))),
@@ -102,10 +106,8 @@ def reach(
                 far += float(np.abs(near - q).max())
         cost = (len(wanted) - len(postures), far)
         if cost < least:
-            best, least = (
-                Reached(postures, tuple(name for name in wanted if name not in postures)),
-                cost,
-            )
+            best = Reached(postures, tuple(name for name in wanted if name not in postures))
+            least = cost
     return best
 
 

@@ -162,7 +162,8 @@ def _actuator(joint: str, stiffness: float, effort: float) -> str:
 
 def _link(arm: UrdfArm, link: int, drives: Drives, inside: str) -> str:
     """Return the body of a link, number 1 … dof, with those beyond it."""
-    mass, i = arm.masses[link - 1], link - 1
+    mass = arm.masses[link - 1]
+    i = link - 1
     about = arm.description
     lower, upper = (-TURNS, TURNS) if about.endless[i] else (about.lower[i], about.upper[i])
     full = mass.inertia

@@ -23,7 +23,8 @@ NARROWEST = 0.28  # least ratio of its shorter side to the longer
 LEAST_SEEN = 0.2  # fruit of which less is visible is neither fruit nor background
 LEAST_INSIDE = 0.3  # likewise for a box of which the window shows less
 
-FRAME_SCALE, FRAME_JITTER = 0.5, (0.8, 1.45)
+FRAME_SCALE = 0.5
+FRAME_JITTER = (0.8, 1.45)
 """Scale of a rendered frame of 640 px in a window, and the range of its factor: the detector searches at 0.5 to 0.7."""
 
 Window = tuple[UInt8, Float32]  # RGB (320, 320, 3) and the maps of `finder_targets`

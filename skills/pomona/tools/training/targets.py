@@ -11,7 +11,11 @@ SPREAD = 0.1  # standard deviation of a fruit's peak, as a ratio of the box's si
 LEAST_SPREAD = 0.6  # its lower bound [cells]
 NEAR = 0.1  # the box is asked for where the peak is higher than this
 
-PEAK, HEAT, WEIGHT, BOX_WEIGHT, REACHES = 0, 1, 2, 3, slice(4, 8)
+PEAK = 0
+HEAT = 1
+WEIGHT = 2
+BOX_WEIGHT = 3
+REACHES = slice(4, 8)
 """Rows of the finder's targets: 1 in the cell of each fruit's middle, the peaks, where the heat counts, how much the
 box counts, and the box's reaches left, up, right and down of the cell's middle [cells]."""
 

@@ -71,9 +71,11 @@ def cover_points(points: Float64) -> Cover:
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(points)
-    normals, offsets = hull.equations[:, :3], hull.equations[:, 3]
+    normals = hull.equations[:, :3]
+    offsets = hull.equations[:, 3]
     corners = points[hull.vertices]
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    lower = corners.min(axis=0)
+    upper = corners.max(axis=0)
 
     def depth(p: Float64) -> Float64:
         deep: Float64 = -np.max(p @ normals.T + offsets, axis=1)

@@ -56,7 +56,8 @@ class Convex:
     def of_box(box: Box) -> Convex:
         """Return a box of the cell: its faces, and planes along its edges and corners."""
         corners = _CUBE[np.abs(_CUBE).sum(axis=1) == 3.0] * box.half_extents
-        R, p = box.T_base_box[:3, :3], box.T_base_box[:3, 3]
+        R = box.T_base_box[:3, :3]
+        p = box.T_base_box[:3, 3]
         return Convex.of_points(box.name, corners @ R.T + p, _CUBE_DIRECTIONS @ R.T)
 
     @staticmethod
@@ -134,16 +135,18 @@ def lookup(
     values: Float32, origin: Float64, resolution: float, x: float, y: float, z: float
 ) -> float:
     """Return the distance at a point of the base frame [m], by trilinear interpolation minus its greatest error."""
-    u, v, w = (
-        (x - origin[0]) / resolution,
-        (y - origin[1]) / resolution,
-        (z - origin[2]) / resolution,
-    )
+    u = (x - origin[0]) / resolution
+    v = (y - origin[1]) / resolution
+    w = (z - origin[2]) / resolution
     u = min(max(u, 0.0), values.shape[0] - 1.000001)
     v = min(max(v, 0.0), values.shape[1] - 1.000001)
     w = min(max(w, 0.0), values.shape[2] - 1.000001)
-    i, j, k = int(u), int(v), int(w)
-    u, v, w = u - i, v - j, w - k
+    i = int(u)
+    j = int(v)
+    k = int(w)
+    u = u - i
+    v = v - j
+    w = w - k
     a = values[i, j, k] + w * (values[i, j, k + 1] - values[i, j, k])
     b = values[i, j + 1, k] + w * (values[i, j + 1, k + 1] - values[i, j + 1, k])
     c = values[i + 1, j, k] + w * (values[i + 1, j, k + 1] - values[i + 1, j, k])

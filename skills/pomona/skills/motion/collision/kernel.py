@@ -51,7 +51,9 @@ def place_spheres(
 ) -> None:
     """Write the centres of a geom's spheres, shifted by s in the link's frame, in the base frame."""
     for s in range(begin, end):
-        x, y, z = spheres[s, 0] + sx, spheres[s, 1] + sy, spheres[s, 2] + sz
+        x = spheres[s, 0] + sx
+        y = spheres[s, 1] + sy
+        z = spheres[s, 2] + sz
         for row in range(3):
             placed[s, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
 
@@ -89,7 +91,10 @@ def _convex_distance(
 ) -> float:
     distance: float = 1e9
     for s in range(begin, end):
-        x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
+        x = placed[s, 0]
+        y = placed[s, 1]
+        z = placed[s, 2]
+        radius = spheres[s, 3]
         away = sqrt((x - bound[0]) ** 2 + (y - bound[1]) ** 2 + (z - bound[2]) ** 2) - bound[3]
         if away - radius >= distance:
             continue
@@ -113,7 +118,9 @@ def _half_space_distance(
     sz: float,
 ) -> float:
     """Return the distance of a geom, shifted by s in the link's frame, from a half space; exact."""
-    nx, ny, nz = plane[0], plane[1], plane[2]
+    nx = plane[0]
+    ny = plane[1]
+    nz = plane[2]
     a = nx * T[0, 0] + ny * T[1, 0] + nz * T[2, 0]
     b = nx * T[0, 1] + ny * T[1, 1] + nz * T[2, 1]
     c = nx * T[0, 2] + ny * T[1, 2] + nz * T[2, 2]
@@ -140,7 +147,10 @@ def _pair_distance(
     """Return the distance between two placed geoms; `other` and `around` are the sphere around the second one."""
     distance: float = 1e9
     for s in range(begin, end):
-        x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
+        x = placed[s, 0]
+        y = placed[s, 1]
+        z = placed[s, 2]
+        radius = spheres[s, 3]
         limit = distance + radius + around
         if (
             limit <= 0.0
@@ -217,8 +227,13 @@ def make_scratch(robot: RobotArrays) -> Scratch:
 @kernel(nogil=True)
 def place(robot: RobotArrays, q: Float64, width: float, scratch: Scratch) -> None:
     """Put the links and the centres of all geoms where they are in a posture."""
-    of_geom, slides, bounds, opening = robot.links, robot.slides, robot.bounds, width - robot.closed
-    links, centres, ready = scratch.links, scratch.centres, scratch.ready
+    of_geom = robot.links
+    slides = robot.slides
+    bounds = robot.bounds
+    opening = width - robot.closed
+    links = scratch.links
+    centres = scratch.centres
+    ready = scratch.ready
     forward(robot.steps, robot.sliding, q, links)
     for g in range(of_geom.shape[0]):
         n = of_geom[g]
@@ -255,47 +270,53 @@ def evaluate_clearances(
     """
     # `slack` is no bool, since numba compiles all of this once for True and once for False.
     # Local names: reading an array out of a tuple counts references, which costs more than the arithmetic.
-    of_geom, slides, bounds, spheres, start = (
-        robot.links,
-        robot.slides,
-        robot.bounds,
-        robot.spheres,
-        robot.sphere_start,
-    )
-    support, support_start, pairs = robot.support, robot.support_start, robot.pairs
-    links, centres, placed, ready = scratch.links, scratch.centres, scratch.placed, scratch.ready
-    field, origin, resolution, planes, plane_start = (
-        world.field,
-        world.origin,
-        world.resolution,
-        world.planes,
-        world.plane_start,
-    )
-    convex, half_spaces, margins, ignored = (
-        world.bounds,
-        world.half_spaces,
-        world.margins,
-        world.ignored,
-    )
-    self_margin, opening, geoms, obstacles = (
-        world.self_margin,
-        width - robot.closed,
-        of_geom.shape[0],
-        convex.shape[0],
-    )
+    of_geom = robot.links
+    slides = robot.slides
+    bounds = robot.bounds
+    spheres = robot.spheres
+    start = robot.sphere_start
+    support = robot.support
+    support_start = robot.support_start
+    pairs = robot.pairs
+    links = scratch.links
+    centres = scratch.centres
+    placed = scratch.placed
+    ready = scratch.ready
+    field = world.field
+    origin = world.origin
+    resolution = world.resolution
+    planes = world.planes
+    plane_start = world.plane_start
+    convex = world.bounds
+    half_spaces = world.half_spaces
+    margins = world.margins
+    ignored = world.ignored
+    self_margin = world.self_margin
+    opening = width - robot.closed
+    geoms = of_geom.shape[0]
+    obstacles = convex.shape[0]
     worst: int = -1
     smallest: float = 1e9
     for g in range(geoms - 1, -1, -1):  # the gripper collides most often
         if not active[g]:
             continue
         enough = min(wanted[g], smallest + slack)
-        x, y, z, radius = centres[g, 0], centres[g, 1], centres[g, 2], bounds[g, 3]
-        sx, sy, sz = opening * slides[g, 0], opening * slides[g, 1], opening * slides[g, 2]
-        n, begin, end = of_geom[g], start[g], start[g + 1]
-        nearest, nearest_is = 1e9, -1
+        x = centres[g, 0]
+        y = centres[g, 1]
+        z = centres[g, 2]
+        radius = bounds[g, 3]
+        sx = opening * slides[g, 0]
+        sy = opening * slides[g, 1]
+        sz = opening * slides[g, 2]
+        n = of_geom[g]
+        begin = start[g]
+        end = start[g + 1]
+        nearest = 1e9
+        nearest_is = -1
         if not ignored[MAP, g]:
             margin = margins[MAP, g]
-            nearest, nearest_is = lookup(field, origin, resolution, x, y, z) - radius - margin, MAP
+            nearest = lookup(field, origin, resolution, x, y, z) - radius - margin
+            nearest_is = MAP
             if nearest < enough:
                 place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                 ready[g] = True
@@ -326,7 +347,8 @@ def evaluate_clearances(
                 )
                 away -= margin
             if away < nearest:
-                nearest, nearest_is = away, 1 + obstacles + h
+                nearest = away
+                nearest_is = 1 + obstacles + h
         for k in range(obstacles):
             if ignored[1 + k, g]:
                 continue
@@ -337,16 +359,19 @@ def evaluate_clearances(
                 if not ready[g]:
                     place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                     ready[g] = True
-                first, last = plane_start[k], plane_start[k + 1]
+                first = plane_start[k]
+                last = plane_start[k + 1]
                 away = (
                     _convex_distance(planes, first, last, convex[k], spheres, begin, end, placed)
                     - margin
                 )
             if away < nearest:
-                nearest, nearest_is = away, 1 + k
+                nearest = away
+                nearest_is = 1 + k
         found[g], which[g] = nearest, nearest_is
         if nearest < smallest:
-            worst, smallest = g, nearest
+            worst = g
+            smallest = nearest
             if slack == 0.0 and nearest < 0.0 and wanted[g] <= 0.0:
                 return worst
     for p in range(pairs.shape[0]):
@@ -354,7 +379,8 @@ def evaluate_clearances(
         if not active[number]:
             continue
         enough = min(wanted[number], smallest + slack)
-        i, j = pairs[p, 0], pairs[p, 1]
+        i = pairs[p, 0]
+        j = pairs[p, 1]
         around = bounds[i, 3] + bounds[j, 3] + self_margin
         squared = (
             (centres[i, 0] - centres[j, 0]) ** 2
@@ -392,7 +418,8 @@ def evaluate_clearances(
             away = sqrt(squared) - around
         found[number], which[number] = away, -1 - i
         if away < smallest:
-            worst, smallest = number, away
+            worst = number
+            smallest = away
             if slack == 0.0 and away < 0.0 and wanted[number] <= 0.0:
                 return worst
     return worst

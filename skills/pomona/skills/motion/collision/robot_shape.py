@@ -80,7 +80,9 @@ class RobotShape(ReadOnly):
         """
         T_link_tcp = self.model.T_link_tcp
         held = cover_points(points_tcp @ T_link_tcp[:3, :3].T + T_link_tcp[:3, 3])
-        arrays, last, number = self.arrays, self.model.dof, len(self.geom_names)
+        arrays = self.arrays
+        last = self.model.dof
+        number = len(self.geom_names)
         pairs = [(g, number) for g in range(number) if arrays.links[g] < last - 1]
         grown = RobotArrays(
             steps=arrays.steps,
@@ -108,7 +110,8 @@ class RobotShape(ReadOnly):
 @lru_cache(maxsize=16)
 def _shape_of(model: RobotModel) -> RobotShape:
     parts = _parts(model)
-    covers, bodies = [part.cover for part in parts], [part.body for part in parts]
+    covers = [part.cover for part in parts]
+    bodies = [part.body for part in parts]
     # A finger is covered where it is when closed, and shifted in the kernel; its reach must hold for every opening.
     travel = model.width_max - model.width_min
     swept = [
@@ -176,7 +179,8 @@ def _parts(model: RobotModel) -> list[_Part]:
 
 def _in_link(shape: Cover, T_link_geom: Float64) -> Cover:
     """Return the cover in the link's frame."""
-    R, p = T_link_geom[:3, :3], T_link_geom[:3, 3]
+    R = T_link_geom[:3, :3]
+    p = T_link_geom[:3, 3]
     spheres = np.column_stack((shape.spheres[:, :3] @ R.T + p, shape.spheres[:, 3]))
     return Cover(spheres, shape.inner, shape.support @ R.T + p, shape.rounding)
 

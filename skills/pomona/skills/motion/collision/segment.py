@@ -51,11 +51,15 @@ def check_segment(
     Returns where something is too close (0 to 1; 2 for nothing), the smallest clearance beyond the margins [m], and who
     has it, as in `check_states`.
     """
-    dof, geoms, pairs, of_geom = start.shape[0], robot.links.shape[0], robot.pairs, robot.links
+    dof = start.shape[0]
+    geoms = robot.links.shape[0]
+    pairs = robot.pairs
+    of_geom = robot.links
     numbers = geoms + pairs.shape[0]
     scratch = make_scratch(robot)
     step = end - start
-    turns, shifts = np.zeros((dof + 1, 3)), np.zeros((dof + 1, 3))
+    turns = np.zeros((dof + 1, 3))
+    shifts = np.zeros((dof + 1, 3))
     rates, bends, speeds = (
         np.zeros(numbers),
         np.zeros(numbers),
@@ -63,7 +67,8 @@ def check_segment(
     )  # [m] per unit of the segment
     safe_until = np.zeros(numbers)
     active = np.empty(numbers, np.bool_)
-    wanted, found = np.empty(numbers), np.empty(numbers)
+    wanted = np.empty(numbers)
+    found = np.empty(numbers)
     which = np.empty(numbers, np.int64)
     for n in range(numbers):
         if n < geoms:
@@ -75,7 +80,9 @@ def check_segment(
             rates[n], bends[n] = bounds_of_motion(
                 robot.reach, step, of_geom[pairs[pair, 0]], pairs[pair, 1]
             )
-    smallest, geom, other = 1e9, -1, -1
+    smallest = 1e9
+    geom = -1
+    other = -1
     q = np.empty(dof)
     while True:
         t = safe_until.min()
@@ -109,7 +116,8 @@ def check_segment(
         )
         if found[worst] < smallest:
             geom = worst if worst < geoms else pairs[worst - geoms, 1]
-            smallest, other = found[worst], which[worst]
+            smallest = found[worst]
+            other = which[worst]
             if smallest < -tolerance:
                 return t, smallest, geom, other
         for n in range(numbers):
@@ -137,7 +145,9 @@ def check_path(
 @kernel(nogil=True)
 def bounds_of_motion(reach: Float64, step: Float64, first: int, geom: int) -> tuple[float, float]:
     """How fast a geom's points can move, and how much that can change, by the joints from `first` on."""
-    rate, bend, turned = 0.0, 0.0, 0.0
+    rate = 0.0
+    bend = 0.0
+    turned = 0.0
     for j in range(first, step.shape[0]):
         moved = abs(step[j])
         rate += moved * reach[j, geom]
@@ -152,11 +162,9 @@ def write_twists(
 ) -> None:
     """Write how every link moves: a point p that is carried by link n moves by turns[n] x p + shifts[n]."""
     for j in range(step.shape[0]):
-        zx, zy, zz = (
-            step[j] * links[j + 1, 0, 2],
-            step[j] * links[j + 1, 1, 2],
-            step[j] * links[j + 1, 2, 2],
-        )
+        zx = step[j] * links[j + 1, 0, 2]
+        zy = step[j] * links[j + 1, 1, 2]
+        zz = step[j] * links[j + 1, 2, 2]
         if sliding[j]:
             for axis in range(3):
                 turns[j + 1, axis] = turns[j, axis]
@@ -164,7 +172,9 @@ def write_twists(
             shifts[j + 1, 1] = shifts[j, 1] + zy
             shifts[j + 1, 2] = shifts[j, 2] + zz
         else:
-            ox, oy, oz = links[j + 1, 0, 3], links[j + 1, 1, 3], links[j + 1, 2, 3]
+            ox = links[j + 1, 0, 3]
+            oy = links[j + 1, 1, 3]
+            oz = links[j + 1, 2, 3]
             turns[j + 1, 0] = turns[j, 0] + zx
             turns[j + 1, 1] = turns[j, 1] + zy
             turns[j + 1, 2] = turns[j, 2] + zz
@@ -178,12 +188,12 @@ def speed_of_ball(
     turns: Float64, shifts: Float64, inner: int, outer: int, centre: Float64, radius: float
 ) -> float:
     """Return the largest speed of a ball carried by link `outer`, in the frame of link `inner`."""
-    wx, wy, wz = (
-        turns[outer, 0] - turns[inner, 0],
-        turns[outer, 1] - turns[inner, 1],
-        turns[outer, 2] - turns[inner, 2],
-    )
-    x, y, z = centre[0], centre[1], centre[2]
+    wx = turns[outer, 0] - turns[inner, 0]
+    wy = turns[outer, 1] - turns[inner, 1]
+    wz = turns[outer, 2] - turns[inner, 2]
+    x = centre[0]
+    y = centre[1]
+    z = centre[2]
     vx = wy * z - wz * y + shifts[outer, 0] - shifts[inner, 0]
     vy = wz * x - wx * z + shifts[outer, 1] - shifts[inner, 1]
     vz = wx * y - wy * x + shifts[outer, 2] - shifts[inner, 2]

@@ -54,7 +54,8 @@ def follow_through(
         the number of good solutions.
     """
     good = 0
-    clearances, closest = np.empty(1), np.empty((1, 2), np.int64)
+    clearances = np.empty(1)
+    closest = np.empty((1, 2), np.int64)
     verdicts[:] = -1
     for n in range(solutions.shape[0]):
         for j in range(solutions.shape[1]):

@@ -53,7 +53,8 @@ class GripperShape:
         for body in set(self.bodies):
             own = np.array([name == body for name in self.bodies])
             around = self.radii[own, None]
-            lower, upper = (corners[own] - around).min(axis=0), (corners[own] + around).max(axis=0)
+            lower = (corners[own] - around).min(axis=0)
+            upper = (corners[own] + around).max(axis=0)
             beside = (np.abs(points_tcp - (lower + upper) / 2.0) <= (upper - lower) / 2.0 + error)[
                 :, :2
             ].all(axis=1)
@@ -63,8 +64,10 @@ class GripperShape:
     def way_to(self, points_tcp: Float64, width: float, finger: str) -> Float64:
         """Return the shortest way from points, shape (n, 3) [m], to the left or right finger, (3,); 0 inside of it."""
         corners = self.points + (width - self.closed) * self.slides
-        own, around = (corners[:, 1] > 0.0) == (finger == "left"), self.radii[:, None]
-        lower, upper = (corners - around)[own].min(axis=0), (corners + around)[own].max(axis=0)
+        own = (corners[:, 1] > 0.0) == (finger == "left")
+        around = self.radii[:, None]
+        lower = (corners - around)[own].min(axis=0)
+        upper = (corners + around)[own].max(axis=0)
         ways = np.clip(points_tcp, lower, upper) - points_tcp
         return np.asarray(ways[np.linalg.norm(ways, axis=1).argmin()], np.float64)
 
@@ -73,7 +76,10 @@ class GripperShape:
 def gripper_shape(robot: RobotModel) -> GripperShape:
     """Read the outline of fingers and palm from the robot's collision geometry; once for a model."""
     T_tcp_link = inverse(robot.T_link_tcp)
-    points, radii, slides, names = [np.empty((0, 3))], [np.empty(0)], [np.empty((0, 3))], []
+    points = [np.empty((0, 3))]
+    radii = [np.empty(0)]
+    slides = [np.empty((0, 3))]
+    names = []
     palm = -np.inf
     for geom in robot.geoms:
         body = robot.bodies[geom.body]
@@ -167,7 +173,8 @@ def fruit_section(
         measured.dimensions * half
     )  # points from the ellipsoid's centre to where a pad meets it
     oblique = np.arctan2(np.linalg.norm(np.cross(in_object, touched)), in_object @ touched)
-    position, size = measured.covariance[:3, :3], measured.covariance[3:, 3:]
+    position = measured.covariance[:3, :3]
+    size = measured.covariance[3:, 3:]
     return CrossSection(
         width=high - low,
         p_base=measured.T_base_fruit[:3, 3] + R_base_tcp @ centre,
@@ -188,11 +195,16 @@ def extent(
     Writes the mean of the vertices within `band` of either end in y, in the gripper's axes, into `widest`.
     """
     y = np.empty(vertices.shape[0])
-    low, high, top = 1e9, -1e9, 1e9
+    low = 1e9
+    high = -1e9
+    top = 1e9
     for i in range(vertices.shape[0]):
-        a, b, c = vertices[i, 0] - centre[0], vertices[i, 1] - centre[1], vertices[i, 2] - centre[2]
+        a = vertices[i, 0] - centre[0]
+        b = vertices[i, 1] - centre[1]
+        c = vertices[i, 2] - centre[2]
         y[i] = a * R_base_tcp[0, 1] + b * R_base_tcp[1, 1] + c * R_base_tcp[2, 1]
-        low, high = min(low, y[i]), max(high, y[i])
+        low = min(low, y[i])
+        high = max(high, y[i])
         top = min(top, a * R_base_tcp[0, 2] + b * R_base_tcp[1, 2] + c * R_base_tcp[2, 2])
     count = 0
     widest[:] = 0.0

@@ -64,7 +64,8 @@ class CandidateRejected(Exception):
     """A candidate that is ruled out."""
 
     def __init__(self, code: str, reason: str) -> None:
-        self.code, self.reason = code, reason
+        self.code = code
+        self.reason = reason
         super().__init__(reason)
 
 
@@ -182,7 +183,8 @@ def judge_candidate(
     )
     if len(solutions) == 0:
         raise CandidateRejected("UNREACHABLE", "the arm does not reach the pre-grasp")
-    kept, clearance = solutions[: setting.rules.solutions], np.inf
+    kept = solutions[: setting.rules.solutions]
+    clearance = np.inf
     if setting.rules.check:
         kept, clearance = _approachable(setting, solutions, T_base_grasp, width, section.width)
     return Grasp(
@@ -254,7 +256,9 @@ def _approachable(
 
     The fingers are free when they have closed on the fruit, too: one outside a crate would close on its wall.
     """
-    robot, rules, space = setting.robot, setting.rules, setting.space.at_width(width)
+    robot = setting.robot
+    rules = setting.rules
+    space = setting.space.at_width(width)
     tried = np.ascontiguousarray(solutions[: rules.tried_solutions])
     poses = np.repeat(T_base_grasp[None, :3], len(setting.back), axis=0)
     poses[:, :, 3] -= setting.back[:, None] * T_base_grasp[:3, 2]
@@ -264,7 +268,8 @@ def _approachable(
     good = np.flatnonzero(verdicts == GOOD)
     if len(good) == 0:
         raise _why_not(space, verdicts, witnesses)
-    closed, q_grasp = space.at_width(closed_width), lines[good[0], -1]
+    closed = space.at_width(closed_width)
+    q_grasp = lines[good[0], -1]
     if (
         closed.clearances(q_grasp[None])[0] < -closed.world.margins.fingers
     ):  # in something, not only near it
@@ -285,7 +290,8 @@ def _judge(
     """Follow the approach along `poses` through for joint solutions; results as in `follow_through`."""
     apart = float(np.linalg.norm(poses[1, :, 3] - poses[0, :, 3]))
     lines = np.empty((len(solutions), len(poses), robot.dof))
-    verdicts, witnesses = np.empty(len(solutions), dtype=np.int64), np.empty_like(solutions)
+    verdicts = np.empty(len(solutions), dtype=np.int64)
+    witnesses = np.empty_like(solutions)
     follow_through(
         space.world.shape.arrays,
         space.world.arrays,
@@ -311,10 +317,8 @@ def support_below(workspace: Workspace, p_base: Float64) -> float | None:
     """
     heights = [-np.inf if workspace.table_z is None else workspace.table_z]
     for box in workspace.obstacles:
-        p_box, half = (
-            inverse(box.T_base_box)[:3] @ np.append(p_base, 1.0),
-            np.array(box.half_extents),
-        )
+        p_box = inverse(box.T_base_box)[:3] @ np.append(p_base, 1.0)
+        half = np.array(box.half_extents)
         if (
             box.T_base_box[2, 2] > 0.999
             and (np.abs(p_box[:2]) < half[:2]).all()

@@ -70,7 +70,11 @@ def check_camera_pose(
         )
 
 
-_INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT = 0, 1, 2, 3, 4
+_INVALID = 0
+_SURFACE = 1
+_TABLE = 2
+_TARGET = 3
+_ROBOT = 4
 _BELOW_TABLE = 0.03  # points this far under the table cannot be [m] …
 _BELOW_TABLE_SHARE = 0.2  # … in a larger share of the points over the table
 
@@ -122,9 +126,11 @@ def integrate(
     depth = np.require(
         frame.depth, np.float32, ["C", "W"]
     )  # read-only arrays would be compiled for once more
-    states, last_look = previous.states.copy(), previous.last_look.copy()
+    states = previous.states.copy()
+    last_look = previous.last_look.copy()
     look = len(previous.stamps)
-    T, origin = np.array(T_base_camera[:3]), np.array(previous.origin)
+    T = np.array(T_base_camera[:3])
+    origin = np.array(previous.origin)
     labels = np.empty(depth.shape, np.uint8)
     points = np.zeros(states.shape, np.uint16)
     own = np.zeros(states.shape, np.bool_)
@@ -132,7 +138,8 @@ def integrate(
         mark_spheres(
             np.ascontiguousarray(robot), how.robot_padding, origin, previous.resolution, own
         )
-    shapes, fixed = (*(() if target is None else (target,)), *previous.shapes), standing(workspace)
+    shapes = (*(() if target is None else (target,)), *previous.shapes)
+    fixed = standing(workspace)
     other = max(how.target_margin, how.other_margin)
     margins = np.array([other] * len(shapes) + [how.table] * len(fixed))
     if target is not None:
@@ -192,7 +199,9 @@ def mark_spheres(
     nx, ny, nz = marked.shape
     for s in range(spheres.shape[0]):
         radius = spheres[s, 3] + padding
-        x, y, z = spheres[s, 0] - origin[0], spheres[s, 1] - origin[1], spheres[s, 2] - origin[2]
+        x = spheres[s, 0] - origin[0]
+        y = spheres[s, 1] - origin[1]
+        z = spheres[s, 2] - origin[2]
         for i in range(
             max(int((x - radius) / resolution), 0), min(int((x + radius) / resolution) + 1, nx)
         ):
@@ -218,7 +227,9 @@ def _label_pixels(
 ) -> tuple[int, int, int]:  # fmt: skip
     """Label every pixel, and count the surface's points in each cell."""
     nx, ny, nz = own.shape
-    valid, inside, below = 0, 0, 0
+    valid = 0
+    inside = 0
+    below = 0
     for v in range(depth.shape[0]):
         ry = (v - camera[3]) / camera[1]
         for u in range(depth.shape[1]):
@@ -232,10 +243,8 @@ def _label_pixels(
             y = d * (T[1, 0] * rx + T[1, 1] * ry + T[1, 2]) + T[1, 3]
             z = d * (T[2, 0] * rx + T[2, 1] * ry + T[2, 2]) + T[2, 3]
             labels[v, u] = _SURFACE
-            i, j = (
-                int(np.floor((x - origin[0]) / resolution)),
-                int(np.floor((y - origin[1]) / resolution)),
-            )
+            i = int(np.floor((x - origin[0]) / resolution))
+            j = int(np.floor((y - origin[1]) / resolution))
             if i < 0 or j < 0 or i >= nx or j >= ny:
                 if z < table_z + table:
                     labels[v, u] = _TABLE
@@ -255,12 +264,10 @@ def _label_pixels(
                 labels[v, u] = _ROBOT
                 continue
             for n in range(bounds.shape[0]):
-                ax, ay, az, near = (
-                    x - bounds[n, 0],
-                    y - bounds[n, 1],
-                    z - bounds[n, 2],
-                    bounds[n, 3] + margins[n],
-                )
+                ax = x - bounds[n, 0]
+                ay = y - bounds[n, 1]
+                az = z - bounds[n, 2]
+                near = bounds[n, 3] + margins[n]
                 if ax * ax + ay * ay + az * az < near * near:
                     outside = -1e9
                     for f in range(start[n], start[n + 1]):
@@ -293,8 +300,13 @@ def _carve(
     lowest = max(0.0, np.ceil((table_z - origin[2]) / resolution - 0.5))
     first = int(min(lowest, nz))
     height, width = depth.shape
-    step_x, step_y, step_z = T[0, 2] * resolution, T[1, 2] * resolution, T[2, 2] * resolution
-    fx, fy, cx, cy = camera[0], camera[1], camera[2] + 0.5, camera[3] + 0.5
+    step_x = T[0, 2] * resolution
+    step_y = T[1, 2] * resolution
+    step_z = T[2, 2] * resolution
+    fx = camera[0]
+    fy = camera[1]
+    cx = camera[2] + 0.5
+    cy = camera[3] + 0.5
     for i in range(nx):
         bx = origin[0] + (i + 0.5) * resolution
         for j in range(ny):
@@ -304,14 +316,18 @@ def _carve(
             y = T[1, 0] * bx + T[1, 1] * by + T[1, 2] * bz + T[1, 3]
             z = T[2, 0] * bx + T[2, 1] * by + T[2, 2] * bz + T[2, 3]
             for k in range(first, nz):
-                x, y, z = x + step_x, y + step_y, z + step_z
+                x = x + step_x
+                y = y + step_y
+                z = z + step_z
                 if z < 1e-3:
                     continue
                 inverse_z = 1.0 / z
-                column, row = fx * x * inverse_z + cx, fy * y * inverse_z + cy
+                column = fx * x * inverse_z + cx
+                row = fy * y * inverse_z + cy
                 if not (column >= 0.0 and row >= 0.0 and column < width and row < height):
                     continue
-                u, v = int(column), int(row)
+                u = int(column)
+                v = int(row)
                 d = depth[v, u]
                 if labels[v, u] == _INVALID:
                     continue

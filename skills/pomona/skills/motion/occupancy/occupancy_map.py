@@ -31,7 +31,9 @@ class NothingMeasured(OccupancyError):
     """A frame without information about the mapped volume."""
 
     def __init__(self, label: str, valid: int, inside: int) -> None:
-        self.label, self.valid, self.inside = label, valid, inside
+        self.label = label
+        self.valid = valid
+        self.inside = inside
         super().__init__(
             f"frame {label or '(unnamed)'} has {valid} pixels with depth, {inside} of them inside the mapped volume"
         )
@@ -41,7 +43,9 @@ class CameraPoseMismatch(OccupancyError):
     """A camera pose that cannot be true."""
 
     def __init__(self, problem: str, distance: float = 0.0, angle: float = 0.0) -> None:
-        self.problem, self.distance, self.angle = problem, distance, angle
+        self.problem = problem
+        self.distance = distance
+        self.angle = angle
         super().__init__(f"the camera's pose contradicts the rest of the cell: {problem}")
 
 
@@ -56,7 +60,8 @@ class MapStale(OccupancyError):
     """A map whose newest look is too old."""
 
     def __init__(self, age: float, max_age: float) -> None:
-        self.age, self.max_age = age, max_age
+        self.age = age
+        self.max_age = max_age
         super().__init__(
             f"the newest look of the occupancy map is {age:.2f} s old, {max_age:.2f} s are allowed"
         )

@@ -294,7 +294,9 @@ class UprightSpace:
 
     def _tilted_between(self, q_a: Float64, q_b: Float64, tolerance: float) -> bool:
         step = q_b - q_a
-        most, turned, t = self.most + tolerance, float(np.abs(step).sum()), 0.0
+        most = self.most + tolerance
+        turned = float(np.abs(step).sum())
+        t = 0.0
         while True:
             tilt = self.tilt(q_a + t * step)
             if tilt > most:

@@ -78,8 +78,10 @@ class _Ending:
     """Termination by counting; OMPL asks once per iteration."""
 
     def __init__(self, iterations: int, deadline: float) -> None:
-        self._iterations, self._deadline = iterations, deadline
-        self.count, self.out_of_time = 0, False
+        self._iterations = iterations
+        self._deadline = deadline
+        self.count = 0
+        self.out_of_time = False
 
     def __call__(self) -> bool:
         self.count += 1

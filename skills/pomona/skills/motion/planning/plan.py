@@ -89,14 +89,16 @@ def solve(
                 f"the planner {planner} needs OMPL, which is not installed ({error})"
             ) from error
         return solve_by_ompl(space, q_start, q_goals, offered.ompl, wanted)
-    used, round_ = 0, FIRST_ROUND
+    used = 0
+    round_ = FIRST_ROUND
     while used < effort.iterations:
         if time.perf_counter() > effort.deadline:
             return Solution(None, used, out_of_time=True)
         waypoints, took = space.connect(
             q_start, q_goals, min(round_, effort.iterations - used), (effort.seed + used) % 2**31
         )
-        used, round_ = used + took, 2 * round_
+        used = used + took
+        round_ = 2 * round_
         if waypoints is not None:
             return Solution(waypoints, used, out_of_time=False)
     return Solution(None, used, out_of_time=False)
@@ -183,7 +185,8 @@ def plan(request: PlanRequest) -> PlanResult:
     given, (request, turns) = request, _by_the_short_way(request)
     progress = _Progress()
     rng = np.random.default_rng(request.seed)
-    space, goals = request.space, _free_goals(request)
+    space = request.space
+    goals = _free_goals(request)
     waypoints, found_by = _first_path(request, goals, progress)
     waypoints = shortcut(space, waypoints, rng)
     path = time_free_path(space, waypoints, request.limits)
@@ -194,10 +197,13 @@ def plan(request: PlanRequest) -> PlanResult:
             better = shortcut(space, better, rng)
             candidate = time_free_path(space, better, request.limits)
             if candidate.duration < path.duration:
-                waypoints, path, found_by = better, candidate, request.improve
+                waypoints = better
+                path = candidate
+                found_by = request.improve
     reached = int(np.linalg.norm(request.q_goals - waypoints[-1], axis=1).argmin())
     if given is not request:
-        path, waypoints = replace(path, q=path.q + turns), waypoints + turns
+        path = replace(path, q=path.q + turns)
+        waypoints = waypoints + turns
     return PlanResult(
         path,
         reached,
@@ -215,7 +221,9 @@ def _by_the_short_way(request: PlanRequest) -> tuple[PlanRequest, Float64]:
 
     Each of them goes to its goal by the short way, or by the long one where that leaves the limits of the arm's motion.
     """
-    endless, start, goals = request.space.endless, request.q_start, np.atleast_2d(request.q_goals)
+    endless = request.space.endless
+    start = request.q_start
+    goals = np.atleast_2d(request.q_goals)
     if not endless.any() or start.shape != endless.shape or goals.shape[1:] != endless.shape:
         return request, np.zeros(len(endless))
     turns = np.where(endless, TURN * np.round(start / TURN), 0.0)
@@ -227,7 +235,8 @@ def _by_the_short_way(request: PlanRequest) -> tuple[PlanRequest, Float64]:
 
 def _free_goals(request: PlanRequest) -> Float64:
     """Return the goals that are free of collision, nearest first, shape (n, dof)."""
-    space, q_goals = request.space, np.atleast_2d(request.q_goals)
+    space = request.space
+    q_goals = np.atleast_2d(request.q_goals)
     for name in (request.planner, request.improve):
         if name and name not in PLANNERS:
             raise BadRequest(f"no planner named {name!r}; there are {', '.join(PLANNERS)}")

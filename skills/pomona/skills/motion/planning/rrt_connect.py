@@ -61,7 +61,9 @@ def _probes_free(
     active = np.ones(numbers, np.bool_)
     for g in range(robot.links.shape[0]):
         active[g] = robot.links[g] > 0
-    wanted, found, which = np.zeros(numbers), np.empty(numbers), np.empty(numbers, np.int64)
+    wanted = np.zeros(numbers)
+    found = np.empty(numbers)
+    which = np.empty(numbers, np.int64)
     q = np.empty(q_a.shape[0])
     for share in _PROBES:
         for j in range(q.shape[0]):
@@ -83,7 +85,8 @@ class Trees(NamedTuple):
 @kernel(nogil=True)
 def _nearest(nodes: Float64, count: int, q: Float64) -> tuple[int, float]:
     """Return the node that is closest to a posture, and how far it is."""
-    best, closest = 0, 1e300
+    best = 0
+    closest = 1e300
     for n in range(count):
         squared = 0.0
         for j in range(q.shape[0]):
@@ -92,7 +95,8 @@ def _nearest(nodes: Float64, count: int, q: Float64) -> tuple[int, float]:
             if squared >= closest:
                 break
         if squared < closest:
-            best, closest = n, squared
+            best = n
+            closest = squared
     return best, sqrt(closest)
 
 
@@ -119,11 +123,15 @@ def grow(
     Returns:
         The nodes of both trees that are the same posture, or -1 and -1, and the iterations used.
     """
-    q_all, parent = trees.q, trees.parent
-    capacity, dof = q_all.shape[1], q_all.shape[2]
+    q_all = trees.q
+    parent = trees.parent
+    capacity = q_all.shape[1]
+    dof = q_all.shape[2]
     count = np.empty(2, np.int64)
     count[0], count[1] = 1, roots
-    q_new, q_next, q_random = np.empty(dof), np.empty(dof), np.empty(dof)
+    q_new = np.empty(dof)
+    q_next = np.empty(dof)
+    q_random = np.empty(dof)
     for iteration in range(1, iterations + 1):
         ours = 0 if count[0] <= count[1] else 1
         theirs = 1 - ours
@@ -171,7 +179,8 @@ def grow(
 
 def path_between(trees: Trees, from_start: int, from_goal: int) -> Float64:
     """Return the waypoints from the start over the place where two trees met to a goal, shape (n, dof) [rad]."""
-    before, after = [], []
+    before = []
+    after = []
     while from_start >= 0:
         before.append(trees.q[0, from_start])
         from_start = int(trees.parent[0, from_start])

@@ -119,7 +119,8 @@ def shortcut(space: Space, waypoints: Float64, rng: np.random.Generator) -> Floa
 
 def _leave_out_corners(space: Space, waypoints: Float64) -> Float64:
     """From each kept corner, go straight to the farthest later one that can be reached."""
-    kept, here = [0], 0
+    kept = [0]
+    here = 0
     while here < len(waypoints) - 1:
         here = next(
             (

@@ -50,7 +50,8 @@ class _Filtered:
         times = np.concatenate([t, t - self.T1, t - self.T2, t - self.T1 - self.T2])
         inside = np.clip(times, self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, inside, side="right") - 1, 0, len(self.t) - 2)
-        u, beyond = (inside - self.t[k])[:, None], np.maximum(times - self.t[-1], 0.0)[:, None]
+        u = (inside - self.t[k])[:, None]
+        beyond = np.maximum(times - self.t[-1], 0.0)[:, None]
         p = self.p[k] + u * v[k]
         p1 = P1[k] + u * self.p[k] + u**2 / 2.0 * v[k] + beyond * self.p[-1]
         p2 = P2[k] + u * P1[k] + u**2 / 2.0 * self.p[k] + u**3 / 6.0 * v[k]
@@ -95,7 +96,8 @@ def time_polyline(
     q = np.atleast_2d(np.asarray(waypoints, dtype=np.float64))
     stay = np.zeros(len(q)) if dwells is None else np.asarray(dwells, dtype=np.float64)
     keep = np.concatenate([[True], np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0) > 1e-9])
-    q, stay = q[keep], stay[keep]
+    q = q[keep]
+    stay = stay[keep]
     if len(q) == 1:
         still = np.zeros((2, q.shape[1]))
         return Trajectory(np.array([0.0, period]), np.repeat(q, 2, axis=0), still, still)
@@ -125,7 +127,8 @@ def _fit(p: Float64, limits: ArmLimits, stay: Float64, share: float) -> _Filtere
     )
     T1 = float((jumps / limits.acceleration).max())
     T2 = float((jumps / (T1 * limits.jerk)).max())
-    times, values = [0.0], [p[0]]
+    times = [0.0]
+    values = [p[0]]
     stay = np.append(stay[:-1], 0.0)
     for duration, value, dwell in zip(h, p[1:], stay[1:], strict=True):
         times.append(times[-1] + duration)
@@ -179,9 +182,11 @@ def time_curve(
     braking = acceleration if deceleration is None else deceleration
     profile = _profile(length, along, most, braking, period)
     first, second, third = (curve(profile.q[:, 0], order) for order in (1, 2, 3))
-    s1, s2 = profile.qd, profile.qdd
+    s1 = profile.qd
+    s2 = profile.qdd
     s3 = np.gradient(s2[:, 0], profile.t)[:, None]
-    qd, qdd = first * s1, second * s1**2 + first * s2
+    qd = first * s1
+    qdd = second * s1**2 + first * s2
     qddd = third * s1**3 + 3.0 * second * s1 * s2 + first * s3
     jerk_between = (
         np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]
@@ -208,7 +213,8 @@ def _profile(
     Ramps of constant acceleration are averaged over a window, as in the module's text: the speed follows half a window
     later.
     """
-    speed, a = float(limits.velocity[0]), float(limits.acceleration[0])
+    speed = float(limits.velocity[0])
+    a = float(limits.acceleration[0])
     if most is None and braking == a:
         return time_polyline([[0.0], [length]], limits, period=period)
     window = a / float(limits.jerk[0])

@@ -114,7 +114,9 @@ class _Reader:
     """Reads one compiled model; lives for one call of `read_description`."""
 
     def __init__(self, path: Path, model: Any, tool: str, urdf: ElementTree.Element | None) -> None:
-        self.path, self.model, self.urdf = path, model, urdf
+        self.path = path
+        self.model = model
+        self.urdf = urdf
         self.at_zero = mujoco.MjData(model)
         self.at_zero.qpos[:] = 0.0
         mujoco.mj_kinematics(model, self.at_zero)
@@ -367,7 +369,8 @@ class _Reader:
         vertices = np.empty((0, 3))
         if kind == "mesh":
             mesh = int(self.model.geom_dataid[index])
-            first, count = int(self.model.mesh_vertadr[mesh]), int(self.model.mesh_vertnum[mesh])
+            first = int(self.model.mesh_vertadr[mesh])
+            count = int(self.model.mesh_vertnum[mesh])
             vertices = np.array(self.model.mesh_vert[first : first + count], dtype=np.float64)
         pose = self._pose_in_link(
             body.link, self.at_zero.geom_xpos[index], self.at_zero.geom_xmat[index]
@@ -412,7 +415,8 @@ class _Reader:
 
         Raises BadRobotFile: a limit is missing, no finite number, reversed, or no speed. MuJoCo ignores such limits.
         """
-        limit, endless = joint.find("limit"), joint.get("type") == "continuous"
+        limit = joint.find("limit")
+        endless = joint.get("type") == "continuous"
         said = {} if limit is None else limit.attrib
         values = {"velocity": np.inf} if endless else {}
         for key in ("velocity",) if endless else ("lower", "upper", "velocity"):

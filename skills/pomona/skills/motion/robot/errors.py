@@ -22,7 +22,8 @@ class BadRobotFile(RobotError):
     """A robot description that cannot be used."""
 
     def __init__(self, path: Path, problem: str) -> None:
-        self.path, self.problem = path, problem
+        self.path = path
+        self.problem = problem
         super().__init__(f"{path}: {problem}")
 
 

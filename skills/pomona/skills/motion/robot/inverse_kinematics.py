@@ -134,10 +134,12 @@ def _descend(
     T = np.empty((3, 4))
     J = np.empty((6, dof))
     A = np.empty((6, 6))
-    error, step = np.empty(6), np.empty(dof)
+    error = np.empty(6)
+    step = np.empty(dof)
     count = 0
     for s in range(starts.shape[0]):
-        q, met = starts[s].copy(), np.zeros(dof, np.bool_)
+        q = starts[s].copy()
+        met = np.zeros(dof, np.bool_)
         for _ in range(iterations):
             forward(steps, sliding, q, links)
             compose(links[dof], T_link_tcp, T)

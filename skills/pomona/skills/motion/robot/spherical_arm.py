@@ -78,8 +78,10 @@ def as_spherical_arm(model: RobotModel) -> SphericalArm | None:
     if model.dof != 7 or model.sliding.any():
         return None
     links = model.link_poses(np.zeros(7))[1:]
-    axes, points = np.ascontiguousarray(links[:, :3, 2]), np.ascontiguousarray(links[:, :3, 3])
-    shoulder, wrist = _meeting_point(axes[:3], points[:3]), _meeting_point(axes[4:], points[4:])
+    axes = np.ascontiguousarray(links[:, :3, 2])
+    points = np.ascontiguousarray(links[:, :3, 3])
+    shoulder = _meeting_point(axes[:3], points[:3])
+    wrist = _meeting_point(axes[4:], points[4:])
     consecutive = [axes[i] @ axes[i + 1] for i in (0, 1, 4, 5)]
     if shoulder is None or wrist is None or max(map(abs, consecutive)) > _MEETING:
         return None
@@ -153,7 +155,8 @@ def _three_axes(
     rest fixes x; the remainder of R is z.
     """
     t = (_dot(rows[0], c), _dot(rows[1], c), _dot(rows[2], c))
-    along, rest = _dot(a, t), _cross(a, t)
+    along = _dot(a, t)
+    rest = _cross(a, t)
     sideways = sqrt(_dot(rest, rest))
     y = atan2(_dot(a, _cross(b, c)), _dot(a, c)) + branch * atan2(sideways, along)
     m = _rotate(b, cos(y), sin(y), c)
@@ -220,15 +223,23 @@ def _solve(
     solutions: Float64,
 ) -> int:
     """Write solutions for the motion (target pose · inverse pose at q = 0) and return their number."""
-    e1, e2, e3, e4 = _vector(axes[0]), _vector(axes[1]), _vector(axes[2]), _vector(axes[3])
-    e5, e6, e7 = _vector(axes[4]), _vector(axes[5]), _vector(axes[6])
-    m0, m1, m2 = _vector(motion[0]), _vector(motion[1]), _vector(motion[2])
+    e1 = _vector(axes[0])
+    e2 = _vector(axes[1])
+    e3 = _vector(axes[2])
+    e4 = _vector(axes[3])
+    e5 = _vector(axes[4])
+    e6 = _vector(axes[5])
+    e7 = _vector(axes[6])
+    m0 = _vector(motion[0])
+    m1 = _vector(motion[1])
+    m2 = _vector(motion[2])
     forearm = _vector(wrist - elbow)
     upper_arm = _vector(elbow - shoulder)
     to_wrist = _to_wrist(shoulder, wrist, motion)
     # |upper_arm + Rot(e4, q4) forearm| = |to_wrist|  is  A cos q4 + B sin q4 = rhs
     along = _dot(upper_arm, e4) * _dot(e4, forearm)
-    A, B = _dot(upper_arm, forearm) - along, _dot(upper_arm, _cross(e4, forearm))
+    A = _dot(upper_arm, forearm) - along
+    B = _dot(upper_arm, _cross(e4, forearm))
     rhs = (
         0.5 * (_dot(to_wrist, to_wrist) - _dot(forearm, forearm) - _dot(upper_arm, upper_arm))
         - along
@@ -242,12 +253,14 @@ def _solve(
     count = 0
     for elbow_branch in (1.0, -1.0):
         angles[3] = atan2(B, A) + elbow_branch * acos(ratio)
-        c4, s4 = cos(angles[3]), sin(angles[3])
+        c4 = cos(angles[3])
+        s4 = sin(angles[3])
         turned = _rotate(e4, c4, s4, forearm)
         line = (upper_arm[0] + turned[0], upper_arm[1] + turned[1], upper_arm[2] + turned[2])
         f, s, u = _frame_of_line(line, e4)
         for k in range(arm_angles.shape[0]):
-            cosine, sine = cos(arm_angles[k]), sin(arm_angles[k])
+            cosine = cos(arm_angles[k])
+            sine = sin(arm_angles[k])
             a = (
                 cosine * side[0] + sine * up[0],
                 cosine * side[1] + sine * up[1],

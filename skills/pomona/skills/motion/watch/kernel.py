@@ -74,7 +74,10 @@ def see(
     origin, resolution, known, own, state, area, touched = cells
     T = camera.T_base_camera
     nx, ny, nz = known.shape
-    fx, fy, cx, cy = camera.lens[0], camera.lens[1], camera.lens[2], camera.lens[3]
+    fx = camera.lens[0]
+    fy = camera.lens[1]
+    cx = camera.lens[2]
+    cy = camera.lens[3]
     height, width = depth.shape
     most = found.shape[0]
     count = 0
@@ -90,10 +93,8 @@ def see(
                 continue
             x = d * (T[0, 0] * rx + T[0, 1] * ry + T[0, 2]) + T[0, 3]
             y = d * (T[1, 0] * rx + T[1, 1] * ry + T[1, 2]) + T[1, 3]
-            i, j = (
-                int(np.floor((x - origin[0]) / resolution)),
-                int(np.floor((y - origin[1]) / resolution)),
-            )
+            i = int(np.floor((x - origin[0]) / resolution))
+            j = int(np.floor((y - origin[1]) / resolution))
             k = int(np.floor((z - origin[2]) / resolution))
             if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
                 continue
@@ -104,7 +105,9 @@ def see(
     new = 0
     for n in range(count):
         number = touched[n]
-        i, j, k = number // (ny * nz), (number // nz) % ny, number % nz
+        i = number // (ny * nz)
+        j = (number // nz) % ny
+        k = number % nz
         if known[i, j, k] or own[i, j, k] or area[i, j, k] < noise.least_area:
             continue
         beside = False
@@ -138,13 +141,18 @@ def _note_free(depth: Float32, camera: CameraView, cells: WatchedCells, lowest: 
     """
     origin, resolution, _known, own, state, area, _touched = cells
     T = camera.T_base_camera
-    fx, fy, cx, cy = camera.lens[0], camera.lens[1], camera.lens[2], camera.lens[3]
+    fx = camera.lens[0]
+    fy = camera.lens[1]
+    cx = camera.lens[2]
+    cy = camera.lens[3]
     nx, ny, nz = own.shape
     height, width = depth.shape
     first = max(0, int(np.floor((lowest - origin[2]) / resolution)))
     clear = 1.5 * resolution
     # The camera's axes in the base frame: T's rotation transposed.
-    sx, sy, sz = T[2, 0] * resolution, T[2, 1] * resolution, T[2, 2] * resolution
+    sx = T[2, 0] * resolution
+    sy = T[2, 1] * resolution
+    sz = T[2, 2] * resolution
     for i in range(nx):
         dx = origin[0] + (i + 0.5) * resolution - T[0, 3]
         for j in range(ny):
@@ -159,7 +167,8 @@ def _note_free(depth: Float32, camera: CameraView, cells: WatchedCells, lowest: 
                 z += sz
                 if z <= 0.05 or state[i, j, k] != UNSEEN:
                     continue
-                u, v = int(np.floor(fx * x / z + cx + 0.5)), int(np.floor(fy * y / z + cy + 0.5))
+                u = int(np.floor(fx * x / z + cx + 0.5))
+                v = int(np.floor(fy * y / z + cy + 0.5))
                 if u < 0 or v < 0 or u >= width or v >= height:
                     continue
                 if area[i, j, k] == 0.0 and not own[i, j, k]:
@@ -203,13 +212,14 @@ def nearest_ahead(
     """
     away, geom, which = nearest
     scratch = make_scratch(robot)
-    slides, spheres, start, links = robot.slides, robot.spheres, robot.sphere_start, robot.links
-    centres, placed, bounds, opening = (
-        scratch.centres,
-        scratch.placed,
-        robot.bounds,
-        width - robot.closed,
-    )
+    slides = robot.slides
+    spheres = robot.spheres
+    start = robot.sphere_start
+    links = robot.links
+    centres = scratch.centres
+    placed = scratch.placed
+    bounds = robot.bounds
+    opening = width - robot.closed
     for m in range(Q.shape[0]):
         place(robot, Q[m], width, scratch)
         best = limit
@@ -218,7 +228,9 @@ def nearest_ahead(
             if links[g] == 0:
                 continue  # a part at rest hits nothing
             around = bounds[g, 3]
-            x, y, z = centres[g, 0], centres[g, 1], centres[g, 2]
+            x = centres[g, 0]
+            y = centres[g, 1]
+            z = centres[g, 2]
             apart = (
                 np.sqrt((x - bound[0]) ** 2 + (y - bound[1]) ** 2 + (z - bound[2]) ** 2)
                 - bound[3]
@@ -228,7 +240,9 @@ def nearest_ahead(
                 continue
             ready = False
             for n in range(points.shape[0]):
-                px, py, pz = points[n, 0], points[n, 1], points[n, 2]
+                px = points[n, 0]
+                py = points[n, 1]
+                pz = points[n, 2]
                 if np.sqrt((px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2) - around >= best:
                     continue
                 if not ready:

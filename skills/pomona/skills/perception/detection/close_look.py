@@ -27,12 +27,19 @@ Network = Callable[
 FINDER_STRIDE = 4  # input pixels per cell of the belief maps
 CLOSE_LOOK_SIZE = 96  # side of the square picture of one fruit [px]
 
-CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10
+CENTRE = slice(0, 2)
+SIZE = 2
+AXIS = slice(3, 6)
+SPREAD = slice(6, 9)
+KIND = 9
+SEEN = 10
 """Columns of the close look's output."""
 
 CLOSE_LOOK_OUTPUTS = SEEN + 1
 
-HEAT, REACHES, QUALITY = 0, slice(1, 5), 5
+HEAT = 0
+REACHES = slice(1, 5)
+QUALITY = 5
 """Rows of the finder's maps: logit of the heat, log reaches left, up, right and down [cells], logit of the quality."""
 
 FINDER_MULTIPLE = 32  # sides of the finder's input are multiples of this [px]: its coarsest features have this stride
@@ -66,7 +73,8 @@ STEM_AXIS = np.array([0.0, -1.0, 0.0])  # the stem axis in the object frame
 
 def minimal_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64]:
     """Return the rotation by the smallest angle that maps unit vector `source` onto unit vector `target`, (3, 3)."""
-    a, b = np.asarray(source, np.float64), np.asarray(target, np.float64)
+    a = np.asarray(source, np.float64)
+    b = np.asarray(target, np.float64)
     cosine = float(a @ b)
     if cosine < -1.0 + 1e-9:
         # Any half turn across the source will do: the axis is not determined here.
@@ -76,7 +84,9 @@ def minimal_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64
         return half_turn
     # I + [v]x + [v]x² / (1 + c) with v = a x b, written out: this is called sixty times a picture.
     (p, q, r), (s, t, u) = a.tolist(), b.tolist()
-    x, y, z = q * u - r * t, r * s - p * u, p * t - q * s
+    x = q * u - r * t
+    y = r * s - p * u
+    z = p * t - q * s
     k = 1.0 / (1.0 + cosine)
     return np.array(
         [
@@ -109,7 +119,8 @@ def upright_rotation(centre_camera: ArrayLike) -> NDArray[np.float64]:
     Args:
         centre_camera: the fruit's centre in the camera frame, (3,) [m].
     """
-    cosine, sine = np.cos(MEAN_ELEVATION), np.sin(MEAN_ELEVATION)
+    cosine = np.cos(MEAN_ELEVATION)
+    sine = np.sin(MEAN_ELEVATION)
     R_mean = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
     rotation: NDArray[np.float64] = _ray_rotation(centre_camera) @ R_mean
     return rotation
@@ -196,7 +207,8 @@ def look_at(K: Float64, centre: Float64, size: float, roll: float = 0.0) -> Virt
     """
     ray = np.array([(centre[0] - K[0, 2]) / K[0, 0], (centre[1] - K[1, 2]) / K[1, 1], 1.0])
     length = float(np.linalg.norm(ray))
-    cosine, sine = np.cos(roll), np.sin(roll)
+    cosine = np.cos(roll)
+    sine = np.sin(roll)
     R_roll = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     R = minimal_rotation((0.0, 0.0, 1.0), ray / length) @ R_roll
     # REFERENCE_LENGTH at distance D along the ray is size = K[0, 0] * REFERENCE_LENGTH * length / D wide.

@@ -58,7 +58,8 @@ def load_pose_config(path: Path | str) -> PoseConfig:
     Raises BadPoseConfig: unreadable, without objects, or an object without dimensions.
     """
     content = _read(Path(path))
-    weights, dimensions = _table(path, content, "weights"), _table(path, content, "dimensions")
+    weights = _table(path, content, "weights")
+    dimensions = _table(path, content, "dimensions")
     if not dimensions:
         raise BadPoseConfig(
             path, "names no dimensions of any object, expected dimensions: {apple: [9.8, 8.5, 9.6]}"

@@ -101,7 +101,8 @@ class Finder(Protocol):
 def inside(box: Float64, width: int, height: int) -> Float64:
     """Return the part of a box x, y, w, h (4,) [px] that lies in the picture, written alike."""
     limits = np.array([width, height], np.float64)
-    low, high = np.clip(box[:2], 0.0, limits), np.clip(box[:2] + box[2:], 0.0, limits)
+    low = np.clip(box[:2], 0.0, limits)
+    high = np.clip(box[:2] + box[2:], 0.0, limits)
     return np.concatenate([low, high - low])
 
 
@@ -151,7 +152,8 @@ def pose_covariance(found: FoundFruit, K: Float64) -> Float64:
     line of sight, the size's along it, the axis's to a turn about any axis. The turn about the stem, which a fruit does
     not show, is the swing rule's.
     """
-    p, z = found.p_camera, float(found.p_camera[2])
+    p = found.p_camera
+    z = float(found.p_camera[2])
     centre, size, axis = SCALES * found.spreads**POWERS * np.exp(HIDDEN * (1.0 - found.visibility))
     covariance = np.zeros((6, 6))
     covariance[:3, :3] = np.eye(3) * max(axis, LEAST_ROTATION) ** 2

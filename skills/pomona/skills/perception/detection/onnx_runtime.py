@@ -176,7 +176,8 @@ def judge_layers(content: bytes, picture: str) -> None:
 
     Raises BadGraph: it has another operator than `PLAIN`, a size that follows from the picture, or is damaged.
     """
-    from_picture, used = {picture}, set[str]()
+    from_picture = {picture}
+    used = set[str]()
     for node in _nodes(content):
         used.update(node.inputs)
         if not used.isdisjoint(node.outputs):
@@ -255,10 +256,12 @@ def _text(content: memoryview) -> str:
 
 def _fields(content: memoryview) -> Iterator[tuple[int, int | memoryview]]:
     """Yield number and value of each field of a message. Raises BadGraph: it is damaged."""
-    at, end = 0, len(content)
+    at = 0
+    end = len(content)
     while at < end:
         key, at = _varint(content, at)
-        number, kind = key >> 3, key & 7
+        number = key >> 3
+        kind = key & 7
         if kind == 0:
             value, at = _varint(content, at)
             yield number, value
@@ -275,7 +278,8 @@ def _fields(content: memoryview) -> Iterator[tuple[int, int | memoryview]]:
 
 
 def _varint(content: memoryview, at: int) -> tuple[int, int]:
-    value, shift = 0, 0
+    value = 0
+    shift = 0
     while at < len(content) and shift < 70:
         byte = content[at]
         at += 1

@@ -127,7 +127,9 @@ def read_fused_score(content: Mapping[str, Any]) -> FusedScore:
 
 FORMAT = "pomona compact detector 3"
 
-FINDER, CLOSE_LOOK, ABOUT = "finder.onnx", "close_look.onnx", "about.json"
+FINDER = "finder.onnx"
+CLOSE_LOOK = "close_look.onnx"
+ABOUT = "about.json"
 
 ENDING = ".weights"
 

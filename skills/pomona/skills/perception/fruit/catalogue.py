@@ -38,7 +38,8 @@ class UnknownFruit(FruitError):
     """The catalogue has no fruit of this name."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
-        self.name, self.known = name, known
+        self.name = name
+        self.known = known
         hint = did_you_mean(name, known)
         there = f"the catalogue has {', '.join(known) or 'none'}"
         super().__init__(f"no fruit named '{name}'; {hint + ' ' if hint else ''}{there}")

@@ -85,7 +85,8 @@ def learn_sizes(
         and (shown > 0.0).all()
     ):
         raise TooFewFruit("a size must be a positive number: leave its fruit out")
-    ln_width, ln_ratio = np.log(sizes[:, 0]), np.log(sizes[:, 1] / sizes[:, 0])
+    ln_width = np.log(sizes[:, 0])
+    ln_ratio = np.log(sizes[:, 1] / sizes[:, 0])
     seen = (
         np.log(shown) - ln_width - 0.5 * sines**2 * (ln_ratio - math.log(model_height_over_width))
     )

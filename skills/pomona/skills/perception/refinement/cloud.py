@@ -88,10 +88,8 @@ def seen_elsewhere(known: Plane, points: Float64) -> tuple[float, float] | None:
     if seen is None or float(np.mean(np.abs(seen.height(points)) <= _BAND)) < _MOST_OF_THEM:
         return None
     on_it = points[np.abs(seen.height(points)) <= _BAND].mean(axis=0)
-    height, cosine = (
-        float(known.height(on_it[None])[0]),
-        min(float(seen.normal @ known.normal), 1.0),
-    )
+    height = float(known.height(on_it[None])[0])
+    cosine = min(float(seen.normal @ known.normal), 1.0)
     return (height, float(np.arccos(cosine))) if cosine > _ABOUT_PARALLEL else None
 
 
@@ -128,10 +126,8 @@ def connected_to(
         depth: z-depth [m]; 0 or not finite where there is none.
         stride: distance of these pixels in the image; steps in depth are higher by this factor.
     """
-    z, supporting = (
-        np.ascontiguousarray(depth, dtype=np.float32),
-        np.ascontiguousarray(agreeing & covered),
-    )
+    z = np.ascontiguousarray(depth, dtype=np.float32)
+    supporting = np.ascontiguousarray(agreeing & covered)
     connected: NDArray[np.bool_] = _flood(
         z, supporting, np.ascontiguousarray(covered), stride * _STEP, _LEAST_PIXELS / stride**2
     )
@@ -148,7 +144,8 @@ def _flood(
 ) -> NDArray[np.bool_]:
     """Spread from each supporting pixel over its surface; keep surfaces that are supported enough."""
     rows, columns = depth.shape
-    smooth, chosen = np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.bool_)
+    smooth = np.zeros((rows, columns), np.bool_)
+    chosen = np.zeros((rows, columns), np.bool_)
     for i in range(rows):
         for j in range(columns):
             z = depth[i, j]
@@ -168,14 +165,19 @@ def _flood(
                 continue
             smooth[i, j] = False
             reached[0, 0], reached[0, 1] = i, j
-            first, count, inside, support = 0, 1, 0, 0
+            first = 0
+            count = 1
+            inside = 0
+            support = 0
             while first < count:
-                row, column = reached[first, 0], reached[first, 1]
+                row = reached[first, 0]
+                column = reached[first, 1]
                 first += 1
                 inside += covered[row, column]
                 support += supporting[row, column]
                 for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-                    k, m = row + down, column + right
+                    k = row + down
+                    m = column + right
                     if 0 <= k < rows and 0 <= m < columns and smooth[k, m]:
                         smooth[k, m] = False
                         reached[count, 0], reached[count, 1] = k, m
@@ -223,7 +225,8 @@ class Cloud:
         step = -(-len(self.points) // at_most) if len(self.points) else 1
         gain = np.sqrt(max(1.0, self.alike / step) / self.alike)
         few = slice(None, None, step)
-        deviation, beside = self.deviation[few] * gain, self.beside[few] * gain
+        deviation = self.deviation[few] * gain
+        beside = self.beside[few] * gain
         return replace(
             self, points=self.points[few], rays=self.rays[few], deviation=deviation, beside=beside
         )
@@ -231,7 +234,8 @@ class Cloud:
 
 def cloud(look: DepthLook, box: ImageBox, mask: NDArray[np.bool_] | None = None) -> Cloud:
     """Return the measured points of a box, or of those pixels of it in `mask`, in the frame of the look's camera."""
-    intrinsics, model = look.intrinsics, look.depth_model
+    intrinsics = look.intrinsics
+    model = look.depth_model
     z = look.depth[box.slices].astype(np.float64)
     taken = np.isfinite(z) & (z > 0.0)
     if mask is not None:
@@ -247,7 +251,8 @@ def cloud(look: DepthLook, box: ImageBox, mask: NDArray[np.bool_] | None = None)
     )
     rays = points / np.linalg.norm(points, axis=1, keepdims=True)
     shared = np.sqrt(model.alike)
-    deviation, beside = model.deviation(z, intrinsics.fx), model.beside(z, intrinsics.fx)
+    deviation = model.deviation(z, intrinsics.fx)
+    beside = model.beside(z, intrinsics.fx)
     return Cloud(points, rays, shared * deviation, shared * beside, model.alike)
 
 
@@ -296,7 +301,8 @@ def points_around(look: DepthLook, box: ImageBox, virtual_depth: DepthImage) -> 
     around = box.grown(_AROUND, look.intrinsics)
     outside = np.zeros(around.shape, dtype=np.bool_)
     outside[::2, ::2] = True
-    top, left = box.top - around.top, box.left - around.left
+    top = box.top - around.top
+    left = box.left - around.left
     outside[top : top + box.shape[0], left : left + box.shape[1]] &= virtual_depth <= 0.0
     return cloud(look, around, outside).points
 
@@ -333,8 +339,10 @@ def _connected(
 ) -> Cloud:
     """Return the points in and around a box that are connected to the pixels that agree with a model."""
     wide = box.grown(int(_MARGIN * max(box.shape)) + 2, look.intrinsics)
-    top, left = box.top - wide.top, box.left - wide.left
-    covered, agreeing = np.zeros(wide.shape, dtype=np.bool_), np.zeros(wide.shape, dtype=np.bool_)
+    top = box.top - wide.top
+    left = box.left - wide.left
+    covered = np.zeros(wide.shape, dtype=np.bool_)
+    agreeing = np.zeros(wide.shape, dtype=np.bool_)
     part = slice(top, top + box.shape[0]), slice(left, left + box.shape[1])
     covered[part], agreeing[part] = virtual_depth > 0.0, inliers
     connected = connected_to(agreeing, look.depth[wide.slices], covered)
@@ -371,7 +379,8 @@ _NEIGHBOURS = 16
 """Number of neighbours of a sample that are tried for one that is nearer to a point. After a step of up to 10 mm a
 search from neighbour to neighbour ends beside the nearest sample for 1 of 10 000 points about the shipped fruit (12: 1
 of 1 000)."""
-_CELLS, _BESIDE = 24, 0.1
+_CELLS = 24
+_BESIDE = 0.1
 """Number of the grid's cells along each axis, and how far it reaches beyond the model, relative to its size."""
 
 
@@ -397,7 +406,8 @@ def surface_of(mesh: Triangles) -> Samples:
     points = np.einsum("nc,nci->ni", weights, corners[face])
     tree = cKDTree(points)
     neighbours = np.ascontiguousarray(tree.query(points, _NEIGHBOURS + 1)[1][:, 1:], dtype=np.int32)
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     corner = low - _BESIDE * (high - low)
     edges = (1.0 + 2.0 * _BESIDE) * (high - low) / _CELLS
     middles = corner + edges * (np.indices((_CELLS, _CELLS, _CELLS)).transpose(1, 2, 3, 0) + 0.5)

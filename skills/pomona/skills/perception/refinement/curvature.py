@@ -55,21 +55,18 @@ def least_curvature(
     """
     # of a larger box every second or third pixel of every second or third row is looked at
     step = max(1, math.isqrt(depth.size // 1500))
-    depth, virtual_depth, inliers = (
-        depth[::step, ::step],
-        virtual_depth[::step, ::step],
-        inliers[::step, ::step],
-    )
+    depth = depth[::step, ::step]
+    virtual_depth = virtual_depth[::step, ::step]
+    inliers = inliers[::step, ::step]
     covered = virtual_depth > 0.0
     connected = connected_to(inliers, depth, covered, step)
     rows, columns = np.nonzero(connected & _smaller(covered) & np.isfinite(depth) & (depth > 0.0))
     if len(rows) < _LEAST_PIXELS:
         return None
-    z, z_model = (
-        depth[rows, columns].astype(np.float64),
-        virtual_depth[rows, columns].astype(np.float64),
-    )
-    u, v = columns - columns.mean(), rows - rows.mean()
+    z = depth[rows, columns].astype(np.float64)
+    z_model = virtual_depth[rows, columns].astype(np.float64)
+    u = columns - columns.mean()
+    v = rows - rows.mean()
     scale = max(float(u.std()), float(v.std()))
     terms = _terms(u / scale, v / scale)
     normal, right = _normal_equations(terms, 1.0 / z, 1.0 / z_model, np.inf, np.zeros(6))
@@ -96,7 +93,8 @@ def least_curvature(
 
 def _smaller(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return a silhouette, shape (h, w), smaller about its middle."""
-    rows, columns = np.nonzero(covered.any(axis=1))[0], np.nonzero(covered.any(axis=0))[0]
+    rows = np.nonzero(covered.any(axis=1))[0]
+    columns = np.nonzero(covered.any(axis=0))[0]
     places = []
     for size, seen in zip(covered.shape, (rows, columns), strict=True):
         middle = 0.5 * (seen[0] + seen[-1])
@@ -127,7 +125,8 @@ def _normal_equations(
     terms: Float64, measured: Float64, modelled: Float64, reach: float, before: Float64
 ) -> tuple[Float64, Float64]:
     """Of both quadratics, from the pixels that lie within reach of the one before: shapes (6, 6) and (6, 2)."""
-    normal, right = np.zeros((6, 6)), np.zeros((6, 2))
+    normal = np.zeros((6, 6))
+    right = np.zeros((6, 2))
     for i in range(len(terms)):
         off = measured[i]
         for k in range(6):

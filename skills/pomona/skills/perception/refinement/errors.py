@@ -34,7 +34,8 @@ class DepthNotInMetres(BadDepth):
     """The depth image is in another unit, most likely millimetres."""
 
     def __init__(self, median_depth: float, expected_depth: float) -> None:
-        self.median_depth, self.expected_depth = median_depth, expected_depth
+        self.median_depth = median_depth
+        self.expected_depth = expected_depth
         super().__init__(
             f"the depth is {median_depth:.0f} where the detection gives {expected_depth:.2f} m: "
             "the image is in millimetres; divide it by 1000"
@@ -59,7 +60,8 @@ class NoDepth(RefineError):
     code = "NO_DEPTH"
 
     def __init__(self, valid_pixels: int, model_pixels: int) -> None:
-        self.valid_pixels, self.model_pixels = valid_pixels, model_pixels
+        self.valid_pixels = valid_pixels
+        self.model_pixels = model_pixels
         super().__init__(
             f"only {valid_pixels} of the fruit's {model_pixels} pixels hold depth: "
             "look from farther away, or check the depth camera"
@@ -72,7 +74,8 @@ class TooFewInliers(RefineError):
     code = "TOO_FEW_INLIERS"
 
     def __init__(self, inlier_ratio: float, needed_ratio: float) -> None:
-        self.inlier_ratio, self.needed_ratio = inlier_ratio, needed_ratio
+        self.inlier_ratio = inlier_ratio
+        self.needed_ratio = needed_ratio
         super().__init__(
             f"only {inlier_ratio:.0%} of the depth agrees with the fruit's shape, {needed_ratio:.0%} are needed: "
             "it is hidden, or the detection is wrong"
@@ -85,7 +88,9 @@ class SizeOutOfRange(RefineError):
     code = "SIZE_OUT_OF_RANGE"
 
     def __init__(self, ratio: float, lower: float, upper: float) -> None:
-        self.ratio, self.lower, self.upper = ratio, lower, upper
+        self.ratio = ratio
+        self.lower = lower
+        self.upper = upper
         super().__init__(
             f"the fruit would have {ratio:.2f} of the model's size, outside {lower:.2f} to {upper:.2f}: "
             "the detection is probably of something else"
@@ -100,7 +105,8 @@ class NotItsShape(RefineError):
     code = "NOT_ITS_SHAPE"
 
     def __init__(self, curvature: float, needed: float) -> None:
-        self.curvature, self.needed = curvature, needed
+        self.curvature = curvature
+        self.needed = needed
         super().__init__(
             f"the surface there has {max(curvature, 0.0):.2f} of the fruit's curvature in one direction, "
             f"{needed:.2f} is needed: it is a wall, a post or a leaf, or it hides the fruit"
@@ -113,7 +119,8 @@ class AtBound(RefineError):
     code = "AT_BOUND"
 
     def __init__(self, sigma: float, bound: float) -> None:
-        self.sigma, self.bound = sigma, bound
+        self.sigma = sigma
+        self.bound = bound
         super().__init__(
             f"the depth moves the fruit by {-sigma:+.3f} m, the search ends at {bound:.3f} m: "
             "the detection does not belong to this depth"

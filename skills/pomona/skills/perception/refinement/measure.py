@@ -173,7 +173,8 @@ def _unrefined(detection: Detection, renderer: RendererName) -> MeasuredFruit:
 
 
 _LEAST_POINTS = 150
-_FEW_STARTS, _FINALISTS = 3, 2
+_FEW_STARTS = 3
+_FINALISTS = 2
 """More other axes of the stem than that are fitted with few points first, and the best ones with all points."""
 _LEAST_AGREEMENT = 0.8  # least ratio of a stretched model's agreeing pixels to the scaled model's
 
@@ -189,7 +190,9 @@ _UNSEEN_DOUBT = 0.6
 """If a fruit is half hidden, the mean sizes of the stretched and the scaled model differ by errors of the former: the
 dimensions' uncertainty is this factor times the difference, times the hidden over the visible ratio."""
 
-_FLAT, _CURVED, _SURELY = 0.2, 0.5, 2.0
+_FLAT = 0.2
+_CURVED = 0.5
+_SURELY = 2.0
 _SMOOTH = 0.9
 """Relative curvature of flat and of curved surfaces, the number of standard deviations, and the ratio of the surface
 that one curvature must explain: a leaf beside a fruit makes no smooth surface. The least of 290 whole and half hidden
@@ -222,7 +225,8 @@ def refine(
             no measurement.
     """
     fit = FITS[method]
-    known, limits = known or FruitContext(), limits or Limits()
+    known = known or FruitContext()
+    limits = limits or Limits()
     for one in (look, *known.looks):
         one.check()
     check_pose(T_camera_object)
@@ -283,7 +287,8 @@ def _best_of_starts(task: Task, T_camera_object: Float64) -> RefineResult:
         other = _fitted(task, scaled, cloud, plane)
         found, clearly, _ = judge.score(other)
         if other.method.startswith("shape") and found > score + clearly:
-            best, score = other, found
+            best = other
+            score = found
     if best is None:
         assert problem is not None
         raise problem
@@ -299,7 +304,8 @@ def _check_curvature(task: Task, result: RefineResult) -> None:
     # Ratio of agreeing depth from which the shape is not checked: of 60 walls, posts and edges the most was 0.94
     if result.inlier_ratio > 0.95:
         return
-    measured, band = task.look.depth[result.box.slices], task.limits.inlier_band
+    measured = task.look.depth[result.box.slices]
+    band = task.limits.inlier_band
     found = least_curvature(
         measured, result.virtual_depth, result.inliers, band, task.look.depth_model.alike
     )
@@ -324,7 +330,8 @@ def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float6
     support fruit stands upright or upside down; elsewhere the stem may point anywhere, and 45 degrees to each side of
     both ends are tried.
     """
-    x, y = T_camera_object[:3, 0], T_camera_object[:3, 1]
+    x = T_camera_object[:3, 0]
+    y = T_camera_object[:3, 1]
     stems = [y]
     if support is not None:
         stems = [support.normal, -support.normal, y]
@@ -344,7 +351,8 @@ def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
     if sine > 1e-9:
         axis = axis / sine
     else:  # along it already, or half a turn away from it
-        axis, sine = T_camera_object[:3, 0], 0.0
+        axis = T_camera_object[:3, 0]
+        sine = 0.0
     result = T_camera_object.copy()
     result[:3, :3] = (
         rotation_about(axis, float(np.arctan2(sine, now @ stem))) @ T_camera_object[:3, :3]
@@ -363,7 +371,8 @@ class Judge:
 
     def explained(self, result: RefineResult) -> tuple[int, int]:
         """Return the numbers of explained and of contradicting pixels; pixels of hiding objects count as neither."""
-        model, measured = result.virtual_depth, self.depth[result.box.slices]
+        model = result.virtual_depth
+        measured = self.depth[result.box.slices]
         valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
         difference = measured[valid] - model[valid]
         agree = np.count_nonzero(np.abs(difference) <= self.band)
@@ -373,7 +382,8 @@ class Judge:
 
     def aspect_penalty(self, dimensions: Float64) -> float:
         """How far height over width is from the model's, squared, in standard deviations."""
-        wide, model_wide = dimensions[[0, 2]].mean(), self.model[[0, 2]].mean()
+        wide = dimensions[[0, 2]].mean()
+        model_wide = self.model[[0, 2]].mean()
         return float(
             (np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2
         )
@@ -395,7 +405,9 @@ def _gathered(
 
     Raises TooFewInliers: the points that agree with the model lie on the support.
     """
-    look, mesh, known = task.look, task.mesh, task.known
+    look = task.look
+    mesh = task.mesh
+    known = task.known
     if known.support is not None and plane is None:
         plane = plane_below(look, scaled, known.support)
     points = gather(look, scaled, plane)
@@ -414,7 +426,10 @@ def _fitted(
     method: str = "shape",
 ) -> RefineResult:
     """Stretch the model onto points; return the scaled one where the points do not support that."""
-    look, mesh, known, limits = task.look, task.mesh, task.known, task.limits
+    look = task.look
+    mesh = task.mesh
+    known = task.known
+    limits = task.limits
     if len(cloud.points) < _LEAST_POINTS:
         return scaled
     fit = fit_shape(

@@ -115,7 +115,8 @@ def _measured(
 ) -> tuple[int, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """How many pixels the model covers; of those that hold a measurement the flat indices, the depths d and d_hat."""
     pixels = np.empty(depth.size, dtype=np.int64)
-    d, d_hat = np.empty(depth.size), np.empty(depth.size)
+    d = np.empty(depth.size)
+    d_hat = np.empty(depth.size)
     covered = valid = 0
     for i in range(depth.size):
         if virtual_depth.flat[i] > 0.0:
@@ -209,7 +210,8 @@ def fit_scale_by_rendering(
     virtual_depth, _ = look.render(mesh, T_camera_object, box)
     covered = virtual_depth > 0.0
     valid = covered & np.isfinite(depth) & (depth > 0.0)
-    model_pixels, valid_pixels = int(np.count_nonzero(covered)), int(np.count_nonzero(valid))
+    model_pixels = int(np.count_nonzero(covered))
+    valid_pixels = int(np.count_nonzero(valid))
     if valid_pixels < max(MIN_PIXELS, MIN_VALID * model_pixels):
         raise NoDepth(valid_pixels, model_pixels)
     if np.median(depth[valid] / virtual_depth[valid]) > TOO_DEEP:
@@ -230,7 +232,8 @@ def fit_scale_by_rendering(
     search = minimize_scalar(
         objective, bounds=(-bound, bound), method="bounded", options={"xatol": tolerance}
     )
-    sigma, mean_square = float(search.x), float(search.fun)
+    sigma = float(search.x)
+    mean_square = float(search.fun)
     mu = 1.0 - sigma / float(np.linalg.norm(p_hat))
     energy = float(np.sum(virtual_depth[inliers].astype(np.float64) ** 2))
     return ScaleFit(
@@ -243,7 +246,8 @@ def line_inliers(virtual: DepthImage, measured: DepthImage, band: float) -> NDAr
 
     Two of the same virtual depth, as on a face that is seen head-on, give the line through the origin.
     """
-    x, y = virtual.astype(np.float64), measured.astype(np.float64)
+    x = virtual.astype(np.float64)
+    y = measured.astype(np.float64)
     rng = np.random.default_rng(_SEED)
     best = np.zeros(len(x), dtype=np.bool_)
     for i, j in rng.integers(0, len(x), (_TRIALS, 2)):
@@ -378,7 +382,8 @@ def _scaled(
 
 def _with_sensor(scaled: RefineResult, fit: ScaleFit, look: DepthLook) -> RefineResult:
     """Add the sensor's errors to the covariance: of neighbouring pixels, of all pixels, and of either outline."""
-    intrinsics, depth_model = look.intrinsics, look.depth_model
+    intrinsics = look.intrinsics
+    depth_model = look.depth_model
     change = np.concatenate([scaled.T_camera_object[:3, 3], scaled.dimensions])
     z = float(scaled.T_camera_object[2, 3])
     alike = depth_model.alike * fit.variance / fit.mu**2
@@ -389,11 +394,9 @@ def _with_sensor(scaled: RefineResult, fit: ScaleFit, look: DepthLook) -> Refine
 
 def _of_kind(task: Task, scaled: RefineResult, fit: ScaleFit, sizes: KindSizes) -> RefineResult:
     """Estimate width and height from one scale and the sizes of the kind; the front of the fruit stays in place."""
-    intrinsics, depth_model, size_deviation = (
-        task.look.intrinsics,
-        task.look.depth_model,
-        task.known.size_deviation,
-    )
+    intrinsics = task.look.intrinsics
+    depth_model = task.look.depth_model
+    size_deviation = task.known.size_deviation
     p = scaled.T_camera_object[:3, 3]
     ray = p / np.linalg.norm(p)
     shown = float(scaled.dimensions[[0, 2]].mean())
@@ -455,7 +458,8 @@ def fit_place(
     fit = fit_scale(look.depth[box.slices], virtual_depth, BAND)
     if fit.inlier_ratio < LEAST_AGREEING or abs(fit.mu - 1.0) > OTHER_SCALE:
         raise TooFewInliers(fit.inlier_ratio, LEAST_AGREEING)
-    none, size = np.zeros((6, 6)), extents(mesh)
+    none = np.zeros((6, 6))
+    size = extents(mesh)
     seen = RefineResult(
         T_camera_mesh,
         size,

@@ -58,7 +58,8 @@ def start_of_walk(samples: Samples, x: float, y: float, z: float) -> int:
 @kernel(nogil=True, error_model="numpy")
 def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) -> int:
     """From neighbour to neighbour while that is nearer to a point of the model's frame."""
-    points, neighbours = samples.points, samples.neighbours
+    points = samples.points
+    neighbours = samples.neighbours
     best = start
     near = (x - points[best, 0]) ** 2 + (y - points[best, 1]) ** 2 + (z - points[best, 2]) ** 2
     while True:
@@ -67,7 +68,8 @@ def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) 
             j = neighbours[here, k]
             square = (x - points[j, 0]) ** 2 + (y - points[j, 1]) ** 2 + (z - points[j, 2]) ** 2
             if square < near:
-                near, best = square, j
+                near = square
+                best = j
         if best == here:
             return best
 
@@ -93,40 +95,52 @@ def points_to_surface(
         texture: standard deviation of the surface against the model [m].
         patches: number of independently deviating parts of the visible surface.
     """
-    points, rays, deviation, beside = (
-        measured.points,
-        measured.rays,
-        measured.deviation,
-        measured.beside,
-    )
-    on_model, normals = samples.points, samples.normals
-    R, t = placed.R, placed.t
+    points = measured.points
+    rays = measured.rays
+    deviation = measured.deviation
+    beside = measured.beside
+    on_model = samples.points
+    normals = samples.normals
+    R = placed.R
+    t = placed.t
     sx, sy, sz = placed.stretch
     lx, lz = placed.lean / placed.radius
     count = len(points)
     # derivatives of one point's distance, and the distance itself
     terms = np.empty((count, PARAMETERS + 1))
-    slant, counts = np.empty(count), np.zeros(count, np.bool_)
+    slant = np.empty(count)
+    counts = np.zeros(count, np.bool_)
     counted = 0
     for i in range(count):
-        px, py, pz = points[i, 0] - t[0], points[i, 1] - t[1], points[i, 2] - t[2]
+        px = points[i, 0] - t[0]
+        py = points[i, 1] - t[1]
+        pz = points[i, 2] - t[2]
         u = R[0, 0] * px + R[1, 0] * py + R[2, 0] * pz
         v = R[0, 1] * px + R[1, 1] * py + R[2, 1] * pz
         w = R[0, 2] * px + R[1, 2] * py + R[2, 2] * pz
-        x, z = u / sx, w / sz
+        x = u / sx
+        z = w / sz
         y = v / (sy * (1.0 + lx * x + lz * z))
         j = nearest[i]
         if j < 0:
             j = start_of_walk(samples, x, y, z)
         j = walk_to_nearest(samples, x, y, z, j)
         nearest[i] = j
-        mx, my, mz = on_model[j, 0], on_model[j, 1], on_model[j, 2]
+        mx = on_model[j, 0]
+        my = on_model[j, 1]
+        mz = on_model[j, 2]
         higher = 1.0 + lx * mx + lz * mz
-        qx, qy, qz = sx * mx, sy * my * higher, sz * mz
+        qx = sx * mx
+        qy = sy * my * higher
+        qz = sz * mz
         up = normals[j, 1] / higher
-        a, b, c = (normals[j, 0] - up * my * lx) / sx, up / sy, (normals[j, 2] - up * my * lz) / sz
+        a = (normals[j, 0] - up * my * lx) / sx
+        b = up / sy
+        c = (normals[j, 2] - up * my * lz) / sz
         shorter = 1.0 / math.sqrt(a * a + b * b + c * c)
-        a, b, c = a * shorter, b * shorter, c * shorter
+        a = a * shorter
+        b = b * shorter
+        c = c * shorter
         distance = a * (u - qx) + b * (v - qy) + c * (w - qz)
         slant[i] = 0.0
         for axis in range(3):
@@ -189,10 +203,15 @@ def move(placed: PlacedForm, step: Float64) -> None:
     """Turn, move and stretch the object by a step, shape (11,), limited in size."""
     angle = math.sqrt(step[3] ** 2 + step[10] ** 2 + step[4] ** 2)
     if angle > 0.0:
-        x, y, z = step[3] / angle, step[10] / angle, step[4] / angle
-        sine, versine = math.sin(min(angle, _MAX_TURN)), 1.0 - math.cos(min(angle, _MAX_TURN))
+        x = step[3] / angle
+        y = step[10] / angle
+        z = step[4] / angle
+        sine = math.sin(min(angle, _MAX_TURN))
+        versine = 1.0 - math.cos(min(angle, _MAX_TURN))
         for i in range(3):
-            a, b, c = placed.R[i, 0], placed.R[i, 1], placed.R[i, 2]
+            a = placed.R[i, 0]
+            b = placed.R[i, 1]
+            c = placed.R[i, 2]
             along = versine * (a * x + b * y + c * z)
             placed.R[i, 0] = (1.0 - versine) * a + along * x + sine * (b * z - c * y)
             placed.R[i, 1] = (1.0 - versine) * b + along * y + sine * (c * x - a * z)
@@ -212,14 +231,19 @@ def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[fl
         for k in range(3):
             up[k] += placed.R[i, k] * support.normal[i]
     stretch = placed.stretch
-    x, y, z = up[0] * stretch[0], up[1] * stretch[1], up[2] * stretch[2]
-    a, b = placed.lean[0] / placed.radius[0], placed.lean[1] / placed.radius[1]
-    lowest, index = np.inf, 0
+    x = up[0] * stretch[0]
+    y = up[1] * stretch[1]
+    z = up[2] * stretch[2]
+    a = placed.lean[0] / placed.radius[0]
+    b = placed.lean[1] / placed.radius[1]
+    lowest = np.inf
+    index = 0
     for i in range(len(vertices)):
         height = x * vertices[i, 0] + z * vertices[i, 2]
         height += y * vertices[i, 1] * (1.0 + a * vertices[i, 0] + b * vertices[i, 2])
         if height < lowest:
-            lowest, index = height, i
+            lowest = height
+            index = i
     v = (vertices[index, 0], vertices[index, 1], vertices[index, 2])
     q = (stretch[0] * v[0], stretch[1] * v[1] * (1.0 + a * v[0] + b * v[2]), stretch[2] * v[2])
     row = np.empty(PARAMETERS)
@@ -239,7 +263,8 @@ def contact(vertices: Float64, placed: PlacedForm, support: Support) -> tuple[fl
 @kernel(nogil=True)
 def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
     """Expected changes along the prior directions, shape (11,)."""
-    start, values = expected.start, np.empty(PARAMETERS)
+    start = expected.start
+    values = np.empty(PARAMETERS)
     axis, facing = np.zeros(3), np.zeros(3)  # the detected axes as the present object sees them
     for i in range(3):
         values[i] = start.t[i] - placed.t[i]
@@ -262,7 +287,8 @@ def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
 def _solve(H: Float64, b: Float64) -> Float64:
     """x of H x = b for a positive definite H (Cholesky)."""
     size = len(b)
-    root, x = np.zeros((size, size)), b.copy()
+    root = np.zeros((size, size))
+    x = b.copy()
     for i in range(size):
         for k in range(i + 1):
             left = H[i, k]
@@ -296,8 +322,10 @@ def step_until_still(
         bands: half-width of the band about the surface in which points count, for each step at most [m]; the last
             value is the final one.
     """
-    likeness, weighted = expected.likeness, expected.weighted
-    H, share = likeness, 0.0
+    likeness = expected.likeness
+    weighted = expected.weighted
+    H = likeness
+    share = 0.0
     for band in bands:
         H, b, share = points_to_surface(
             measured, samples, placed, nearest, band, expected.texture, _PATCHES
@@ -418,7 +446,8 @@ def fit_shape(
     priors = priors or Priors()
     samples = surface_of(mesh)
     form = Form.scaled(mesh, mu)
-    R, t = T_camera_object[:3, :3].copy(), T_camera_object[:3, 3].copy()
+    R = T_camera_object[:3, :3].copy()
+    t = T_camera_object[:3, 3].copy()
     start = PlacedForm(R, t, form.stretch, form.lean, form.radius)
     placed = PlacedForm(*(part.copy() for part in start))
     expected = _expected(start, form, priors)
