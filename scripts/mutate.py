@@ -29,6 +29,7 @@ import copy
 import hashlib
 import importlib
 import json
+import marshal
 import os
 import random
 import re
@@ -40,7 +41,6 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.machinery import SourceFileLoader
 from itertools import accumulate, islice
 from pathlib import Path
 from types import CodeType
@@ -207,14 +207,40 @@ class Put(ast.NodeTransformer):
         return self.new if node is self.old else self.generic_visit(node)
 
 
-def import_changed(path: Path, code: CodeType) -> None:
-    """Import one module of this process from other code."""
+SITE = """
+import os
+
+if os.environ.get("MUTATE_CODE"):
+    import marshal
+    from importlib.machinery import SourceFileLoader
+
+    with open(os.environ["MUTATE_CODE"], "rb") as file:
+        path, code = marshal.load(file)
     read = SourceFileLoader.get_code
+    SourceFileLoader.get_code = lambda self, name: code if self.path == path else read(self, name)
+elif os.environ.get("COVERAGE_PROCESS_START"):
+    import coverage
 
-    def get_code(self: SourceFileLoader, name: str) -> CodeType | None:
-        return code if self.path == str(path) else read(self, name)
+    coverage.process_startup()
+"""
+"""Start of the processes that tests start: they have the mistake, too, and their lines count."""
 
-    SourceFileLoader.get_code = get_code  # type: ignore[method-assign, assignment]
+
+def import_changed(path: Path, code: CodeType) -> None:
+    """Import one module of this process and of those that it starts from other code."""
+    changed = MAP / "changed"
+    changed.write_bytes(marshal.dumps((str(path), code)))
+    os.environ["MUTATE_CODE"] = str(changed)
+    prepare_processes()
+    exec(SITE, {})
+
+
+def prepare_processes() -> None:
+    """Let the processes that this one starts begin with `SITE`."""
+    (MAP / "site").mkdir(parents=True, exist_ok=True)
+    (MAP / "site" / "sitecustomize.py").write_text(SITE, encoding="utf-8")
+    paths = [str(MAP / "site"), os.environ.get("PYTHONPATH", "")]
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
 
 
 class Watch:
@@ -238,6 +264,7 @@ class Watch:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item: pytest.Item) -> Generator[None, None, None]:
+        os.environ["MUTATE_TEST"] = f"{item.nodeid}|run"
         signal.signal(signal.SIGPROF, lambda *_: pytest.fail("takes too long"))
         if not self.limits:
             signal.signal(signal.SIGALRM, lambda *_: pytest.fail("waits too long"))
@@ -328,7 +355,14 @@ class Piece:
 
     def trace(self) -> int:
         """Run the tests here."""
+        settings = MAP / "coverage.ini"
+        sources = "".join(f"\n    {ROOT / part}" for part in CORE)
+        settings.write_text(
+            f"[run]\nparallel = true\ncontext = ${{MUTATE_TEST}}\nsource ={sources}\n", "utf-8"
+        )
         os.environ["COVERAGE_FILE"] = str(self.lines)
+        os.environ["COVERAGE_PROCESS_START"] = str(settings)
+        prepare_processes()
         os.environ["NUMBA_DISABLE_JIT"] = str(int(not self.is_compiled))
         importlib.import_module("numba").core.config.reload_config()
         watch = Watch({})
