@@ -10,10 +10,17 @@ import numpy as np
 
 from benchmarks.grasp_patch import GRAVITY, Fruit
 from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.limit_surface import SoftContact, xi_nu
 from pomona.tools.simulation.gl import load_mujoco
 
 TORSION = 0.003
 """Torsional friction of the pads [m]."""
+
+
+def cone_contact(mu: float, radius: float) -> SoftContact:
+    """Return the contact with tau_max = radius * f_n: MuJoCo's elliptic cone with the friction (mu, radius)."""
+    return SoftContact(mu, radius / (2.0 * mu * xi_nu(4.0)), 0.0, 4.0, ellipsoid=True)
+
 
 _SCENE = """
 <mujoco>

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
+from benchmarks.grasp_mujoco import TORSION, MujocoGrasp, cone_contact
 from benchmarks.grasp_patch import Fruit, PatchGrasp
 from benchmarks.grasp_trial import Corrupt, Lifting, TrialResult, run_trial
 from pomona.skills.grip.controller import GripController
@@ -58,7 +58,7 @@ def test_a_fruit_of_unknown_weight_is_lifted_with_little_more_than_the_least_for
 
 def test_the_simulators_contact_is_held_too() -> None:
     fruit = Fruit(mass=0.2, mu=0.7, offset=(0.003, 0.0))
-    settings = settings_of(fruit, contact=SoftContact.with_linear_torsion(0.7, TORSION))
+    settings = settings_of(fruit, contact=cone_contact(0.7, TORSION))
     result = run_trial(fruit, settings, Lifting(hold=1.5), noise=0.1, world=MujocoGrasp)
     assert result.held
     assert result.slip < 0.002

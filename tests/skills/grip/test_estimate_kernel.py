@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.grasp_mujoco import cone_contact
 from pomona.skills.grip.estimate import Allowance, Estimator, Memory, NoiseModel, Rates
 from pomona.skills.grip.estimate_kernel import (
     calm_load,
@@ -34,7 +35,7 @@ RATES = Rates(
     step=0.0005,
 )
 MU = 0.5
-CONE = SoftContact.with_linear_torsion(MU, 0.004)  # least force: hypot(f_t / mu, tau / 4 mm)
+CONE = cone_contact(MU, 0.004)  # least force: hypot(f_t / mu, tau / 4 mm)
 TABLE = surface_table(CONE)
 
 
@@ -60,7 +61,7 @@ def least(f_t: float, tau: float) -> float:
 def test_a_measured_push_is_taken_off_the_reserve(
     reserve: float, memory: Memory, expected: tuple[float, float]
 ) -> None:
-    left = remaining_reserve(memory, FILTERS, Allowance(0.005, reserve))
+    left = remaining_reserve(memory, Allowance(0.005, reserve))
     assert left == pytest.approx(expected)
 
 

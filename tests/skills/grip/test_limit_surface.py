@@ -10,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from benchmarks.grasp_mujoco import cone_contact
 from benchmarks.grasp_patch import pressure_shares
 from pomona.skills.grip.limit_surface import (
     SoftContact,
@@ -128,7 +129,7 @@ def test_a_force_alone_needs_coulombs_force_and_a_moment_alone_the_torsional_one
 def test_linear_torsion_is_the_simulators_elliptic_cone(
     mu: float, f_t: float, tau_n: float
 ) -> None:
-    contact = SoftContact.with_linear_torsion(mu, 0.003)
+    contact = cone_contact(mu, 0.003)
     cone = math.hypot(f_t / mu, tau_n / 0.003)
     assert float(least_force(f_t, tau_n, contact)) == pytest.approx(cone, rel=1e-4, abs=1e-9)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -206,6 +208,41 @@ def test_friction_that_is_right_is_left_alone() -> None:
         assert result.held
         assert controller.friction_share == pytest.approx(1.0)
         assert seen == {}
+
+
+def held_under(
+    loads: Sequence[float], mu_uncertainty: float, lasts: float = 0.4
+) -> list[tuple[float, float]]:
+    """Time and friction's share of a fruit whose load changes while every sample is called a slip; friction is 0.6."""
+    settings = replace(SETTINGS, contact=SoftContact(0.6), mu_uncertainty=mu_uncertainty)
+    controller = GripController(settings)
+    controller.width, wrenches, shares = 0.07, np.zeros((2, 6)), []
+    rng = np.random.default_rng(3)
+    for i in range(300 + int(lasts * len(loads) / PERIOD)):
+        if i == 150:
+            wrenches[:, 2] = -1.2
+        if i >= 300:
+            wrenches[:, 1] = loads[int((i - 300) * PERIOD / lasts)]
+            controller._slips.check = lambda *_: True  # type: ignore[method-assign]
+        controller.step(PERIOD * i, i, wrenches + rng.normal(0.0, 1e-4, (2, 6)))
+        shares.append((PERIOD * i, controller.friction_share))
+    return shares
+
+
+def test_repeated_slips_take_no_more_from_the_friction_than_is_uncertain() -> None:
+    falling = (0.5, 0.35, 0.25, 0.18, 0.12)
+    assert min(share for _, share in held_under(falling, 0.15)) == pytest.approx(1.0 - 2.0 * 0.15)
+    assert {share for _, share in held_under(falling, 0.0)} == {1.0}
+
+
+def test_one_slip_is_one_correction_and_fades() -> None:
+    shares = held_under((0.5, 0.35, 0.35), 0.4)
+    falls = [t for (_, before), (t, after) in pairwise(shares) if after < before]
+    assert len(falls) == 2
+    assert falls[1] - falls[0] == pytest.approx(0.5, abs=2.0 * PERIOD)
+    between = [share for t, share in shares if falls[0] < t < falls[1]]
+    lost = 1.0 - np.array(between)
+    assert lost[-1] / lost[0] == pytest.approx(np.exp(-0.5 / 10.0), abs=2e-3)
 
 
 def test_the_contact_points_give_the_slid_distance() -> None:

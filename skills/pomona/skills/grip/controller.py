@@ -70,6 +70,8 @@ class GripController:
         self.motor_force: float | None = None
         self.friction_share = 1.0
         self.rests = False
+        self._told = settings.contact
+        self._learned_at = -math.inf
         self._guard = StreamGuard(settings.period)
         self._bias = BiasRecorder(settings.bias, settings.rate)
         self._estimator = Estimator(settings)
@@ -225,13 +227,11 @@ class GripController:
 
         The shape of the pressure stays as it was.
         """
+        self._told = contact
         self.settings = replace(
-            self.settings,
-            contact=contact,
-            mu_uncertainty=mu_uncertainty,
-            initial_force=initial_force,
+            self.settings, mu_uncertainty=mu_uncertainty, initial_force=initial_force
         )
-        self._estimator.set_friction(contact)
+        self._trust(1.0)
         self._reference.set_friction(self.settings)
 
     # ---------------------------------------------------------------------------------------------- stepping
@@ -315,6 +315,9 @@ class GripController:
             self._fail("SENSOR_FAULT", self._sensors.reason, width=self.width)
         self._found = None if in_hand else first_problem(self._before_hold, now)
         if self.mode in HELD and not self._sensors.reason and not self.rests:
+            if self.friction_share < 1.0:
+                lost = (1.0 - self.friction_share) * math.exp(-sample.elapsed / s.slips.forgets)
+                self._trust(1.0 - lost)
             slides = self._slips.check(estimate, sample.periods, is_carried)
             # A fruit that was hit bears more than friction for a moment, and moves in soft pads without sliding.
             if slides and estimate.push == 0.0 and self.mode is not GripMode.CATCHING:
@@ -360,17 +363,27 @@ class GripController:
     def _learn_friction(self) -> None:
         """Lower the friction after slip: the load of a sliding fruit lies on the limit surface of the measured force.
 
-        The minimum force is nearly inverse to the friction, so their ratio is the share of it that is there.
+        The minimum force is nearly inverse to the friction, so their ratio is the share of it that is there. One slip
+        shows several times and counts once; all corrections together stay within what is uncertain.
         """
-        s, contact = self.settings.slips, self.settings.contact
+        s, stamp = self.settings.slips, self._guard.stamp
         share = self.estimate.f_least / max(self.estimate.f_n, 0.1)
         if (
             self.settings.law is not ForceLaw.SLIP_AVOIDANCE
+            or stamp - self._learned_at < s.place_lags[-1]  # as long as the slip still shows
             or not s.least_ratio < share < s.sure_ratio
         ):
             return
-        self.friction_share *= share
-        self.settings = replace(self.settings, contact=replace(contact, mu=share * contact.mu))
+        self._learned_at = stamp
+        least = 1.0 - s.learns_most * self.settings.mu_uncertainty
+        self._trust(max(share * self.friction_share, least))
+
+    def _trust(self, share: float) -> None:
+        """Use this share of the friction that was told."""
+        self.friction_share = share
+        self.settings = replace(
+            self.settings, contact=replace(self._told, mu=share * self._told.mu)
+        )
         self._estimator.set_friction(self.settings.contact)
 
     # -------------------------------------------------------------------------------------------- commanding

@@ -217,7 +217,7 @@ def estimate_sample(  # type: ignore[no-untyped-def]
     shares = (rates.fast, rates.normal, rates.load)
     for _ in range(periods):
         smooth(raw, noise, fast, slow, smoothed, shares, expected)
-    push, push_lever = remaining_reserve(memory, filters, allowance)
+    push, push_lever = remaining_reserve(memory, allowance)
     unknown = (allowance.lever, push, push_lever, filters.farthest_centre)
     left = loads_in_noise(smoothed[0], noise.variance, friction, unknown)
     right = loads_in_noise(smoothed[1], noise.variance, friction, unknown)

@@ -27,7 +27,7 @@ class _FingerLoads(NamedTuple):
 
 
 @kernel()
-def remaining_reserve(memory, filters, allowance):  # type: ignore[no-untyped-def]
+def remaining_reserve(memory, allowance):  # type: ignore[no-untyped-def]
     """Reserve that is left [N] and its lever [m].
 
     A measured push is subtracted, so that it is not counted twice. The lever is that of the calm load: a push at the

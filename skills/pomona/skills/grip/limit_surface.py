@@ -59,11 +59,6 @@ class SoftContact:
                     f"{name} of a soft contact must lie in {low:g} … {high:g}, not {value:g}"
                 )
 
-    @classmethod
-    def with_linear_torsion(cls, mu: float, radius: float) -> SoftContact:
-        """Return the contact with tau_max = radius * f_n: MuJoCo's elliptic cone with the friction (mu, radius)."""
-        return cls(mu, radius / (2.0 * mu * xi_nu(4.0)), 0.0, 4.0, ellipsoid=True)
-
     @property
     def torsion(self) -> float:
         """tau_max at 1 N [N·m / N**(gamma + 1)]."""

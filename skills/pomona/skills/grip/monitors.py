@@ -87,8 +87,7 @@ class SlipWatch:
         if math.isnan(self._origin[0]) and self._samples * self._period > self._lags[1]:
             self._origin[:] = places[1]
         elif not math.isnan(self._origin[0]):
-            way = math.hypot(places[1, 0] - self._origin[0], places[1, 1] - self._origin[1])
-            self.slipped = self._slipped_before + way
+            self.slipped = self._slipped_before + math.dist(places[1], self._origin)
         slides = self._slides(places, pressing, is_carried)
         turns = self._turns(estimate, is_carried, periods)
         if slides or turns:
@@ -97,27 +96,22 @@ class SlipWatch:
             self._lever_slow = self._lever_fast
             # Count from here: the rising force brings the fruit to rest, which is no further slip.
             if not math.isnan(self._origin[0]):
-                self._slipped_before += math.hypot(
-                    places[0, 0] - self._origin[0], places[0, 1] - self._origin[1]
-                )
+                self._slipped_before += math.dist(places[0], self._origin)
                 self._origin[:] = places[0]
         return slides or turns
 
     def _slides(self, places: Float64, pressing: Float64, is_carried: bool) -> bool:
         s = self._settings
-        if (
-            not math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1])
-            > s.moved_far
-        ):
+        if not math.dist(places[0], self._origin) > s.moved_far:
             return False
         for fast, slow in ((0, 1), (1, 2)):
             if slow == 2 and not is_carried:
                 continue
-            moved = math.hypot(places[fast, 0] - places[slow, 0], places[fast, 1] - places[slow, 1])
+            moved = math.dist(places[fast], places[slow])
             share = self._shares[fast]
             std = self._torque_std / float(pressing[fast]) * math.sqrt(share / (2.0 - share))
-            f_x, f_y = self._means[fast, 3:] - self._means[slow, 3:]
-            given = s.compliance * 2.0 * math.hypot(f_x, f_y)
+            change = math.dist(self._means[fast, 3:], self._means[slow, 3:])
+            given = s.compliance * 2.0 * change
             if moved > max(s.moved, s.stds * std) + given:
                 return True
         return False

@@ -310,6 +310,12 @@ class SlipWatchSettings:
     least_ratio: float = (
         0.6  # ratio of minimum to measured force below which motion is no slip; fewer corrections
     )
+    learns_most: float = (
+        2.0  # most that is learned, in uncertainties of mu; more force; wrong-friction
+    )
+    forgets: float = (
+        10.0  # time constant in which a correction fades [s]; less force, more slip; wrong-friction
+    )
     sure_ratio: float = 0.9  # and above which slip is expected at the configured mu; more corrections; wrong-friction
 
 
