@@ -200,9 +200,8 @@ class HoldWatch:
         self._stood = (
             math.inf
         )  # widest opening since the empty fingers last reached the width of a move [m]
-        self._noted: GripperState | None = (
-            None  # of a hand without force sensor that holds something
-        )
+        # of a hand without force sensor that holds something
+        self._noted: GripperState | None = None
 
     def forget(self) -> None:
         """Nothing is remembered any more."""

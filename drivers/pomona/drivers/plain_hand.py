@@ -6,9 +6,8 @@ from pomona.drivers.interfaces import GripperLimits, GripperState
 
 GIVE = 0.01  # change of the opening that releases a fruit [m]: skin and pads yield at 14 N with 1.5 N/mm
 NO_ROOM = 2e-3  # fingers this near to an end of their travel hold nothing [m]: no fruit is so thin
-MOTOR_FORCE = (
-    1.0  # grasp force by the motor's current that presses on something [N]: twice a WSG's friction
-)
+# grasp force by the motor's current that presses on something [N]: twice a WSG's friction
+MOTOR_FORCE = 1.0
 SHORT = 2e-3  # distance to the commanded width from which closing fingers were stopped [m]: a WSG ends a move within it
 STEPS = 2.0  # the same of a gripper that moves in steps [steps], and ends a move within 1.5 of them
 

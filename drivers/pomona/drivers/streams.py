@@ -24,9 +24,8 @@ from pomona.executive.values.units import FORCE, TIME
 
 SILENCE = 0.040  # time without a valid sample after which the fingers are lost [s]
 FEW = 5  # minimum run of bad samples before a fault: fewer may be a stall of the computer itself
-EARLY = (
-    0.005  # stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]
-)
+# stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]
+EARLY = 0.005
 WINDOW = 6
 FEW_GAPS = 4
 IN_BITS = 0.4

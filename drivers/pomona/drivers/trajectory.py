@@ -8,9 +8,8 @@ from pomona.drivers.errors import BadTrajectory
 from pomona.drivers.interfaces import ArmLimits, Trajectory
 from pomona.executive.values.arrays import Float64
 
-ROUNDING = (
-    1e-6  # excess of a position over its limit by rounding [rad]: a few last digits of an f32
-)
+# excess of a position over its limit by rounding [rad]: a few last digits of an f32
+ROUNDING = 1e-6
 SHARE = 1e-3  # relative tolerance of rate limits, for sampling and rounding of a motion timed to its limits
 REST = 1e-3  # speed below which a joint rests [rad/s]: a fifth of the drivers' own threshold, which includes noise
 START_TOLERANCE = 2e-3

@@ -22,18 +22,16 @@ from pathlib import Path
 
 from pomona.executive.values.sentences import ReportLine
 
-PLACE = (
-    "NUMBA_CACHE_DIR"  # numba's setting; a folder that is set gets one of its own for each version
-)
+# numba's setting; a folder that is set gets one of its own for each version
+PLACE = "NUMBA_CACHE_DIR"
 KEEP = f"set {PLACE} to a folder that is writable and stays"
 TEMPORARY = Path(tempfile.gettempdir(), "pomona")
 FIRST_TWO, FIRST_ONE = (
     30,
     45,
 )  # duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]
-LAST = (
-    "lines.track_poses-*.nbi"  # index of the loop compiled last; without it the first start goes on
-)
+# index of the loop compiled last; without it the first start goes on
+LAST = "lines.track_poses-*.nbi"
 HELPER = "pomona.skills.shared.compile_beside"  # module that compiles one half of the loops in a process of its own
 
 _beside: subprocess.Popen[bytes] | None = None

@@ -31,9 +31,8 @@ from pomona.skills.shared.looking import (
 )
 
 SAME_FRUIT = 0.04  # two detections whose lines of sight pass this close at the fruit are the same fruit [m] …
-BEHIND = (
-    0.045  # … unless their measured depths differ by more than this: one hangs behind the other [m]
-)
+# … unless their measured depths differ by more than this: one hangs behind the other [m]
+BEHIND = 0.045
 
 
 class Detected(Outputs):

@@ -36,9 +36,8 @@ from pomona.skills.shared.touch_view import record_touches
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 WIDEST = 8e-3  # width over the fruit's largest dimension at which something else is between the fingers [m]
 LEAST_WAY = 1e-3  # distance that the fingers must be able to close before they meet the fruit [m]
-AIMED = (
-    4e-3  # distance of the aim to the closed gripper [m]: twice that of fingers that hold nothing
-)
+# distance of the aim to the closed gripper [m]: twice that of fingers that hold nothing
+AIMED = 4e-3
 DEFAULT_FORCE = FORCE("10 N")
 CREEP = 2e-3  # change of the width in `settle` after which the fruit may slip out [m]
 

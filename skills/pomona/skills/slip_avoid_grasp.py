@@ -36,9 +36,8 @@ from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.held_fruit import bearable_force, expected_load, show_grip, watch_grip
 from pomona.skills.shared.touch_view import record_touches
 
-CLEARANCE = (
-    0.008  # opening over the fruit at which a finger may touch [m]: it may lie off the centre
-)
+# opening over the fruit at which a finger may touch [m]: it may lie off the centre
+CLEARANCE = 0.008
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 
 

@@ -190,9 +190,8 @@ class MessageDecoder:
         self._order: Order = order
         self._header = struct.Struct(f"{order}4i")
         self._buffer = bytearray()
-        self._taken = (
-            0  # bytes of the last message, which stay at the buffer's beginning for `_look_back`
-        )
+        # bytes of the last message, which stay at the buffer's beginning for `_look_back`
+        self._taken = 0
 
     def decode(self, chunk: bytes) -> list[Message]:
         """Return the messages that are complete with these bytes, in order."""

@@ -28,9 +28,8 @@ from pomona.drivers import (
 from pomona.executive import Clock, UInt8
 
 RECONNECT = 1.0  # pause between attempts to open a lost camera again [s]
-PIXELS = (
-    16  # stride in rows and columns of the colour pixels that are compared with the previous frame
-)
+# stride in rows and columns of the colour pixels that are compared with the previous frame
+PIXELS = 16
 
 
 class ImageSource(Protocol):

@@ -35,9 +35,8 @@ from pomona.drivers import (
 )
 from pomona.executive import TIME, Measure, Section, Text, UnusablePicture, Whole, value
 
-APART_K = (
-    1e-3  # intrinsics that differ by more than this ratio are of another zoom, focus or profile
-)
+# intrinsics that differ by more than this ratio are of another zoom, focus or profile
+APART_K = 1e-3
 
 VIEWER = re.compile(r"(/device_\d+/sensor_\d+/)(\w+/)image/data")
 """An image topic of RealSense's viewer: the sensor's topics begin with the first part, the stream's with both."""

@@ -9,9 +9,8 @@ import struct
 from dataclasses import dataclass, field
 
 PREAMBLE = b"\xaa\xaa\xaa"
-MAX_PAYLOAD = (
-    64  # longest payload [bytes]; the longest known has 34. Bounds the damage of a wrong length
-)
+# longest payload [bytes]; the longest known has 34. Bounds the damage of a wrong length
+MAX_PAYLOAD = 64
 
 
 @dataclass(frozen=True, slots=True)

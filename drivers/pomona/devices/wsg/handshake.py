@@ -34,9 +34,8 @@ class WsgOptions:
     # of one finger in moves [N], or None for the largest
     force_limit: float | None = None
     soft_limits: tuple[float, float] | None = None  # least and most opening [m], or None
-    speed_max: float | None = (
-        None  # of moves and streamed speeds [m/s], or None for the gripper's own
-    )
+    # of moves and streamed speeds [m/s], or None for the gripper's own
+    speed_max: float | None = None
     # find the reference at the first connection; the fingers move and would drop a held object. Never done at a
     # reconnection.
     home: bool = False

@@ -62,9 +62,8 @@ class Delivery:
         return self._delivered
 
 
-SILENCE = (
-    0.5  # time without a valid or new frame after which the camera is lost [s]; as for a real one
-)
+# time without a valid or new frame after which the camera is lost [s]; as for a real one
+SILENCE = 0.5
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 

@@ -201,9 +201,8 @@ class Layout:
     friction: float  # sliding friction of the pads
     torsion: float  # torsional friction of the pads [m]
     intruder: IntruderSection | None = None  # a person's hand that comes into the cell, or None
-    gathering: Gathering | None = (
-        None  # where fruit is brought together before the run; None: each at its place
-    )
+    # where fruit is brought together before the run; None: each at its place
+    gathering: Gathering | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,9 +22,8 @@ T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
 
-STOPPING = (
-    1.0  # seconds for a safe stop of a device, and for the supervisor process to notice a stall
-)
+# seconds for a safe stop of a device, and for the supervisor process to notice a stall
+STOPPING = 1.0
 
 
 class Cell:

@@ -140,9 +140,8 @@ def tcp_opener(host: str, port: int, wires: Mapping[str, Callable[[], Link]]) ->
 T = TypeVar("T")
 
 ANSWER = 0.5  # deadline of a call with a waiting caller [s]: steps take a few milliseconds
-HUNG = (
-    1.0  # time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms
-)
+# time without a step after which the thread counts as hung [s]; a blocked send takes 50 ms
+HUNG = 1.0
 
 
 class Thread(Protocol):

@@ -14,9 +14,8 @@ from pomona.executive.reasons import NoValue
 from pomona.executive.values.findings import Located
 
 Plain = bool | int | float | str
-MAX_CASES = (
-    32  # maximum number of cases to analyse; a condition with more is assumed to be possible
-)
+# maximum number of cases to analyse; a condition with more is assumed to be possible
+MAX_CASES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +131,8 @@ def _joined(one: Case, other: Case) -> Case | None:
 
 Codes = frozenset[str]
 NO_CODES: Codes = frozenset()
-UNKNOWN = (
-    "?"  # stands for the codes of a skill or subtree that cannot be looked up: it may fail with any
-)
+# stands for the codes of a skill or subtree that cannot be looked up: it may fail with any
+UNKNOWN = "?"
 
 
 @dataclass(frozen=True, slots=True)

@@ -106,9 +106,8 @@ WHOLE, WHOLE_BYTES = (
 PARTS = 2_000  # largest number of parts of the time; beyond it, two parts become one
 SHORTEST = 0.05  # length of a part at first [s]
 _LONGEST = 1e9  # longest run [s]
-MOST_BYTES = (
-    64_000_000  # largest overview [bytes]. A record with a larger one has none, and is read whole.
-)
+# largest overview [bytes]. A record with a larger one has none, and is read whole.
+MOST_BYTES = 64_000_000
 
 STANDING = frozenset(
     ("PortWritten", "ImageView", "SceneView", "BodiesView", "TableView", "ProgressView")

@@ -115,9 +115,8 @@ def _field(hint: Any, value: Any) -> Any:
     return value
 
 
-MOST_PIXELS = (
-    50_000_000  # largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes
-)
+# largest image that is decoded [pixels]: a few kilobytes may decode to gigabytes
+MOST_PIXELS = 50_000_000
 
 
 def read_events(record: Path) -> Iterator[Event]:

@@ -86,9 +86,8 @@ class Verdict:
     good: int = 0  # number of bytes up to which the file is whole
     # every byte up to `good` has a checksum. Files of earlier versions and of other programs may have none.
     checked: bool = True
-    lost: str = (
-        ""  # the parts that an earlier repair could not save, as a phrase; empty without loss
-    )
+    # the parts that an earlier repair could not save, as a phrase; empty without loss
+    lost: str = ""
     attachments: Mapping[str, int] = field(
         default_factory=dict
     )  # offset of the newest attachment of each name

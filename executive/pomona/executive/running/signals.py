@@ -94,9 +94,8 @@ def signalled(error: BaseException) -> KeyboardInterrupt | None:
     return below
 
 
-_raised: int | None = (
-    None  # the signal that `raising` has raised; if it is still set, no code has handled it
-)
+# the signal that `raising` has raised; if it is still set, no code has handled it
+_raised: int | None = None
 _came = False  # whether any signal was raised since `raising` began
 
 

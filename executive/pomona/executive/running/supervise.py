@@ -27,9 +27,8 @@ from pomona.executive.running.launcher import is_stopped
 from pomona.executive.values.processes import WORDS, within, write_if_read
 
 STOPPING = 3.0  # seconds for which each device is tried again: its old connection may have to be noticed as gone first
-REPORT = (
-    "supervisor.json"  # file in the record's folder: actions of the supervisor and their reasons
-)
+# file in the record's folder: actions of the supervisor and their reasons
+REPORT = "supervisor.json"
 
 LOOKS = 20  # polls within the deadline; a late poll counts once, so a stalled computer misses no heartbeat
 CONTINUED = 0.6  # of the deadline, after which a stopped run is continued: late enough for it to detect its stall

@@ -275,9 +275,8 @@ def _close_to(word: str, candidates: tuple[str, ...]) -> str:
     return Instead(f"did you mean '{best}'?", word, best)
 
 
-MAX_COMPARED = (
-    20_000  # words compared in one reading, about a second's work (30 000 took 20 s without it)
-)
+# words compared in one reading, about a second's work (30 000 took 20 s without it)
+MAX_COMPARED = 20_000
 MAX_EXCERPT = 160
 MAX_SHOWN = 200  # findings that are written out; who has more mends the first ones first
 

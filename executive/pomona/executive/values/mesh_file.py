@@ -14,9 +14,8 @@ MOST_BYTES = {".stl": 64_000_000, ".obj": 32_000_000, ".ply": 16_000_000}
 MOST_TRIANGLES = 200_000  # a scan of a fruit has 20 000
 MOST_LINES = 1_500_000  # an STL file of `MOST_TRIANGLES` in text has seven for each
 LONGEST_LINE = 4096  # of a file in text: longer ones hold faces of hundreds of corners [byte]
-MOST_NUMBERS = (
-    3_000_000  # in text: an OBJ file of `MOST_TRIANGLES` without common corners holds 2.4 million
-)
+# in text: an OBJ file of `MOST_TRIANGLES` without common corners holds 2.4 million
+MOST_NUMBERS = 3_000_000
 _HEADER = 4096  # a PLY file's header ends within these bytes
 
 SUFFIXES = tuple(MOST_BYTES)

@@ -18,13 +18,11 @@ from PIL import Image
 from pomona.executive.values.arrays import UInt8
 from pomona.executive.values.image_bytes import is_cut_off, size_of_image
 
-MOST_PIXELS = (
-    250_000_000  # of a picture that is decoded [px]: 0.75 GB; the largest photographs have 0.15e9
-)
+# of a picture that is decoded [px]: 0.75 GB; the largest photographs have 0.15e9
+MOST_PIXELS = 250_000_000
 MOST_BYTES = 1 << 30  # of a file [bytes]: an uncompressed picture of `MOST_PIXELS`
-DARK = (
-    4096  # values of 16 bits that all lie below are the 12 bits of a sensor, and black as a picture
-)
+# values of 16 bits that all lie below are the 12 bits of a sensor, and black as a picture
+DARK = 4096
 
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 _FTYP = {

@@ -367,9 +367,8 @@ class Reader:
 
     findings: Findings  # receives every error and warning
     title: str = ""  # of the value, for messages: `devices.arm.lead`
-    options: Mapping[str, YamlScalar] | None = (
-        None  # values of `{name}`, or None in files without options
-    )
+    # values of `{name}`, or None in files without options
+    options: Mapping[str, YamlScalar] | None = None
 
     def inside(self, key: str) -> Reader:
         """Return the reader of a value in this one."""

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import IO, Protocol
 
 MOST_OUTPUT = 4 * 1024**2  # of a command [bytes]; the rest is dropped
-STOPPED = (
-    124  # status of a command that was stopped at its limit, as `timeout` of coreutils returns it
-)
+# status of a command that was stopped at its limit, as `timeout` of coreutils returns it
+STOPPED = 124
 GRACE = 10.0  # time for a run to reach its safe state and close its record after its limit [s]
 
 _EXCERPT = re.compile(r"\s*\d* \| ")

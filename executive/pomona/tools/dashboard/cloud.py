@@ -16,9 +16,8 @@ from pomona.executive.views import ImageView, Pinhole
 
 MOST_POINTS = 6_000
 MOST_PIXELS = 25_000_000  # of an image that is unpacked
-FARTHEST = (
-    3.0  # distance beyond which points are not drawn [m], since they would make the rest small
-)
+# distance beyond which points are not drawn [m], since they would make the rest small
+FARTHEST = 3.0
 
 
 def cloud_of(view: ImageView) -> dict[str, str] | None:

@@ -16,9 +16,8 @@ from websockets.protocol import State
 
 MOST_CONNECTIONS = 250  # connections without a live stream; of more, the longest idle one is closed
 REQUEST_DEADLINE = 5.0  # seconds in which a request must have come, head and body
-TAKING_DEADLINE = (
-    30.0  # seconds in which a client must take a piece of an answer: on 9 kB/s it does
-)
+# seconds in which a client must take a piece of an answer: on 9 kB/s it does
+TAKING_DEADLINE = 30.0
 
 
 class PatientHttp(H11Protocol):

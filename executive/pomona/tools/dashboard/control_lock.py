@@ -20,9 +20,8 @@ ACTIONS = ("pause", "resume", "step", "stop")
 CALLS = frozenset({"require", "take", "release", "acknowledge", "act", "safe_stop"})
 """Methods of `ControlLock` that pages may call."""
 
-CANCELLED = (
-    "the run that was being prepared does not begin"  # answer to a safe stop during a preparation
-)
+# answer to a safe stop during a preparation
+CANCELLED = "the run that was being prepared does not begin"
 
 
 class RefusedError(PomonaError):
@@ -47,9 +46,8 @@ class ControlStatus:
     """Status of control and of the run for the pages."""
 
     holder: Holder = Holder()  # of control
-    start: dict[str, Any] | None = (
-        None  # the run in preparation, or the reason why the last one did not begin
-    )
+    # the run in preparation, or the reason why the last one did not begin
+    start: dict[str, Any] | None = None
     is_preparing: bool = False  # whether a run is being prepared
     known_faults: dict[str, tuple[str, ...]] = field(
         default_factory=dict

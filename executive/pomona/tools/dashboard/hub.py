@@ -27,12 +27,10 @@ from pomona.executive.running.events import (
 from pomona.tools.dashboard.connections import LiveWire, frame_of
 from pomona.tools.dashboard.messages import fields_of, message, numbered
 
-HISTORY_BYTES = (
-    32_000_000  # characters of a run kept for later viewers; of older ones each key's last message
-)
-BATCH = (
-    0.033  # seconds in which messages are gathered: fifty viewers cost thirty sends a second each
-)
+# characters of a run kept for later viewers; of older ones each key's last message
+HISTORY_BYTES = 32_000_000
+# seconds in which messages are gathered: fifty viewers cost thirty sends a second each
+BATCH = 0.033
 PICTURES = frozenset(
     ("ImageView", "SceneView")
 )  # kinds of views of which only the newest one of a topic is kept

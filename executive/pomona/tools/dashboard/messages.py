@@ -22,9 +22,8 @@ from pomona.executive.views import ImageView
 from pomona.tools.dashboard.cloud import cloud_of
 
 VERSION = 1
-MOST_SCENE_ELEMENTS = (
-    60_000  # larger arrays in a view are described instead of sent: no browser draws them in time
-)
+# larger arrays in a view are described instead of sent: no browser draws them in time
+MOST_SCENE_ELEMENTS = 60_000
 MOST_TEXT = 32_000_000  # largest message [bytes]
 
 

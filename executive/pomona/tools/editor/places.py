@@ -22,9 +22,8 @@ class Place:
     starts: bool = False  # it is the first of a list's item, or of a mapping
     key: str = ""  # the key before it on its line, when it is a value
     flow: bool = False  # it stands in braces or brackets on one line
-    braces: str | None = (
-        None  # the characters between `{` and the cursor, inside a text; None outside
-    )
+    # the characters between `{` and the cursor, inside a text; None outside
+    braces: str | None = None
     before: str = ""  # all of the line before the cursor
 
     @property

@@ -85,9 +85,8 @@ class TreeService:
     path: Path
     skills: Registry  # installed skills, or their declarations
     cell: Path | None = None  # the cell file whose names are offered; None without one
-    others: Callable[[], Mapping[str, str]] = (
-        dict  # texts of other open files, by path; they may not be saved yet
-    )
+    # texts of other open files, by path; they may not be saved yet
+    others: Callable[[], Mapping[str, str]] = dict
     surely: bool = False  # the file is a tree, whatever its text is
     text: str = ""
     analysis: Analysis | None = None

@@ -24,9 +24,8 @@ from pomona.executive.views import ImageView, SeriesView
 
 logger = logging.getLogger(__name__)
 
-EVERY = (
-    0.01  # seconds between two looks into the queue; waking for each event would cost the tick more
-)
+# seconds between two looks into the queue; waking for each event would cost the tick more
+EVERY = 0.01
 MOST = 2000  # events that wait; some seconds of a run
 CLOSING = 2.0  # time for the remaining events at the end [s]
 

@@ -11,9 +11,8 @@ from pomona.executive.nodes.catalogue import NodeTypes
 
 PREFIX = "Pomona"  # begins the names of words that BehaviorTree.CPP lacks, in an export
 
-LITERAL = (
-    "yaml:"  # begins a list or mapping in an attribute: braces alone would be a blackboard key
-)
+# begins a list or mapping in an attribute: braces alone would be a blackboard key
+LITERAL = "yaml:"
 
 GENERIC = ("Action", "Condition", "Control", "Decorator")
 """Elements whose attribute `ID` is the name of the node."""

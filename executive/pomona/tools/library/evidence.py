@@ -58,9 +58,8 @@ class Measured:
     """The largest value of one hazard."""
 
     runs: int = 0  # number of runs with a measurement
-    value: float | None = (
-        None  # value of the sample nearest to its limit; None without a measurement
-    )
+    # value of the sample nearest to its limit; None without a measurement
+    value: float | None = None
     limit: float | None = None  # limit of that sample
     run: str = ""  # run of that sample
     t: float = 0.0  # time of that sample in its run [s]

@@ -20,9 +20,8 @@ from pomona.executive.running.compute import Worker
 
 TRIES = 2  # number of processes that try an order; an order whose processes all die is given up
 
-RENEWED_AFTER = (
-    40  # orders of a worker before a fresh one: simulators leave some 25 MB behind each run
-)
+# orders of a worker before a fresh one: simulators leave some 25 MB behind each run
+RENEWED_AFTER = 40
 
 ONE_THREAD = dict.fromkeys(
     (

@@ -27,9 +27,8 @@ ADDRESS = "127.0.0.1:7447"  # where rmw_zenoh looks for a router
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical")
 """Versions of ROS 2. The types that Pomona uses have the same hashes from Jazzy on; Humble has no hashes."""
-UNHASHED = (
-    "TypeHashNotSupported"  # in the keys of Humble's rmw_zenoh, in the place of a type's hash
-)
+# in the keys of Humble's rmw_zenoh, in the place of a type's hash
+UNHASHED = "TypeHashNotSupported"
 QOS = "::,10:,:,:,,"  # as rmw_zenoh writes it: reliable, volatile, the last ten
 QUEUE, PATIENCE = (
     16,

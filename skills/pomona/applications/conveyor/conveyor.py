@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from pomona.drivers import Box, Carrier, Intrinsics, Surroundings, Workspace
 from pomona.executive import LENGTH, Float64, Measure, Problem, ReadOnly, value
 
-FASTEST = (
-    0.5  # speed of a belt up to which the arm was tried and the simulated one is checked [m/s]
-)
+# speed of a belt up to which the arm was tried and the simulated one is checked [m/s]
+FASTEST = 0.5
 SILENCE = 0.15  # age of an encoder's newest measurement from which it is lost [s]
 AT_REST = 2e-3  # speed below which a belt rests [m/s]
 LEVEL = 5e-3  # difference in height of a belt and the workspace's table that counts as none [m]

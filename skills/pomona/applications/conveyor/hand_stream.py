@@ -16,9 +16,8 @@ from pomona.skills.grip import Hold
 from pomona.skills.motion import RobotModel, nearest_solution
 
 WATCHDOG = 0.15  # time without a set-point after which the arm comes to rest [s]
-HALF_TICK = (
-    0.01  # half of the time between set-points [s]: each is the best for the middle of its time
-)
+# half of the time between set-points [s]: each is the best for the middle of its time
+HALF_TICK = 0.01
 LIMIT_MARGIN = 0.02
 """Distance of set-points from the joints' limits [rad]: from a limit itself the next path would be refused."""
 CLEAR = 0.10  # height to which a hand rises that has not picked [m]

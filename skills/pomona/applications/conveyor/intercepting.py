@@ -22,9 +22,8 @@ from pomona.skills.motion import RobotModel, nearest_solution
 Place = Callable[[float], tuple[Float64, Float64]]
 """Where a fruit is at a time [s], and its velocity: base frame, shape (3,) each [m], [m/s]."""
 
-ABOVE = (
-    0.08  # height over the grasp at which the hand has matched the fruit's speed along the belt [m]
-)
+# height over the grasp at which the hand has matched the fruit's speed along the belt [m]
+ABOVE = 0.08
 SINKING = 1.875  # speed there, in heights per time of the descent: half the acceleration of one from rest to rest
 REACHES = tuple(
     float(reach) for reach in np.arange(0.45, 1.55, 0.1)
@@ -42,15 +41,13 @@ LIFTS = 2.0  # largest acceleration of a lift [m/s²], as of a fruit that is car
 BRAKES = ((0.10, 0.5), (0.05, 0.3), (0.0, 0.2))
 """Times of the lift with the belt's speed, and then until the hand has no speed along the belt [s]: as usual, as
 planned on a fast belt, and where the reach ends."""
-SAMPLES = (
-    24  # postures of the way that are checked, and a few more at the fruit and during the lift
-)
+# postures of the way that are checked, and a few more at the fruit and during the lift
+SAMPLES = 24
 SHARE = 0.8
 """Share of the joints' limits of speed and acceleration that a plan may use; the rest follows corrections. With 0.9 and
 16 postures the hand fell 40 mm behind on its way at 0.3 m/s, with 0.8 and 24 13 mm."""
-JUMP = (
-    0.6  # step of a joint between two postures beyond which the arm would change its branch [rad]
-)
+# step of a joint between two postures beyond which the arm would change its branch [rad]
+JUMP = 0.6
 PATIENT = 0.75  # a reach that takes longer waits, while a quicker one will do later [s]
 COARSE, FARTHEST = (
     0.02,

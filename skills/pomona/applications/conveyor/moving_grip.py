@@ -13,9 +13,8 @@ from pomona.skills.grip import (
 )
 from pomona.skills.perception import MeasuredFruit, mass_of
 
-EARLY = (
-    0.15  # time before the arrival at which the fingers begin to close [s], 17 mm over their place
-)
+# time before the arrival at which the fingers begin to close [s], 17 mm over their place
+EARLY = 0.15
 FIRST_BIAS = 0.23 + EARLY  # time before the arrival at which the grip begins to record its bias [s]
 SOONER = 0.07  # time by which all that begins sooner on a fast belt [s]
 OPENING = 0.018  # opening over the fruit's width with which the hand comes down [m]

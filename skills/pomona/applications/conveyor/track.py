@@ -15,9 +15,8 @@ from pomona.drivers import Arm, Camera, Frame
 from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
 from pomona.skills import LOOKING_FAILURES, LookingSkill
 
-LISTENS = (
-    0.25  # time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
-)
+# time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
+LISTENS = 0.25
 NEAR, LEAST = (
     0.02,
     0.3,

@@ -8,9 +8,8 @@ from collections import deque
 from pomona.applications.conveyor.conveyor import SILENCE, ConveyorState
 
 KEPT = 2.0  # time over which measurements are kept [s]: longer than a frame takes to be looked at
-SAME_SPEED = (
-    0.02  # change of a belt's speed that is a change and no noise, of whatever encoder [m/s]
-)
+# change of a belt's speed that is a change and no noise, of whatever encoder [m/s]
+SAME_SPEED = 0.02
 LEAST_CHANGE = 4e-3
 RIPPLE = 1.5
 """A smaller change is one as well, from this one on [m/s], if it is so many times what the speed varied by lately."""

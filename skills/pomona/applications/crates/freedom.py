@@ -14,9 +14,8 @@ from pomona.skills.perception import MeasuredFruit
 
 TURNS = 12  # number of plumb grasps in half a turn: one in 15°
 RISE = 0.09  # length of the way down that the fingers take beside the fruit [m]
-NEAR = (
-    0.05  # distance from the fruit's outside beyond which nothing is near to a finger beside it [m]
-)
+# distance from the fruit's outside beyond which nothing is near to a finger beside it [m]
+NEAR = 0.05
 LEAST_AIR = 0.002  # between each pad and the fruit [m], as the sampling of grasps needs it
 PLENTY = 0.02  # more room than this is worth no more [m]
 

@@ -21,12 +21,10 @@ class TalliedFruit:
     outcome: str  # a word: `DONE`, or another outcome
     why: str  # a sentence, empty when there is nothing to explain
     tries: int = 1  # number of tries
-    number: int | None = (
-        None  # its number, where fruit moves and a place is of no fruit; None: known by its place
-    )
-    felt: float | None = (
-        None  # width between the pads when both had touched it [m]; None: not felt by both
-    )
+    # its number, where fruit moves and a place is of no fruit; None: known by its place
+    number: int | None = None
+    # width between the pads when both had touched it [m]; None: not felt by both
+    felt: float | None = None
 
     @property
     def place(self) -> str:

@@ -25,9 +25,8 @@ STALE_AFTER = 0.05
 """A stream without a valid sample for this long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
 
 EARLIEST = 0.02  # a sample whose timestamp lies further in the future is rejected [s]
-LONGEST_CATCH_UP = (
-    0.02  # after a gap the filters run on with the new sample for at most this long [s]
-)
+# after a gap the filters run on with the new sample for at most this long [s]
+LONGEST_CATCH_UP = 0.02
 RESTART_AFTER = 0.05  # a sequence that falls back with a timestamp this much later comes from a restarted sensor [s]
 
 

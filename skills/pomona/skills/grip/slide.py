@@ -26,9 +26,8 @@ LIGHT_NOW = 0.65
 """Ratios of friction to the largest weight of a fruit of this size above which it counts as light: with the tracked
 force, and with the sum of both fingers, of which one may press more (docs/decisions.md#grip-pick-pace)."""
 
-NOT_SQUARE = (
-    0.04  # relative uncertainty of friction from one direction (15 fruits of the simulated cell)
-)
+# relative uncertainty of friction from one direction (15 fruits of the simulated cell)
+NOT_SQUARE = 0.04
 UNMODELLED = 0.03  # relative uncertainty that repetition does not reduce: other places of the skin, other speeds
 
 
@@ -43,9 +42,8 @@ class Slide:
     mu: float  # friction coefficient of both fingers together
     uncertainty: float  # its relative standard deviation
     fingers: tuple[float, float]  # mu of each
-    came_along: bool = (
-        False  # True when the fruit was lifted on the way up, so that only the way down counts
-    )
+    # True when the fruit was lifted on the way up, so that only the way down counts
+    came_along: bool = False
 
 
 def friction_of_slides(

@@ -58,9 +58,8 @@ class GraspCandidates:
     attempt: int
 
 
-SAME_PLACE = (
-    0.04  # a fruit within this distance of the last one is the same [m]: less than half a fruit
-)
+# a fruit within this distance of the last one is the same [m]: less than half a fruit
+SAME_PLACE = 0.04
 
 
 Direction = tuple[

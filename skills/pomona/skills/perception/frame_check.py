@@ -224,9 +224,8 @@ def should_show_table(frame: Frame, T_base_camera: Float64, workspace: Workspace
 WIDTH = 320  # width at which it is looked for [px]: leaves and branches are still there
 SMOOTH = 1.5  # standard deviation by which both are smoothed [px of `WIDTH`]
 
-SURE = (
-    8.0  # score of depth that belongs to colour: right frames have 9.8 (simulated) to 23 (orchard)
-)
+# score of depth that belongs to colour: right frames have 9.8 (simulated) to 23 (orchard)
+SURE = 8.0
 
 
 VARIANTS = {

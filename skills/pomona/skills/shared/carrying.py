@@ -29,9 +29,8 @@ CARRIED = 0.1
 """Change of load that shows contact [N], as in Release, and the least change relative to the load. The inertia of a
 heavy fruit is 3 % of its load with the acceleration above."""
 
-OVERLOAD_TIME = (
-    0.06  # duration of an overload that ends a lift [s]; that of an acceleration is shorter
-)
+# duration of an overload that ends a lift [s]; that of an acceleration is shorter
+OVERLOAD_TIME = 0.06
 LOWERING = 0.1  # speed of the tool while a fruit is put back, until it is `NEAR` [m/s]
 BACK = 1e-3  # height above its first place below which a fruit is back [m]
 RESTING = 0.1  # delay after touchdown before the pads are read [s]

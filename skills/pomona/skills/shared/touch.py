@@ -23,14 +23,12 @@ from pomona.skills.motion.collision import fruit_points
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.gripper_shape import GripperShape
 
-STALE_AFTER = (
-    0.1  # a newest sample older than this means that the fingers feel nothing any more [s]
-)
+# a newest sample older than this means that the fingers feel nothing any more [s]
+STALE_AFTER = 0.1
 SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
 
-HELD_FORCE = (
-    0.25  # pressing force of each finger that shows something between them [N]; noise: 0.2 N
-)
+# pressing force of each finger that shows something between them [N]; noise: 0.2 N
+HELD_FORCE = 0.25
 FINE = 1.0  # smallest change that a load sensor must show to feel a support [N]: a fruit is pressed no harder
 
 

@@ -29,9 +29,8 @@ CORE = 0.5  # part of the box's sides, about its middle, whose median depth stan
 BAND = 4e-3  # distance from the sphere within which depth agrees [m], as the default of Refine's `inlier_band`
 
 LEAST_AGREEING = 0.5  # least ratio of agreeing pixels within a radius of the front: a fruit's shape
-RADIUS_PRIOR = (
-    0.15  # standard deviation of the logarithm of the radius about half the box's longer side
-)
+# standard deviation of the logarithm of the radius about half the box's longer side
+RADIUS_PRIOR = 0.15
 POINT_ERROR = 2e-3  # standard deviation of a point against the sphere [m]: apples are no spheres
 INDEPENDENT = 30.0  # points that count as independent: an apple's dents and bulges move neighbouring points together
 
@@ -140,9 +139,8 @@ SPHERE_OF_FRUIT = 1.05
 """Radius of the fitted sphere over half the mean of the cuboid's sides: median of 221 rendered apples at least 60 %
 visible, depth noise 0.2 %."""
 
-SIZE_ERROR = (
-    0.05  # relative deviation of the sphere's radius, over the ratio that is seen (apples: 0.045)
-)
+# relative deviation of the sphere's radius, over the ratio that is seen (apples: 0.045)
+SIZE_ERROR = 0.05
 ACROSS_ERROR = 2e-3  # deviation of its centre across the line of sight [m], likewise (apples: 2 mm)
 ANY_STEM = 1.0  # standard deviation of the rotation [rad]: depth in a box shows no stem
 

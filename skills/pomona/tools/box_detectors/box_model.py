@@ -35,9 +35,8 @@ DTYPES = {
 
 MOST_WORDS = 200  # letters of ONNX Runtime's reason that are quoted
 
-PROCESSOR_S = (
-    20  # limit of a trial: a large network takes seconds for one picture in one thread [s]
-)
+# limit of a trial: a large network takes seconds for one picture in one thread [s]
+PROCESSOR_S = 20
 MEMORY_RATIO = 4  # memory of a loaded model over its file's size: its parameters, and copies of them in other layouts
 
 

@@ -51,9 +51,8 @@ TABLE_TILT = float(np.radians(0.15))
 SHOWN = 0.6
 """g: share of an error of the depth's scale that the measured size shows (probe: 0.61); the table holds the rest."""
 
-OUTLIER = (
-    4.0  # distance of a pick from the estimate, in standard deviations, beyond which it is left out
-)
+# distance of a pick from the estimate, in standard deviations, beyond which it is left out
+OUTLIER = 4.0
 HUBER = 2.5  # distance from which a pick pulls no harder
 SURE = 4.0  # picks that the deviations above are worth when the picks' own scatter is estimated
 ROUNDS = 20  # of the iteration of weights

@@ -15,13 +15,11 @@ import numpy as np
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.rotations import is_rigid
 
-MOST_UNLIKE = (
-    0.2  # relative difference of felt and measured width above which another thing was felt
-)
+# relative difference of felt and measured width above which another thing was felt
+MOST_UNLIKE = 0.2
 LEAST_PART = 0.5  # felt width relative to the measured one below which the fingers felt each other
-MOST_APART = (
-    0.05  # distance of the felt from the measured skin above which another thing was felt [m]
-)
+# distance of the felt from the measured skin above which another thing was felt [m]
+MOST_APART = 0.05
 BESIDE = 2.5e-3
 """Felt width below the measured one by more than errors of 3 % in depth and three of size explain [m]: the pads, 20 mm
 wide, closed beside the widest section of a fruit that lies more than 10 mm off across the fingers."""

@@ -31,9 +31,8 @@ from pomona.executive.running.events import RunStarted
 from pomona.executive.values.arrays import Float64
 from pomona.tools.caliper.pick import KINDS, Pick, UnusableTouches, pick_from
 
-SAME_POSE = (
-    1e-6  # difference of two poses of a camera in its mount from which they are two calibrations
-)
+# difference of two poses of a camera in its mount from which they are two calibrations
+SAME_POSE = 1e-6
 
 
 class OtherCalibration(UsageError):

@@ -47,9 +47,8 @@ WINDOW = 25  # samples of the average over a push: 50 ms
 SLIDING_SHARE = 0.05  # most loaded fraction of a push, where the fruit slid
 FEW = 10  # samples of the average of the present force
 LEAST_FORCE = 0.3  # smallest normal force of a finger's usable sample [N]
-TYPICAL_RADIUS = (
-    0.005  # lever with which moments count as forces when the most loaded samples are chosen [m]
-)
+# lever with which moments count as forces when the most loaded samples are chosen [m]
+TYPICAL_RADIUS = 0.005
 SPREAD = 1.5  # smallest ratio of the pushes' forces from which gamma is fitted
 
 GROWTH_STD = 0.15

@@ -18,9 +18,8 @@ OFTEN = 0.5  # share of postures in which hulls touch, and parts do not: of five
 DRAWS = 128  # postures that are tried for it
 OBSERVE, HOME = "observe", "home"  # poses that no cell can be without
 TRIED = 12  # postures of the first pose from which the others are reached
-VIEW = (
-    0.48  # half of the width of a camera's view, beside which no part of the arm shall stand [rad]
-)
+# half of the width of a camera's view, beside which no part of the arm shall stand [rad]
+VIEW = 0.48
 ROOM = 0.01  # least distance of a joint to its limits [rad]: a hundred times the rounding of a written pose
 
 

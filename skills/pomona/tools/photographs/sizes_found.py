@@ -15,15 +15,13 @@ from pomona.skills.perception.detection.places import (
     SURE_LARGEST,
 )
 
-MOST_ANNOUNCED = (
-    5  # sizes of pictures whose search is announced: a folder may hold as many sizes as pictures
-)
+# sizes of pictures whose search is announced: a folder may hold as many sizes as pictures
+MOST_ANNOUNCED = 5
 
 AT_FIRST = f"; above {LARGEST_WHOLE} px only where a smaller width is sure of a fruit"
 
-CUT = (
-    0.25  # from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
-)
+# from this ratio of sizes at an edge of the range on, fruit beyond it is probably missed
+CUT = 0.25
 
 
 EDGE_SMALLEST = 32.0  # a median longer side below this in the largest input means that smaller fruit is missed [px]

@@ -14,9 +14,8 @@ from pomona.skills.perception.detection.errors import BadMaps
 
 OFFSET_DUE_TO_UPSAMPLING = 0.4395  # where a peak lies within its cell, in DOPE's convention [cells]
 WINDOW = 5  # half width of the window whose weighted mean locates a peak [cells]
-MOST_PEAKS = (
-    200  # peaks kept per map, strongest first: adversarial maps must not cost unbounded time
-)
+# peaks kept per map, strongest first: adversarial maps must not cost unbounded time
+MOST_PEAKS = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,9 +13,8 @@ from pomona.tools.training.contents import Item, SyntheticScene
 from pomona.tools.training.options import SceneOptions
 from pomona.tools.training.shapes import ShadedMesh
 
-SPRAYS = (
-    64  # different sprays of leaves; each is turned, stretched and coloured anew wherever it grows
-)
+# different sprays of leaves; each is turned, stretched and coloured anew wherever it grows
+SPRAYS = 64
 
 UP = np.array([0.0, 0.0, 1.0])
 

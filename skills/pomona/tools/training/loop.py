@@ -25,9 +25,8 @@ Trained = TypeVar("Trained", bound=nn.Module)
 
 Fall = Literal["cosine", "late"]
 
-FALLING = (
-    0.4  # part of the steps in which a rate falls to nothing; before it a run may be made longer
-)
+# part of the steps in which a rate falls to nothing; before it a run may be made longer
+FALLING = 0.4
 LARGEST_GRADIENT = 5.0  # norm to which a step's gradient is clipped
 REPORT_EVERY = 25  # steps between two reports of progress
 

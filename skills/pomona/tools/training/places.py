@@ -11,9 +11,8 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.tools.training.samples import FrameFolder
 
-THRESHOLD = (
-    0.12  # least score of a place: half of the detector's, since elsewhere it may be proposed
-)
+# least score of a place: half of the detector's, since elsewhere it may be proposed
+THRESHOLD = 0.12
 
 
 def find_places(

@@ -43,9 +43,8 @@ from pomona.executive.values.yaml_nodes import (
     shape_of,
 )
 
-MAX_SEEDS = (
-    1000  # largest number of seeds of a combination, and distance of two combinations' first seeds
-)
+# largest number of seeds of a combination, and distance of two combinations' first seeds
+MAX_SEEDS = 1000
 
 Values = Mapping[str, YamlScalar]
 Variations = Mapping[str, tuple[YamlScalar, ...]]

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-FEWEST = (
-    5  # runs from which a mean or median has an interval: of fewer it is wider than the question
-)
+# runs from which a mean or median has an interval: of fewer it is wider than the question
+FEWEST = 5
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,8 @@ from pomona.executive.running.events import (
     RunStarted,
 )
 
-ON_THE_WAY = (
-    0.5  # weight of all failures before the last one, together, relative to it: an assumption
-)
+# weight of all failures before the last one, together, relative to it: an assumption
+ON_THE_WAY = 0.5
 
 
 @dataclass(frozen=True, slots=True)

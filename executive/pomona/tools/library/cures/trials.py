@@ -12,9 +12,8 @@ from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.compute import keep_workers_warm
 from pomona.tools.library.pool import OrderTooLong, WorkerPool
 
-OVER_BUDGET = (
-    "OVER_BUDGET"  # the code of a repetition that was given up: nothing is known of its end
-)
+# the code of a repetition that was given up: nothing is known of its end
+OVER_BUDGET = "OVER_BUDGET"
 FORCES = (
     "finger_peak_n",
     "peak_force_n",

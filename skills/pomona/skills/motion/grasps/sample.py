@@ -47,14 +47,12 @@ class GraspRules:
     side: tuple[float, float] = (6e-3, 2e-3)
     table: float = 3e-3  # air between finger tips and table at the grasp [m]
     sigmas: float = 2.0  # how many standard deviations of the measurement are kept on top of both
-    raise_up_to: float = (
-        5e-3  # how far the grasp may be drawn back from the widest section to clear the table [m]
-    )
+    # how far the grasp may be drawn back from the widest section to clear the table [m]
+    raise_up_to: float = 5e-3
     palm: float = 5e-3  # air between fruit and palm [m]
     solutions: int = 2  # joint solutions that are kept of each candidate
-    tried_solutions: int = (
-        8  # number of joint solutions to check, nearest to the present joints first
-    )
+    # number of joint solutions to check, nearest to the present joints first
+    tried_solutions: int = 8
     arm_angles: int = 18  # how finely a redundant arm's solutions are sampled
     # follow every candidate through; without it only the joint solutions are sought (the paper's way)
     check: bool = True

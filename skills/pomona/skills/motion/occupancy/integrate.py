@@ -90,12 +90,10 @@ class Sensing:
     shadow: float = 0.10  # depth behind a surface that counts as the hidden part of the object [m]: the size of a fruit
     table: float = 0.008  # height above the table below which a point is the table's [m]
     robot_padding: float = 0.02  # added to the robot's spheres for the self-filter [m]
-    target_margin: float = (
-        0.010  # points of this look closer to the target's refined shape than this belong to it [m]
-    )
-    other_margin: float = (
-        0.010  # the same of neighbours, and of the target's cells in earlier looks, if larger [m]
-    )
+    # points of this look closer to the target's refined shape than this belong to it [m]
+    target_margin: float = 0.010
+    # the same of neighbours, and of the target's cells in earlier looks, if larger [m]
+    other_margin: float = 0.010
 
 
 def integrate(

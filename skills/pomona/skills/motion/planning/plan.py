@@ -106,9 +106,8 @@ def solve(
 
 TURN = 2.0 * np.pi  # [rad]
 
-GOOD_ENOUGH = (
-    1.02  # a path this close to the straight distance to the nearest goal is not worth improving
-)
+# a path this close to the straight distance to the nearest goal is not worth improving
+GOOD_ENOUGH = 1.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,9 +30,8 @@ and are refused far more quickly than by proof."""
 
 MAX_STEP = 0.8  # longest edge of a tree [rad]: the quickest of 0.4 to 3 on 56 problems of MotionBenchMaker's Panda
 
-FIRST_ROUND = (
-    500  # iterations before two trees are begun anew; each further round has twice as many
-)
+# iterations before two trees are begun anew; each further round has twice as many
+FIRST_ROUND = 500
 
 _PROBES = (1.0, 0.5, 0.25, 0.75)
 

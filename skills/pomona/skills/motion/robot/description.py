@@ -26,13 +26,11 @@ mujoco = load_mujoco()
 
 ENDLESS = 32.0 * np.pi  # position limit of a joint that has none: 16 turns from its zero [rad]
 
-QUICKEST = (
-    50.0  # speed of a joint that no arm reaches [rad/s]: small ones turn their wrists at 20 rad/s
-)
+# speed of a joint that no arm reaches [rad/s]: small ones turn their wrists at 20 rad/s
+QUICKEST = 50.0
 
-TOUCHING = (
-    1e-6  # pads that are nearer to each other than this touch when the fingers are closed [m]
-)
+# pads that are nearer to each other than this touch when the fingers are closed [m]
+TOUCHING = 1e-6
 
 KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 

@@ -132,9 +132,8 @@ def _ray_rotation(centre_camera: ArrayLike) -> NDArray[np.float64]:
 
 
 MARGIN = 1.15  # half side of the look over the corners' mean distance: the fruit fills two thirds
-REFERENCE_LENGTH = (
-    0.0633  # length whose picture is a fruit's size [m]: mean distance of an apple's corners
-)
+# length whose picture is a fruit's size [m]: mean distance of an apple's corners
+REFERENCE_LENGTH = 0.0633
 OUTLINE_RADIUS = 0.046  # radius of a CAD-sized fruit's outline [m]: the cone that touches the fruit
 
 SIZE_OF_BOX = 0.64

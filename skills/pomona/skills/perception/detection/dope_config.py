@@ -18,9 +18,8 @@ from pomona.skills.perception.detection.errors import BadPoseConfig
 class DecodeThresholds:
     """DOPE's post-processing constants, under the names that config_pose.yaml uses."""
 
-    thresh_angle: float = (
-        0.5  # largest difference between the unit direction to the centroid and the affinity
-    )
+    # largest difference between the unit direction to the centroid and the affinity
+    thresh_angle: float = 0.5
     thresh_map: float = 0.01  # least smoothed belief of a peak
     sigma: float = 3.0  # of the smoothing [cells]
     thresh_points: float = 0.1  # least belief of a centroid or corner

@@ -186,9 +186,8 @@ class Instance:
         Float64 | None
     )  # of (rotation vector, translation) in the camera frame, (6, 6); None without a pose
     problem: str = ""  # why there is no pose; empty otherwise
-    box: Float64 | None = (
-        None  # around its visible part, x, y, w, h (4,) [px]; None with weights without boxes
-    )
+    # around its visible part, x, y, w, h (4,) [px]; None with weights without boxes
+    box: Float64 | None = None
 
     @property
     def size(self) -> float:

@@ -27,9 +27,8 @@ def open_session(source: bytes | str) -> Any:
     """Return a session of a model, or of its file, in the caller's thread; errors are reported by exceptions alone."""
     settings = onnxruntime.SessionOptions()
     settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-    settings.log_severity_level = (
-        4  # errors raise; their copy on the error stream would be a second message
-    )
+    # errors raise; their copy on the error stream would be a second message
+    settings.log_severity_level = 4
     return onnxruntime.InferenceSession(source, settings, providers=["CPUExecutionProvider"])
 
 

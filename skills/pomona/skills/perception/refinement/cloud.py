@@ -44,9 +44,8 @@ class Plane:
 
     normal: Float64
     offset: float
-    deviation: float = (
-        0.0  # standard deviation of its height [m]; 0 if the same look measured the plane
-    )
+    # standard deviation of its height [m]; 0 if the same look measured the plane
+    deviation: float = 0.0
 
     def height(self, points: Float64) -> Float64:
         """Signed distance of points (n, 3) from the plane, positive on the free side [m]."""
