@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import closing
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import SENSORS
 from pomona.drivers.errors import DriverError
 from pomona.executive.errors import UsageError
-from pomona.executive.files import find_cell
 from pomona.executive.values.installation import entry_points
 from pomona.executive.values.kinds import Measure, Whole
 from pomona.executive.values.units import LENGTH
-from pomona.tools.calibration.depth_calibration import DepthCalibration
 
 GROUP = "pomona.calibrate"
-
-LIVE_FRAMES = 20
-LIVE_TIMEOUT = 20.0  # time limit for collecting the frames of a live camera [s]
 
 
 def add(subparsers: Any) -> None:
@@ -62,18 +53,16 @@ def add(subparsers: Any) -> None:
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
     depth = kinds.add_parser(
-        "depth",
-        help="estimate the depth errors of a camera from balls or a wall in recorded frames",
-    )
-    recorded = "NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml; none with --cell"
-    depth.add_argument("folder", type=Path, nargs="?", help=recorded)
-    live = f"with --wall: look now, with this cell's camera, {LIVE_FRAMES} times; nothing moves"
-    depth.add_argument("--cell", metavar="CELL", help=live)
-    depth.add_argument(
-        "--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm"
+        "depth", help="estimate the depth errors of a camera from balls in recorded frames"
     )
     depth.add_argument(
-        "--wall", action="store_true", help="the frames show a flat wall or board: noise only"
+        "folder", type=Path, help="NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml"
+    )
+    depth.add_argument(
+        "--balls",
+        type=Path,
+        required=True,
+        help="table (CSV): frame, name, x, y, w, h [px], diameter_mm",
     )
     depth.add_argument(
         "--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm"
@@ -86,9 +75,6 @@ def add(subparsers: Any) -> None:
     )
     depth.add_argument(
         "--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)"
-    )
-    depth.add_argument(
-        "--plot", type=Path, help="plot of measured against true distance, before and after"
     )
     depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
     depth.set_defaults(main=lambda options: _guarded(_depth, options))
@@ -123,34 +109,6 @@ def _fingers(options: argparse.Namespace) -> str:
     return f"{report}\nwritten to {options.out}"
 
 
-def _look_now(name: str) -> list[NDArray[np.float32]]:
-    """Return the depth images of a cell's camera, one after the other, shape (h, w) each [m].
-
-    Raises DriverError: the cell cannot be used, it has no camera, or no depth comes.
-    """
-    from pomona.drivers.interfaces import Camera
-    from pomona.executive.cell.connect import load_cell
-    from pomona.tools.calibration.depth_calibration import UnusableDepth
-
-    with closing(load_cell(find_cell(name))) as cell:
-        try:
-            camera = cell.device(Camera)
-        except KeyError as missing:
-            raise UnusableDepth(str(missing.args[0])) from missing
-        depths: dict[int, NDArray[np.float32]] = {}
-        end = cell.clock.now() + LIVE_TIMEOUT
-        while len(depths) < LIVE_FRAMES and cell.clock.now() < end:
-            frame = camera.latest()
-            if frame is not None and frame.depth is not None:
-                depths[frame.sequence] = frame.depth
-            cell.clock.advance(0.01)
-    if len(depths) < LIVE_FRAMES:
-        raise UnusableDepth(
-            f"{len(depths)} depth images came in {LIVE_TIMEOUT:.0f} s, {LIVE_FRAMES} are needed"
-        )
-    return list(depths.values())
-
-
 def _hand_eye(options: argparse.Namespace) -> str:
     from pomona.tools.calibration.hand_eye import Chessboard, UnusableLooks, calibrate_folder
 
@@ -173,24 +131,9 @@ def _depth(options: argparse.Namespace) -> str:
     from pomona.tools.calibration.depth_calibration import (
         UnusableDepth,
         calibrate_balls,
-        calibrate_wall,
         read_balls,
     )
 
-    if (options.balls is None) == (not options.wall):
-        raise UnusableDepth("the subject of the frames is missing: add --balls TABLE or --wall")
-    if (options.folder is None) == (options.cell is None):
-        raise UnusableDepth(
-            "frames are missing: name a folder, or a cell with a live camera by --cell"
-        )
-    if options.cell is not None:
-        if not options.wall:
-            raise UnusableDepth(
-                "--cell needs --wall: balls need recorded frames, in which you draw boxes"
-            )
-        found = calibrate_wall(_look_now(options.cell), options.sensor)
-        found.save(options.out)
-        return f"{found}\nwritten to {options.out}"
     frames = list_frames(options.folder)
     intrinsics = (
         read_intrinsics(options.intrinsics)
@@ -202,40 +145,7 @@ def _depth(options: argparse.Namespace) -> str:
             f"the camera's intrinsics are missing: put {INTRINSICS_FILE} into the folder"
         )
     depths = {frame.label: read_images(frame, intrinsics)[1] for frame in frames}
-    if options.wall:
-        found = calibrate_wall(list(depths.values()), options.sensor)
-    else:
-        balls = read_balls(options.balls, options.diameter, options.only)
-        found = calibrate_balls(balls, depths, intrinsics, options.sensor)
+    balls = read_balls(options.balls, options.diameter, options.only)
+    found = calibrate_balls(balls, depths, intrinsics, options.sensor)
     found.save(options.out)
-    drawn = ""
-    if options.plot is not None and found.seen:
-        draw_calibration(found, options.plot)
-        drawn = f", picture in {options.plot}"
-    return f"{found}\nwritten to {options.out}{drawn}; as depth_model.yaml in a folder of frames it holds for these"
-
-
-def draw_calibration(calibration: DepthCalibration, path: Path) -> None:
-    """Draw measured minus true distance of every ball over its distance, into a PNG, SVG or PDF file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    model = calibration.model
-    seen = calibration.seen
-    true = np.array([s.true for s in seen])
-    outlines = calibration.outline_growth * np.array([s.per_pixel for s in seen])
-    before = np.array([s.measured for s in seen]) - true
-    after = before - outlines - model.offset - model.scale * true
-    figure = Figure(figsize=(7.0, 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    for axes, values, title in zip(
-        figure.subplots(1, 2, sharey=True), (before, after), ("before", "after"), strict=True
-    ):
-        axes.errorbar(
-            true, 1e3 * values, 1e3 * np.array([s.deviation for s in seen]), fmt="o", capsize=3
-        )
-        axes.axhline(0.0, color="0.6", linewidth=0.8)
-        axes.set_title(title)
-        axes.set_xlabel("distance from the outline [m]")
-    figure.axes[0].set_ylabel("depth differs by [mm]")
-    figure.savefig(path)
+    return f"{found}\nwritten to {options.out}; as depth_model.yaml in a folder of frames it holds for these"

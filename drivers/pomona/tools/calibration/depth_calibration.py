@@ -1,4 +1,4 @@
-"""Error model of a camera's depth, learnt from balls of known size in recorded frames, or from a flat wall.
+"""Error model of a camera's depth, learnt from balls of known size in recorded frames.
 
 A ball gives two distances. Its outline in the picture, with its known size, gives the true one. A sphere of that size,
 fitted to the points that the camera measured on it, gives the measured one. Over several balls the two differ by
@@ -37,9 +37,6 @@ LEAST_OFFSET, LEAST_SCALE = (
 DOUBT = 3.0  # limit of the learnt offset and scale, as a multiple of the prior's standard deviation
 AROUND = 15  # depth may lie so far beside the picture [px]
 LEAST_POINTS = 100  # a ball of fewer points has no sphere
-LEAST_SQUARE = 11  # side of the squares in which a wall's noise is looked for [px]
-LEAST_WALL = 0.7  # required ratio of points on one plane: two orchard frames have 0.27 and 0.28
-BENT = 0.03  # a sensor may bend a flat wall by such a share of the distance
 
 
 class UnusableDepth(DriverError):
@@ -79,22 +76,20 @@ class DepthCalibration:
     )
     outline_growth_deviation: float
     # before, after: root mean square of measured against true distance of balls that were held out, as the sensor was
-    # and as it was learnt from the other balls [m]; NaN for a wall
+    # and as it was learnt from the other balls [m]
     before: float
     after: float
-    seen: tuple[Seen, ...]  # measurements of each ball; empty for a wall
+    seen: tuple[Seen, ...]  # measurements of each ball
 
     def __str__(self) -> str:
         m = self.model
-        lines = [f"noise {1e3 * m.growth:.2f} mm at 1 m, growing with the square of the distance"]
-        if self.seen:
-            lines = [
-                f"offset {1e3 * m.offset:+.1f} ± {1e3 * m.offset_deviation:.1f} mm, scale {100 * m.scale:+.2f} ± "
-                f"{100 * m.scale_deviation:.2f} %, outlines {self.outline_growth:+.1f} ± "
-                f"{self.outline_growth_deviation:.1f} px too wide",
-                *lines,
-                f"balls held out lie {1e3 * self.after:.1f} mm off, before {1e3 * self.before:.1f} mm",
-            ]
+        lines = [
+            f"offset {1e3 * m.offset:+.1f} ± {1e3 * m.offset_deviation:.1f} mm, scale {100 * m.scale:+.2f} ± "
+            f"{100 * m.scale_deviation:.2f} %, outlines {self.outline_growth:+.1f} ± "
+            f"{self.outline_growth_deviation:.1f} px too wide",
+            f"noise {1e3 * m.growth:.2f} mm at 1 m, growing with the square of the distance",
+            f"balls held out lie {1e3 * self.after:.1f} mm off, before {1e3 * self.before:.1f} mm",
+        ]
         return "\n".join(lines)
 
     def save(self, path: Path) -> None:
@@ -333,75 +328,3 @@ def _left_over(seen: Seen, solution: Float64) -> float:
 
 def _rms(errors: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
-
-
-def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthCalibration:
-    """Measure a sensor's noise in frames of a flat wall; its bias keeps the manufacturer's figure.
-
-    Args:
-        depths: depth images, shape (h, w) each [m].
-        sensor: name of a known sensor.
-
-    Raises UnusableDepth: no square of the frames is flat, they are without noise, or they do not show one wall each.
-    """
-    noise = []
-    side = LEAST_SQUARE
-    v, u = np.indices((side, side)).reshape(2, -1) - side // 2
-    basis = np.linalg.qr(np.column_stack([np.ones_like(u), u, v]))[0]
-    for depth in depths:
-        high, wide = (size // side * side for size in depth.shape)
-        squares = (
-            depth[:high, :wide]
-            .reshape(high // side, side, wide // side, side)
-            .swapaxes(1, 2)
-            .reshape(-1, side**2)
-        )
-        squares = squares[(squares > 0.0).all(axis=1) & np.isfinite(squares).all(axis=1)].astype(
-            np.float64
-        )
-        inverse = 1.0 / squares  # a plane of any slant is linear in 1/z
-        rest = inverse - inverse @ basis @ basis.T
-        noise.append(
-            np.sqrt((rest**2).sum(axis=1) / (side**2 - 3))
-        )  # deviation of 1/z is that of z over z²
-    all_noise = np.concatenate(noise) if noise else np.empty(0)
-    if len(all_noise) < LEAST_POINTS:
-        raise UnusableDepth(
-            f"only {len(all_noise)} squares of {side} px are wholly measured: show a larger or nearer wall"
-        )
-    growth = float(np.median(all_noise))
-    if growth < 1e-5:  # lower bound of the noise at 1 m: every real depth sensor has more [m]
-        raise UnusableDepth(
-            "the wall has no noise: its depth was smoothed, or is not from a camera"
-        )
-    flat = float(np.mean(all_noise < 2.0 * growth))
-    if flat < 0.7:
-        raise UnusableDepth(
-            f"only {flat:.0%} of the frames is flat: let a wall or a board fill them"
-        )
-    wall = min(_share_of_plane(depth, growth) for depth in depths)
-    if wall < LEAST_WALL:
-        raise UnusableDepth(
-            f"only {wall:.0%} of one frame's points lie on one plane: this is no wall, so its noise is not that of the "
-            "sensor's; let a flat wall or a board fill the frames"
-        )
-    model = replace(SENSORS[sensor], disparity=0.0, floor=0.0, growth=growth)
-    return DepthCalibration(sensor, model, 0.0, 0.0, math.nan, math.nan, ())
-
-
-def _share_of_plane(depth: NDArray[np.float32], growth: float) -> float:
-    """Return the largest ratio of the measured pixels on one plane; a sensor of this noise may bend it."""
-    step = LEAST_SQUARE
-    rows, columns = np.nonzero(depth[::step, ::step] > 0.0)
-    inverse = 1.0 / depth[::step, ::step][rows, columns].astype(np.float64)
-    points = np.column_stack([np.ones_like(inverse), columns, rows])
-    rng = np.random.default_rng(0)
-    most = 0.0
-    # number of planes through three points each that are tried: a wall is found by the first few
-    for _ in range(200 if len(points) >= LEAST_POINTS else 0):
-        chosen = rng.choice(len(points), 3, replace=False)
-        if abs(np.linalg.det(points[chosen])) < 1.0:  # they lie on a line
-            continue
-        plane = points @ np.linalg.solve(points[chosen], inverse[chosen])
-        most = max(most, float(np.mean(np.abs(inverse - plane) < BENT * inverse + 3.0 * growth)))
-    return most

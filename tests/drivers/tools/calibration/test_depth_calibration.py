@@ -1,4 +1,4 @@
-"""A depth model from balls and walls: against sensors of known errors, and insufficient data."""
+"""A depth model from balls: against sensors of known errors, and insufficient data."""
 
 import argparse
 from pathlib import Path
@@ -9,19 +9,15 @@ import pytest
 from numpy.typing import NDArray
 
 from pomona.devices.frames.folder import read_depth_model
-from pomona.drivers.depth_model import SENSORS
-from pomona.drivers.interfaces import Frame, Intrinsics
-from pomona.executive.cell.cell import Cell
+from pomona.drivers.interfaces import Intrinsics
 from pomona.tools.calibration import command_calibrate as calibrate
 from pomona.tools.calibration.depth_calibration import (
     Ball,
     UnusableDepth,
     calibrate_balls,
-    calibrate_wall,
     look_at_ball,
     read_balls,
 )
-from pomona.tools.mock.hand import MockCamera, MockClock
 
 CAMERA = Intrinsics(600.0, 600.0, 320.0, 240.0, 640, 480)
 V, U = np.indices((480, 640))
@@ -128,58 +124,6 @@ def test_balls_that_contradict_each_other_are_refused() -> None:
         calibrate_balls(wrong, {"f": depth}, CAMERA, "d4xx")
 
 
-def test_a_wall_gives_the_noise_at_any_slant_and_an_uneven_one_is_refused() -> None:
-    rng = np.random.default_rng(0)
-    wall = 1.0 / (0.8 + 0.3 * RAYS[..., 0] - 0.2 * RAYS[..., 1])
-    noisy = wall + 7e-4 * wall**2 * rng.normal(size=wall.shape)
-    found = calibrate_wall([noisy.astype(np.float32)], "azure_kinect")
-    assert found.model.growth == pytest.approx(7e-4, rel=0.05)
-    assert found.model.scale_deviation == SENSORS["azure_kinect"].scale_deviation
-    rough = noisy + 0.02 * (rng.random(wall.shape) > 0.5) * (U > 370)
-    with pytest.raises(UnusableDepth, match="is flat"):
-        calibrate_wall([rough.astype(np.float32)], "azure_kinect")
-    with pytest.raises(UnusableDepth, match="wholly measured"):
-        calibrate_wall([np.zeros_like(wall, dtype=np.float32)], "azure_kinect")
-    with pytest.raises(
-        UnusableDepth, match="has no noise"
-    ):  # no depth model without noise can be read
-        calibrate_wall([np.full_like(wall, 1.5, dtype=np.float32)], "azure_kinect")
-
-
-def walls(*parts: tuple[int, float, float]) -> NDArray[np.float32]:
-    """Flat pieces beside each other: each up to a column, with its inverse distance and slant, and noise."""
-    depth, left = np.zeros((480, 640)), 0
-    for right, near, slant in parts:
-        depth[:, left:right] = 1.0 / (near + slant * RAYS[:, left:right, 0])
-        left = right
-    return (depth + 7e-4 * depth**2 * np.random.default_rng(3).normal(size=depth.shape)).astype(
-        np.float32
-    )
-
-
-@pytest.mark.parametrize(
-    "view",
-    [
-        pytest.param(walls((300, 0.8, 0.3), (640, 0.8, -0.9)), id="a corner"),
-        pytest.param(walls((400, 1.2, 0.1), (640, 0.4, 0.0)), id="a small board"),
-        pytest.param(
-            walls(*((80 * k, 0.5 + 0.1 * (3 * k % 8), 0.0) for k in range(1, 9))), id="boxes"
-        ),
-    ],
-)
-def test_a_view_that_is_not_one_wall_gives_no_noise(view: NDArray[np.float32]) -> None:
-    wall = walls((640, 0.8, 0.3))
-    assert calibrate_wall([wall], "d4xx").model.growth == pytest.approx(7e-4, rel=0.05)
-    with pytest.raises(UnusableDepth, match="lie on one plane: this is no wall"):
-        calibrate_wall([wall, view], "d4xx")
-
-
-def test_a_sensor_that_bends_a_wall_and_a_board_that_nearly_fills_the_frame_are_believed() -> None:
-    bent = walls((640, 0.8, 0.3)) * (1.0 + 0.02 * RAYS[..., 0] ** 2 / RAYS[..., 0].max() ** 2)
-    for view in (bent.astype(np.float32), walls((520, 1.0, 0.1), (640, 0.4, 0.0))):
-        assert calibrate_wall([view], "d4xx").model.growth == pytest.approx(7e-4, rel=0.1)
-
-
 def run(*arguments: str) -> int:
     parser = argparse.ArgumentParser()
     calibrate.add(parser.add_subparsers())
@@ -201,17 +145,16 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_command_writes_a_file_that_a_camera_takes_and_a_picture(
+def test_the_command_writes_a_file_that_a_camera_takes(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, picture = folder / "depth_model.yaml", folder / "depth.png"
+    out = folder / "depth_model.yaml"
     table = str(folder / "balls.csv")
-    assert run(str(folder), "--balls", table, "--out", str(out), "--plot", str(picture)) == 0
+    assert run(str(folder), "--balls", table, "--out", str(out)) == 0
     said = capsys.readouterr().out
     assert "balls held out lie" in said
     model = read_depth_model(out)
     assert model.corrected(np.array([0.93], np.float32))[0] == pytest.approx(0.9, abs=0.012)
-    assert cv2.imread(str(picture)) is not None
 
 
 @pytest.mark.parametrize(
@@ -234,13 +177,12 @@ def test_a_table_that_cannot_be_used_is_refused_with_its_line_and_leaves_no_file
     assert not out.exists()
 
 
-def test_frames_without_labels_are_refused(
+def test_frames_without_intrinsics_are_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(str(folder), "--out", str(folder / "m.yaml")) == 2
-    assert "--balls TABLE or --wall" in capsys.readouterr().err
     (folder / "intrinsics.yaml").unlink()
-    assert run(str(folder), "--wall", "--out", str(folder / "m.yaml")) == 2
+    table = str(folder / "balls.csv")
+    assert run(str(folder), "--balls", table, "--out", str(folder / "m.yaml")) == 2
     assert "intrinsics" in capsys.readouterr().err
 
 
@@ -256,39 +198,3 @@ def test_a_depth_model_that_is_there_is_not_written_over(
 
 def test_only_rows_that_are_asked_for_are_balls(folder: Path) -> None:
     assert [ball.name for ball in read_balls(folder / "balls.csv", only="b")] == ["b"]
-
-
-def test_the_noise_of_a_camera_is_measured_on_a_wall(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rng = np.random.default_rng(5)
-    wall = 1.0 / (0.8 + 0.3 * RAYS[..., 0] - 0.2 * RAYS[..., 1])
-
-    colour = np.zeros((*wall.shape, 3), np.uint8)
-    looks = []
-    for number in range(calibrate.LIVE_FRAMES):
-        noisy = wall + 7e-4 * wall**2 * rng.normal(size=wall.shape)
-        looks.append(Frame(0.0, number, colour, noisy.astype(np.float32), CAMERA, None, np.eye(4)))
-    clock = MockClock()
-    cell = Cell("lab", "lab", clock, {"camera": MockCamera(*looks)})
-    monkeypatch.setattr("pomona.executive.cell.connect.load_cell", lambda *_: cell)
-    out = tmp_path / "model.yaml"
-    assert run("--cell", "sim", "--wall", "--out", str(out)) == 0
-    assert "noise" in capsys.readouterr().out
-    assert out.exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("--wall",), "frames are missing"),
-        (("somewhere", "--cell", "sim", "--wall"), "frames are missing"),
-        (("--cell", "sim", "--balls", "balls.csv"), "balls need recorded frames"),
-        (("--cell", "nothing", "--wall"), "nothing"),
-    ],
-)
-def test_unsupported_modes_of_a_live_camera_are_reported(
-    arguments: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(*arguments, "--out", str(tmp_path / "m.yaml")) == 2
-    assert says in capsys.readouterr().err
