@@ -62,7 +62,7 @@ def with_dependents(root: Path, leaf: str) -> list[str]:
 
 
 def take_out(root: Path, taken: Sequence[str]) -> None:
-    """Remove leaves from a checkout: their folders, tests and entry points."""
+    """Remove leaves from a checkout: their folders and tests; their entry points become comments, which tests read."""
     folders = leaves(root)
     project = root / "pyproject.toml"
     text = project.read_text("utf-8")
@@ -70,7 +70,9 @@ def take_out(root: Path, taken: Sequence[str]) -> None:
         shutil.rmtree(root / folders[name])
         shutil.rmtree(root / "tests" / folders[name].parts[0] / Path(name), ignore_errors=True)
         module = "pomona." + name.replace("/", ".")
-        text = re.sub(rf'^[\w.-]+ = "{re.escape(module)}[.:][^"\n]*"[^\n]*\n', "", text, flags=re.M)
+        entries = rf'^([\w.-]+ = "{re.escape(module)}[.:][^"\n]*"[^\n]*)\n'
+        text = re.sub(entries, r"# taken out: \1\n", text, flags=re.M)
+        text = re.sub(rf'"{re.escape(module)}(?:\.\*)?"(?:, )?', "", text)
     project.write_text(text, encoding="utf-8")
 
 

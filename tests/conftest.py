@@ -11,9 +11,12 @@ from collections.abc import Generator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from tests.taken_out import LEAF_IMPORT, leaves, taken_words
 
 # The same examples every time, and none is wrong because the machine is busy or compiles something first.
 settings.register_profile(
@@ -37,35 +40,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SLOW_TESTS = ROOT / "tests" / "slow_tests.txt"
 """Tests of 0.3 s of processor time and more, written by `make test-times`: slow, as if marked."""
 
-LEAF_IMPORT = re.compile(
-    r"^\s*(?:from|import) pomona\.(tools|devices|applications)(?:\.| import )(\w+)", re.MULTILINE
-)
-
 SLOW_FILE = re.compile(r"^pytestmark = pytest\.mark\.(?:slow|browser)$", re.MULTILINE)
-
-
-@cache
-def leaves() -> frozenset[tuple[str, str]]:
-    """Return kind and name of each leaf of this checkout."""
-    return frozenset(
-        page.parts[-3:-1]  # type: ignore[misc]
-        for kind in ("tools", "devices", "applications")
-        for page in ROOT.glob(f"*/pomona/{kind}/*/__init__.py")
-    )
-
-
-@cache
-def taken_words() -> re.Pattern[str] | None:
-    """Return what matches the commands, skills and drivers of leaves that were taken out; None where all are here."""
-    listed = (ROOT / "tests" / "public_api.txt").read_text("utf-8")
-    entry = re.compile(
-        r"^entry point \S+ (\S+) of pomona\.(tools|devices|applications)\.(\w+)$", re.M
-    )
-    taken = {word for word, *leaf in entry.findall(listed) if tuple(leaf) not in leaves()}
-    if not taken:
-        return None
-    either = "|".join(map(re.escape, sorted(taken)))
-    return re.compile(rf"""["'](?:{either})["']|\bpomona (?:{either})\b|\b(?:{either}): """)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -107,16 +82,53 @@ def pytest_collection_finish() -> None:
 
 
 def needs_taken(item: pytest.Item) -> bool:
-    """Return True for a test whose text or values name a command, skill or driver that was taken out."""
+    """Return True for a test that names a word of a leaf that was taken out: itself, its values, fixtures or helpers."""
     words = taken_words()
     if words is None or not isinstance(item, pytest.Function):
         return False
-    text = inspect.getsource(item.function)
+    fixtures = item._fixtureinfo.name2fixturedefs.values()
+    code = [item.function, *(each.func for found in fixtures for each in found)]
+    texts = [str(getattr(item, "callspec", ""))]
     if hasattr(item, "callspec"):
         for value in item.callspec.params.values():
             with suppress(RecursionError):  # objects that hold each other
-                text += repr(value)
-    return words.search(text) is not None
+                texts.append(repr(value))
+    for each in code:  # grows
+        module = inspect.getmodule(each)
+        if module is None or ROOT / "tests" not in Path(module.__file__ or "").parents:
+            continue
+        text = inspect.getsource(each)
+        texts.append(text)
+        for name in set(re.findall(r"\w+", text)) & vars(module).keys():
+            value = vars(module)[name]
+            if inspect.isfunction(value) or inspect.isclass(value):
+                code += [value] if value not in code else []
+            elif not inspect.ismodule(value):
+                with suppress(RecursionError):
+                    texts.append(repr(value))
+    return any(words.search(text) for text in texts)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
+    """Leave out a test that fails and needs a leaf that was taken out."""
+    report = (yield).get_result()
+    if report.failed and needs_taken(item):
+        report.outcome = "skipped"
+        report.longrepr = (str(item.path), 0, "a leaf that it needs was taken out")
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, Any, None]:
+    """Leave out a file whose helpers import a leaf that was taken out."""
+    report = (yield).get_result()
+    missing = re.findall(
+        r"No module named '(?:pomona|tests\.\w+)\.(tools|devices|applications)\.(\w+)",
+        str(report.longrepr) if report.failed else "",
+    )
+    if not leaves().issuperset(missing):
+        report.outcome = "skipped"
+        report.longrepr = (str(collector.path), 0, "a leaf that it needs was taken out")
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
@@ -129,8 +141,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         is_browser = item.get_closest_marker("browser") is not None
         if is_browser or "end_to_end" in item.path.parts or not measured().isdisjoint(names):
             item.add_marker(pytest.mark.slow)
-        if taken_words() is not None and needs_taken(item):
-            item.add_marker(pytest.mark.skip(reason="a leaf that it needs was taken out"))
     items.sort(
         key=lambda item: (item.path.stem != "test_tutorials", "end_to_end" not in item.path.parts)
     )

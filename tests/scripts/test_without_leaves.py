@@ -36,7 +36,8 @@ def checkout(tmp_path: Path) -> Path:
         "pyproject.toml": '[project.entry-points."pomona.commands"]\n'
         'write = "pomona.tools.paper.command:add"  # on paper\n'
         'file = "pomona.tools.papers.command:add"\n'
-        'hold = "pomona.devices.hand:HOLD"\n',
+        'hold = "pomona.devices.hand:HOLD"\n'
+        'modules = ["pomona.tools.paper", "pomona.tools.papers"]\n',
     }
     for name, text in texts.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -59,7 +60,11 @@ def test_what_is_taken_out_leaves_the_rest(script: ModuleType, checkout: Path) -
     assert not (checkout / "tests/executive/tools/paper").exists()
     assert (checkout / "tests/executive/tools/papers/test_papers.py").exists()
     assert (checkout / "pyproject.toml").read_text() == (
-        '[project.entry-points."pomona.commands"]\nfile = "pomona.tools.papers.command:add"\n'
+        '[project.entry-points."pomona.commands"]\n'
+        '# taken out: write = "pomona.tools.paper.command:add"  # on paper\n'
+        'file = "pomona.tools.papers.command:add"\n'
+        '# taken out: hold = "pomona.devices.hand:HOLD"\n'
+        'modules = ["pomona.tools.papers"]\n'
     )
 
 
