@@ -1,7 +1,7 @@
 """Monitors the cell in every tick: faults, links, services that a run requires, and views that packages add.
 
-A package names its watchers in the entry point group `pomona.watchers`. One is made for every run whose cell has all
-the devices that it needs.
+A package names its watcher in the entry point group `pomona.cells` as `watcher`. One is made for every run whose cell
+has all the devices that it needs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from pomona.executive.values.processes import warn
 
 logger = logging.getLogger(__name__)
 
-GROUP = "pomona.watchers"
 EVERY = 0.1  # seconds of the cell's clock between two looks
 
 
@@ -74,7 +73,7 @@ class Watch:
 def installed_watchers(cell: Cell) -> list[Watcher]:
     """Return the watchers whose `devices` the cell has; the log reports one that cannot be loaded or created."""
     found: list[Watcher] = []
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group="pomona.cells", name="watcher"):
         try:
             kind = point.load()
             if set(kind.devices) <= set(cell.interfaces()):

@@ -16,6 +16,7 @@ from pomona.executive.values.installation import entry_points, installed_trees
 from pomona.executive.values.kinds import choose
 from pomona.tools.kit.pieces import TEMPLATES
 
+PIECES = "pomona.cell_pieces"  # entry points: devices, and as `arm` the maker of a cell around the arm of a file
 CAMERA = "d435i"  # without `--camera`, since no shipped tree picks blind
 NONE = "none"
 _INCLUDE = re.compile(r'^[ \t]*<include file="([^"]+)"/>.*\n', re.MULTILINE)
@@ -91,8 +92,8 @@ def shipped_hand(hand: str) -> str:
 
 
 def _pieces() -> dict[str, CellPiece]:
-    points = sorted(entry_points(group="pomona.cell_pieces"), key=lambda point: point.name)
-    return {point.name: point.load() for point in points}
+    points = sorted(entry_points(group=PIECES), key=lambda point: point.name)
+    return {point.name: point.load() for point in points if point.name != "arm"}
 
 
 def _choose(pieces: Mapping[str, CellPiece], role: str, word: str, option: str) -> str:
@@ -109,7 +110,7 @@ def _choose(pieces: Mapping[str, CellPiece], role: str, word: str, option: str) 
 
 def _other() -> str:
     """Return the way to arms that no description is shipped of; empty where nothing makes one."""
-    if not entry_points(group="pomona.new_from_file", name="arm"):
+    if not entry_points(group=PIECES, name="arm"):
         return ""
     return "; any other arm: `pomona new arm ITS.urdf` makes its robot.xml and a simulated cell"
 

@@ -16,7 +16,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.registry import Registry
 from pomona.executive.values.installation import elsewhere, entry_points
-from pomona.tools.kit.cell_folder import CAMERA, NONE, begin_cell
+from pomona.tools.kit.cell_folder import CAMERA, NONE, PIECES, begin_cell
 from pomona.tools.kit.pieces import (
     EMPTY_TREE,
     EXAMPLE_TREE,
@@ -30,7 +30,6 @@ from pomona.tools.kit.pieces import (
     capitals,
 )
 
-FROM_FILE = "pomona.new_from_file"  # a kind that is begun from a file: (file, folder, options) -> files, next commands
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -126,7 +125,7 @@ def _report(written: list[Path], commands: list[str]) -> int:
 
 def _from_file(options: argparse.Namespace) -> tuple[list[Path], list[str]]:
     """Begin a kind from a file; where nothing begins this kind from one, the file is taken for a name."""
-    for point in entry_points(group=FROM_FILE, name=options.kind):
+    for point in entry_points(group=PIECES, name=options.kind):
         file = Path(options.name)
         begun: tuple[list[Path], list[str]] = point.load()(file, options.into, options)
         return begun

@@ -242,7 +242,7 @@ def test_an_arm_that_is_not_shipped_gets_the_way_to_its_own_description(
     monkeypatch.setattr(
         cell_folder,
         "entry_points",
-        lambda **of: [] if "from_file" in of["group"] else entry_points(**of),
+        lambda **of: [] if of.get("name") == "arm" else entry_points(**of),
     )
     assert (
         new(tmp_path, "--arm", "xarm6", "--hand", "wsg32") == 2

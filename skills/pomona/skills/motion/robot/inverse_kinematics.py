@@ -17,9 +17,7 @@ from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
 from pomona.skills.numba_kernel import kernel
 
 
-def descend(
-    model: RobotModel, T_base_tcp: Float64, starts: Float64, iterations: int = 80
-) -> Float64:
+def descend(model: RobotModel, T_base_tcp: Float64, starts: Float64) -> Float64:
     """Solutions within the limits that the starts, shape (m, dof), descend to; shape (n, dof) [rad]."""
     solutions = np.empty_like(starts)
     count = _descend(
@@ -30,7 +28,7 @@ def descend(
         np.ascontiguousarray(starts),
         model.lower,
         model.upper,
-        iterations,
+        80,  # iterations
         solutions,
     )
     return solutions[:count]

@@ -27,7 +27,11 @@ from pomona.skills.perception.detection.close_look import (
     check_picture,
     look_at,
 )
-from pomona.skills.perception.detection.detection import WORKING_WIDTH, DetectorOptions
+from pomona.skills.perception.detection.detection import (
+    DETECTORS,
+    WORKING_WIDTH,
+    DetectorOptions,
+)
 from pomona.skills.perception.detection.errors import BadWeights
 from pomona.skills.perception.detection.instances import FoundFruit
 from pomona.skills.perception.detection.onnx_runtime import judge_network, onnx_network
@@ -58,10 +62,7 @@ MIRROR[[CENTRE.start, AXIS.start]] = -1.0
 """Factors from the close look's output for a mirrored picture to that for the picture."""
 
 SHIPPED = Path(__file__).resolve().parent / "weights"  # as trustworthy as the code beside it
-KINDS, JUDGES = (
-    ".kinds",
-    "pomona.fruit_kinds",
-)  # ending of a file beside the weights; entry points that load it
+KINDS = ".kinds"  # ending of a file beside the weights, which the entry point `kinds` of `DETECTORS` loads
 BATCH = 16  # looks that go through the network at once: more no longer fit into the cache
 
 Judge = Callable[
@@ -110,7 +111,7 @@ class CompactDetector:
             cls(finder, close_look, options, stored.scores),
             Path(path).with_suffix(KINDS),
         )
-        for point in entry_points(group=JUDGES) if kinds.is_file() else ():
+        for point in entry_points(group=DETECTORS, name="kinds") if kinds.is_file() else ():
             detector.judge = point.load()(kinds)
         return detector
 

@@ -57,7 +57,9 @@ class BoxModelFile:
     )
 
 
-DETECTORS = "pomona.detectors"  # entry points: `boxes` and `dope` load a detector
+DETECTORS = (
+    "pomona.detectors"  # entry points: `boxes` and `dope` load a detector, `kinds` a judge of kinds
+)
 
 Search = DetectorOptions | DopeFiles | BoxModelFile  # any of the ways to find fruit in a frame
 

@@ -218,10 +218,8 @@ def usable_renderer(name: RendererName) -> tuple[RendererName, str]:
     return name, ""
 
 
-def image_box(
-    mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, margin: int = 2
-) -> ImageBox:
-    """Return the part of the image that a posed mesh can cover, with a margin [px].
+def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics) -> ImageBox:
+    """Return the part of the image that a posed mesh can cover, with a margin of 2 px.
 
     Raises RenderFailed: the mesh is behind the camera, or outside the image.
     """
@@ -241,7 +239,7 @@ def image_box(
     box = ImageBox(
         int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)) + 1, int(np.ceil(bottom)) + 1
     )
-    box = box.grown(margin, intrinsics)
+    box = box.grown(2, intrinsics)
     if box.right <= box.left or box.bottom <= box.top:
         raise RenderFailed("the fruit's pose lies outside the image: the detection is wrong")
     return box

@@ -190,7 +190,6 @@ def fit_scale_by_rendering(
     box: ImageBox,
     *,
     inlier_band: float = 4e-3,
-    tolerance: float = 1e-5,
 ) -> ScaleFit:
     """Fit sigma by eq. (f_obj) within +- 0.8 p_hat_z, rendering anew for every sigma that the search tries.
 
@@ -199,7 +198,7 @@ def fit_scale_by_rendering(
 
     Args:
         box: part of the image that is rendered and compared; the whole image in the paper.
-        inlier_band, tolerance: half-width of RANSAC's band, and tolerance of sigma at which the search stops [m].
+        inlier_band: half-width of RANSAC's band [m].
 
     Raises:
         NoDepth: too few of the model's pixels hold a measurement.
@@ -230,7 +229,7 @@ def fit_scale_by_rendering(
     p_hat = T_camera_object[:3, 3]
     bound = sigma_bound(p_hat)
     search = minimize_scalar(
-        objective, bounds=(-bound, bound), method="bounded", options={"xatol": tolerance}
+        objective, bounds=(-bound, bound), method="bounded", options={"xatol": 1e-5}
     )
     sigma = float(search.x)
     mean_square = float(search.fun)
