@@ -27,15 +27,6 @@ class CarriedNode:
     lifted: LiftedNode
     flow: Callable[[], str]  # on one line in braces; raises EditError
 
-    @property
-    def is_short(self) -> bool:
-        """Return True if it stands on one line without comments."""
-        return (
-            len(self.lifted.lines) == 1
-            and not self.lifted.comments
-            and "#" not in self.lifted.lines[0]
-        )
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodePlaceToFill:
@@ -157,11 +148,7 @@ def put(
     )
     index = place.index + (gone is not None and place.index >= gone)
     if tree.is_flow(items):
-        if not node.is_short and not tree.is_flow(place.at) and id(place.at) not in tree.pairs:
-            _open_list(patch, place, items, index, node)
-        elif not node.is_short and _can_open(tree, place):
-            _open_braces(patch, place, items, index, node)
-        elif index < len(items.items):
+        if index < len(items.items):
             at = tree.start(items.items[index])
             patch.replace(at, at, f"{node.flow()}, ")
         else:
@@ -192,73 +179,6 @@ def _put_first(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> N
         )
     patch.replace(colon, tree.end(value), "")
     patch.insert_lines(key.line, node.lifted.indented(key.column - 1 + 2 * STEP, "- "))
-
-
-def _open_list(
-    patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode
-) -> None:
-    """Write a list that stands in brackets with dashes, since a new node has no place in them."""
-    tree = patch.tree
-    key = place.at.entries[place.word][0]
-    last = tree.row(tree.end(items))
-    if (
-        items.line != items.end_line
-        or items.line != key.line
-        or tree.line(last)[items.end_column - 1 :].strip()[:1] not in ("", "#")
-    ):
-        raise EditError(
-            "the list stands in brackets on several lines; edit it as text", place.parent
-        )
-    lines = _dashed(tree, items, index, node, key.column - 1 + STEP)
-    colon = patch.after_colon(key)
-    patch.replace(tree.end(key) if colon is None else colon, tree.end(items), "")
-    patch.insert_lines(last + 1, lines)
-
-
-def _dashed(
-    tree: WrittenTree, items: YamlList, index: int, node: CarriedNode, column: int
-) -> list[str]:
-    """Return the lines of a list that stood in brackets, with a new node in it."""
-    lines = [[f"{' ' * column}- {tree.raw(item)}"] for item in items.items]
-    lines.insert(index, node.lifted.indented(column + STEP, "- "))
-    return [line for group in lines for line in group]
-
-
-def _can_open(tree: WrittenTree, place: NodePlaceToFill) -> bool:
-    """Return True if a node in braces stands on one line, alone or behind a key."""
-    behind = tree.text[tree.end(place.at) : tree.line_end(place.at.line - 1)].strip()
-    alone = not tree.stands_in_flow(tree.node(place.parent)) and place.at.line == place.at.end_line
-    return alone and behind[:1] in ("", "#")
-
-
-def _open_braces(
-    patch: TextPatch, place: NodePlaceToFill, items: YamlList, index: int, node: CarriedNode
-) -> None:
-    """Write a node that stands in braces on lines, since a new child has no place in them."""
-    tree = patch.tree
-    at = place.at
-    parent = patch.tree.node(place.parent)
-    start = tree.start(at)
-    column = at.column - 1
-    if isinstance(parent.holder, YamlMapping):
-        key = parent.holder.entries[str(parent.path[-1])][0]
-        start = patch.after_colon(key) or start
-        column = key.column - 1 + STEP
-    lines: list[str] = []
-    for key, value in at.entries.values():
-        if value is items:
-            lines += [
-                f"{' ' * column}{tree.raw(key)}:",
-                *_dashed(tree, items, index, node, column + STEP),
-            ]
-        else:
-            lines.append(f"{' ' * column}{tree.raw(key)}: {tree.raw(value)}".rstrip())
-    end = tree.line_end(at.line - 1)
-    lines[0] += tree.text[tree.end(at) : end]
-    text = tree.eol.join(lines)
-    patch.replace(
-        start, end, tree.eol + text if isinstance(parent.holder, YamlMapping) else text[column:]
-    )
 
 
 def _put_below_word(patch: TextPatch, place: NodePlaceToFill, node: CarriedNode) -> None:

@@ -242,26 +242,15 @@ class TestLists:
             edited(text, do="delete", node="s:root"), do="insert", into="s:", node="wait: 1 s"
         ) == (text.replace("      Beep", "      wait").replace("wait: {}", "wait: 1 s"))
 
-    def test_a_short_node_goes_into_brackets_and_a_long_one_opens_them(self):
+    def test_a_node_goes_into_brackets_in_braces_unless_it_has_a_comment(self):
         text = "pomona: 1\ntree: t\nroot:\n  sequence: [Beep: {}, {wait: 1 s}]   # all\n"
-        short = edited(text, do="insert", into="root", index=1, node="succeed: {}")
-        assert (
-            changed(text, short)[1]
-            == "  sequence: [Beep: {}, {succeed: {}}, {wait: 1 s}]   # all\n"
-        )
-        long = edited(text, do="insert", into="root", index=1, node="# two\nsucceed: {}\nretry: 2")
-        assert changed(text, long)[1] == (
-            "  sequence:   # all\n    - Beep: {}\n    # two\n    - succeed: {}\n      retry: 2\n    - {wait: 1 s}\n"
-        )
-
-    def test_a_node_in_braces_is_opened_for_a_long_child(self):
-        text = (
-            "pomona: 1\ntree: t\nroot:\n  sequence:\n    - {fallback: [Beep: {}], retry: 2}  # c\n"
-        )
-        after = edited(text, do="insert", into="root/0", index=0, node="wait: 1 s   # first")
-        assert changed(text, after)[1] == (
-            "    - fallback:  # c\n        - wait: 1 s   # first\n        - Beep: {}\n      retry: 2\n"
-        )
+        for node, written in (("succeed: {}", ""), ("succeed: {}\nretry: 2", ", retry: 2")):
+            after = edited(text, do="insert", into="root", index=1, node=node)
+            line = f"  sequence: [Beep: {{}}, {{succeed: {{}}{written}}}, {{wait: 1 s}}]   # all\n"
+            assert changed(text, after)[1] == line
+        for node in ("# two\nsucceed: {}", "wait: 1 s   # first"):
+            with pytest.raises(EditError, match="it holds comments"):
+                edited(text, do="insert", into="root", index=1, node=node)
 
     def test_nodes_are_put_below_words_and_cases(self):
         text = (
