@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import HttpService, authorised_body
 from pomona.tools.scenarios.scenario import is_scenario
 from pomona.tools.tree_editor.drafts import PAGE, Draft, Drafts
-from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, DiskText, EditedFile
+from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, EditedFile
 from pomona.tools.tree_editor.trial import EditorTrial
 from pomona.tools.tree_editor.workbench import Workbench, settings_of
 
@@ -123,10 +124,8 @@ class TreeEditor:
             "scenarios": [
                 str(path.relative_to(self.file.path.parent)) for path in self._scenarios()
             ],
-            "drafts": [
-                {"page": d.page, "text": d.text, "stamp": d.stamp, "time": d.time} for d in gone
-            ],
-            "disk": _disk(self.file.read()),
+            "drafts": list(map(asdict, gone)),
+            "disk": asdict(self.file.read()),
         }
 
     def _left(self, page: str) -> list[Draft]:
@@ -152,7 +151,7 @@ class TreeEditor:
             "drafts": left,
         }
         if disk.stamp != asked.get("stamp", ""):
-            facts["disk"] = _disk(disk)
+            facts["disk"] = asdict(disk)
         trial = self.trial.since(_whole(asked.get("trial")), _whole(asked.get("count")))
         if not self.access.authorised(
             request.headers
@@ -231,7 +230,7 @@ class TreeEditor:
     def _save(self, body: Body) -> Facts:
         disk = self.file.save(_text(body), _word(body, "stamp"))
         self.drafts.drop(_word(body, "page"))
-        return {"disk": _disk(disk)}
+        return {"disk": asdict(disk)}
 
     def _start(self, body: Body) -> Facts:
         """Begin a dry run, the scenarios, or a run on the simulated cell, of a text that has no errors."""
@@ -299,20 +298,11 @@ async def _in_thread(answer: Callable[[Body], Facts], body: Body) -> Response:
     try:
         return JSONResponse(await thread)
     except ChangedOnDiskError as error:
-        return JSONResponse({"error": str(error), "disk": _disk(error.disk)}, 409)
+        return JSONResponse({"error": str(error), "disk": asdict(error.disk)}, 409)
     except PomonaError as error:
         return JSONResponse({"error": str(error)}, 409)
     except (ValueError, KeyError, TypeError) as error:  # a request that no page makes
         return JSONResponse({"error": f"not understood: {error}"}, 400)
-
-
-def _disk(disk: DiskText) -> Facts:
-    return {
-        "text": disk.text,
-        "stamp": disk.stamp,
-        "problem": disk.problem,
-        "readable": disk.readable,
-    }
 
 
 def _text(body: Body) -> str:

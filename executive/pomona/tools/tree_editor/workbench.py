@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -223,14 +223,4 @@ def _as_words(finding: Finding) -> Finding:
 
 
 def _finding(number: int, finding: Finding) -> Facts:
-    return {
-        "number": number,
-        "line": finding.line,
-        "column": finding.column,
-        "length": finding.length,
-        "severity": finding.severity,
-        "code": finding.code,
-        "message": finding.message,
-        "hint": finding.hint,
-        "mends": bool(finding.edits),
-    }
+    return {**asdict(finding), "number": number, "mends": bool(finding.edits)}

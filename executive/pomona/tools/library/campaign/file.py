@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from pomona.executive.cell.services import Score
 from pomona.executive.values.kinds import (
@@ -31,93 +32,67 @@ from pomona.executive.values.kinds import (
     MappingOf,
     Schema,
     Text,
-    read_each,
+    Whole,
 )
 from pomona.executive.values.sections import Section, value
 from pomona.executive.values.yaml_nodes import (
     Reader,
+    Unfit,
     YamlList,
     YamlMapping,
     YamlNode,
     YamlScalar,
-    shape_of,
 )
 
 # largest number of seeds of a combination, and distance of two combinations' first seeds
 MAX_SEEDS = 1000
 
+T = TypeVar("T")
 Values = Mapping[str, YamlScalar]
 Variations = Mapping[str, tuple[YamlScalar, ...]]
 
 
-class Seeds(Kind[int | tuple[int, ...]]):
-    """A count of seeds, or a list of them."""
-
-    words = f"a count from 1 to {MAX_SEEDS}, or a list of seeds"
-
-    def read(self, node: YamlNode, reader: Reader) -> int | tuple[int, ...]:
-        if isinstance(node, YamlList) and node.items:
-            seeds = tuple(read_each(_Seed(), [(item, reader) for item in node.items]))
-            return _each_once(seeds, node, reader)
-        text = node.text if isinstance(node, YamlScalar) else ""
-        if text.isascii() and text.isdigit() and 1 <= int(text[:9]) <= MAX_SEEDS and len(text) < 9:
-            return int(text)
-        raise reader.refuse(
-            node, f"'{reader.title}' is {self.words}", "write 'seeds: 3' or 'seeds: [3, 7, 11]'"
-        )
-
-    def schema(self, options: bool = False) -> Schema:
-        count = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}
-        return {
-            "anyOf": [
-                count,
-                {"type": "array", "items": _Seed().schema(), "minItems": 1, "uniqueItems": True},
-            ]
-        }
-
-
-class _Seed(Kind[int]):
-    words = "a whole number of at least 0"
-
-    def read(self, node: YamlNode, reader: Reader) -> int:
-        text = node.text if isinstance(node, YamlScalar) else shape_of(node)
-        if not (text.isascii() and text.isdigit() and len(text) < 10):
-            raise reader.refuse(node, f"a seed is {self.words}, not '{text}'")
-        return int(text)
-
-    def schema(self, options: bool = False) -> Schema:
-        return {"type": "integer", "minimum": 0}
-
-
-class OneOrMore(ListOf[YamlScalar]):
+class OneOrMore(ListOf[T]):
     """A list of single values, each once, at least one."""
 
-    def __init__(self) -> None:
-        super().__init__(AsWritten())
+    def __init__(self, of: Kind[T]) -> None:
+        super().__init__(of)
         self.words = "a list of values"
 
-    def read(self, node: YamlNode, reader: Reader) -> tuple[YamlScalar, ...]:
+    def read(self, node: YamlNode, reader: Reader) -> tuple[T, ...]:
         values = super().read(node, reader)
         if not values:
             raise reader.refuse(node, f"{reader.title} is an empty list", "write [a, b]", "empty")
         seen = set[str]()
-        for found in values:
-            if found.text in seen:
-                raise reader.refuse(found, f"'{found.text}' is given twice", code="duplicate")
-            seen.add(found.text)
+        for item in node.items if isinstance(node, YamlList) else ():
+            text = item.text if isinstance(item, YamlScalar) else ""
+            if text in seen:
+                raise reader.refuse(item, f"'{text}' is given twice", code="duplicate")
+            seen.add(text)
         return values
 
     def schema(self, options: bool = False) -> Schema:
         return {**super().schema(options), "minItems": 1, "uniqueItems": True}
 
 
-def _each_once(seeds: tuple[int, ...], node: YamlList, reader: Reader) -> tuple[int, ...]:
-    before = set[int]()
-    for item, seed in zip(node.items, seeds, strict=True):
-        if seed in before:
-            raise reader.refuse(item, f"'{seed}' is given twice", code="duplicate")
-        before.add(seed)
-    return seeds
+class Seeds(Kind[int | tuple[int, ...]]):
+    """A count of seeds, or a list of them."""
+
+    words = f"a count from 1 to {MAX_SEEDS}, or a list of seeds"
+    count = Whole(1, MAX_SEEDS)
+    listed = OneOrMore(Whole(0, 999_999_999))
+
+    def read(self, node: YamlNode, reader: Reader) -> int | tuple[int, ...]:
+        if isinstance(node, YamlList):
+            return self.listed.read(node, reader)
+        try:
+            return self.count.parse(node.text if isinstance(node, YamlScalar) else "")
+        except Unfit:
+            hint = "write 'seeds: 3' or 'seeds: [3, 7, 11]'"
+            raise reader.refuse(node, f"'{reader.title}' is {self.words}", hint) from None
+
+    def schema(self, options: bool = False) -> Schema:
+        return {"anyOf": [self.count.schema(), self.listed.schema()]}
 
 
 class OrNothing(Section["ArmSection"]):
@@ -144,7 +119,9 @@ class ArmSection:
     )
     set: Values = value(MappingOf(AsWritten()), {}, "settings of this arm's runs")
     seeds: int | tuple[int, ...] | None = value(Seeds(), None, "how many seeds, or which")
-    only: Variations = value(MappingOf(OneOrMore()), {}, "values of the variables for this arm")
+    only: Variations = value(
+        MappingOf(OneOrMore(AsWritten())), {}, "values of the variables for this arm"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +139,9 @@ class CampaignSection:
         Seeds(), 1, "how many seeds of every combination, or which"
     )
     vary: Variations = value(
-        MappingOf(OneOrMore()), {}, "parameters of the tree and options of the cell, with values"
+        MappingOf(OneOrMore(AsWritten())),
+        {},
+        "parameters of the tree and options of the cell, with values",
     )
     set: Values = value(MappingOf(AsWritten()), {}, "settings of every run")
     arms: Mapping[str, ArmSection] = value(

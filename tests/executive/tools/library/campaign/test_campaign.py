@@ -126,7 +126,7 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
         (FILE.replace("[1, 2, 3]", "3"), "7:42", "a list of values"),
         (FILE.replace("[1, 2, 3]", "[1, 1]"), "7:46", "given twice"),
         (FILE.replace("seeds: 2", "seeds: 0"), "6:8", "a count from 1"),
-        (FILE.replace("seeds: 2", "seeds: [1, -4]"), "6:12", "a whole number of at least 0"),
+        (FILE.replace("seeds: 2", "seeds: [1, -4]"), "6:12", "must be between 0"),
         (
             FILE.replace("tree: pick_apple\n", "tree: pick_aple\n"),
             "4:7",
