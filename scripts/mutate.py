@@ -7,9 +7,9 @@ The map is kept in pieces, one for each file of tests. A piece is made again whe
 tests have run. `--map --seconds 280` ends after that time; the next call goes on.
 
 A place is drawn from all places of the core, each as likely as any other, and gets one of its mistakes at random. The
-quick tests that reach its line run in a process of their own; for a place in a module with kernels they are not
-compiled. The mistake is found when one of them fails or does not end. A place that no quick test reaches counts as not
-found.
+quick tests that reach its line run in a process of their own; for a place in a kernel, or in a constant of a module
+with kernels, these are not compiled. The mistake is found when one of the tests fails or does not end. A place that no
+quick test reaches counts as not found.
 
 Mistakes: another operator, the neighbouring or the opposite comparison, `and` for `or`, a negated condition, the other
 boolean, another number, min for max, two arguments of a call swapped, a statement left out (a call without a result, an
@@ -39,7 +39,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import accumulate, islice
 from pathlib import Path
@@ -55,7 +55,7 @@ TESTS = ("tests/executive", "tests/skills", "tests/drivers")
 UNCOMPILED = ("tests/skills",)
 LEAVES = ("tools", "devices", "applications")
 MAP = ROOT / "runs" / "mutate"
-KERNEL = "kernel("
+KERNEL = re.compile(r"\b(?:kernel|njit)\(")
 TRACED = 3.0
 """Processor time of a quick test whose lines are traced and whose kernels may not be compiled [s]."""
 WAITING = 30.0
@@ -112,6 +112,7 @@ class Place:
     mistakes: tuple[ast.AST, ...]
     lines: range
     name: str
+    in_kernel: bool
 
 
 def others(value: object) -> list[Any]:
@@ -167,7 +168,9 @@ def places(path: Path, tree: ast.AST) -> list[Place]:
     """Return all places of a module."""
     found: list[Place] = []
 
-    def look(node: ast.AST, lines: range, name: str, is_condition: bool) -> None:
+    def look(
+        node: ast.AST, lines: range, name: str, is_condition: bool, in_kernel: bool = False
+    ) -> None:
         if not shows(node):
             return
         if isinstance(node, ast.stmt) and lines:
@@ -176,17 +179,21 @@ def places(path: Path, tree: ast.AST) -> list[Place]:
             name = next(part.id for part in ast.walk(node) if isinstance(part, ast.Name))
         made = tuple(mistakes(node, is_condition))
         if made:
-            found.append(Place(path, node, made, lines, name))
+            found.append(Place(path, node, made, lines, name, in_kernel or not lines))
         if isinstance(node, ast.FunctionDef):
+            decorators = map(ast.unparse, node.decorator_list)
+            in_kernel = in_kernel or any(map(KERNEL.search, decorators))
             lines = range(node.body[0].lineno, (node.end_lineno or 0) + 1)
         is_compound = is_condition and isinstance(node, (ast.BoolOp, ast.UnaryOp))
         for field, value in ast.iter_fields(node):
             for child in value if isinstance(value, list) else [value]:
                 if isinstance(child, ast.AST) and field not in FIELDS_WITHOUT_RESULT:
-                    look(child, lines, name, is_compound or field in ("test", "ifs"))
+                    is_test = is_compound or field in ("test", "ifs")
+                    look(child, lines, name, is_test, in_kernel)
 
     look(tree, range(0), "", False)
-    return found
+    has_kernels = KERNEL.search(ast.unparse(tree)) is not None
+    return [replace(place, in_kernel=place.in_kernel and has_kernels) for place in found]
 
 
 def header(statement: ast.stmt) -> range:
@@ -486,7 +493,7 @@ def score(maps: Sequence[Reached], first: int, most: int, seed: int) -> None:
     found: Counter[str] = Counter()
     for place, new, code in islice(draw(most, seed), first, None):
         path = place.path.relative_to(ROOT)
-        reached = maps[KERNEL not in place.path.read_text("utf-8")]
+        reached = maps[not place.in_kernel]
         packages = ("all", path.parts[2], "/".join(path.parts[2:4]))
         tried.update(packages)
         if reached.finds(place, code):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,7 +11,15 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import WrenchSample
-from pomona.drivers.streams import FEW, SILENCE, Belief, WrenchStream
+from pomona.drivers.streams import (
+    EARLY_FRAME,
+    FEW,
+    FEW_FRAMES,
+    SILENCE,
+    Belief,
+    FrameGuard,
+    WrenchStream,
+)
 from pomona.executive.clock import ManualClock
 
 PERIOD = 0.002
@@ -236,3 +245,100 @@ def test_a_short_gap_now_and_then_is_the_computers(sensor: Sensor) -> None:
         sensor.clock.advance(0.03)
         sensor.run(0.12)
     assert sensor.told() == ""
+
+
+# ------------------------------------------------------------------------------------------------ frames
+
+
+class Eyes:
+    """A camera's guard, on a clock that the test sets, with a silence of 0.5 s."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock(20.0)
+        self.guard = FrameGuard(self.clock, 0.5)
+        self.number = 0
+
+    def judge(self, late: float = 0.03, step: int = 1, **pixels: bytes) -> bool:
+        self.number += step
+        self.clock.advance(1e-3)
+        return self.guard.judge(self.clock.now() - late, self.number, **pixels)
+
+    def told(self) -> str:
+        try:
+            self.guard.check("camera")
+        except DeviceFault as fault:
+            return fault.message
+        return ""
+
+
+@pytest.mark.parametrize(
+    ("late", "step", "flaw"),
+    [
+        (0.49, 1, ""),
+        (0.51, 1, "delivers frames that are 0.51 s old"),
+        (-EARLY_FRAME + 1e-6, 1, ""),
+        (-EARLY_FRAME - 1e-3, 1, "in the future"),
+        (math.nan, 1, "stamps its frames with no time"),
+        (math.inf, 1, "stamps its frames with no time"),
+        (0.03, 0, "repeats its frame 1"),
+        (0.03, -1, "delivers its frames out of order"),
+    ],
+)
+def test_a_frame_is_believed_when_it_is_new_and_its_time_is_possible(
+    late: float, step: int, flaw: str
+) -> None:
+    eyes = Eyes()
+    assert eyes.judge()
+    eyes.clock.advance(1.0)
+    assert eyes.judge(late, step) is (flaw == "")
+    assert flaw in eyes.guard._flaw
+    assert bool(eyes.guard._flaw) is bool(flaw)
+
+
+@pytest.mark.parametrize(("later", "believed"), [(-1e-3, False), (0.0, False), (1e-3, True)])
+def test_a_frame_was_taken_after_the_one_before(later: float, believed: bool) -> None:
+    eyes = Eyes()
+    assert eyes.guard.judge(19.9, 1)
+    eyes.clock.advance(0.1)
+    assert eyes.guard.judge(19.9 + later, 2) is believed
+    assert believed or eyes.guard._flaw == "delivers its frames out of order"
+
+
+def test_flawed_frames_are_a_fault_when_they_are_several_for_longer_than_the_silence() -> None:
+    eyes = Eyes()
+    assert eyes.judge()
+    eyes.clock.advance(0.6)
+    for count in range(1, FEW_FRAMES + 1):
+        assert eyes.told() == ""
+        assert not eyes.judge(step=0), count
+    assert eyes.told() == "repeats its frame 1"
+    assert eyes.judge()
+    assert eyes.told() == ""
+    for _ in range(3 * FEW_FRAMES):
+        eyes.judge(step=0)
+        eyes.clock.advance(0.01)
+    assert eyes.told() == ""  # 0.5 s are not over
+    eyes.clock.advance(0.5)
+    assert eyes.told() == "repeats its frame 2"
+    eyes.guard.restart()
+    assert eyes.told() == ""
+    eyes.number = 0
+    assert eyes.judge()  # the numbers of a camera that was started anew begin again
+
+
+def test_a_repeated_picture_and_a_repeated_depth_image_are_no_new_frame() -> None:
+    eyes = Eyes()
+    assert eyes.judge(colour=b"ab", depth=b"\1\2")
+    eyes.clock.advance(0.249)
+    assert not eyes.judge(colour=b"ab", depth=b"\1\2")
+    assert eyes.guard._flaw == "shows the same picture for 0.25 s, to the last bit"
+    assert eyes.judge(colour=b"ac", depth=b"\3\2")
+    eyes.clock.advance(0.099)
+    assert not eyes.judge(colour=b"ad", depth=b"\3\2")
+    assert eyes.guard._flaw == "shows the same depth image for 0.1 s, to the last bit"
+    assert eyes.judge(colour=b"ae", depth=b"\3\3")
+    assert eyes.judge(colour=b"af", depth=b"\0\0")  # nothing was measured
+    assert eyes.judge(colour=b"ag", depth=b"\0\0")
+    assert eyes.judge()
+    assert eyes.judge()  # without pixels there is nothing to compare
+    assert eyes.judge(colour=b"ag", depth=b"\0\0")
