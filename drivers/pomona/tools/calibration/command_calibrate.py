@@ -1,4 +1,8 @@
-"""`pomona calibrate fingers | hand-eye | …`: calibration files. Others add theirs by entry point `pomona.calibrate`."""
+"""`pomona calibrate hand-eye | depth | …`: calibration files.
+
+Others add theirs by entry point `pomona.calibrate`; `calibrate` of its options makes the file, and returns what is
+printed.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from pomona.drivers.depth_model import SENSORS
 from pomona.drivers.errors import DriverError
 from pomona.executive.errors import UsageError
 from pomona.executive.values.installation import entry_points
-from pomona.executive.values.kinds import Measure, Whole
+from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import LENGTH
 
 GROUP = "pomona.calibrate"
@@ -20,25 +24,8 @@ GROUP = "pomona.calibrate"
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("calibrate", help="make calibration files")
+    parser.set_defaults(main=_main)
     kinds = parser.add_subparsers(metavar="KIND", required=True)
-    fingers = kinds.add_parser(
-        "fingers", help="fit a finger's network to recorded voltages and wrenches"
-    )
-    fingers.add_argument(
-        "recording", type=Path, help=".npz with volts and wrenches, or .csv with 31 columns"
-    )
-    fingers.add_argument("--out", type=Path, required=True, help="the calibration file to write")
-    fingers.add_argument(
-        "--finger",
-        default="",
-        help="name of the finger; the calibration of a left finger is refused for the right one",
-    )
-    fingers.add_argument(
-        "--hidden", type=Whole(1).option, nargs="+", default=[32], help="sizes of the hidden layers"
-    )
-    fingers.add_argument("--epochs", type=Whole(1).option, default=300)
-    fingers.add_argument("--seed", type=Whole(0).option, default=0)
-    fingers.set_defaults(main=lambda options: _guarded(_fingers, options))
     side = Measure(LENGTH, "1 mm", "1 m")
     hand_eye = kinds.add_parser(
         "hand-eye", help="estimate the camera's pose on the flange from images of a chessboard"
@@ -51,7 +38,7 @@ def add(subparsers: Any) -> None:
         "--square", type=side.option, required=True, help="side of a square, such as 24.5mm"
     )
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
-    hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
+    hand_eye.set_defaults(calibrate=_hand_eye)
     depth = kinds.add_parser(
         "depth", help="estimate the depth errors of a camera from balls in recorded frames"
     )
@@ -77,36 +64,20 @@ def add(subparsers: Any) -> None:
         "--sensor", default="d4xx", choices=sorted(SENSORS), help="prior model of the sensor (d4xx)"
     )
     depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
-    depth.set_defaults(main=lambda options: _guarded(_depth, options))
+    depth.set_defaults(calibrate=_depth)
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         entry.load()(kinds)
 
 
-def _guarded(calibrate: Any, options: argparse.Namespace) -> int:
+def _main(options: argparse.Namespace) -> int:
     try:
         if options.out.exists():  # an earlier calibration may be in use, and is costly to repeat
             raise DriverError(f"{options.out} is there already: name another file with --out")
-        print(calibrate(options))
+        print(options.calibrate(options))
     except (DriverError, UsageError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0
-
-
-def _fingers(options: argparse.Namespace) -> str:
-    from pomona.devices.suntouch.fit import fit_calibration, read_recording
-
-    volts, wrenches = read_recording(options.recording)
-    calibration, report = fit_calibration(
-        volts,
-        wrenches,
-        options.finger or options.recording.stem,
-        hidden=tuple(options.hidden),
-        epochs=options.epochs,
-        seed=options.seed,
-    )
-    calibration.save(options.out)
-    return f"{report}\nwritten to {options.out}"
 
 
 def _hand_eye(options: argparse.Namespace) -> str:
