@@ -213,7 +213,7 @@ def test_export_and_import_give_a_tree_file_again(
     assert main(["export", str(tree), "--out", str(xml)]) == 0
     assert main(["import", str(xml), "--out", str(again)]) == 0
     assert yaml.safe_load(again.read_text()) == yaml.safe_load(tree.read_text())
-    assert main(["check", str(again)]) == 0
+    assert main(["check", "--cell", "sim", str(again)]) == 0
     assert "nothing is wrong" in capsys.readouterr().out
 
 
@@ -554,7 +554,7 @@ def test_a_foreign_tree_with_stubs_is_checked_run_dry_and_exported_and_not_run(
         "ComputePath": {"out": ["goal", "path"], "in": ["planner"]},
         "FollowPath": {"in": ["path"]},
     }
-    assert main(["check", str(tree)]) == 0
+    assert main(["check", "--cell", "sim", str(tree)]) == 0
     assert main(["show", str(tree)]) == 0
     assert main(["run", str(tree), "--dry", "--no-record", "--quiet"]) == 0
     assert main(["export", str(tree)]) == 0

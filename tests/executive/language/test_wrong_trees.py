@@ -855,7 +855,7 @@ def test_fix_keeps_line_endings_and_mends_several_mistakes_one_after_the_other(
     path.write_bytes(
         b"pomona: 1\r\ntree: t\r\nroot:\r\n  Sequence:\r\n    - MoveTo: {pose: obsrve}\r\n     retries: 2\r\n"
     )
-    assert main(["check", "--fix", str(path)]) == 0
+    assert main(["check", "--fix", "--cell", "sim", str(path)]) == 0
     wanted = b"pomona: 1\r\ntree: t\r\nroot:\r\n  sequence:\r\n    - MoveTo: {pose: observe}\r\n      retry: 2\r\n"
     assert path.read_bytes() == wanted
 
