@@ -161,6 +161,8 @@ def shows(node: ast.AST) -> bool:
             return False
         case ast.Expr(value):
             return not LOG_LINE.match(ast.unparse(value))
+        case ast.Subscript(ast.Name("Annotated")):  # an annotation with a name
+            return False
     return not isinstance(node, WITHOUT_RESULT)
 
 

@@ -75,6 +75,7 @@ def test_a_mistake_is_one_small_change(mutate: ModuleType, right: str, wrong: se
     "source",
     [
         "x: f(1, 2)",
+        "x = Annotated[y, f(1, 2)]",
         "raise Error(1, 2)",
         "assert a < 1",
         "x = f'{1 + 2}'",

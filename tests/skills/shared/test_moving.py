@@ -137,7 +137,9 @@ def test_a_plan_that_takes_longer_is_given_up_on_a_real_clock_alone() -> None:
 
 
 def test_a_planner_that_fails_is_the_skills_failure() -> None:
-    skill, _ = planner(False, [None, PlanningFailed("NO_PATH", "all ways are closed", {"goals": 2})])
+    skill, _ = planner(
+        False, [None, PlanningFailed("NO_PATH", "all ways are closed", {"goals": 2})]
+    )
     with pytest.raises(Told) as told:
         carried_out(planned(skill, REQUEST))
     assert told.value.args == ("NO_PATH", "all ways are closed", {"goals": 2})

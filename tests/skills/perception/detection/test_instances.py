@@ -12,12 +12,17 @@ from pomona.skills.perception.detection.close_look import (
     label_rotation,
 )
 from pomona.skills.perception.detection.instances import (
+    SIZE_OF_BOX,
     CuboidConvention,
     FoundFruit,
+    Instance,
     cuboid_in_picture,
     cuboid_keypoints,
+    inside,
+    instance_of,
     pose_covariance,
     pose_of,
+    rank,
 )
 from pomona.tools.pytorch.pose import solve_pose
 
@@ -133,3 +138,117 @@ def test_a_hidden_fruit_is_placed_less_surely_than_the_network_says() -> None:
     T = posed((0.0, -1.0, -0.2), (0.0, 0.0, 0.6))
     clear, hidden = (np.diag(pose_covariance(seen(T, visibility), K)) for visibility in (1.0, 0.3))
     assert np.all(hidden[3:] > 2.0 * clear[3:])
+
+
+# ------------------------------------------------------------------------------ boxes, deviations and choices
+
+
+@pytest.mark.parametrize(
+    ("box", "part"),
+    [
+        ((10.0, 20.0, 30.0, 40.0), (10.0, 20.0, 30.0, 40.0)),
+        ((-5.0, -7.0, 30.0, 40.0), (0.0, 0.0, 25.0, 33.0)),
+        ((90.0, 50.0, 30.0, 40.0), (90.0, 50.0, 10.0, 10.0)),
+        ((-40.0, 70.0, 30.0, 40.0), (0.0, 60.0, 0.0, 0.0)),
+    ],
+)
+def test_of_a_box_the_part_in_the_picture_counts(
+    box: tuple[float, ...], part: tuple[float, ...]
+) -> None:
+    np.testing.assert_allclose(inside(np.array(box), 100, 60), part)
+
+
+def test_without_a_box_the_outline_is_that_of_a_whole_fruit_around_the_centre() -> None:
+    found = seen(posed((0.0, 1.0, 0.0), (0.0, 0.0, 0.6)))
+    x, y, w, h = found.outline(640, 480)
+    assert (w, h) == pytest.approx((found.size / SIZE_OF_BOX,) * 2)
+    # a pixel's centre lies at a whole number, its border half a pixel beside
+    np.testing.assert_allclose((x + 0.5 * w, y + 0.5 * h), found.centre + 0.5)
+    box = np.array([1.0, 2.0, 3.0, 4.0])
+    assert replace(found, box=box).outline(640, 480) is box
+    edge = replace(found, centre=np.array([0.0, 479.0])).outline(640, 480)
+    np.testing.assert_allclose(edge[[0, 1]], [0.0, 479.5 - 0.5 * h])
+    np.testing.assert_allclose(edge[[2, 3]], [0.5 + 0.5 * w, 0.5 + 0.5 * h])
+
+
+@pytest.mark.parametrize(
+    ("spreads", "visibility"), [((1.0, 0.02, 0.1), 1.0), ((2.5, 0.05, 0.4), 0.6)]
+)
+def test_deviations_follow_from_the_expected_errors_and_the_hidden_part(
+    spreads: tuple[float, ...], visibility: float
+) -> None:
+    p = np.array([0.1, -0.05, 0.7])
+    found = replace(seen(posed((0.0, 1.0, 0.0), tuple(p)), visibility), spreads=np.array(spreads))
+    skewed = K * np.array([[1.0, 1.0, 1.0], [1.0, 1.3, 1.0], [1.0, 1.0, 1.0]])
+    covariance = pose_covariance(found, skewed)
+    hidden = np.exp(2.8 * (1.0 - visibility))
+    across = 0.97 * spreads[0] * hidden * 0.7  # a deviation in the picture, at this depth
+    along = 1.25 * spreads[1] * hidden * p
+    axis = 1.99 * spreads[2] ** 1.43
+    expected = np.diag([(across / K[0, 0]) ** 2, (across / (1.3 * K[1, 1])) ** 2, 0.0])
+    np.testing.assert_allclose(covariance[3:, 3:], expected + np.outer(along, along))
+    np.testing.assert_allclose(covariance[:3, :3], np.eye(3) * axis**2)
+    assert not covariance[:3, 3:].any()
+    assert not covariance[3:, :3].any()
+
+
+def test_no_axis_is_known_better_than_a_thousandth() -> None:
+    found = replace(
+        seen(posed((0.0, 1.0, 0.0), (0.0, 0.0, 0.6))), spreads=np.array([1.0, 0.1, 0.0])
+    )
+    np.testing.assert_allclose(pose_covariance(found, K)[:3, :3], np.eye(3) * 1e-6)
+
+
+def test_keypoints_are_the_corners_as_the_lens_shows_them() -> None:
+    T = posed((0.2, 1.0, 0.3), (0.05, -0.02, 0.6))
+    lens = np.array([[600.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
+    shown = cuboid_in_picture(T, APPLE, lens)
+    for corner, (u, v) in zip(cuboid_keypoints(APPLE), shown, strict=True):
+        x, y, z = T[:3, :3] @ corner + T[:3, 3]
+        assert (u, v) == pytest.approx((600.0 * x / z + 320.0, 500.0 * y / z + 240.0))
+
+
+def test_corners_behind_the_camera_are_shown_as_if_a_tenth_of_the_depth_before_it() -> None:
+    near = np.eye(4)
+    near[2, 3] = 0.02
+    shown = cuboid_in_picture(near, APPLE, K)
+    corners = cuboid_keypoints(APPLE)
+    behind = corners[:, 2] < -0.018
+    assert behind.sum() == 4
+    expected = corners[behind, :2] / 0.002 * 610.6 + (317.7, 238.1)
+    np.testing.assert_allclose(shown[behind], expected)
+
+
+def test_a_detection_becomes_an_instance_with_its_pose() -> None:
+    T = posed((0.2, 1.0, 0.3), (0.05, -0.02, 0.6))
+    found = replace(seen(T, 0.8), box=np.array([1.0, 2.0, 3.0, 4.0]))
+    instance = instance_of(found, K, APPLE)
+    np.testing.assert_allclose(instance.T_camera_object, T, atol=1e-9)
+    np.testing.assert_allclose(instance.keypoints, cuboid_in_picture(T, APPLE, K))
+    np.testing.assert_allclose(instance.covariance, pose_covariance(found, K))
+    assert (instance.score, instance.visibility, instance.problem) == (0.9, 0.8, "")
+    assert instance.box is found.box
+
+
+def of(distance: float, score: float, visibility: float, size: float) -> Instance:
+    T = np.eye(4)
+    T[:3, 3] = 0.0, 0.6 * distance, 0.8 * distance
+    keypoints = size * np.vstack([np.tile([[1.0, 0.0]], (8, 1)), [[0.0, 0.0]]])
+    return Instance(keypoints, score, visibility, T, np.eye(6))
+
+
+def test_a_policy_puts_the_instances_into_its_order() -> None:
+    there = [
+        of(0.6, 0.9, 0.52, 50.0),
+        of(0.5, 0.7, 0.95, 60.0),
+        of(0.7, 0.8, 0.48, 40.0),
+        of(0.6, 0.9, 0.3, 60.0),
+    ]
+    assert rank(there, "nearest") == [1, 0, 3, 2]
+    assert rank(there, "surest") == [0, 3, 2, 1]
+    assert rank(there, "largest") == [1, 3, 0, 2]
+    assert rank(there, "most_visible") == [1, 0, 2, 3]  # 0.52 and 0.48 are the same to a tenth
+    for index, order in ((0, [0]), (3, [3]), (4, []), (-1, [])):
+        assert rank(there, "index", index) == order
+    unposed = replace(there[1], T_camera_object=None)
+    assert rank([unposed, *there], "nearest") == [2, 1, 4, 3, 0]
