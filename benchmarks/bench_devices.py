@@ -23,7 +23,7 @@ from pomona.devices.emulators.free_gripper import FreeGripper
 from pomona.devices.emulators.server import CanPort, Server
 from pomona.devices.emulators.wsg import WsgEmulator
 from pomona.devices.motoman.driver import MotomanArm
-from pomona.devices.motoman.stream import MotomanOptions
+from pomona.devices.motoman.options import MotomanFile
 from pomona.devices.suntouch.calibration import FingerCalibration
 from pomona.devices.suntouch.driver import SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
@@ -149,23 +149,20 @@ def arm() -> None:
     """A trajectory of 500 points, 10 s: gaps show as a late end, because a dry queue stands still."""
     port = 51240
     with emulated("motoman", "--port", str(port)):
-        limits = ArmLimits(*(np.full(7, x) for x in (-3.0, 3.0, 3.0, 10.0, 200.0)))
+        limits = ArmLimits(*np.outer((-3.0, 3.0, 3.0, 10.0, 200.0), np.ones(7)))
         driver = MotomanArm(
             lambda name: TcpLink("127.0.0.1", port + (name == "state")),
             CLOCK,
-            Path("robot.xml"),
             limits,
-            MotomanOptions(order=">"),
+            MotomanFile(address=("", port), robot=Path("robot.xml"), controller="fs100"),
         )
         driver.connect()
         driver.start()
         s = np.linspace(0.0, 1.0, 501)[:, None]
         change = np.full(7, 1.0)
-        q, qd = (
-            change * (10 * s**3 - 15 * s**4 + 6 * s**5),
-            change * (30 * s**2 - 60 * s**3 + 30 * s**4) / 10.0,
-        )
-        qdd = change * (60 * s - 180 * s**2 + 120 * s**3) / 100.0
+        q = change * (10 * s**3 - 15 * s**4 + 6 * s**5)
+        qd = change * 3 * (s - s**2) ** 2
+        qdd = change * (0.6 * s - 1.8 * s**2 + 1.2 * s**3)
         motion = driver.follow(Trajectory(s[:, 0] * 10.0, q, qd, qdd))
         stream = driver._stream
         began = time.monotonic()

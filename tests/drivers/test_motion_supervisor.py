@@ -5,7 +5,7 @@ import pytest
 
 from pomona.drivers.errors import DeviceFault, DeviceLost
 from pomona.drivers.interfaces import ArmLimits, MotionState, Trajectory
-from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
+from pomona.drivers.motion_supervisor import BESIDE, MotionSupervisor, Supervision
 from pomona.drivers.path_motion import PathMotion
 
 DOF = 3
@@ -256,3 +256,47 @@ def test_a_controller_that_does_not_go_on_after_a_pause_is_a_fault_within_the_st
     rig.motion.resume()
     with pytest.raises(DeviceFault, match="has not continued the motion"):
         rig.run(0.4)
+
+
+@pytest.mark.parametrize(("way", "seen"), [(0.95, False), (1.05, True)])
+@pytest.mark.parametrize("joint", range(DOF))
+def test_joints_that_leave_their_path_at_once_are_moved_by_another(way, seen, joint):
+    rig = Rig()
+    rig.run(0.4)
+    across = np.cross(CHANGE, np.eye(DOF)[joint])  # of the path of this swing, which is straight
+    off = across / np.abs(across).max() * BESIDE * Supervision().following_error * way
+
+    def pushed():
+        q, qd = rig.measured()
+        return q + off, qd
+
+    if not seen:
+        rig.run(0.15, pushed)
+        return
+    with pytest.raises(DeviceFault, match="leaves its path: another program commands the arm"):
+        rig.run(0.02, pushed)
+
+
+def test_joints_that_come_late_or_leave_their_path_slowly_do_not_count_as_moved_by_another():
+    rig = Rig(delay=0.18)
+    rig.run(0.3)
+    began = rig.now
+
+    def drifts():
+        q, qd = rig.measured()
+        return q + 0.03 * (rig.now - began) * np.array([1.0, 2.0, 0.0]) / 2.0, qd
+
+    rig.run(0.4, drifts)
+
+
+def test_a_joint_that_stands_while_the_others_move_does_not_follow():
+    rig = Rig()
+    rig.run(0.4)
+    stood = rig.measured()[0][0]
+
+    def held():
+        q, qd = rig.measured()
+        return np.array([stood, *q[1:]]), qd
+
+    with pytest.raises(DeviceFault, match="does not follow"):
+        rig.run(0.6, held)

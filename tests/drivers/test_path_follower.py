@@ -34,12 +34,15 @@ def sweep(angles, samples=60):
 
 
 def run(follower, commands, limit=20000):
-    points = [follower.step()[0]]
+    """Step it to its end or its rest; at a step's number it gets another speed, or goes on or brakes from then on."""
+    points, goes_on = [follower.step()[0]], True
     for step in range(limit):
         command = commands.get(step)
-        if command is not None:
-            command()
-        points.append(follower.step()[0])
+        if isinstance(command, bool):
+            goes_on = command
+        elif command is not None:
+            follower.speed = command
+        points.append(follower.step(goes_on)[0])
         if follower.finished or (follower.at_rest and step > max(commands, default=0)):
             break
     return np.array(points)
@@ -66,9 +69,9 @@ def test_stopping_anywhere_stays_within_acceleration_limits(angles, when, resume
     path = sweep(angles)
     follower = PathFollower(path, LIMITS, PERIOD)
     stop = int(when * path.duration / PERIOD)
-    commands = {stop: follower.slow_down}
+    commands = {stop: False}
     if resumes:
-        commands[stop + 60] = follower.go_on
+        commands[stop + 60] = True
     points = run(follower, commands)
     assert len(points) < 15000
     if resumes:
@@ -89,8 +92,8 @@ def test_stop_and_go_many_times_ends_at_the_end():
     follower = PathFollower(path, LIMITS, PERIOD)
     commands = {}
     for k in range(10):
-        commands[50 + 150 * k] = follower.slow_down
-        commands[120 + 150 * k] = follower.go_on
+        commands[50 + 150 * k] = False
+        commands[120 + 150 * k] = True
     points = run(follower, commands)
     assert points[-1] == pytest.approx(path.q[-1])
     acceleration = np.abs(np.diff(points, n=2, axis=0)).max(axis=0) / PERIOD**2
@@ -109,7 +112,7 @@ def test_another_speed_at_any_time_stays_within_the_limits_and_reaches_the_end(
 ):
     path = sweep(angles)
     follower = PathFollower(path, LIMITS, PERIOD, first)
-    commands = {step: lambda speed=speed: follower.set_speed(speed) for step, speed in changes}
+    commands = dict(changes)
     points = run(follower, commands)
     assert follower.finished
     assert points[-1] == pytest.approx(path.q[-1])
@@ -136,7 +139,7 @@ def test_the_speed_changes_without_jerks():
     steps = {0: 0.3, 40: 0.9, 75: 0.2, 400: 1.0, 430: 0.5}
     points = run(
         follower,
-        {middle + at: lambda speed=speed: follower.set_speed(speed) for at, speed in steps.items()},
+        {middle + at: speed for at, speed in steps.items()},
     )
     jerk = np.abs(np.diff(points, n=3, axis=0))[middle - 50 : middle + 800] / PERIOD**3
     assert np.all(jerk.max(axis=0) < 1.1 * LIMITS.jerk), jerk.max(axis=0) / LIMITS.jerk
@@ -145,13 +148,12 @@ def test_the_speed_changes_without_jerks():
 def test_a_stopped_path_keeps_the_new_speed_for_when_it_goes_on():
     path = sweep([1.0, 0.0, 0.0])
     follower = PathFollower(path, LIMITS, PERIOD)
-    follower.slow_down()
-    follower.set_speed(0.4)
+    follower.step(goes_on=False)
+    follower.speed = 0.4
     while not follower.at_rest:
-        follower.step()
-    follower.step()
+        follower.step(goes_on=False)
+    follower.step(goes_on=False)
     assert follower.at_rest
-    follower.go_on()
     for _ in range(200):
         follower.step()
     assert follower.rate == pytest.approx(0.4)

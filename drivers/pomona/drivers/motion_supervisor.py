@@ -26,6 +26,9 @@ STANDING, STANDING_AFTER = 0.25, 0.5
 stand, beside the lag [s]: an object in its way held an arm 0.0035 rad off."""
 # distance of resting joints from where they came to rest that nobody ordered [rad]: 0.2°
 STRAYS = 0.004
+BESIDE, WITHIN = 0.05, 0.1
+"""Share of the following error by which an arm may leave its path, wherever along it the arm is, and the time within
+which it does so [s]: joints that are held or come late do not. The simulated arm left it by less than 0.001 rad."""
 OVERSPEED = 1.5  # highest measured speed over the limit: controllers stop an arm at 1.05 to 1.2
 
 
@@ -58,30 +61,23 @@ class Supervision:
     )
 
 
-@dataclass(slots=True, eq=False)
-class _Feedback:
-    """Feedback, the time since which it has been the same to the last bit, and the set-point at that time."""
-
-    stamp: float
-    q: Float64
-    since: float
-    commanded: Float64 | None
-
-
 class MotionSupervisor:
     """Watches one arm. All times are the cell's [s], all joints in one order of the caller's choice, shape (dof,)."""
 
     def __init__(self, device: str, limits: ArmLimits, supervision: Supervision) -> None:
         self._device, self._limits, self._supervision = device, limits, supervision
-        self._feedback: _Feedback | None = None
         self._status_at: float | None = None
         self._looked_at = -np.inf
         self._set_points: deque[tuple[float, Float64]] = deque()
-        self._phase, self._speed = Phase.RESTING, 1.0
-        self._deadline = np.inf
+        self._standing: tuple[float, Float64] | None  # since when the set-point is here
+        self._beside: Float64  # by which the joints left the path of a motion [rad]
+        self._lately: list[tuple[float, Float64]] = []  # feedback, not older than `WITHIN`
+        self._same_since = 0.0  # the newest, to the last bit [s], and the set-point at that time
+        self._commanded: Float64 | None = None
+        self._speed = 1.0
         self._advanced: tuple[float, float] = (0.0, 0.0)
-        self._standing: tuple[float, Float64] | None = None  # since when the set-point is here
         self._rests_at: Float64 | None = None  # joints where the arm was left
+        self.end()
 
     def due(self, now: float) -> bool:
         """Return True if it is time to look again, for callers that are called more often than every `PERIOD`."""
@@ -104,12 +100,14 @@ class MotionSupervisor:
         problem = self._implausible(stamp, q, qd)
         if problem:
             raise DeviceLost(self._device, f"its feedback is implausible: {problem}")
-        self._drop_old(stamp)
-        if self._feedback is not None and np.array_equal(q, self._feedback.q):
-            self._feedback.stamp = stamp
-        else:
+        while len(self._set_points) > 1 and self._set_points[1][0] <= (
+            stamp - self._supervision.lag
+        ):
+            self._set_points.popleft()  # but one before the lag
+        if not self._lately or not np.array_equal(q, self._lately[-1][1]):
             passed = [commanded for due, commanded in self._set_points if due <= stamp]
-            self._feedback = _Feedback(stamp, q.copy(), stamp, passed[-1] if passed else None)
+            self._same_since, self._commanded = stamp, passed[-1] if passed else None
+        self._note_path(stamp, q.copy())
 
     def on_status(self, now: float) -> None:
         """Note that the controller has reported its status."""
@@ -130,7 +128,8 @@ class MotionSupervisor:
 
     def forget(self) -> None:
         """Begin anew: after a reconnection or an acknowledgement nothing of before is compared with."""
-        self._feedback = self._status_at = self._rests_at = None
+        self._status_at = self._rests_at = None
+        self._lately.clear()
         self.end()
 
     # --------------------------------------------------------------------------------- what it shall do
@@ -145,7 +144,7 @@ class MotionSupervisor:
     def end(self) -> None:
         """No motion is watched any more."""
         self._set_points.clear()
-        self._standing = None
+        self._beside, self._standing = np.zeros(1), None
         self._phase, self._deadline = Phase.RESTING, np.inf
 
     def look_at_rest(self, q: Float64) -> None:
@@ -154,9 +153,7 @@ class MotionSupervisor:
             self._rests_at = q.copy()
         way = np.abs(q - self._rests_at)
         if way.max() > STRAYS:
-            joint = int(way.argmax())
-            moves = f"joint {joint + 1} moves without a command of this run"
-            raise DeviceFault(self._device, f"{moves}: another program or a push moves it")
+            self._accuse(way, "moves without a command of this run")
 
     def look(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         """Look after a motion; `advance` is any number that grows while the arm's controller goes along with it.
@@ -164,13 +161,15 @@ class MotionSupervisor:
         A motion that has failed brakes already: only whether it comes to rest is watched.
 
         Raises:
-            DeviceFault: the arm does not follow, its controller does not go on, or the motion does not end.
+            DeviceFault: the arm does not follow, or moves otherwise; its controller does not go on; no end comes.
             DeviceLost: the feedback stands still although the arm is moved.
         """
         self._watch_time(now, motion, advance)
-        if self._feedback is not None and self._set_points and not motion.problem:
-            self._watch_frozen(self._feedback)
-            self._watch_following(self._feedback)
+        if self._lately and self._set_points and not motion.problem:
+            self._watch_frozen(self._lately[-1][0])
+            if self._beside.max() > BESIDE * self._supervision.following_error:
+                self._accuse(self._beside, "leaves its path")
+            self._watch_following(*self._lately[-1])
 
     # ----------------------------------------------------------------------------------------- inside
 
@@ -186,13 +185,14 @@ class MotionSupervisor:
         speed = np.abs(qd) / limits.velocity
         if speed.max() > OVERSPEED:
             return f"joint {speed.argmax() + 1} at {speed.max():.2g} times its largest speed"
-        if self._feedback is None:
+        if not self._lately:
             return ""
-        if stamp < self._feedback.stamp:
+        before, q_before = self._lately[-1]
+        if stamp < before:
             return "its time goes back"
-        jump = np.abs(q - self._feedback.q)
+        jump = np.abs(q - q_before)
         # jitter of messages over a network [s]: two pushes of 25 ms
-        beyond = jump - OVERSPEED * limits.velocity * (stamp - self._feedback.stamp + 0.05)
+        beyond = jump - OVERSPEED * limits.velocity * (stamp - before + 0.05)
         if beyond.max() > 0.0:
             joint = int(beyond.argmax())
             return f"joint {joint + 1} jumped by {np.degrees(jump[joint]):.1f}°"
@@ -229,40 +229,59 @@ class MotionSupervisor:
                 self._device, f"the motion {words} {supervision.margin:g} s after its expected time"
             )
 
-    def _drop_old(self, stamp: float) -> None:
-        """Keep the set-points of the lag, and one before."""
-        oldest = stamp - self._supervision.lag
-        while len(self._set_points) > 1 and self._set_points[1][0] <= oldest:
-            self._set_points.popleft()
+    def _note_path(self, stamp: float, q: Float64) -> None:
+        """Note by how much the joints that move have left the path lately, if it is more than before."""
+        self._lately = [one for one in self._lately if one[0] >= stamp - WITHIN] + [(stamp, q)]
+        moves = np.abs(q - self._lately[-2:][0][1]) > 1e-4  # rad: joints that stand do not follow
+        if len(self._set_points) < 2 or not moves.any():
+            return
+        path = np.array([commanded for _, commanded in self._set_points]) * moves
+        left = beside(path, q * moves) - beside(path, self._lately[0][1] * moves).max()
+        self._beside = max(self._beside, left, key=np.max)
 
-    def _watch_frozen(self, feedback: _Feedback) -> None:
+    def _watch_frozen(self, stamp: float) -> None:
         """The arm may stand at a set-point as old as the lag: that one must not have moved since the feedback did."""
         _, commanded = self._set_points[0]
-        if feedback.commanded is None:
-            feedback.commanded = commanded
-        old_enough = feedback.stamp - feedback.since > self._supervision.lag
+        if self._commanded is None:
+            self._commanded = commanded
+        same = stamp - self._same_since
         # A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder
-        if old_enough and np.abs(commanded - feedback.commanded).max() > 0.01:
-            same = f"{1e3 * (feedback.stamp - feedback.since):.0f} ms"
-            raise DeviceLost(
-                self._device, f"its feedback has not changed for {same} although the arm is to move"
-            )
+        moved = np.abs(commanded - self._commanded).max() > 0.01
+        if moved and same > self._supervision.lag:
+            still = f"its feedback has not changed for {1e3 * same:.0f} ms"
+            raise DeviceLost(self._device, f"{still} although the arm is to move")
 
-    def _watch_following(self, feedback: _Feedback) -> None:
-        passed = [q for due, q in self._set_points if due <= feedback.stamp] or [
-            self._set_points[0][1]
-        ]
-        error = np.abs(np.array(passed) - feedback.q)
+    def _watch_following(self, stamp: float, q: Float64) -> None:
+        passed = [point for due, point in self._set_points if due <= stamp]
+        error = np.abs(np.array(passed or [self._set_points[0][1]]) - q)
         nearest = error[error.max(axis=1).argmin()]
         if nearest.max() > self._supervision.following_error:
             self._refuse(nearest, "is")
-        since, standing = self._standing or (np.inf, feedback.q)
-        off = np.abs(standing - feedback.q)
-        stood = feedback.stamp - since > STANDING_AFTER + self._supervision.lag
+        since, standing = self._standing or (np.inf, q)
+        off = np.abs(standing - q)
+        stood = stamp - since > STANDING_AFTER + self._supervision.lag
         if stood and off.max() > STANDING * self._supervision.following_error:
             self._refuse(off, "stands")
+
+    def _accuse(self, way: Float64, moves: str) -> None:
+        joint = f"joint {int(way.argmax()) + 1} {moves}"
+        raise DeviceFault(
+            self._device, f"{joint}: another program commands the arm, or something pushes it"
+        )
 
     def _refuse(self, error: Float64, stands: str) -> None:
         joint = int(error.argmax())
         away = f"joint {joint + 1} {stands} {np.degrees(error[joint]):.1f}° from its set-point"
         raise DeviceFault(self._device, f"the arm does not follow: {away}")
+
+
+def beside(path: Float64, q: Float64) -> Float64:
+    """Return the distances of joints `q`, (dof,) [rad], from the nearest place on a path of straight pieces, (n, dof).
+
+    A piece counts twice as long, since an arm with feed-forward is ahead of the newest set-point.
+    """
+    start, step = path[:-1], np.diff(path, axis=0)
+    along = ((q - start) * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-18)
+    off: Float64 = np.abs(start + np.clip(along, 0.0, 2.0)[:, None] * step - q)
+    nearest: Float64 = off[off.max(axis=1).argmin()]
+    return nearest

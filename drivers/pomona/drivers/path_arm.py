@@ -184,7 +184,7 @@ class PathArm(Device, ABC):
             self._end_stream()
             self._supervisor.end()
             if state is not None and self._problem is None and not self._doubted:
-                self._watch_rest(state)
+                self._judge(lambda: self._supervisor.look_at_rest(state.q))
             return
         resting = self._rests(state, stream)
         if stream is None:
@@ -197,13 +197,21 @@ class PathArm(Device, ABC):
             motion.look(resting, float(np.abs(state.q - stream.q_last).max()), now)
         judged = self.stops_when_told or not self._doubted
         if judged and not motion.settled and self._supervisor.due(now):
-            try:
-                self._supervisor.look(now, motion, stream.sent)
-            except DeviceLost as error:
-                self._doubt(error)
-            except DeviceFault as error:
-                self._blame(error)
-                self._halt(error.message)
+            self._judge(lambda: self._supervisor.look(now, motion, stream.sent))
+
+    def _judge(self, look: Callable[[], None]) -> None:
+        """Let the supervisor look; the arm brakes on its path without feedback, and stops at once for a fault."""
+        try:
+            look()
+        except DeviceLost as error:
+            self._doubt(error)
+        except DeviceFault as error:
+            self._condemn(error)
+
+    def _condemn(self, fault: DeviceFault) -> None:
+        """Latch a fault of the arm, and stop it at once."""
+        self._blame(fault)
+        self._halt(fault.message)
 
     def _rests(self, state: ArmState, stream: SetPointStream | None) -> bool:
         """Return True if the arm was measured at rest.
@@ -213,14 +221,6 @@ class PathArm(Device, ABC):
         if self._doubted:
             return stream is None or stream.played
         return bool(np.abs(state.qd).max() < AT_REST)
-
-    def _watch_rest(self, state: ArmState) -> None:
-        """Stop an arm that moves although nothing of this run moves it."""
-        try:
-            self._supervisor.look_at_rest(state.q)
-        except DeviceFault as error:
-            self._blame(error)
-            self._halt(error.message)
 
     def _abandon(self, problem: str) -> None:
         """The arm stops by itself, or will not go on: nothing more is sent."""

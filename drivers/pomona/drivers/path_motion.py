@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
+from abc import ABC, abstractmethod
 from enum import Enum
 
 import numpy as np
@@ -52,10 +53,9 @@ class PathFollower:
             for part, left in zip((self._q, self._qd, self._qdd), _quintic(t, blend), strict=True):
                 part += np.outer(left, away)
         self.path_time = 0.0
-        self.speed = speed
+        self.speed = speed  # share of the path's own pace; may be changed at any time
         self.rate = speed  # at once: a path begins at rest
         self._rate_change = 0.0
-        self._wanted = speed
 
     @property
     def progress(self) -> float:
@@ -76,47 +76,32 @@ class PathFollower:
         """Whether nothing moves along the path."""
         return self.finished or self.rate == 0.0
 
-    def slow_down(self) -> None:
-        """Come to rest on the path."""
-        self._wanted = 0.0
-
     def halt(self) -> None:
         """Stand still now, without braking: the arm does not follow any more."""
-        self.rate = self._rate_change = self._wanted = 0.0
+        self.rate = self._rate_change = 0.0
 
-    def go_on(self) -> None:
-        """Follow the path again."""
-        self._wanted = self.speed
+    def step(self, goes_on: bool = True) -> tuple[Float64, Float64]:
+        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each.
 
-    def set_speed(self, speed: float) -> None:
-        """Scale the path's own pace by this ratio (above 0 to 1) from now on; a resting or braking arm continues so."""
-        self.speed = speed
-        if self._wanted > 0.0:
-            self._wanted = speed
-
-    def braking(self) -> PathFollower:
-        """Another that comes to rest on the path from here on; this one stays as it is."""
-        other = copy.copy(self)  # the path itself is only read
-        other.slow_down()
-        return other
-
-    def step(self) -> tuple[Float64, Float64]:
-        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
-        if self.rate != self._wanted or self._rate_change != 0.0:
-            self._change_rate()
-        self.path_time = min(self.path_time + self.rate * self._period, self._duration)
+        It follows the path at its speed, or comes to rest on it.
+        """
+        before, wanted = self.rate, self.speed if goes_on else 0.0
+        if before != wanted or self._rate_change != 0.0:
+            self._change_rate(wanted)
+        way = 0.5 * (before + self.rate) * self._period
+        self.path_time = min(self.path_time + way, self._duration)
         q, qd, _ = self._sample()
         return q, qd * (0.0 if self.finished else self.rate)
 
-    def _change_rate(self) -> None:
+    def _change_rate(self, wanted: float) -> None:
         _, qd, qdd = self._sample()
         speed = np.abs(qd)
         share = speed / self._limits.velocity
         if float(share.max()) < 1e-3:
-            self.rate, self._rate_change = self._wanted, 0.0
+            self.rate, self._rate_change = wanted, 0.0
             return
-        towards = math.copysign(1.0, self._wanted - self.rate)
-        back = self._rate_change * towards < 0.0 and self._wanted > 0.0  # a stop waits for nothing
+        towards = math.copysign(1.0, wanted - self.rate)
+        back = self._rate_change * towards < 0.0 and wanted > 0.0  # a stop waits for nothing
         moving = share > 1e-3
         # qdd rate² + qd change within ± acceleration, joint by joint
         own = qdd[moving] * self.rate**2 * np.sign(qd[moving]) * (-towards if back else towards)
@@ -128,7 +113,7 @@ class PathFollower:
             # the rate of a path that is followed: one of 0 rests
             self.rate = min(max(self.rate + self._rate_change * self._period, 1e-6), 1.0)
             return
-        left = abs(self._wanted - self.rate)
+        left = abs(wanted - self.rate)
         change = min(
             float(room.min()),
             math.sqrt(2.0 * ease * left),
@@ -136,7 +121,7 @@ class PathFollower:
         )
         change = max(change, 1e-3)
         if change * self._period >= left:
-            self.rate, self._rate_change = self._wanted, 0.0
+            self.rate, self._rate_change = wanted, 0.0
         else:
             self._rate_change = towards * change
             self.rate += self._rate_change * self._period
@@ -214,8 +199,69 @@ class Phase(Enum):
     RESTING = "resting"
 
 
-class PathMotion:
-    """A `Motion` over a trajectory, stepped by the arm's driver at a fixed period."""
+class SteppedMotion(ABC):
+    """What a motion is doing, as its caller and the arm's driver see it; the driver steps it at a fixed period."""
+
+    def __init__(self) -> None:
+        self.state = MotionState.RUNNING
+        self.settled = self._stopping = False
+        self.problem = ""
+
+    @property
+    @abstractmethod
+    def set_point_rests(self) -> bool:
+        """Whether the commanded position stands still."""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves: settled, or paused and standing."""
+        return self.settled or (self.state is MotionState.PAUSED and self.set_point_rests)
+
+    @property
+    def phase(self) -> Phase:
+        """RESTING once nothing moves any more, as `at_rest`."""
+        if self.at_rest:
+            return Phase.RESTING
+        free = self.state is MotionState.RUNNING and not self._stopping
+        return Phase.RUNNING if free else Phase.BRAKING
+
+    def stop(self) -> None:
+        """Come to rest within the limits and stay there."""
+        self._stopping = True
+
+    def fail(self, problem: str) -> None:
+        """Come to rest and end as FAILED."""
+        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
+            self.problem = self.problem or problem
+            self.stop()
+
+    def abandon(self, problem: str) -> None:
+        """End as FAILED where the arm is: its controller has stopped, or does not go on."""
+        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
+            self.problem, self.state, self._stopping = problem, MotionState.FAILED, True
+
+    def pause(self) -> None:
+        """Come to rest until `resume`."""
+        if self.phase is Phase.RUNNING:
+            self.state = MotionState.PAUSED
+
+    def resume(self) -> None:
+        """Go on after a pause."""
+        if self.state is MotionState.PAUSED and not self._stopping:
+            self.state = MotionState.RUNNING
+
+    def look(self, resting: bool, beside: float, now: float) -> None:
+        """Update the state, from whether the measured joints rest and their largest distance from the set-point [rad].
+
+        An arm that was stopped against something rests beside its set-point: that is stopped all the same.
+        """
+        if self._stopping and self.set_point_rests:
+            self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
+            self.settled = resting
+
+
+class PathMotion(SteppedMotion):
+    """A `Motion` over a trajectory."""
 
     def __init__(
         self,
@@ -226,11 +272,8 @@ class PathMotion:
         q_from: Float64 | None = None,
     ) -> None:
         """The arguments are those of `PathFollower`."""
+        super().__init__()
         self._follower = PathFollower(trajectory, limits, period, speed, q_from)
-        self.state = MotionState.RUNNING
-        self.settled = False
-        self.problem = ""
-        self._stopping = False
         self._resting_since = math.inf
 
     @property
@@ -248,17 +291,6 @@ class PathMotion:
         return self._follower.speed
 
     @property
-    def phase(self) -> Phase:
-        """RESTING once nothing moves any more, as `at_rest`."""
-        if self.at_rest:
-            return Phase.RESTING
-        return (
-            Phase.BRAKING
-            if self._stopping or self.state is not MotionState.RUNNING
-            else Phase.RUNNING
-        )
-
-    @property
     def set_point_rests(self) -> bool:
         """True when the set-point stands: at the end, stopped, or paused."""
         return self._follower.at_rest
@@ -268,70 +300,37 @@ class PathMotion:
         """True when the set-point has come to the path's end."""
         return self._follower.finished
 
-    @property
-    def at_rest(self) -> bool:
-        """True when nothing moves: settled, or paused and standing."""
-        return self.settled or (self.state is MotionState.PAUSED and self._follower.at_rest)
-
-    def stop(self) -> None:
-        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self._stopping = True
-            self._follower.slow_down()
-
     def come_to_rest(self, follower: PathFollower) -> None:
         """Brake as `follower` does: an earlier `braking()`, from a set-point that lay further back."""
         self._stopping, self._follower = True, follower
 
-    def fail(self, problem: str) -> None:
-        """Stop on the path and end as FAILED."""
-        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self.problem = self.problem or problem
-            self.stop()
-
     def abandon(self, problem: str) -> None:
-        """End as FAILED where the arm is: its controller has stopped, or does not go on."""
-        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self.problem, self.state, self._stopping = problem, MotionState.FAILED, True
-            self._follower.halt()
-
-    def pause(self) -> None:
-        """Slow down to rest on the path."""
-        if self.state is MotionState.RUNNING and not self._stopping:
-            self.state = MotionState.PAUSED
-            self._follower.slow_down()
+        super().abandon(problem)
+        self._follower.halt()
 
     def resume(self) -> None:
-        """Go on along the path after a pause."""
-        if self.state is MotionState.PAUSED and not self._stopping:
-            self.state = MotionState.RUNNING
-            self._resting_since = math.inf  # it rested because it was paused
-            self._follower.go_on()
+        super().resume()
+        self._resting_since = math.inf  # it rested because it was paused
 
     def set_speed(self, speed: float) -> None:
         """Follow the path at this share of its own pace from now on."""
-        self._follower.set_speed(speed)
+        self._follower.speed = speed
 
     def step(self) -> tuple[Float64, Float64]:
         """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
-        return self._follower.step()
+        return self._follower.step(self.phase is Phase.RUNNING)
 
     def braking(self) -> PathFollower:
         """How the set-point would come to rest if it were stopped now."""
-        return self._follower.braking()
+        return copy.copy(self._follower)  # the path itself is only read
 
     def look(self, resting: bool, beside: float, now: float) -> None:
-        """Update the state, from whether the measured joints rest and their largest distance from the set-point [rad].
-
-        An arm that was stopped against something rests beside its set-point: that is stopped all the same.
-        """
         self._resting_since = min(self._resting_since, now) if resting else math.inf
-        if self._follower.finished and not self._stopping:
-            if resting and beside < 2e-3:  # joints so near to the path's end are there [rad]
-                self.state, self.settled = MotionState.DONE, True
-            elif now - self._resting_since > HELD_UP:
-                self.fail(
-                    f"the arm rests {math.degrees(beside):.1f}° off the end of its path: something holds it"
-                )
-        elif self._stopping and self._follower.at_rest:
-            self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
-            self.settled = resting
+        if self._stopping or not self._follower.finished:
+            super().look(resting, beside, now)
+        elif resting and beside < 2e-3:  # joints so near to the path's end are there [rad]
+            self.state, self.settled = MotionState.DONE, True
+        elif now - self._resting_since > HELD_UP:
+            self.fail(
+                f"the arm rests {math.degrees(beside):.1f}° off the end of its path: something holds it"
+            )

@@ -115,23 +115,15 @@ class RollingPath:
             self.go_on()
 
     def window(self) -> list[SetPoint]:
-        """Return the set-points from now on; the last ones are at rest.
-
-        Velocities are those of the positions, by central differences: a path whose rate changes has others, to first
-        order in the period, and cubics through both would swing.
-        """
+        """Return the set-points from now on; the last one is at rest."""
         points, follower = [promised.point for promised in self._promised], self.motion.braking()
         due = self._last.due
         # maximum number of points of a stopping path; five seconds, ten times the need of any arm
         while not follower.at_rest and len(points) < 500:
-            q, qd = follower.step()
+            q, qd = follower.step(goes_on=False)
             due += POINT_PERIOD
             points.append(SetPoint(due, q, qd))
-        told = [
-            SetPoint(here.due, here.q, (after.q - before.q) / (after.due - before.due))
-            for before, here, after in zip(points, points[1:], points[2:], strict=False)
-        ]
-        return [*told, SetPoint(points[-1].due, points[-1].q, np.zeros_like(points[-1].q))]
+        return [*points[1:-1], SetPoint(due, points[-1].q, np.zeros_like(points[-1].q))]
 
     def _promise(self, point: SetPoint) -> None:
         self._last = point

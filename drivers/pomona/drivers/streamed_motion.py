@@ -17,14 +17,14 @@ import numpy as np
 
 from pomona.drivers.errors import BadTrajectory
 from pomona.drivers.interfaces import ArmLimits, MotionState
-from pomona.drivers.path_motion import Phase
+from pomona.drivers.path_motion import Phase, SteppedMotion
 from pomona.executive.values.arrays import Float64
 
 CATCHING_UP = 0.25
 """Share of the acceleration with which a joint joins a target that moves on; the rest is for the target's own."""
 
 
-class StreamedMotion:
+class StreamedMotion(SteppedMotion):
     """A motion towards the newest set-point, stepped by the arm's driver at a fixed period."""
 
     time_left = math.inf  # seconds to its end: not known, since set-points may keep arriving
@@ -45,9 +45,8 @@ class StreamedMotion:
             speed: share of the joints' largest speeds that is used, above 0 to 1.
             now: when the arm shall pass the newest set-point, on the cell's clock [s]; for set-points with a time.
         """
-        self.speed = speed
-        self.state, self.settled, self.problem = MotionState.RUNNING, False, ""
-        self.progress = 0.0
+        super().__init__()
+        self.speed, self.progress = speed, 0.0
         self._limits, self._period, self._watchdog = limits, period, watchdog
         window = max(math.ceil(2.0 * float((limits.acceleration / limits.jerk).max()) / period), 1)
         self._lately = np.tile(q, (window, 1))  # where the unsmoothed set-point was
@@ -64,7 +63,6 @@ class StreamedMotion:
         self._smooth: Float64 = q.copy()
         self._still = window  # steps for which nothing has moved
         self._aimed = 0.0
-        self._stopping = False
 
     # ------------------------------------------------------------------------------------ set-points
 
@@ -106,19 +104,7 @@ class StreamedMotion:
     # ------------------------------------------------------------------------------------ supervision
 
     @property
-    def phase(self) -> Phase:
-        """As of a motion along a path."""
-        if self.at_rest:
-            return Phase.RESTING
-        return (
-            Phase.BRAKING
-            if self._stopping or self.state is not MotionState.RUNNING
-            else Phase.RUNNING
-        )
-
-    @property
     def set_point_rests(self) -> bool:
-        """Whether the commanded position stands still."""
         return self._still >= len(self._lately)
 
     @property
@@ -126,58 +112,30 @@ class StreamedMotion:
         """Whether it stands at its target: one that stands elsewhere is not stepped any more."""
         return self.set_point_rests and bool(np.abs(self._target - self._raw).max() < 1e-3)  # rad
 
-    @property
-    def at_rest(self) -> bool:
-        """Whether nothing moves: settled, or paused and standing."""
-        return self.settled or (self.state is MotionState.PAUSED and self.set_point_rests)
-
-    def stop(self) -> None:
-        """Come to rest within the limits and stay there."""
-        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self._stopping = True
-
     def set_speed(self, speed: float) -> None:
         """Use this share of the joints' largest speeds from now on."""
         self.speed = speed
 
-    def fail(self, problem: str) -> None:
-        """Come to rest and end as FAILED."""
-        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self.problem = self.problem or problem
-            self.stop()
-
     def abandon(self, problem: str) -> None:
-        """End as FAILED where the arm is."""
-        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self.problem, self.state, self._stopping = problem, MotionState.FAILED, True
-            self._rate[:], self._still = 0.0, len(self._lately)
-
-    def pause(self) -> None:
-        """Come to rest; set-points are followed again after `resume`."""
-        if self.state is MotionState.RUNNING and not self._stopping:
-            self.state = MotionState.PAUSED
+        super().abandon(problem)
+        self._rate[:], self._still = 0.0, len(self._lately)
 
     def resume(self) -> None:
         """Follow the set-points that arrive from now on."""
-        if self.state is MotionState.PAUSED and not self._stopping:
-            self.state, self._aimed, self._target = MotionState.RUNNING, 0.0, self._raw.copy()
+        if self.state is MotionState.PAUSED:
+            self._aimed, self._target = 0.0, self._raw.copy()
             self._moves_on = np.zeros_like(self._raw)
-
-    def look(self, resting: bool, beside: float, now: float) -> None:
-        """Update the state; the arguments are those of a motion along a path."""
-        if self._stopping and self.set_point_rests:
-            self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
-            self.settled = resting
+        super().resume()
 
     # ------------------------------------------------------------------------------------ stepping
 
     def step(self) -> tuple[Float64, Float64]:
         """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
-        if self.state is MotionState.RUNNING and not self._stopping:
+        if self.phase is Phase.RUNNING:
             self._aimed += self._period
             if self._aimed > self._watchdog + 1e-9:
                 self.fail(f"no new set-point came for {1e3 * self._watchdog:.0f} ms")
-        free = self.state is MotionState.RUNNING and not self._stopping
+        free = self.phase is Phase.RUNNING
         before, smooth = self._raw, self._smooth
         self._raw = self._advanced(self._fastest() if free else np.zeros_like(self._rate), free)
         self._sum = self._sum + self._raw - self._lately[self._next]

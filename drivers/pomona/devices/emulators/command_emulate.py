@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from pomona.devices.emulators.free_gripper import FreeGripper
-from pomona.devices.emulators.motoman import FreeJoints, MotomanEmulator
+from pomona.devices.emulators.motoman import ORDERS, FreeJoints, MotomanEmulator
 from pomona.devices.emulators.server import CanPort, Endpoint, PtyPort, Server, TcpPort
 from pomona.devices.emulators.suntouch import Pad, SunTouchEmulator, random_wrenches
 from pomona.devices.emulators.wsg import WsgEmulator
-from pomona.devices.motoman.connect import ORDERS
 from pomona.devices.suntouch.codec import decode, encode
 from pomona.executive import FORCE, LENGTH, TIME, Measure
 

@@ -35,10 +35,10 @@ from pomona.devices.motoman.codec import (
     Valid,
     encode,
 )
-from pomona.devices.motoman.connect import ORDERS
 from pomona.drivers import Address, Arm, Cell, FaultSwitch
 from pomona.executive import Float64
 
+ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}
 START_TOLERANCE = 5e-4  # the first point must be this near to the arm [rad]
 OVERSPEED = 1.05
 STATE_PERIOD = 0.025

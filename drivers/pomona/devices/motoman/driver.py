@@ -8,13 +8,13 @@ acknowledges it. The handshake is then repeated, and nothing resumes by itself.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from pomona.devices.motoman.codec import Control, Result, Valid
+from pomona.devices.motoman.options import MotomanFile
 from pomona.devices.motoman.session import ControllerSession
-from pomona.devices.motoman.stream import INTERPOLATION, MotomanOptions, PointStream, RanDryError
+from pomona.devices.motoman.stream import INTERPOLATION, PointStream, RanDryError
 from pomona.devices.motoman.words import fault, refusal
 from pomona.drivers import (
     ArmLimits,
@@ -39,16 +39,15 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
         self,
         open_port: Callable[[str], Link],
         clock: Clock,
-        description: Path,
         limits: ArmLimits,
-        options: MotomanOptions | None = None,
+        options: MotomanFile,
         name: str = "arm",
     ) -> None:
         """`open_port` connects to "state" or "motion"."""
-        self.options = options or MotomanOptions()
-        super().__init__(name, clock, description, limits, self.options.supervision, INTERPOLATION)
-        self._open_port, self.lead = open_port, self.options.lead
-        self._wire = np.array(self.options.wire_joints)
+        self.options = options
+        super().__init__(name, clock, options.robot, limits, options.supervision, INTERPOLATION)
+        self._open_port, self.lead = open_port, options.lead
+        self._wire = np.array(options.wire_joints)
         self._taken_at = -np.inf
 
     # ---------------------------------------------------------------------------------------- connection

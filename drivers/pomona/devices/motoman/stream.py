@@ -8,48 +8,25 @@ the arm is slow, as where it lands: a slow arm that runs out of points stands at
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from pomona.devices.motoman.codec import Order, Result, TrajectoryPoint, Valid
+from pomona.devices.motoman.codec import Result, TrajectoryPoint, Valid
+from pomona.devices.motoman.options import SHORT, MotomanFile
 from pomona.devices.motoman.session import ControllerSession
 from pomona.devices.motoman.words import refusal
-from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion, Supervision
+from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
 INTERPOLATION = (
     0.004  # period of the controller's own interpolation, and of stepping the path here [s]
 )
-SLOW, SHORT = (
-    0.05,
-    1.0 / 3.0,
-)  # speed of each joint up to which the queue is short [rad/s], as a share of `lead`
+SLOW = 0.05  # speed of each joint up to which the queue is short [rad/s]
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
 class RanDryError(DeviceFault):
     """The controller had no points while the arm moved, and has stopped it."""
-
-
-@dataclass(frozen=True, slots=True)
-class MotomanOptions:
-    """Options of the arm in the cell file."""
-
-    order: Order = "<"  # byte order of the controller, "<" or ">"
-    group: int = 0  # control group of the arm
-    # for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6)
-    wire_joints: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6)
-    # whether the servos are switched on at the connection; else the operator does it at the pendant
-    servo_on: bool = True
-    point_period: float = 0.02  # time between points that are sent [s]
-    lead: float = (
-        0.15  # how far ahead of the arm points are sent [s]: a stop takes effect behind them
-    )
-    silence: float = 0.09  # time without feedback after which the arm is lost [s]
-    supervision: Supervision = field(
-        default_factory=Supervision
-    )  # how closely the arm must follow its commands
 
 
 class PointStream(KnotMaker):
@@ -66,7 +43,7 @@ class PointStream(KnotMaker):
         motion: PathMotion | StreamedMotion,
         q_arm: Float64,
         clock: Clock,
-        options: MotomanOptions,
+        options: MotomanFile,
         commanded: Callable[[float, Float64], None] = lambda due, q: None,
     ) -> None:
         """Begin at the arm's own position `q_arm`, shape (dof,) [rad].

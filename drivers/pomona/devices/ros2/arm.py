@@ -8,9 +8,9 @@ an operator acknowledges it; nothing resumes by itself.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from pomona.devices.ros2.joints import JointFeed, RosNode, stamped
 from pomona.drivers import (
     AT_REST,
     POINT_PERIOD,
+    ArmFile,
     ArmLimits,
     ArmState,
     ConnectContext,
@@ -30,24 +31,10 @@ from pomona.drivers import (
     RollingPath,
     SetPoint,
     Settings,
-    Supervision,
-    UnusableRobotFile,
     driver,
-    read_limits,
     words,
 )
-from pomona.executive import (
-    TIME,
-    Clock,
-    Float64,
-    Measure,
-    PathTo,
-    Problem,
-    Section,
-    Text,
-    Words,
-    value,
-)
+from pomona.executive import TIME, Clock, Float64, Measure, Text, Words, value
 from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
 from pomona.tools.ros2.rosbridge import WAY, open_peer
 from pomona.tools.ros2.types import coder
@@ -59,18 +46,39 @@ STEPPED = 0.02  # change between the host's clock and the cell's that counts as 
 FIRST = 3.0  # deadline of the first joint state [s]
 
 
-@dataclass(frozen=True, slots=True)
-class Ros2ArmOptions:
-    """Options of the arm in the cell file."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ros2ArmFile(ArmFile):
+    """An arm behind a joint_trajectory_controller of ros2_control."""
 
-    joints: tuple[str, ...]  # of the robot's description, by their names in ROS 2
-    states: str = "/joint_states"  # states, commands: topics
-    commands: str = "/joint_trajectory_controller/joint_trajectory"
-    lead: float = 0.15  # time by which set-points precede the arm [s]
-    silence: float = 0.1  # without joint states for this long the arm is lost [s]
-    supervision: Supervision = field(
-        default_factory=Supervision
-    )  # how closely the arm must follow its commands
+    address: str = value(WAY, ADDRESS, WAY.words)
+    distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
+    joints: tuple[str, ...] = value(
+        Words(), help="the description's joints, by their names in ROS 2"
+    )
+    states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
+    commands: str = value(
+        Text(),
+        "/joint_trajectory_controller/joint_trajectory",
+        "topic of trajectory_msgs/JointTrajectory",
+    )
+    lead: float = value(
+        Measure(TIME, "40 ms", "700 ms"),
+        "150 ms",
+        "how far ahead in time points are sent to the arm",
+    )
+    silence: float = value(
+        Measure(TIME, "20 ms", "1 s"),
+        "100 ms",
+        "without joint states for this long the arm is lost",
+    )
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        return (f"{self.address} {self.commands}",)
+
+    @property
+    def dof(self) -> int:
+        return len(self.joints)
 
 
 class Ros2Arm(PathArm):
@@ -80,13 +88,12 @@ class Ros2Arm(PathArm):
         self,
         wire: RosNode,
         clock: Clock,
-        description: Path,
         limits: ArmLimits,
-        options: Ros2ArmOptions,
+        options: Ros2ArmFile,
         name: str = "arm",
         host_time: Callable[[], float] = time.time,
     ) -> None:
-        super().__init__(name, clock, description, limits, options.supervision, POINT_PERIOD)
+        super().__init__(name, clock, options.robot, limits, options.supervision, POINT_PERIOD)
         self.options = options
         self._wire, self._host_time = wire, host_time
         self._feed = JointFeed(
@@ -96,6 +103,9 @@ class Ros2Arm(PathArm):
         self._path: RollingPath | None = None
         self._say_at, self._rested = -np.inf, False
         self._offset = 0.0  # from the cell's time to the host's, of the present motion [s]
+        self._own = uuid.uuid4().hex  # frame of our trajectories, which no controller reads
+        self._foreign = False
+        wire.subscribe(options.commands, TRAJECTORY, self._hear)
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -113,6 +123,10 @@ class Ros2Arm(PathArm):
                 )
         self._problem = None
 
+    def _hear(self, raw: bytes) -> None:
+        """In the wire's thread: note a trajectory of somebody else."""
+        self._foreign |= self._own.encode() not in raw
+
     def step(self) -> None:
         """Serve the arm for a moment; its own thread calls this without end."""
         try:
@@ -125,6 +139,9 @@ class Ros2Arm(PathArm):
             self._doubt(error)
             if self._feed.went_back:
                 self._brake()
+        if self._foreign:
+            self._foreign = False
+            self._condemn(DeviceFault(self.name, "another program commands the arm"))
         if self._path is not None:
             self._tell(self._path)
         self._watch_motion()
@@ -185,7 +202,7 @@ class Ros2Arm(PathArm):
             self._abandon(error.message)  # the last message brings it to rest
             return
         rested, self._rested = self._rested, path.played
-        if rested if path.played else now < self._say_at:
+        if rested == path.played and (rested or now < self._say_at):
             return
         # period of repeated set-points [s]: if several get lost, one arrives before the lead is over
         self._say_at = now + 0.03
@@ -218,7 +235,7 @@ class Ros2Arm(PathArm):
             }
             for point in points
         ]
-        header = {"stamp": stamped(stamp), "frame_id": ""}
+        header = {"stamp": stamped(stamp), "frame_id": self._own}
         fields = {"header": header, "joint_names": list(self.options.joints), "points": told}
         self._wire.publish(
             self.options.commands,
@@ -261,65 +278,12 @@ class Ros2Arm(PathArm):
         self._wire.close()
 
 
-# ------------------------------------------------------------------------------------------------ cell file
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ros2ArmFile:
-    """An arm behind a joint_trajectory_controller of ros2_control."""
-
-    address: str = value(WAY, ADDRESS, WAY.words)
-    distribution: str = value(Text(*DISTRIBUTIONS), "jazzy", "version of ROS 2 behind the router")
-    robot: Path = value(
-        PathTo("file"), help="the robot's description (MJCF or URDF), with its limits"
-    )
-    joints: tuple[str, ...] = value(
-        Words(), help="the description's joints, by their names in ROS 2"
-    )
-    states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
-    commands: str = value(
-        Text(),
-        "/joint_trajectory_controller/joint_trajectory",
-        "topic of trajectory_msgs/JointTrajectory",
-    )
-    lead: float = value(
-        Measure(TIME, "40 ms", "700 ms"),
-        "150 ms",
-        "how far ahead in time points are sent to the arm",
-    )
-    silence: float = value(
-        Measure(TIME, "20 ms", "1 s"),
-        "100 ms",
-        "without joint states for this long the arm is lost",
-    )
-    supervision: Supervision = value(
-        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
-    )
-
-    @property
-    def wires(self) -> tuple[str, ...]:
-        return (f"{self.address} {self.commands}",)
-
-    def problems(self) -> Iterator[Problem]:
-        try:
-            read_limits(self.robot, len(self.joints))
-        except UnusableRobotFile as error:
-            yield Problem("robot", str(error))
-
-    def known(self) -> Iterator[object]:
-        yield read_limits(self.robot, len(self.joints))
-
-
 @driver(Ros2Arm, Ros2ArmFile)
 def connect(settings: Settings[Ros2ArmFile], context: ConnectContext) -> Ros2Arm:
     """Listen to the arm that a cell file describes; nothing moves."""
     said = settings.values
-    options = Ros2ArmOptions(
-        said.joints, said.states, said.commands, said.lead, said.silence, said.supervision
-    )
-    limits = read_limits(said.robot, len(said.joints))
     wire = open_peer(said.address, "pomona_arm", said.distribution)
-    arm = Ros2Arm(wire, context.clock, said.robot, limits, options)
+    arm = Ros2Arm(wire, context.clock, said.limits, said)
     try:
         arm.connect()
     except DeviceLost as error:

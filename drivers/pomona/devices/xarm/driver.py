@@ -145,8 +145,7 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         try:
             q = None if self._points is None else self._points.next()
         except DeviceFault as error:
-            self._blame(error)
-            self._halt(error.message)
+            self._condemn(error)
             q = None
         if q is not None:
             session.ask(Register.SERVO_JOINTS, servo_point(q.tolist()))
@@ -172,8 +171,7 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         problem = error_words(session.error()) if session.flags & ERROR else ""
         problem = problem or interrupted(session.report.state, session.report.mode)
         if problem:
-            self._blame(DeviceFault(self.name, problem))
-            self._halt(problem)
+            self._condemn(DeviceFault(self.name, problem))
 
     def _unlock(self, session: XArmSession) -> None:
         session.ask(Register.CLEAN_ERROR, deadline=SLOW)

@@ -176,9 +176,10 @@ class MockArm(Device):
         if not self._supervisor.due(now):
             return
         try:
-            self._supervisor.on_feedback(now, np.array(self.says(self.q)), self._qd)
             if motion is not None and not motion.settled:
                 self._supervisor.command(now, self.q)
+            self._supervisor.on_feedback(now, np.array(self.says(self.q)), self._qd)
+            if motion is not None and not motion.settled:
                 self._supervisor.look(now, motion, self._steps)
             elif self._error is None:
                 self._supervisor.look_at_rest(np.array(self.says(self.q)))

@@ -199,9 +199,10 @@ class SimArm(FaultyDevice):
     def _supervise(self, motion: PathMotion | StreamedMotion | None) -> None:
         now = self._world.clock.now()
         try:
+            if motion is not None and not motion.settled:
+                self._supervisor.command(now, self._set_point)
             self._supervisor.on_feedback(now, *self._said())
             if motion is not None and not motion.settled and motion.state is not MotionState.FAILED:
-                self._supervisor.command(now, self._set_point)
                 self._supervisor.look(now, motion, self._steps)
             elif self._problem is None and (motion is None or motion.settled):
                 self._supervisor.end()

@@ -14,7 +14,7 @@ import pytest
 from pomona.devices.emulators.motoman import FreeJoints, MotomanEmulator
 from pomona.devices.motoman.codec import Communication, Message, RobotStatus, encode
 from pomona.devices.motoman.driver import MotomanArm
-from pomona.devices.motoman.stream import MotomanOptions
+from pomona.devices.motoman.options import MotomanFile
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
 from pomona.drivers.motion_supervisor import Supervision
@@ -108,15 +108,16 @@ class Cell:
             self.controller.advance(self.clock.now())
 
 
-def connected(cell: Cell, **options: Any) -> MotomanArm:
+def connected(cell: Cell, controller: str = "dx200", **options: Any) -> MotomanArm:
     arm = MotomanArm(
         lambda name: cell.open(
             {"state": cell.controller.state, "motion": cell.controller.motion}[name]
         ),
         cell.clock,
-        Path("robot.xml"),
         LIMITS,
-        MotomanOptions(**options),
+        MotomanFile(
+            address=("robot", 50240), robot=Path("robot.xml"), controller=controller, **options
+        ),
     )
     arm.connect()
     return arm
@@ -150,7 +151,7 @@ CHANGE = np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6, -0.7])
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_trajectory_is_followed_to_its_end_without_a_gap(order: str) -> None:
     cell = Cell(order)
-    arm = connected(cell, order=order)
+    arm = connected(cell, controller="fs100" if order == ">" else "dx200")
     motion = arm.follow(swing(START, CHANGE))
     assert not arm.settled()
     serve(arm, cell, 0.6)
@@ -201,8 +202,8 @@ def test_the_controller_moves_along_the_path_and_not_beside_it() -> None:
 
 def test_joints_are_sorted_between_the_robot_file_and_the_wire() -> None:
     cell = Cell()
-    wire_joints = (0, 1, 3, 4, 5, 6, 2)  # a file that lists S L U R B T E
-    arm = connected(cell, wire_joints=wire_joints)
+    wire_joints = (0, 1, 3, 4, 5, 6, 2)
+    arm = connected(cell, joints=tuple("SLURBTE"))
     assert arm.state().q == pytest.approx(START[list(wire_joints)])
     motion = arm.follow(swing(arm.state().q, CHANGE))
     serve(arm, cell, 2.0, lambda: motion.settled)
@@ -533,7 +534,7 @@ def test_a_reconnection_repeats_the_handshake_and_does_not_go_on_to_the_old_targ
 
 def test_bytes_of_the_wrong_order_are_nonsense() -> None:
     with pytest.raises(Nonsense, match="byte order"):
-        connected(Cell(">"), order="<")
+        connected(Cell(">"), controller="dx200")
 
 
 def test_a_safe_stop_decelerates_and_is_latched() -> None:

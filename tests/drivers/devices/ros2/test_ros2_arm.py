@@ -19,7 +19,7 @@ pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
 from rosbags.typesys import Stores, get_typestore
 
 from pomona.devices.ros2 import arm as module, outside
-from pomona.devices.ros2.arm import TRAJECTORY, Ros2Arm, Ros2ArmOptions
+from pomona.devices.ros2.arm import TRAJECTORY, Ros2Arm, Ros2ArmFile
 from pomona.devices.ros2.gripper import COMMAND
 from pomona.devices.ros2.joints import JOINT_STATE, KEPT, LARGEST, stamped
 from pomona.drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost, MotionRefused
@@ -51,6 +51,7 @@ class Controller:
     def __init__(self, clock: ManualClock) -> None:
         self.clock, self.q, self.qd = clock, START.copy(), np.zeros(3)
         self.take: Callable[[bytes], None] = lambda _raw: None
+        self.hear: Callable[[bytes], None] = lambda _raw: None
         self.said: list[Any] = []
         self.refused: list[str] = []
         self.silent = self.stuck = self.closed = self.deaf = False
@@ -60,8 +61,12 @@ class Controller:
         self._plan: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def subscribe(self, topic: str, kind: str, take: Callable[[bytes], None]) -> None:
-        assert (topic, kind) == ("/joint_states", JOINT_STATE)
-        self.take = take
+        if topic == "/joint_states":
+            assert kind == JOINT_STATE
+            self.take = take
+        else:
+            assert (topic, kind) == ("/joint_trajectory_controller/joint_trajectory", TRAJECTORY)
+            self.hear = take
 
     def publish(self, topic: str, kind: str, coded: Any, _stamp: int) -> None:
         assert (topic, kind) == ("/joint_trajectory_controller/joint_trajectory", TRAJECTORY)
@@ -69,6 +74,7 @@ class Controller:
             bytes(coded), kind
         )  # another reader than the one that wrote it
         self.said.append(message)
+        self.hear(bytes(coded))  # a publisher hears itself, too
         stamp = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
         begin = stamp or self.wall
         t = begin + np.array(
@@ -149,7 +155,8 @@ class Setting:
         self.clock, self.host_step = ManualClock(20.0), 0.0
         self.controller = Controller(self.clock)
         self.arm = Ros2Arm(
-            self.controller, self.clock, Path("robot.xml"), LIMITS, Ros2ArmOptions(JOINTS, **options),
+            self.controller, self.clock, LIMITS,
+            Ros2ArmFile(robot=Path("robot.xml"), joints=JOINTS, **options),
             host_time=lambda: WALL + self.clock.now() + self.host_step,
         )  # fmt: skip
         self.controller.advance(STEP)

@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
 pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
 
-from pomona.devices.ros2.arm import Ros2Arm, Ros2ArmOptions
+from pomona.devices.ros2.arm import Ros2Arm, Ros2ArmFile
 from pomona.devices.ros2.gripper import Ros2Gripper, Ros2GripperOptions
 from pomona.drivers.interfaces import GripperLimits, Motion, MotionState
 from pomona.drivers.motion_supervisor import Supervision
@@ -100,13 +100,16 @@ def test_calls_of_many_threads_break_nothing_and_the_arm_moves_afterwards() -> N
     wire = LiveController()
     # A loaded machine may hold threads up for long; silence and lag are not what this is about.
     slow = Supervision(lag=1.0, following_error=0.5, margin=30.0, stall=5.0)
-    options = Ros2ArmOptions(
-        ("shoulder", "elbow", "wrist"), lead=0.5, silence=PATIENCE, supervision=slow
+    options = Ros2ArmFile(
+        robot=Path("none.xml"),
+        joints=("shoulder", "elbow", "wrist"),
+        lead=0.5,
+        silence=PATIENCE,
+        supervision=slow,
     )
     arm = Ros2Arm(
         wire,
         SystemClock(),
-        Path("none.xml"),
         LIMITS,
         options,
         host_time=lambda: WALL + wire.clock.now(),

@@ -341,9 +341,8 @@ class Braking:
         """
         follower = copy.copy(self._follower)  # the path itself is only read
         follower.path_time, follower.rate = t, pace
-        follower.slow_down()
         steps = 0
         while not follower.at_rest:
-            follower.step()
+            follower.step(goes_on=False)
             steps += 1
         return steps * PERIOD
