@@ -11,11 +11,17 @@ from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.limit_surface import SoftContact, grasp_force
 from pomona.skills.grip.settings import GripSettings
 
-STIFFNESS, FRUIT, WEIGHT, PERIOD = 1500.0, 0.08, 1.5, 0.002  # [N/m], [m], [N], [s]
+# [N/m], [m], [N], [s]
+STIFFNESS = 1500.0
+FRUIT = 0.08
+WEIGHT = 1.5
+PERIOD = 0.002
 contact = SoftContact(mu=0.7, delta=0.003, gamma=0.33)
 controller = GripController(GripSettings(contact=contact))
 rng = np.random.default_rng(3)
-width, speed = 0.09, 0.0  # [m], [m/s]; negative closes
+# [m], [m/s]; negative closes
+width = 0.09
+speed = 0.0
 
 for n in range(1500):
     width += speed * PERIOD

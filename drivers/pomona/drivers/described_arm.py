@@ -15,7 +15,9 @@ from pomona.drivers.robot_file import read_spec
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.sections import Problem
 
-DOUBT, OFF = 0.01, 0.02  # a distance that differs by more is doubtful; another arm's [m]
+# a distance that differs by more is doubtful; another arm's [m]
+DOUBT = 0.01
+OFF = 0.02
 PARALLEL = 0.1  # sine of the angle below which two axes count as parallel: 6°
 
 

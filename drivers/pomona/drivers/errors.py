@@ -32,7 +32,8 @@ class UnusableRobotFile(DriverError):
     """A robot's description (MJCF or URDF) that cannot be read, or lacks data for a driver."""
 
     def __init__(self, path: Path, problem: str) -> None:
-        self.path, self.problem = path, problem
+        self.path = path
+        self.problem = problem
         super().__init__(f"{path}: {problem}")
 
 
@@ -48,7 +49,9 @@ class BadTrajectory(DriverError):
     """
 
     def __init__(self, problem: str, sample: int | None = None, joint: int | None = None) -> None:
-        self.problem, self.sample, self.joint = problem, sample, joint
+        self.problem = problem
+        self.sample = sample
+        self.joint = joint
         super().__init__(problem)
 
 

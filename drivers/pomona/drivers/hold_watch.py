@@ -136,10 +136,9 @@ def _write(path: Path, record: HandRecord) -> None:
 
 
 MOVED = 0.01  # change of a joint while paused from which the arm counts as moved from outside [rad]
-HELD_FORCE, LOST_FORCE = (
-    0.5,
-    0.2,
-)  # grasp force of a finger at the pause that holds, and below which it is lost [N]
+# grasp force of a finger at the pause that holds, and below which it is lost [N]
+HELD_FORCE = 0.5
+LOST_FORCE = 0.2
 STOOD = 1e-3  # change of the width below which the fingers have not been moved [m]; an encoder repeats to 0.1 mm
 SLOW = 2e-3  # fingers slower than this rest [m/s], as for a gripper's supervisor
 SURE = "something is between the fingers"

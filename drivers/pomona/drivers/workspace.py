@@ -20,10 +20,9 @@ from pomona.executive.values.mesh_file import MOST_TRIANGLES, UnreadableMeshErro
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.units import ANGLE, LENGTH, SPEED, TIME
 
-LARGEST, SMALLEST = (
-    20.0,
-    0.002,
-)  # sizes of anything that an arm may hit [m]; else the unit is another
+# sizes of anything that an arm may hit [m]; else the unit is another
+LARGEST = 20.0
+SMALLEST = 0.002
 NARROW = 0.1  # inside of a crate below which no hand with open fingers goes in [m]
 TOUCH = 1e-3  # depth to which neighbours may overlap, by rounding [m]
 MOST_PARTS = 400  # each costs every collision check about as much as a box

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from py_trees.behaviour import Behaviour
 
 
-DEEPEST_CAUSE, MOST_CAUSES = (
-    90,
-    10_000,
-)  # how far down, and how many, causes of one reason are recorded and read
+# how far down, and how many, causes of one reason are recorded and read
+DEEPEST_CAUSE = 90
+MOST_CAUSES = 10_000
 
 
 class NoValue(PomonaError):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pomona.executive.errors import PomonaError
 from pomona.executive.ports import RATIO, Port
 
-LEAST, MOST = (
-    0.1,
-    1.0,
-)  # allowed range of the speed ratio; below a tenth, motions would exceed the timeouts of a tree
+# allowed range of the speed ratio; below a tenth, motions would exceed the timeouts of a tree
+LEAST = 0.1
+MOST = 1.0
 
 SHARE = Port(RATIO, min=LEAST, max=MOST)
 

@@ -26,10 +26,9 @@ from pomona.executive.values.sentences import ReportLine
 PLACE = "NUMBA_CACHE_DIR"
 KEEP = f"set {PLACE} to a folder that is writable and stays"
 TEMPORARY = Path(tempfile.gettempdir(), "pomona")
-FIRST_TWO, FIRST_ONE = (
-    30,
-    45,
-)  # duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]
+# duration of the first compilation on two cores and on one (Intel Xeon, 2026-11-25) [s]
+FIRST_TWO = 30
+FIRST_ONE = 45
 # index of the loop compiled last; without it the first start goes on
 LAST = "lines.track_poses-*.nbi"
 HELPER = "pomona.skills.shared.compile_beside"  # module that compiles one half of the loops in a process of its own

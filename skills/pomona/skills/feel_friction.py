@@ -23,7 +23,9 @@ from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watchin
 from pomona.skills.shared.held_fruit import show_grip, watch_grip
 from pomona.skills.shared.warm_motion import prepare_moving
 
-ACCELERATION, JERK_TIME = 0.4, 0.05  # of the slides [m/s²], and time to reach it [s]
+# of the slides [m/s²], and time to reach it [s]
+ACCELERATION = 0.4
+JERK_TIME = 0.05
 
 SLIDING = (0.4, 0.92)
 """Part of the distance, by the arm's joints, on which the pads slide: before it pads and skin deform, after it they

@@ -11,10 +11,9 @@ from pomona.devices.wrist_sensors.sensor import StreamingSensor
 from pomona.drivers import SIDES, Link, Malformed, Nonsense, PressSensor
 from pomona.executive import Clock, Float64
 
-TAKEN, DEADLINE = (
-    20,
-    2.0,
-)  # packets whose mean is the zero, and the time in which they must come [s]
+# packets whose mean is the zero, and the time in which they must come [s]
+TAKEN = 20
+DEADLINE = 2.0
 MOST = 600  # bytes without a packet after which the peer is no such sensor
 
 

@@ -79,8 +79,11 @@ class FramesCamera(Device):
             poses: T_base_camera of the others, by their labels.
         """
         super().__init__(name)
-        self.intrinsics, self._depth_model = intrinsics, depth_model
-        self._frames, self._clock, self._T_base_camera = frames, clock, T_base_camera
+        self.intrinsics = intrinsics
+        self._depth_model = depth_model
+        self._frames = frames
+        self._clock = clock
+        self._T_base_camera = T_base_camera
         self._poses = poses or {}
         self._position = 0
         self._read: tuple[int, Frame] | None = None

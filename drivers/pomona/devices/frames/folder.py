@@ -199,7 +199,8 @@ def read_intrinsics(path: Path) -> Intrinsics:
     except (OSError, ValueError):
         foreign = None  # the reader below has its own words for a file that is no text
     if foreign is not None:
-        message, hint = f"this is {foreign[0]}, and no file of intrinsics", foreign[1]
+        message = f"this is {foreign[0]}, and no file of intrinsics"
+        hint = foreign[1]
         raise CellFileError([Finding(str(path), 1, 1, "error", "foreign", message, hint)])
     section = Section(IntrinsicsSection)
     return read_section_file(

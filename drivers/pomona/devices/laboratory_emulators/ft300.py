@@ -25,7 +25,9 @@ class Ft300Emulator(SensorLine):
         wrench: called for the wrench on the flange, shape (6,) [N, N·m].
     """
 
-    known_faults, intact = ("silent", "noise", "stuck"), 14  # all but the check sum
+    # all but the check sum
+    known_faults = ("silent", "noise", "stuck")
+    intact = 14
 
     def __init__(self, wrench: Callable[[], Float64]) -> None:
         super().__init__()

@@ -13,10 +13,9 @@ from pomona.devices.laboratory_emulators.ports import SensorLine
 from pomona.drivers import Cell, ForceSensor
 
 COUNT = 2e-4  # force of one count of a finger's sum [N]
-IDLE, NOISE = (
-    900,
-    2.0,
-)  # counts of a taxel without contact, and their standard deviation: plausible, not measured
+# counts of a taxel without contact, and their standard deviation: plausible, not measured
+IDLE = 900
+NOISE = 2.0
 
 
 class Tsf85Emulator(SensorLine):

@@ -120,23 +120,32 @@ class UrEmulator(FaultSwitch):
             _DashboardPort(self),
             _ScriptPort(self),
         )
-        self.model, self.version, self.remote = model, (5, 23, 0, 0), True
-        self.safety, self.mode, self.runtime, self.slider, self.status = 1, 7, 1, 1.0, 1
+        self.model = model
+        self.version = (5, 23, 0, 0)
+        self.remote = True
+        self.safety = 1
+        self.mode = 7
+        self.runtime = 1
+        self.slider = 1.0
+        self.status = 1
         self.cycle, self.scaling, self.clock = CYCLE, 1.0, OwnTime()
         self._owed = 0.0  # time of servoj that has not been served yet [s]
         self.inputs: dict[str, float] = {}
-        self.out_int, self.out_float = [0] * 48, [0.0] * 48
+        self.out_int = [0] * 48
+        self.out_float = [0.0] * 48
         self.bus: set[str] = set()
         self.program: str | None = None
         self.tcp_pose = [0.0] * 6
         self.tcp_force: Callable[[], Sequence[float]] = lambda: [0.0] * 6
-        self.now, self._stopped_at = 0.0, -math.inf
+        self.now = 0.0
+        self._stopped_at = -math.inf
         self._next: float | None = None
         self._mode_due: list[tuple[float, int]] = []
         self._written_at: dict[str, float] = {}
         self._watch: tuple[str, float] | None = None
         self._threads: list[Iterator[None]] = []
-        self._joints, self._velocity = joints, velocity
+        self._joints = joints
+        self._velocity = velocity
         self._q, self._qd, self._moved = joints.measured()[0], np.zeros(len(velocity)), False
         self._frozen = joints.measured()
 
@@ -175,11 +184,14 @@ class UrEmulator(FaultSwitch):
         """Release the button, close the guard, plug the cable in; a protective stop is unlocked by a command."""
         kind = self.fault
         super().clear_fault()
-        self.slider, self.status = 1.0, 1
+        self.slider = 1.0
+        self.status = 1
         if self.safety in (2, 5):
             self.safety = 1
         elif self.safety == 7:
-            self.safety, self.mode = 1, 3  # the arm has no power after it
+            # the arm has no power after it
+            self.safety = 1
+            self.mode = 3
         if kind == "paused" and self.program:
             self.runtime = 2
 
@@ -209,7 +221,9 @@ class UrEmulator(FaultSwitch):
 
     def end_program(self) -> None:
         """Stop the program; a moving arm brakes."""
-        self.program, self._watch, self.runtime = None, None, 1
+        self.program = None
+        self._watch = None
+        self.runtime = 1
         self._threads.clear()
 
     # -------------------------------------------------------------------------------------------- time
@@ -249,14 +263,16 @@ class UrEmulator(FaultSwitch):
     def _go(self, wanted: Float64, acceleration: float) -> None:
         most = acceleration * self.cycle
         self._qd = self._qd + np.clip(wanted - self._qd, -most, most)
-        self._q, self._moved = self._q + self._qd * self.cycle, True
+        self._q = self._q + self._qd * self.cycle
+        self._moved = True
 
     def _brake(self, acceleration: float) -> None:
         """Stop linearly in joint space: the quickest joint brakes with this [rad/s²]."""
         quickest = float(np.abs(self._qd).max())
         left = max(1.0 - acceleration * self.cycle / quickest, 0.0) if quickest > 0.0 else 0.0
         self._qd = self._qd * left
-        self._q, self._moved = self._q + self._qd * self.cycle, True
+        self._q = self._q + self._qd * self.cycle
+        self._moved = True
 
     def measured(self) -> tuple[Float64, Float64]:
         """Return the reported positions [rad] and velocities [rad/s], (6,) each."""
@@ -316,18 +332,22 @@ class UrEmulator(FaultSwitch):
                 yield
 
         def movej(q: Any, a: float = 1.4, v: float = 1.05, *_rest: float, **_more: float):  # type: ignore[no-untyped-def]
-            start, end = self._q.copy(), np.array(q, dtype=np.float64)
+            start = self._q.copy()
+            end = np.array(q, dtype=np.float64)
             way = float(np.abs(end - start).max())
             rise = min(v / a, math.sqrt(way / a))
             whole = 2.0 * rise + max(way - a * rise**2, 0.0) / v
             for i in range(1, math.ceil(whole / self.cycle) + 1 if way > 1e-9 else 0):
                 t = min(i * self.cycle, whole)
-                up, down = min(t, rise), max(t - (whole - rise), 0.0)
+                up = min(t, rise)
+                down = max(t - (whole - rise), 0.0)
                 done = (
                     a * (rise * t - 0.5 * rise**2 - 0.5 * down**2) if t > rise else 0.5 * a * up**2
                 )
                 q_next = start + (end - start) * (done / way)
-                self._qd, self._q, self._moved = (q_next - self._q) / self.cycle, q_next, True
+                self._qd = (q_next - self._q) / self.cycle
+                self._q = q_next
+                self._moved = True
                 yield
             self._qd = np.zeros_like(self._qd)
 
@@ -512,7 +532,9 @@ class _Client:
     """The recipes of one RTDE client."""
 
     def __init__(self, peer: Peer) -> None:
-        self.peer, self.started, self.every = peer, False, 1
+        self.peer = peer
+        self.started = False
+        self.every = 1
         self.outputs: list[str] = []
         self.layout = struct.Struct(">B")
         self.inputs: dict[int, tuple[list[str], struct.Struct]] = {}

@@ -8,19 +8,17 @@ from dataclasses import dataclass
 from pomona.drivers import Malformed
 
 SLAVE = 9  # the grippers' address on the bus when they are delivered
-WRITTEN, READ, REGISTERS = (
-    0x03E8,
-    0x07D0,
-    3,
-)  # first register of commands, of the status; three of each
+# first register of commands, of the status; three of each
+WRITTEN = 0x03E8
+READ = 0x07D0
+REGISTERS = 3
 BOTH = 23  # function: write and read registers
 HEAD = struct.Struct(">BBHHHHB")
 ACTIVE = 3  # activation status of a gripper that takes commands
-OPENING, CLOSING, THERE = (
-    1,
-    2,
-    3,
-)  # object detection: stopped by something while it opened, closed; at its position
+# object detection: stopped by something while it opened, closed; at its position
+OPENING = 1
+CLOSING = 2
+THERE = 3
 
 _ACTIVATE = "look for what blocks the fingers, then activate it at the pendant, or start with 'activate: yes' and --cleared"
 FAULTS = {

@@ -79,10 +79,9 @@ class JointFeed:
         self._host_time = host_time
         self._arrived = threading.Condition()
         self._raw: deque[bytes] = deque(maxlen=KEPT)
-        self._last_taken, self._last_stamp = (
-            -1,
-            -np.inf,
-        )  # nanoseconds since 1970; seconds of the cell's clock
+        # nanoseconds since 1970; seconds of the cell's clock
+        self._last_taken = -1
+        self._last_stamp = -np.inf
         self._believed_at = clock.now()
         self._instead = ""
         self.went_back = False

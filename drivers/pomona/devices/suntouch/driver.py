@@ -40,7 +40,9 @@ RECONNECT = 0.5  # pause between attempts to open a lost finger again [s]
 FIRST_SAMPLE = 1.0  # deadline of the first sample after opening [s]
 ANSWER = 0.004  # deadline of an answer [s]; a late answer is still a sample, but after this time the line is restarted
 CATCH_UP = 2  # periods that this thread may oversleep and still ask for each of them, one right after the other
-DROPPED, AVERAGED = 10, 100  # samples left out before and taken for the bias
+# samples left out before and taken for the bias
+DROPPED = 10
+AVERAGED = 100
 
 
 class NoBias(DeviceError):
@@ -90,7 +92,8 @@ class SunTouchFingers(Device):
         self.fingers = (left, right)
         self.hand_memory: HandMemory = memory or HandMemory(None)
         self._gripper = gripper
-        self._clock, self._silence = clock, silence
+        self._clock = clock
+        self._silence = silence
         self._period = 1.0 / rate
         self._owner = Owner(name, self.step, self._lose, clock)
         self._stream = WrenchStream(clock, silence, on_lost, belief)
@@ -247,7 +250,8 @@ class SunTouchFingers(Device):
             if now - self._last_seen > self._silence and self._unanswered >= 5:
                 raise DeviceLost(self.name, f"no sample for {1e3 * (now - self._last_seen):.0f} ms")
             return
-        self._last_seen, self._unanswered = now, 0
+        self._last_seen = now
+        self._unanswered = 0
         flaw = self._flaw((left, right))
         if flaw:
             self.lost_samples += 1
@@ -310,7 +314,8 @@ class SunTouchFingers(Device):
             }
             width = None if self._gripper is None else self._gripper.state().width
             self.hand_memory.keep_bias(bias, width)
-            self._biasing, self._measures = None, True
+            self._biasing = None
+            self._measures = True
 
     def _lose(self, error: BaseException) -> None:
         first = self._streaming

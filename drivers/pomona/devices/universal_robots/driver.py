@@ -53,7 +53,9 @@ INPUTS = (
 )
 """For the script: command, number of a knot, beat; its time, six joints, six speeds, the time of the knot before it.
 RTDE clients own 24 to 47."""
-FOLLOW, STOP = 1, 2  # commands to the script
+# commands to the script
+FOLLOW = 1
+STOP = 2
 BEAT = 0.02  # period of the heart beat [s]; without it for 100 ms the controller ends the script
 UNHEARD = 4  # beats by which a script that runs may be behind: 80 ms; beyond, another program runs
 LAST = 1_000_000  # beat, after which 1 comes again

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 RUNNING = 7  # robot mode in which the arm can move
-POWER_OFF, IDLE = 3, 5  # robot modes: without power; powered with the brakes on
+# robot modes: without power; powered with the brakes on
+POWER_OFF = 3
+IDLE = 5
 PROTECTIVE_STOP = 3  # safety mode
-STOPPED, PLAYING, PAUSED = 1, 2, 4  # runtime states of a program
+# runtime states of a program
+STOPPED = 1
+PLAYING = 2
+PAUSED = 4
 FREEDRIVE = 1 << 2  # status bit of the freedrive button
 
 _SAFETY = {

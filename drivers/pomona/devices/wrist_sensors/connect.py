@@ -18,7 +18,9 @@ from pomona.drivers import (
 )
 from pomona.executive import FORCE, MASS, RATE, TIME, Measure, Text, value
 
-BAUD, FT300_RATE = 19200, 100.0  # of the FT 300 as delivered [bit/s], and of its stream [1/s]
+# of the FT 300 as delivered [bit/s], and of its stream [1/s]
+BAUD = 19200
+FT300_RATE = 100.0
 RTDE = PORTS["rtde"]
 UR_RANGE = 200.0  # of the forces that a UR20 measures [N]; smaller arms measure less
 

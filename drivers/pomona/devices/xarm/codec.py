@@ -14,7 +14,9 @@ from pomona.drivers import Malformed
 from pomona.executive import Float64
 
 PLACES = 7  # joints of every message; arms with fewer leave the last ones 0
-SHORTEST, LARGEST = 35, 1024  # report, with its joints, and message of a controller [bytes]
+# report, with its joints, and message of a controller [bytes]
+SHORTEST = 35
+LARGEST = 1024
 HEADER = struct.Struct(">HHH")
 """Transaction, protocol, number of bytes that follow."""
 PROTOCOLS = (2, 3)

@@ -35,13 +35,12 @@ class ServoStream:
             commanded: called with each set-point and the time at which the arm shall pass it [s].
         """
         self.motion, self.sent, self.q_last, self.due = motion, 0, q_arm, clock.now()
-        self._device, self._clock, self._longest, self._commanded = (
-            device,
-            clock,
-            longest,
-            commanded,
-        )
-        self._moves, self._settled_at = False, 0.0
+        self._device = device
+        self._clock = clock
+        self._longest = longest
+        self._commanded = commanded
+        self._moves = False
+        self._settled_at = 0.0
 
     @property
     def played(self) -> bool:
@@ -53,7 +52,8 @@ class ServoStream:
 
         Raises DeviceFault: the last one is so old that the moving arm has stopped; going on would start it again.
         """
-        now, rested = self._clock.now(), self.motion.set_point_rests
+        now = self._clock.now()
+        rested = self.motion.set_point_rests
         late = now - self.due
         if rested:
             self.due = now

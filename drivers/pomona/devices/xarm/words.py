@@ -4,7 +4,9 @@ from __future__ import annotations
 
 READY = (1, 2)  # states in which set-points are followed: moving, at rest
 STOP = 4  # state, and the command that leads to it
-SERVO, BY_HAND = 1, 2  # modes
+# modes
+SERVO = 1
+BY_HAND = 2
 _ACKNOWLEDGE = "then acknowledge here"
 _ERRORS = {
     1: f"the emergency stop of the control box is pressed; release it, {_ACKNOWLEDGE}",

@@ -30,10 +30,9 @@ from pomona.executive.values.plain_text import NoTableError, read_table
 NAMES = ("name", "fruit_id", "id")  # columns of which one names the ball
 LEAST_BALLS = 3  # with fewer than this nothing can be held out
 
-LEAST_OFFSET, LEAST_SCALE = (
-    5e-3,
-    1e-3,
-)  # lower bounds of deviations of offset [m] and scale, without a measurement
+# lower bounds of deviations of offset [m] and scale, without a measurement
+LEAST_OFFSET = 5e-3
+LEAST_SCALE = 1e-3
 DOUBT = 3.0  # limit of the learnt offset and scale, as a multiple of the prior's standard deviation
 AROUND = 15  # depth may lie so far beside the picture [px]
 LEAST_POINTS = 100  # a ball of fewer points has no sphere

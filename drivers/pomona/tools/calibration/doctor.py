@@ -34,7 +34,9 @@ ENOUGH = 0.95  # ratio of the measured rate to the nominal one below which it is
 FELT = (ForceSensor, PressSensor, LoadSensor)  # interfaces of sensors that stream wrenches
 FREE = 0.5  # largest force of a pad that nothing touches [N]
 GRAVITY = 9.81  # [m/s²]
-SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0  # rates that a camera and an arm should have at least [Hz]
+# rates that a camera and an arm should have at least [Hz]
+SLOWEST_CAMERA = 2.0
+SLOWEST_ARM = 20.0
 
 
 def examine(

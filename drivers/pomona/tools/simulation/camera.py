@@ -67,10 +67,9 @@ SILENCE = 0.5
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0, "depth_stale": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 
-SHOWN, ASKED = (
-    1.0,
-    2.0,
-)  # shortest time between pictures for viewers, and rendering time after a request [s]
+# shortest time between pictures for viewers, and rendering time after a request [s]
+SHOWN = 1.0
+ASKED = 2.0
 SILENT = ("freeze", "lost")  # faults of a camera that sends nothing new
 
 

@@ -119,7 +119,8 @@ class FixedSection:
 
     def pose(self) -> Float64:
         """T_base_camera, shape (4, 4): z along the optical axis, y down, or towards +y where it looks straight down."""
-        p, ahead = np.array(self.position), np.subtract(self.looks_at, self.position)
+        p = np.array(self.position)
+        ahead = np.subtract(self.looks_at, self.position)
         z = ahead / np.linalg.norm(ahead)
         x = np.cross(z, [0.0, 0.0, 1.0])
         x = np.array([-1.0, 0.0, 0.0]) if np.linalg.norm(x) < NO_WAY else x / np.linalg.norm(x)

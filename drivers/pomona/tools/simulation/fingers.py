@@ -21,7 +21,9 @@ from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
 OFFSET = 1.0  # of a channel that jumps [N]
 CLIPPED = 0.5  # where a channel that clips has its end, unknown to its `saturated` flag [N]
 STEP = 0.5  # of a force that is measured coarsely [N]
-LATE, EARLY = 0.5, 10.0  # how old, and how far in the future, wrong stamps are [s]
+# how old, and how far in the future, wrong stamps are [s]
+LATE = 0.5
+EARLY = 10.0
 
 Lie = Callable[[WrenchSample, WrenchSample], WrenchSample]
 """Maps a sample, and the last one before the fault, to the delivered sample."""

@@ -11,15 +11,13 @@ from pomona.tools.simulation.layout import PADS
 from pomona.tools.simulation.scene import TIMESTEP
 from pomona.tools.simulation.world import SimWorld
 
-STIFFNESS, TURNING_STIFFNESS = (
-    1500.0,
-    0.5,
-)  # of a hand that holds on [N/m] and against turning [N·m/rad]
-PULL, TWIST, TWIST_PULL = (
-    0.002,
-    0.08,
-    0.0003,
-)  # speeds of a pull [m/s], a twist [rad/s], and a pull in a twist [m/s]
+# of a hand that holds on [N/m] and against turning [N·m/rad]
+STIFFNESS = 1500.0
+TURNING_STIFFNESS = 0.5
+# speeds of a pull [m/s], a twist [rad/s], and a pull in a twist [m/s]
+PULL = 0.002
+TWIST = 0.08
+TWIST_PULL = 0.0003
 FARTHEST = 0.005  # they do not pull farther than this: the fruit stays between the pads [m]
 GRAVITY = 9.81
 

@@ -93,11 +93,12 @@ def _specks(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.bool
     return specks.astype(bool)
 
 
-SHIFT, TURN = (
-    0.015,
-    np.radians(3.0),
-)  # error of the camera's stated pose along and about each of its axes [m, rad]
-FOCAL, DEPTH = 0.05, 0.03  # relative errors of the focal length and of the depth
+# error of the camera's stated pose along and about each of its axes [m, rad]
+SHIFT = 0.015
+TURN = np.radians(3.0)
+# relative errors of the focal length and of the depth
+FOCAL = 0.05
+DEPTH = 0.03
 Change = Callable[
     [Frame, Frame], Frame
 ]  # maps a frame, and an earlier frame of the same size, to the delivered frame

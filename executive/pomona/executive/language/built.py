@@ -120,7 +120,8 @@ class UniquePaths:
 
     def take(self, base: str) -> str:
         """Return a path that no other node has: the given one, or with a number."""
-        path, number = base, 1
+        path = base
+        number = 1
         while path in self.taken:
             number += 1
             path = f"{base}#{number}"

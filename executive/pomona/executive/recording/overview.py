@@ -99,10 +99,9 @@ def _listed(samples: Any) -> list[Any]:
 
 
 OVERVIEW = "overview.ndjson"
-WHOLE, WHOLE_BYTES = (
-    20_000,
-    10_000_000,
-)  # a record with at most this number of events, or bytes, is its own overview
+# a record with at most this number of events, or bytes, is its own overview
+WHOLE = 20_000
+WHOLE_BYTES = 10_000_000
 PARTS = 2_000  # largest number of parts of the time; beyond it, two parts become one
 SHORTEST = 0.05  # length of a part at first [s]
 _LONGEST = 1e9  # longest run [s]

@@ -27,7 +27,9 @@ from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import figure, headline, say, seconds
 from pomona.executive.views import TableView
 
-MOST_ROWS, MOST_COLUMNS = 200, 30  # of a table that are printed; an export has all
+# of a table that are printed; an export has all
+MOST_ROWS = 200
+MOST_COLUMNS = 30
 
 
 class Summary:

@@ -11,11 +11,10 @@ import numpy as np
 
 MOST_MEMBERS = 2000  # a checkpoint of PyTorch has one for each tensor: a few hundred
 _ENTRY = 1024  # of the archive's directory: 46 bytes, name and extra fields [byte for each member]
-_END, _END_64, _LOCATOR_64 = (
-    b"PK\5\6",
-    b"PK\6\6",
-    b"PK\6\7",
-)  # signatures of the records at an archive's end
+# signatures of the records at an archive's end
+_END = b"PK\5\6"
+_END_64 = b"PK\6\6"
+_LOCATOR_64 = b"PK\6\7"
 _LONGEST_COMMENT = 0xFFFF
 
 

@@ -31,7 +31,9 @@ from urllib.request import url2pathname
 from pomona.executive.errors import UsageError
 from pomona.executive.values.sentences import ReportLine
 
-WHOLE, ALONE = "pomona", "pomona-executive"  # distributions: everything, and the executive alone
+# distributions: everything, and the executive alone
+WHOLE = "pomona"
+ALONE = "pomona-executive"
 
 
 @cache

@@ -33,14 +33,12 @@ _FTYP = {
     b"msf1": "HEIC",
     b"avif": "AVIF",
 }
-_EXIF, _TIFF = (
-    (b"Exif", b"eXIf", b"EXIF", b"exif"),
-    (b"II*", b"MM\0*"),
-)  # marks of data in which a turn may stand
-_ORIENTATION, _UPRIGHT = (
-    0x0112,
-    1,
-)  # tag of Exif, and its value for pixels that are stored as they are seen
+# marks of data in which a turn may stand
+_EXIF = (b"Exif", b"eXIf", b"EXIF", b"exif")
+_TIFF = (b"II*", b"MM\0*")
+# tag of Exif, and its value for pixels that are stored as they are seen
+_ORIENTATION = 0x0112
+_UPRIGHT = 1
 
 
 class UnusablePicture(ValueError):

@@ -95,7 +95,9 @@ def report_false_spaces(source: Source, findings: Findings) -> bool:
 
     In quotes, in comments and in texts of several lines (`|`, `>`) they are part of a text.
     """
-    found, text_of = False, -1  # indentation of the key to which a text of several lines belongs
+    # indentation of the key to which a text of several lines belongs
+    found = False
+    text_of = -1
     plain_text = _FLOW.sub(lambda match: re.sub(r"[^\n\[\]{}]", " ", match[0]), source.text)
     for line, (text, plain) in enumerate(
         zip(source.text.split("\n"), plain_text.split("\n"), strict=True), start=1

@@ -18,24 +18,25 @@ from pathlib import Path
 
 from pomona.executive.values.installation import installed_trees
 
-_CREATE, _ADD, _RESTRICT = (
-    444,
-    445,
-    446,
-)  # system calls of Landlock, the same on x86_64 and aarch64 (linux/unistd.h)
-_VERSION, _BENEATH = (
-    1,
-    1,
-)  # LANDLOCK_CREATE_RULESET_VERSION, LANDLOCK_RULE_PATH_BENEATH (linux/landlock.h)
+# system calls of Landlock, the same on x86_64 and aarch64 (linux/unistd.h)
+_CREATE = 444
+_ADD = 445
+_RESTRICT = 446
+# LANDLOCK_CREATE_RULESET_VERSION, LANDLOCK_RULE_PATH_BENEATH (linux/landlock.h)
+_VERSION = 1
+_BENEATH = 1
 _READ = 0b1101  # execute, read a file, read a folder
 _EVERY = (1 << 13) - 1  # all rights of version 1
-_REFER, _TRUNCATE = 1 << 13, 1 << 14  # from version 2 and 3 on
-_NETWORK, _TCP = 4, 0b11  # from this version on: bind and connect
+# from version 2 and 3 on
+_REFER = 1 << 13
+_TRUNCATE = 1 << 14
+# from this version on: bind and connect
+_NETWORK = 4
+_TCP = 0b11
 _FILE_RIGHTS = 0b111 | _TRUNCATE  # those that apply to a file that is no folder
-_NO_NEW_PRIVILEGES, _END_WITH_PARENT = (
-    38,
-    1,
-)  # PR_SET_NO_NEW_PRIVS, PR_SET_PDEATHSIG (linux/prctl.h)
+# PR_SET_NO_NEW_PRIVS, PR_SET_PDEATHSIG (linux/prctl.h)
+_NO_NEW_PRIVILEGES = 38
+_END_WITH_PARENT = 1
 MOST_FILE = 4 * 1024**3  # of a file that a command writes [bytes]
 _SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc", "/sys")
 _SHARED = ("/dev", "/dev/shm")

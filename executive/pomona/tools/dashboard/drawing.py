@@ -115,22 +115,21 @@ def _indented(branch: DrawnNode, joint: str, below: str) -> Iterator[str]:
         )
 
 
-NAME, SMALL = 13.0, 10.5  # font sizes of names, and of ports and modifiers [px]
-MOST_NAME, MOST_PORTS, MOST_MODIFIER = (
-    34,
-    46,
-    30,
-)  # characters that are drawn; the rest is in the node's title
-PADDING, GAP, STEP = (
-    10.0,
-    10.0,
-    36.0,
-)  # inside a box, between two branches, and between a box and its children [px]
-LINE, PORTS_LINE, PILL = (
-    26.0,
-    14.0,
-    16.0,
-)  # heights of a box with a name, of its line of ports, and of a modifier [px]
+# font sizes of names, and of ports and modifiers [px]
+NAME = 13.0
+SMALL = 10.5
+# characters that are drawn; the rest is in the node's title
+MOST_NAME = 34
+MOST_PORTS = 46
+MOST_MODIFIER = 30
+# inside a box, between two branches, and between a box and its children [px]
+PADDING = 10.0
+GAP = 10.0
+STEP = 36.0
+# heights of a box with a name, of its line of ports, and of a modifier [px]
+LINE = 26.0
+PORTS_LINE = 14.0
+PILL = 16.0
 MARGIN = 12.0
 INK, MUTED, RULE = "#1a1e23", "#5b6470", "#8b95a1"
 

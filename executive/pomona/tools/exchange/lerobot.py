@@ -27,7 +27,9 @@ MOST = 1000  # steps a second: no device of a record measures more often
 CHUNK = 1000  # files in a folder
 ROWS = 200  # of a group in a table: a look that many steps share is stored once in each group
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-STATED_LOOKS, STATED_STEP = 10, 4  # images and pixels of them from which their statistics are made
+# images and pixels of them from which their statistics are made
+STATED_LOOKS = 10
+STATED_STEP = 4
 
 STATE = "observation.state"
 WRENCH = "observation.wrench"

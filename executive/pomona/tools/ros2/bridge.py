@@ -37,7 +37,11 @@ ACTIONS = (
     "safe_stop",
     "acknowledge",
 )
-EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6  # action_msgs/GoalStatus
+# action_msgs/GoalStatus
+EXECUTING = 2
+SUCCEEDED = 4
+CANCELED = 5
+ABORTED = 6
 MOST_NAME = 60  # letters of an operator's name, as for the page
 Starts = Callable[
     [dict[str, Any]], str
@@ -270,7 +274,9 @@ class Ros2Bridge:
         if goal.status != EXECUTING:
             reply({"return_code": 3})
             return
-        before, goal.canceled = goal.canceled, True  # first: the run may end before this goes on
+        # first: the run may end before this goes on
+        before = goal.canceled
+        goal.canceled = True
         try:
             if not self._control.cancel_start(goal.viewer):
                 self._control.act(goal.viewer, "stop")

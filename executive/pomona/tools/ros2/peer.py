@@ -30,10 +30,9 @@ DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical")
 # in the keys of Humble's rmw_zenoh, in the place of a type's hash
 UNHASHED = "TypeHashNotSupported"
 QOS = "::,10:,:,:,,"  # as rmw_zenoh writes it: reliable, volatile, the last ten
-QUEUE, PATIENCE = (
-    16,
-    50_000,
-)  # batches that wait for a link, and microseconds before a message is dropped
+# batches that wait for a link, and microseconds before a message is dropped
+QUEUE = 16
+PATIENCE = 50_000
 _HEAD = struct.Struct("<qqB")
 
 Reply = Callable[[Mapping[str, Any]], None]

@@ -51,7 +51,9 @@ WAY = _Way(
 """Kind of a value in a cell file that names the way to the nodes of ROS."""
 QUEUE = 16  # messages that wait to be sent; of more, the oldest are dropped
 LARGEST = 32 * 2**20  # longest message that is read [bytes]: an image of 4 megapixels in base64
-DEADLINE, RETRY = 2.0, 0.5  # of a connection, and the pause before the next try [s]
+# of a connection, and the pause before the next try [s]
+DEADLINE = 2.0
+RETRY = 0.5
 ROS_1 = {"sec": "secs", "nanosec": "nsecs"}
 
 

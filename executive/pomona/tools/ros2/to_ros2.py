@@ -25,10 +25,9 @@ SECOND = 1_000_000_000
 STATUS_PERIOD = (
     SECOND // 10
 )  # shortest period of the tree's status [ns]: it changes many times in a tick
-TRACE_PERIOD, TRACE_POINTS = (
-    SECOND,
-    1000,
-)  # period of the executed path [ns], and most points published of it
+# period of the executed path [ns], and most points published of it
+TRACE_PERIOD = SECOND
+TRACE_POINTS = 1000
 LEVELS = {2: 20, 3: 30, 4: 40}  # log levels, Foxglove's to ROS 2's: info, warning, error
 
 _KIND = {

@@ -17,10 +17,9 @@ FASTEST = 0.5
 SILENCE = 0.15  # age of an encoder's newest measurement from which it is lost [s]
 AT_REST = 2e-3  # speed below which a belt rests [m/s]
 LEVEL = 5e-3  # difference in height of a belt and the workspace's table that counts as none [m]
-FRUIT_ROOM, BLIND = (
-    0.10,
-    0.20,
-)  # height over a belt that its fruit takes, and up to which a watch need not see [m]
+# height over a belt that its fruit takes, and up to which a watch need not see [m]
+FRUIT_ROOM = 0.10
+BLIND = 0.20
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -39,10 +39,12 @@ class HandStream:
     """
 
     def __init__(self, arm: Arm, motion: SetPoints, clock: Clock) -> None:
-        self.motion, self.moved = motion, False
+        self.motion = motion
+        self.moved = False
         self.robot = inner_robot(arm)
         self.q: Float64 = arm.state().q.copy()
-        self._arm, self._clock = arm, clock
+        self._arm = arm
+        self._clock = clock
         self._pose: Callable[[float], Float64] | None = None
         self.rises: Rise | None = None
 
@@ -61,7 +63,8 @@ class HandStream:
 
     def follow(self, pose: Callable[[float], Float64]) -> None:
         """Lead the hand along T_base_tcp as a function of time [s]. Raises OutOfReach: the arm cannot."""
-        self._pose, self.moved = pose, True
+        self._pose = pose
+        self.moved = True
         found = aim_of(self.robot, pose, self.ahead, self.q)
         if found is None:
             raise OutOfReach("the arm reaches no further along the belt in this posture")
@@ -82,7 +85,8 @@ class HandStream:
             height: of the rise [m].
             after: time for which the hand goes on as it does before it rises [s].
         """
-        begin, on = self.ahead, self._pose
+        begin = self.ahead
+        on = self._pose
         up = self.rises or self._up(height, begin + after)
         times = np.linspace(begin, begin + 0.1 if up is None else up.end, 12 + round(after / 0.05))
         still = np.tile(self.q, (len(times), 1))
@@ -142,7 +146,8 @@ class HandStream:
 
         `look` is called in each tick.
         """
-        pose, began = self._pose, self._clock.now()
+        pose = self._pose
+        began = self._clock.now()
         if opens is not None and pose is not None:
             opens()
             while self._clock.now() - began < HOVER and self.motion.state is MotionState.RUNNING:

@@ -49,10 +49,9 @@ SHARE = 0.8
 # step of a joint between two postures beyond which the arm would change its branch [rad]
 JUMP = 0.6
 PATIENT = 0.75  # a reach that takes longer waits, while a quicker one will do later [s]
-COARSE, FARTHEST = (
-    0.02,
-    1.0,
-)  # step along the belt and largest distance at which reach is looked for [m]
+# step along the belt and largest distance at which reach is looked for [m]
+COARSE = 0.02
+FARTHEST = 1.0
 ELLIPSE = 2.146  # radius of a plane's 90 % ellipse in standard deviations
 
 

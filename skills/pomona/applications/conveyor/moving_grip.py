@@ -22,10 +22,9 @@ SLOWS = 0.008
 SLOWS_LATER = 0.005
 """Opening over the fruit's width at which the fingers slow down, also on a fast belt [m]: it may lie off the middle."""
 NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
-FIRST_FORCE, MOST = (
-    2.2,
-    14.0,
-)  # force before the lift and the largest force of both fingers [N], as of SlipAvoidGrasp
+# force before the lift and the largest force of both fingers [N], as of SlipAvoidGrasp
+FIRST_FORCE = 2.2
+MOST = 14.0
 GRAVITY = 9.81  # [m/s²]
 PUSH = 0.5
 """Largest force with which one finger may push a fruit, over the force that bruises it. A large apple rests on the belt

@@ -124,10 +124,9 @@ class PickChoice:
         p, v = self._tracks.place(track, now)
         if self._end is None:
             before, behind = reachable(self._hand, p, plumb(along, self._grip.yaws[0]), along)
-            self._end, self._span = (
-                float(p @ along) + behind,
-                behind - before,
-            )  # of the hand's reach
+            # of the hand's reach
+            self._end = float(p @ along) + behind
+            self._span = behind - before
         return (
             float(p @ along)
             + max(float(v @ along), 0.0) * (SOONEST - is_fast(v) * (CLOSING - QUICK))

@@ -17,10 +17,9 @@ from pomona.skills import LOOKING_FAILURES, LookingSkill
 
 # time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
 LISTENS = 0.25
-NEAR, LEAST = (
-    0.02,
-    0.3,
-)  # distance from the surface within which depth is its [m], least share: the rest may be fruit
+# distance from the surface within which depth is its [m], least share: the rest may be fruit
+NEAR = 0.02
+LEAST = 0.3
 FEWEST = 20  # points of the belt's surface that a picture must show
 
 

@@ -66,7 +66,8 @@ class GripController:
     ) -> None:
         self.settings = settings
         self.problem: GripProblem | None = None
-        self.width, self.speed = math.nan, 0.0
+        self.width = math.nan
+        self.speed = 0.0
         self.motor_force: float | None = None
         self.friction_share = 1.0
         self.rests = False
@@ -144,7 +145,8 @@ class GripController:
         That is `GripEstimate.f_n`; if one sensor reads nothing, twice the other finger's force. While the pads slide,
         one finger may press more than the other by `apart`.
         """
-        estimate, watch = self.estimate, self.settings.watch
+        estimate = self.estimate
+        watch = self.settings.watch
         if self.mode is GripMode.SLIDING:
             return max(estimate.f_n, estimate.stronger - watch.apart)
         return (
@@ -297,7 +299,9 @@ class GripController:
         self.problem = GripProblem(code, message, self._guard.stamp, data)
 
     def _observe(self, sample: GripSample) -> None:
-        s, is_carried, in_hand = self.settings, self.is_carried, self.mode in IN_HAND
+        s = self.settings
+        is_carried = self.is_carried
+        in_hand = self.mode in IN_HAND
         expected = 0.0
         if in_hand or self.mode is GripMode.RAMP:
             expected = self._tracker.expected(
@@ -324,7 +328,8 @@ class GripController:
                 self._learn_friction()
 
     def _now(self, sample: GripSample) -> GripState:
-        reference, estimate = self._reference, self.estimate
+        reference = self._reference
+        estimate = self.estimate
         is_dead = has_dead_finger(estimate, reference.mode, self.settings.watch)
         return GripState(
             sample,
@@ -347,7 +352,8 @@ class GripController:
         if self.rests:
             return
         # Both fingers together show the lack of force: a fruit presses on both alike, a drifting sensor does not.
-        estimate, loop = now.estimate, self.settings.loop
+        estimate = now.estimate
+        loop = self.settings.loop
         force_sum = 2.0 * estimate.stronger if now.has_dead_finger else max(estimate.force_sum, 0.0)
         coming = -self.speed * loop.lag * slope(loop.stiffness, force_sum)
         self._reference.follow(estimate, force_sum + coming, now.sample.elapsed)
@@ -366,7 +372,8 @@ class GripController:
         The minimum force is nearly inverse to the friction, so their ratio is the share of it that is there. One slip
         shows several times and counts once; all corrections together stay within what is uncertain.
         """
-        s, stamp = self.settings.slips, self._guard.stamp
+        s = self.settings.slips
+        stamp = self._guard.stamp
         share = self.estimate.f_least / max(self.estimate.f_n, 0.1)
         if (
             self.settings.law is not ForceLaw.SLIP_AVOIDANCE

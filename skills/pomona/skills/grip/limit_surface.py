@@ -99,7 +99,8 @@ def limit_surface(c_tilde: ArrayLike, k: float = 4.0) -> tuple[Float64, Float64]
         f += np.sum(weight * span * r * pressure * dL_dc, axis=1)
         tau += np.sum(weight * span * r**2 * pressure * dL_dr, axis=1)
     shape = np.shape(c_tilde)
-    f, tau = xi(k) / np.pi * f, tau / (2.0 * np.pi * nu(k))
+    f = xi(k) / np.pi * f
+    tau = tau / (2.0 * np.pi * nu(k))
     return np.clip(f, 0.0, 1.0).reshape(shape), np.clip(tau, 0.0, 1.0).reshape(shape)
 
 
@@ -108,7 +109,8 @@ def _angular(r: Float64, c: Float64) -> tuple[Float64, Float64]:
     with np.errstate(divide="ignore", invalid="ignore"):
         one_minus_m = ((r - c) / (r + c)) ** 2
         m = np.minimum(4.0 * (r / (r + c)) * (c / (r + c)), 1.0)
-        E, K = ellipe(m), ellipkm1(np.maximum(one_minus_m, 1e-300))
+        E = ellipe(m)
+        K = ellipkm1(np.maximum(one_minus_m, 1e-300))
         difference = np.where(m > 1e-6, E - K, -np.pi / 4.0 * m * (1.0 + 3.0 / 8.0 * m))
         dL_dc = np.where(c > 0.0, 4.0 * E + 2.0 * difference * (r - c) / c, 0.0)
         dL_dr = np.where(r > 0.0, 4.0 * E + 2.0 * difference * (c - r) / r, 0.0)
@@ -155,9 +157,11 @@ class SurfaceTable(NamedTuple):
 def _unit_surface(k: float, ellipsoid: bool) -> tuple[Float64, Float64]:
     s = np.linspace(0.0, 1.0, NODES)
     if ellipsoid:
-        f, tau = np.sin(0.5 * np.pi * s), np.cos(0.5 * np.pi * s)
+        f = np.sin(0.5 * np.pi * s)
+        tau = np.cos(0.5 * np.pi * s)
     else:
-        f, tau = np.ones(NODES), np.zeros(NODES)
+        f = np.ones(NODES)
+        tau = np.zeros(NODES)
         f[:-1], tau[:-1] = limit_surface(s[:-1] / (1.0 - s[:-1]), k)
     f[0], tau[0], f[-1], tau[-1] = 0.0, 1.0, 1.0, 0.0
     return f, tau
@@ -181,9 +185,12 @@ def place_on_surface(load, table):  # type: ignore[no-untyped-def]
     """Return (s, f_tilde, tau_tilde) where f**(gamma + 1) / tau = `load`, between the nodes of a table."""
     if load == math.inf:
         return 1.0, 1.0, 0.0
-    f, tau, exponent = table.f, table.tau, table.gamma + 1.0
+    f = table.f
+    tau = table.tau
+    exponent = table.gamma + 1.0
     i = min(max(np.searchsorted(table.load, load) - 1, 0), f.size - 2)
-    low, high = 0.0, 1.0
+    low = 0.0
+    high = 1.0
     for _ in range(40):
         u = 0.5 * (low + high)
         if (f[i] + u * (f[i + 1] - f[i])) ** exponent < load * (tau[i] + u * (tau[i + 1] - tau[i])):
@@ -197,10 +204,13 @@ def place_on_surface(load, table):  # type: ignore[no-untyped-def]
 @kernel()
 def least_force_of_finger(f_t, tau_n, table):  # type: ignore[no-untyped-def]
     """Return (minimum normal force [N], s on the surface) of one finger that bears f_t [N] and tau_n [N·m]."""
-    f_t, tau_n = abs(f_t), abs(tau_n)
+    f_t = abs(f_t)
+    tau_n = abs(tau_n)
     if f_t <= 1e-12 and tau_n <= 1e-12:
         return 0.0, 0.0
-    mu, torsion, gamma = table.mu, table.torsion, table.gamma
+    mu = table.mu
+    torsion = table.torsion
+    gamma = table.gamma
     load = math.inf
     if tau_n > 1e-12:
         load = torsion / mu ** (gamma + 1.0) * f_t ** (gamma + 1.0) / tau_n

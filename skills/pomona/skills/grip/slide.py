@@ -15,7 +15,9 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.pads import MIRROR, loads_of_finger
 
-SHORTEST, FEW = 0.02, 4  # smallest duration [s] and number of samples of each half of a slide
+# smallest duration [s] and number of samples of each half of a slide
+SHORTEST = 0.02
+FEW = 4
 PRESSING = 0.1  # smallest normal force of a finger that measures friction [N]
 STEADY = 0.15  # largest relative difference of a slide's halves: until the pads slide, the force still rises
 

@@ -13,7 +13,11 @@ from pomona.skills.motion.robot.inverse_kinematics import newton_step
 from pomona.skills.motion.robot.model import compose, forward, jacobian
 from pomona.skills.numba_kernel import kernel
 
-REACHED, OUT_OF_REACH, JOINT_LIMIT, JUMP = 0, 1, 2, 3  # how tracking ended
+# how tracking ended
+REACHED = 0
+OUT_OF_REACH = 1
+JOINT_LIMIT = 2
+JUMP = 3
 
 _ROUNDS = 16
 _PRECISION = 1e-10

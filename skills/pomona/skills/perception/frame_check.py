@@ -30,11 +30,14 @@ from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 
 LARGEST_TILT = np.radians(20.0)  # greatest angle between the expected table and the seen one [rad]
-HEIGHT, TILT = 0.010, np.radians(1.5)
+HEIGHT = 0.010
+TILT = np.radians(1.5)
 """Tolerances of a sound cell [m, rad]: calibration, levelling, arm. At 0.6 m a tilt of 1.5° moves a fruit by 16 mm."""
 COLUMNS = 80  # pixels of a row that are used; 4800 of an image of 4:3
 FARTHEST = 2.0  # depth beyond this is not used [m]: noise grows with its square
-LEAST_POINTS, LEAST_SHARE, LEAST_SPREAD = 300, 0.35, 0.04
+LEAST_POINTS = 300
+LEAST_SHARE = 0.35
+LEAST_SPREAD = 0.04
 """A plane counts as the table with this number of points, this ratio of all points within reach, and this standard
 deviation of its points along its shorter side [m]."""
 AROUND = 0.02
@@ -94,14 +97,16 @@ def view_table(
 
     None where no plane near the expected one is large enough to be the table. `points`: see `depth_points`.
     """
-    normal, offset = T_base_camera[2, :3], float(T_base_camera[2, 3] - table_z)
+    normal = T_base_camera[2, :3]
+    offset = float(T_base_camera[2, 3] - table_z)
     height = points @ normal + offset
     within = (
         np.abs(height) <= 0.12
     )  # greatest distance from the expected table at which the seen one is searched [m]
     if np.count_nonzero(within) < LEAST_POINTS:
         return None
-    points, height = points[within], height[within]
+    points = points[within]
+    height = height[within]
     # Distance from a plane within which a point lies on it, or three deviations of its noise where these are more [m]
     band = np.maximum(4e-3, 3.0 * errs.deviation(points[:, 2], lens.fx))
     near = np.abs(height) <= HEIGHT + band
@@ -154,7 +159,8 @@ def _drawn(points: Float64, band: Float64, expected: Float64) -> NDArray[np.bool
     normals = normals[length > 1e-6] / length[length > 1e-6, None]
     origins = triples[length > 1e-6, 0]
     level = np.abs(normals @ expected) > np.cos(LARGEST_TILT)
-    normals, origins = normals[level], origins[level]
+    normals = normals[level]
+    origins = origins[level]
     away = np.abs(points @ normals.T - np.sum(normals * origins, axis=1)) <= band[:, None]
     if not away.shape[1]:
         return np.zeros(len(points), np.bool_)
@@ -186,7 +192,8 @@ def _beside(points: Float64, workspace: Workspace) -> NDArray[np.bool_]:
         in_box[:, 2] = np.minimum(in_box[:, 2], 0.0)  # boxes are turned about z only
         beside &= (np.abs(in_box) > np.array(box.half_extents) + AROUND).any(axis=1)
     for hull in workspace.hulls:
-        lower, upper = hull.points.min(axis=0) - AROUND, hull.points.max(axis=0) + AROUND
+        lower = hull.points.min(axis=0) - AROUND
+        upper = hull.points.max(axis=0) + AROUND
         beside &= (points < lower).any(axis=1) | (points > upper)[:, :2].any(axis=1)
     return beside
 
@@ -203,12 +210,14 @@ def should_show_table(frame: Frame, T_base_camera: Float64, workspace: Workspace
     """Return True where the table should fill most of the image, by the camera's stated pose."""
     if frame.depth is None or workspace.table_z is None or not frame.placed:
         return False
-    lens, normal = frame.intrinsics, T_base_camera[2, :3]
+    lens = frame.intrinsics
+    normal = T_base_camera[2, :3]
     u, v = np.meshgrid(np.linspace(0, lens.width - 1, 16), np.linspace(0, lens.height - 1, 12))
     rays = np.stack(
         [(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones_like(u)], axis=-1
     ).reshape(-1, 3)
-    above, falling = float(T_base_camera[2, 3] - workspace.table_z), -(rays @ normal)
+    above = float(T_base_camera[2, 3] - workspace.table_z)
+    falling = -(rays @ normal)
     hits = rays[falling > 1e-6] * (above / falling[falling > 1e-6])[:, None]
     hits = (
         hits[(hits[:, 2] > 0.0) & (hits[:, 2] < FARTHEST)] @ T_base_camera[:3, :3].T
@@ -244,7 +253,8 @@ def depth_elsewhere(frame: Frame, or_nowhere: bool = False) -> str:
     """
     if frame.depth is None or not frame.depth.any():
         return ""
-    colour, edges = _of_colour(frame.colour), _of_depth(frame.depth)
+    colour = _of_colour(frame.colour)
+    edges = _of_depth(frame.depth)
     here, elsewhere, shift = _scores(colour, edges)
     if here == elsewhere >= SURE:
         return ""
@@ -335,7 +345,8 @@ def _scores(colour: Complex, depth: Complex) -> tuple[float, float, tuple[int, i
     return near, float(score.max()), (right, down)
 
 
-POSE_MISMATCH, DEPTH_MISMATCH = "POSE_MISMATCH", "DEPTH_MISMATCH"
+POSE_MISMATCH = "POSE_MISMATCH"
+DEPTH_MISMATCH = "DEPTH_MISMATCH"
 MISMATCHES = (POSE_MISMATCH, DEPTH_MISMATCH)  # failure codes of every skill that checks its frames
 
 FLIPS = {"left to right": (-1.0, 1.0), "top to bottom": (1.0, -1.0)}
@@ -407,10 +418,12 @@ def _other_depth(
     assert frame.depth is not None
     assert workspace.table_z is not None
     table_z = workspace.table_z
-    lens, errs = frame.intrinsics, frame.depth_model
+    lens = frame.intrinsics
+    errs = frame.depth_model
     points = depth_points(frame.depth, lens)
     # another explanation counts where it fits this much better: the ratio of both deviations, in tolerances
-    best, words = 0.5 * off, ""
+    best = 0.5 * off
+    words = ""
     for name, signs in FLIPS.items():
         centre = np.array([lens.width - 1 - 2.0 * lens.cx, lens.height - 1 - 2.0 * lens.cy]) / (
             lens.fx,
@@ -422,7 +435,8 @@ def _other_depth(
                 flipped[:, axis] = centre[axis] * points[:, 2] - points[:, axis]
         seen = view_table(flipped, T_base_camera, table_z, lens, errs)
         if seen is not None and seen.sound and seen.deviation < best:
-            best, words = seen.deviation, f"depth is mirrored {name}"
+            best = seen.deviation
+            words = f"depth is mirrored {name}"
     for stamp, T in earlier:
         seen = view_table(points, T, table_z, lens, errs)
         if seen is not None and seen.sound and seen.deviation < best:

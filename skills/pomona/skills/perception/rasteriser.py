@@ -53,30 +53,26 @@ def draw(
     for face in range(faces.shape[0]):
         if not drawn[face]:
             continue
-        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        ua, va, wa, ub, vb, wb, uc, vc, wc = (
-            u[a],
-            v[a],
-            nearness[a],
-            u[b],
-            v[b],
-            nearness[b],
-            u[c],
-            v[c],
-            nearness[c],
-        )
+        a = faces[face, 0]
+        b = faces[face, 1]
+        c = faces[face, 2]
+        ua = u[a]
+        va = v[a]
+        wa = nearness[a]
+        ub = u[b]
+        vb = v[b]
+        wb = nearness[b]
+        uc = u[c]
+        vc = v[c]
+        wc = nearness[c]
         area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
         if area == 0.0:
             continue
         inverse = 1.0 / area
-        left, right = (
-            max(int(np.ceil(min(ua, ub, uc))), 0),
-            min(int(np.floor(max(ua, ub, uc))), columns - 1),
-        )
-        top, bottom = (
-            max(int(np.ceil(min(va, vb, vc))), 0),
-            min(int(np.floor(max(va, vb, vc))), rows - 1),
-        )
+        left = max(int(np.ceil(min(ua, ub, uc))), 0)
+        right = min(int(np.floor(max(ua, ub, uc))), columns - 1)
+        top = max(int(np.ceil(min(va, vb, vc))), 0)
+        bottom = min(int(np.floor(max(va, vb, vc))), rows - 1)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 share_b = ((column - ua) * (vc - va) - (uc - ua) * (row - va)) * inverse

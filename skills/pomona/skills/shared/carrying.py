@@ -232,10 +232,9 @@ def put_back(
 LEAST = 0.25  # the tangential load of a fruit that hangs [N]; the lightest weighs 0.5 N, noise and bias are 0.1 N
 LASTING = 0.06  # minimum duration [s]
 
-AVERAGED, REMEMBERED = (
-    0.1,
-    1.0,
-)  # time of the load's average, and in which its largest value fades [s]
+# time of the load's average, and in which its largest value fades [s]
+AVERAGED = 0.1
+REMEMBERED = 1.0
 
 
 class Hanging:

@@ -23,10 +23,9 @@ continues."""
 RAISING = Manner(0.05, 2.0, 40.0)
 """Of raising it and of setting it down again: the load is read at rest."""
 
-GENTLE, GRAVITY = (
-    0.5,
-    9.81,
-)  # acceleration up to which inertia stays below a contact, and of gravity [m/s²]
+# acceleration up to which inertia stays below a contact, and of gravity [m/s²]
+GENTLE = 0.5
+GRAVITY = 9.81
 
 PUSHED = 0.8e-3
 """Motion of fingers that no grip controls which shows something beside them [m]: a supervisor allows 3 mm, and the

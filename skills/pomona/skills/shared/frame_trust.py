@@ -22,7 +22,9 @@ from pomona.skills.perception.frame_check import (
 )
 
 KEPT = 12  # number of earlier poses of each camera that stale depth is compared with
-APART, TURNED = 5e-3, np.radians(0.5)  # poses nearer to each other than this are one [m, rad]
+# poses nearer to each other than this are one [m, rad]
+APART = 5e-3
+TURNED = np.radians(0.5)
 
 Poses = deque[tuple[float, Float64]]
 _EARLIER: WeakKeyDictionary[object, dict[str, Poses]] = WeakKeyDictionary()

@@ -50,8 +50,12 @@ if TYPE_CHECKING:  # engines are loaded where they are used: importing PyTorch t
 _EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
 
 
-AUTO_WIDTH, EVERY_WIDTH = "auto", "all"  # words that the port `working_width` takes beside a number
-LEAST_WIDTH, MOST_WIDTH = 64, 4096  # numbers that it takes [px]
+# words that the port `working_width` takes beside a number
+AUTO_WIDTH = "auto"
+EVERY_WIDTH = "all"
+# numbers that it takes [px]
+LEAST_WIDTH = 64
+MOST_WIDTH = 4096
 _NO_WIDTH = (
     f"{{}} is not a width from {LEAST_WIDTH} to {MOST_WIDTH} px, {AUTO_WIDTH} or {EVERY_WIDTH}"
 )

@@ -32,7 +32,9 @@ class YieldingFingers:
         state = gripper.state()
         self._stamp = state.stamp
         self._width = state.width
-        self._lower, self._upper = state.width, state.width  # widths that the commands explain [m]
+        # widths that the commands explain [m]
+        self._lower = state.width
+        self._upper = state.width
 
     def rest(self) -> None:
         """Give way to a push, once a tick."""

@@ -26,7 +26,9 @@ from pomona.skills.perception.detection.errors import BadWeights
 ENDING = ".yaml"  # of the settings' file, after the whole name of the model's
 MOST_SETTINGS = 65_536  # bytes of a settings' file that are read
 MULTIPLE = 32  # stride of most networks [px]
-LEAST_SIDE, MOST_SIDE = 32, 4096  # sides that `imgsz` may have [px]
+# sides that `imgsz` may have [px]
+LEAST_SIDE = 32
+MOST_SIDE = 4096
 
 
 @dataclass(frozen=True, slots=True)

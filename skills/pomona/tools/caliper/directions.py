@@ -14,7 +14,9 @@ from pomona.tools.caliper.pick import Pick
 KNOWN_PLACE = 1e-3
 KNOWN_ANGLE = float(np.radians(0.2))
 """Largest standard deviation of a place [m] and an angle [rad] that is known: what a correction has to reach."""
-KNOWN_SCALE, KNOWN_ZERO = 3e-3, 0.3e-3  # the same of the depth's scale and of z [m]
+# the same of the depth's scale and of z [m]
+KNOWN_SCALE = 3e-3
+KNOWN_ZERO = 0.3e-3
 
 FINGERS = "picks with fingers that feel the touch of each pad"
 NO_LANDING = "picks in which no finger lands on the fruit before both close on it"

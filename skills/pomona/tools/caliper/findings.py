@@ -30,10 +30,9 @@ NEWEST = range(3, 9)  # counts of the newest picks that are judged alone
 MOVED = 30.0  # squared distance of two poses, in deviations of all six, that chance reaches once in 25 000
 PROVEN = 8e-3  # largest error of a fruit's place, two deviations included, that fingers with 8 mm of room allow [m]
 REACH = 0.15  # distance of picked fruit from the centre of the picks, for which a turn counts [m]
-STRAIGHT, PART = (
-    0.94,
-    0.34,
-)  # part of a direction along one axis: it is that axis, it has a share of it
+# part of a direction along one axis: it is that axis, it has a share of it
+STRAIGHT = 0.94
+PART = 0.34
 
 WAYS = (("right", "left"), ("bottom", "top"), ("far side", "near side"))
 """Directions in the picture: along the camera's axes, and against them."""

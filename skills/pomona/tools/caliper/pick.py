@@ -106,10 +106,9 @@ def pick_from(value: Mapping[str, Any], name: str) -> Pick:
         axis = way / first
     _refuse_other_things(first, wider, across)
     if side and wider < -BESIDE:
-        first, wider = (
-            first - 0.5 * wider,
-            np.nan,
-        )  # of the widest section, as if it lay where the pads closed
+        # of the widest section, as if it lay where the pads closed
+        first = first - 0.5 * wider
+        wider = np.nan
     return Pick(
         name,
         R.T @ axis,

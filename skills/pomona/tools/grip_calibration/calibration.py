@@ -56,10 +56,9 @@ SLIDE_STD = 0.05
 """Assumed standard deviations of gamma among fruit, and of the logarithm of a slide's force: with noisy slides gamma
 stays near the assumed value."""
 
-OUTLIER, MOST_OUTLIERS = (
-    0.25,
-    0.34,
-)  # relative error of a slide that is left out, and largest part of those
+# relative error of a slide that is left out, and largest part of those
+OUTLIER = 0.25
+MOST_OUTLIERS = 0.34
 VAGUE = 0.25  # relative uncertainty of the contact radius above which a note is written
 
 

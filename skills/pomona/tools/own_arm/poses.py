@@ -16,7 +16,9 @@ from pomona.skills.motion.robot import RobotModel, inverse_kinematics
 
 OFTEN = 0.5  # share of postures in which hulls touch, and parts do not: of five arms such pairs have 0.66 to 1, others 0.33
 DRAWS = 128  # postures that are tried for it
-OBSERVE, HOME = "observe", "home"  # poses that no cell can be without
+# poses that no cell can be without
+OBSERVE = "observe"
+HOME = "home"
 TRIED = 12  # postures of the first pose from which the others are reached
 # half of the width of a camera's view, beside which no part of the arm shall stand [rad]
 VIEW = 0.48

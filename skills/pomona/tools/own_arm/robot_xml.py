@@ -32,10 +32,9 @@ STIFFNESS = (
     2300.0,
 )  # of a joint: at least [N m/rad], and per inertia [1/s²], as the shipped arms have
 SHARE = 0.4  # of a joint's effort that accelerates the arm
-QUICK, SHARP = (
-    3.0,
-    10.0,
-)  # highest acceleration over speed, and jerk over acceleration [1/s]: those of a UR5e
+# highest acceleration over speed, and jerk over acceleration [1/s]: those of a UR5e
+QUICK = 3.0
+SHARP = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

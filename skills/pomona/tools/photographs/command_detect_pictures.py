@@ -46,7 +46,9 @@ BESIDE = (
     ".npy",
 )  # labels and notes, beside pictures
 DEPTH = "_depth_mm.png"  # of an RGB-D frame, beside its colour: no picture to find fruit in
-MOST_LOOKS, MOST_LOOKS_AT_ONE_WIDTH = 3000, 200  # places that are looked at closely in one picture
+# places that are looked at closely in one picture
+MOST_LOOKS = 3000
+MOST_LOOKS_AT_ONE_WIDTH = 200
 BOXES_WIDTH = 1280  # width at which a detector of boxes searches, unless --width gives another [px]
 
 Search = Callable[[UInt8], Sequence[Outlined]]  # finds the fruit in a picture (h, w, 3) uint8 RGB

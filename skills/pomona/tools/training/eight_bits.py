@@ -22,7 +22,9 @@ from pomona.skills.perception.detection.compact_detector import CompactDetector
 from pomona.skills.perception.detection.onnx_runtime import INPUT, open_session
 from pomona.skills.perception.detection.weights_file import read_weights, write_weights
 
-FIRST, LAST = 1, 2  # layers at both ends of a network that keep float32
+# layers at both ends of a network that keep float32
+FIRST = 1
+LAST = 2
 LARGEST_WEIGHT = 64  # weights have seven bits: products of eight bits saturate on processors with AVX2 and without VNNI
 RECTIFIERS = "Relu", "Clip"  # operations that are done by the layer before them
 

@@ -22,10 +22,9 @@ UP = np.array([0.0, 0.0, 1.0])
 def grow_tree(options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> None:
     """Put leaves over most fruit of a scene, and leaves and branches everywhere else."""
     eye = scene.T_world_camera[:3, 3]
-    hue, thickness = (
-        rng.uniform(0.0, 1.0),
-        rng.uniform(0.5, 2.0),
-    )  # leaves of one tree resemble each other
+    # leaves of one tree resemble each other
+    hue = rng.uniform(0.0, 1.0)
+    thickness = rng.uniform(0.5, 2.0)
     for centre, radius in list(scene.spheres):
         if rng.random() < 0.25:
             continue

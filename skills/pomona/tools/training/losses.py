@@ -10,10 +10,9 @@ from pomona.skills.perception.detection import close_look as rows
 from pomona.skills.perception.detection.close_look import AXIS, CENTRE, KIND, SEEN, SIZE, SPREAD
 from pomona.tools.training import targets
 
-BOXES, QUALITIES = (
-    2.0,
-    0.5,
-)  # weights of the finder's losses of boxes and of their quality, beside that of the heat
+# weights of the finder's losses of boxes and of their quality, beside that of the heat
+BOXES = 2.0
+QUALITIES = 0.5
 LOG_REACHES = (
     -3.0,
     5.0,

@@ -48,11 +48,10 @@ class Plot:
 
     def __init__(self, rows: int = 1, columns: int = 1, height: float = 3.2, **grid: Any) -> None:
         self._context = mpl.rc_context(_STYLE)
-        self._shape, self._size, self._grid = (
-            (rows, columns),
-            (9.6, height),
-            grid,
-        )  # of a figure [in]
+        # of a figure [in]
+        self._shape = (rows, columns)
+        self._size = (9.6, height)
+        self._grid = grid
         self.svg = ""
 
     def __enter__(self) -> Plot:

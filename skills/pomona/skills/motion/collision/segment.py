@@ -60,11 +60,10 @@ def check_segment(
     step = end - start
     turns = np.zeros((dof + 1, 3))
     shifts = np.zeros((dof + 1, 3))
-    rates, bends, speeds = (
-        np.zeros(numbers),
-        np.zeros(numbers),
-        np.zeros(numbers),
-    )  # [m] per unit of the segment
+    # [m] per unit of the segment
+    rates = np.zeros(numbers)
+    bends = np.zeros(numbers)
+    speeds = np.zeros(numbers)
     safe_until = np.zeros(numbers)
     active = np.empty(numbers, np.bool_)
     wanted = np.empty(numbers)

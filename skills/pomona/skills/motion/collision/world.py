@@ -179,13 +179,12 @@ class CollisionWorld:
         Raises:
             BadJoints: q is no posture of this robot.
         """
-        joints, arrays = self.shape.model.checked(q)[None], self.arrays
+        joints = self.shape.model.checked(q)[None]
+        arrays = self.arrays
         robot = read_only(self.shape.arrays._replace(pairs=np.empty((0, 2), np.int64)))
-        margins, clearances, closest = (
-            arrays.margins.copy(),
-            np.empty(1),
-            np.empty((1, 2), np.int64),
-        )
+        margins = arrays.margins.copy()
+        clearances = np.empty(1)
+        closest = np.empty((1, 2), np.int64)
         for other, geom in np.argwhere(~arrays.ignored):
             if self.shape.geom_groups[geom] not in groups:
                 continue
@@ -262,7 +261,8 @@ class CollisionWorld:
         )
         if number < 0:
             return None
-        start, end = path[number], path[min(number + 1, len(path) - 1)]
+        start = path[number]
+        end = path[min(number + 1, len(path) - 1)]
         return self._collision(start + at * (end - start), width, away, geom, other, number + at)
 
     def first_blocked(self, waypoints: ArrayLike, width: float) -> int | None:
@@ -285,7 +285,8 @@ class CollisionWorld:
             trajectory,
             ArmLimits(model.lower, model.upper, model.velocity, model.acceleration, model.jerk),
         )
-        q, qdd = trajectory.q, np.abs(trajectory.qdd)
+        q = trajectory.q
+        qdd = np.abs(trajectory.qdd)
         bow = np.maximum(qdd[:-1], qdd[1:]) * np.diff(trajectory.t)[:, None] ** 2 / 8.0
         bulge = float(np.max(bow @ self.shape.arrays.reach, initial=0.0))
         wider = self if bulge < 1e-6 else replace(self, arrays=self._grown(bulge))
@@ -329,7 +330,8 @@ class CollisionWorld:
         return postures
 
     def _judge(self, Q: Float64, width: float, enough: float) -> tuple[Float64, NDArray[np.int64]]:
-        clearances, closest = np.empty(len(Q)), np.empty((len(Q), 2), dtype=np.int64)
+        clearances = np.empty(len(Q))
+        closest = np.empty((len(Q), 2), dtype=np.int64)
         kernel.check_states(self.shape.arrays, self.arrays, Q, width, enough, clearances, closest)
         return clearances, closest
 
@@ -352,7 +354,8 @@ class CollisionWorld:
     def _deepest(self, q: Float64, width: float, geom: int, other: int) -> Float64:
         """Centre of the geom's sphere that is closest to an obstacle."""
         spheres = self.shape.spheres_of(geom, q, width)
-        centres, radii = spheres[:, :3], spheres[:, 3]
+        centres = spheres[:, :3]
+        radii = spheres[:, 3]
         if other < 0:
             others = self.shape.spheres_of(-1 - other, q, width)
             apart = (
@@ -414,5 +417,6 @@ class UnknownObstacle(CollisionError):
     """A name that no obstacle of the world has."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
-        self.name, self.known = name, known
+        self.name = name
+        self.known = known
         super().__init__(f"no obstacle is named '{name}'; there are {', '.join(known)}")

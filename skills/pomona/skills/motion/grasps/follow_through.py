@@ -11,12 +11,11 @@ from pomona.skills.motion.collision.segment import check_segment
 from pomona.skills.motion.lines import REACHED, track_poses
 from pomona.skills.numba_kernel import kernel
 
-GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = (
-    3,
-    0,
-    1,
-    2,
-)  # how far a solution came; GOOD ones came all the way
+# how far a solution came; GOOD ones came all the way
+GOOD = 3
+START_BLOCKED = 0
+LINE_BROKEN = 1
+LINE_BLOCKED = 2
 
 
 @kernel(nogil=True)

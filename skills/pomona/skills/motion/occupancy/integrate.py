@@ -29,7 +29,9 @@ from pomona.skills.motion.occupancy.occupancy_map import (
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.numba_kernel import kernel
 
-_DISTANCE, _ANGLE = 2e-3, 5e-3  # between two statements about one pose [m, rad]
+# between two statements about one pose [m, rad]
+_DISTANCE = 2e-3
+_ANGLE = 5e-3
 
 
 def pose_of_camera(frame: Frame, model: RobotModel) -> Float64:

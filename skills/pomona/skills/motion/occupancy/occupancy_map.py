@@ -67,12 +67,11 @@ class MapStale(OccupancyError):
         )
 
 
-UNKNOWN, FREE, OCCUPIED, HIDDEN = (
-    0,
-    1,
-    2,
-    3,
-)  # states of a cell; HIDDEN: close behind a seen surface
+# states of a cell; HIDDEN: close behind a seen surface
+UNKNOWN = 0
+FREE = 1
+OCCUPIED = 2
+HIDDEN = 3
 
 
 @dataclass(frozen=True, eq=False)

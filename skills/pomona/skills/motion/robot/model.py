@@ -37,7 +37,10 @@ def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float
     for i in range(q.shape[0]):
         step = steps[i]
         for row in range(3):
-            a, b, c, d = links[i, row, 0], links[i, row, 1], links[i, row, 2], links[i, row, 3]
+            a = links[i, row, 0]
+            b = links[i, row, 1]
+            c = links[i, row, 2]
+            d = links[i, row, 3]
             x = a * step[0, 0] + b * step[1, 0] + c * step[2, 0]
             y = a * step[0, 1] + b * step[1, 1] + c * step[2, 1]
             z = a * step[0, 2] + b * step[1, 2] + c * step[2, 2]
@@ -51,9 +54,11 @@ def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float
                 links[i + 1, row, 3],
             ) = x, y, z, p
         if not sliding[i]:
-            cosine, sine = cos(q[i]), sin(q[i])
+            cosine = cos(q[i])
+            sine = sin(q[i])
             for row in range(3):
-                x, y = links[i + 1, row, 0], links[i + 1, row, 1]
+                x = links[i + 1, row, 0]
+                y = links[i + 1, row, 1]
                 links[i + 1, row, 0] = cosine * x + sine * y
                 links[i + 1, row, 1] = cosine * y - sine * x
 
@@ -76,7 +81,9 @@ def jacobian(links: Float64, sliding: NDArray[np.bool_], p_base: Float64, J: Flo
     Rows: velocity of the point [m/rad], then angular velocity, both in the base frame.
     """
     for i in range(sliding.shape[0]):
-        z0, z1, z2 = links[i + 1, 0, 2], links[i + 1, 1, 2], links[i + 1, 2, 2]
+        z0 = links[i + 1, 0, 2]
+        z1 = links[i + 1, 1, 2]
+        z2 = links[i + 1, 2, 2]
         if sliding[i]:
             J[0, i], J[1, i], J[2, i] = z0, z1, z2
             J[3, i], J[4, i], J[5, i] = 0.0, 0.0, 0.0

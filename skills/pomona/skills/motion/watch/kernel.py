@@ -12,11 +12,10 @@ from pomona.skills.motion.collision.kernel import make_scratch, place, place_sph
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.numba_kernel import kernel
 
-UNSEEN, FREE, STANDING = (
-    0,
-    1,
-    2,
-)  # state of a cell: never seen, seen empty, or occupied when it was first seen
+# state of a cell: never seen, seen empty, or occupied when it was first seen
+UNSEEN = 0
+FREE = 1
+STANDING = 2
 
 WIDE = 12
 """Half-width of the square without any measurement around a pixel that shows free space [px]. The shadows of a stereo

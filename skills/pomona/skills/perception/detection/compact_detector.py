@@ -87,7 +87,8 @@ class CompactDetector:
         scores: Score | None = None,
     ) -> None:
         self.options, self.scores = options or DetectorOptions(), scores or PowerScore()
-        self._finder, self._close_look = finder, close_look
+        self._finder = finder
+        self._close_look = close_look
         self.judge: Judge = lambda _colour, found, _kind: found
 
     @classmethod
@@ -107,10 +108,8 @@ class CompactDetector:
         stored = read_weights(path)
         finder = onnx_network(stored.finder, path, FINDER)
         close_look = onnx_network(stored.close_look, path, CLOSE_LOOK)
-        detector, kinds = (
-            cls(finder, close_look, options, stored.scores),
-            Path(path).with_suffix(KINDS),
-        )
+        detector = cls(finder, close_look, options, stored.scores)
+        kinds = Path(path).with_suffix(KINDS)
         for point in entry_points(group=DETECTORS, name="kinds") if kinds.is_file() else ():
             detector.judge = point.load()(kinds)
         return detector
@@ -144,10 +143,8 @@ class CompactDetector:
             else self._look_at_one_width(colour, K)
         )
         seen = sorted(self.judge(colour, seen, self.options.kind), key=lambda fruit: -fruit.score)
-        centres, sizes = (
-            np.array([fruit.centre for fruit in seen]).reshape(-1, 2),
-            np.array([f.size for f in seen]),
-        )
+        centres = np.array([fruit.centre for fruit in seen]).reshape(-1, 2)
+        sizes = np.array([f.size for f in seen])
         kept: list[int] = []
         for k in range(len(seen)):
             distances = np.linalg.norm(centres[kept] - centres[k], axis=1)
@@ -193,7 +190,8 @@ class CompactDetector:
         """Return the fruit in a picture that is searched at several widths: one look and one score for each place."""
         check_picture(colour)
         height, width = colour.shape[:2]
-        sides, found = search_sides(width, height), list[list[Proposal]]()
+        sides = search_sides(width, height)
+        found = list[list[Proposal]]()
         for side in sides:
             # the largest widths cost most: they are searched where a smaller one was sure of a fruit
             if side > LARGEST_WHOLE and not any(place.score >= 0.5 for place in found[-1]):
@@ -269,7 +267,8 @@ class CompactDetector:
 
     def _maps_of(self, picture: UInt8) -> Float32:
         """Return the finder's maps of a picture of the size at which it is searched."""
-        below, right = -picture.shape[0] % FINDER_MULTIPLE, -picture.shape[1] % FINDER_MULTIPLE
+        below = -picture.shape[0] % FINDER_MULTIPLE
+        right = -picture.shape[1] % FINDER_MULTIPLE
         if below or right:
             padded = cv2.copyMakeBorder(
                 picture, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114)

@@ -23,7 +23,8 @@ class BadFrame(DetectError):
     """A picture of another shape or type than the detector takes."""
 
     def __init__(self, expected: str, got: str) -> None:
-        self.expected, self.got = expected, got
+        self.expected = expected
+        self.got = got
         super().__init__(f"a picture must be {expected}; this one is {got}")
 
 
@@ -31,13 +32,15 @@ class BadMaps(DetectError):
     """Maps of another shape than the decoder takes."""
 
     def __init__(self, expected: str, got: str) -> None:
-        self.expected, self.got = expected, got
+        self.expected = expected
+        self.got = got
         super().__init__(f"maps must be {expected}; these are {got}")
 
 
 class _BadFile(DetectError):
     def __init__(self, path: Path | str, problem: str) -> None:
-        self.path, self.problem = Path(path), problem
+        self.path = Path(path)
+        self.problem = problem
         super().__init__(f"{path}: {problem}")
 
 

@@ -150,10 +150,19 @@ SIZED = {
 }
 """Operators whose result is as large as the values of these inputs state; none of them may follow from the picture."""
 
-_GRAPH, _FUNCTIONS = 7, 25  # fields of a model
+# fields of a model
+_GRAPH = 7
+_FUNCTIONS = 25
 _NODE = 1  # field of a graph
-_INPUT, _OUTPUT, _OPERATOR, _ATTRIBUTE, _DOMAIN = 1, 2, 4, 5, 7  # fields of a node
-_ONE_GRAPH, _GRAPHS = 6, 11  # fields of an attribute
+# fields of a node
+_INPUT = 1
+_OUTPUT = 2
+_OPERATOR = 4
+_ATTRIBUTE = 5
+_DOMAIN = 7
+# fields of an attribute
+_ONE_GRAPH = 6
+_GRAPHS = 11
 _OWN_DOMAINS = ("", "ai.onnx")
 
 

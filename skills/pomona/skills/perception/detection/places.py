@@ -32,10 +32,12 @@ LARGEST_SIDE = 4096
 # the picture's own side takes the place of a step that is closer to it than this ratio
 CLOSEST = 1.2
 
-SMALLEST_FRUIT, LARGEST_FRUIT = 24.0, 130.0
+SMALLEST_FRUIT = 24.0
+LARGEST_FRUIT = 130.0
 """Longer sides of fruit in the finder's input that are kept [px]: recall on labelled apples is below a half outside."""
 
-SURE_SMALLEST, SURE_LARGEST = 28.0, 110.0
+SURE_SMALLEST = 28.0
+SURE_LARGEST = 110.0
 """Longer sides in the finder's input at which fruit should be found [px]: the score counts a miss there."""
 
 BEST_FRUIT = 50.0  # longer side in the finder's input at which boxes are most exact [px]
@@ -43,7 +45,8 @@ BEST_FRUIT = 50.0  # longer side in the finder's input at which boxes are most e
 LEARNT_FRUIT = 46.0  # median longer side of fruit in the finder's input when it learnt [px]
 
 LARGEST_WHOLE = 1920  # an input with a longer side than this is searched in tiles [px]: the memory of one is 0.7 GB
-TILE, OVERLAP = 1600, 192
+TILE = 1600
+OVERLAP = 192
 """Largest side of a tile, and overlap of two [px]: the largest fruit lies whole in one of them, 31 px from its border,
 and a tile takes no more memory than the largest whole input."""
 
@@ -86,7 +89,8 @@ class PictureTile:
     def owns(self, boxes: Float64) -> NDArray[np.bool_]:
         """Return which boxes (n, 4) of the whole picture have their middle in the core, (n,)."""
         middle = boxes[:, :2] + 0.5 * boxes[:, 2:]
-        low, high = np.array(self.core[:2]), np.array(self.core[2:])
+        low = np.array(self.core[:2])
+        high = np.array(self.core[2:])
         return np.asarray(((middle >= low) & (middle < high)).all(axis=1), np.bool_)
 
 
@@ -141,10 +145,12 @@ def merge(
     corners = np.concatenate([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]], axis=1)
     kept: list[int] = []
     for k in order:
-        one, others = boxes[k : k + 1], boxes[kept]
+        one = boxes[k : k + 1]
+        others = boxes[kept]
         if not ((iou(one, others) >= SAME) | (shared_part(one, others) >= INSIDE)).any():
             kept.append(k)
-    owner, most = np.zeros(len(boxes), np.int64), np.full(len(boxes), -1.0)
+    owner = np.zeros(len(boxes), np.int64)
+    most = np.full(len(boxes), -1.0)
     for k in kept:  # each find supports the place that it overlaps most
         overlap = iou(boxes[k : k + 1], boxes)[0]
         owner[overlap > most], most = k, np.maximum(overlap, most)
@@ -252,7 +258,8 @@ def read_places(
     highest = cv2.dilate(heat, np.ones((3, 3), np.uint8))
     v, u = np.nonzero((heat >= highest) & (heat > np.log(LEAST_HEAT / (1.0 - LEAST_HEAT))))
     order = np.argsort(-heat[v, u], kind="stable")[:most]
-    v, u = v[order], u[order]
+    v = v[order]
+    u = u[order]
     reaches = np.exp(np.clip(maps[REACHES, v, u].astype(np.float64), -6.0, 6.0))
     middles = np.stack([u + 0.5, v + 0.5])
     limits = np.array([[width], [height]])

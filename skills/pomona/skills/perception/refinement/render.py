@@ -142,7 +142,8 @@ def extents(mesh: Triangles) -> Float64:
 
     Raises BadMesh: empty, not finite, or of zero size in some direction. A mesh with holes is valid.
     """
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    vertices = np.asarray(mesh.vertices)
+    faces = np.asarray(mesh.faces)
     if (
         vertices.ndim != 2
         or vertices.shape[1:] != (3,)
@@ -173,7 +174,8 @@ def farthest(mesh: Triangles) -> float:
 @lru_cache(maxsize=32)
 def winding(mesh: Triangles) -> int:
     """1: the mesh encloses a volume and its faces look outwards; -1: they look inwards; 0: it is not watertight."""
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    vertices = np.asarray(mesh.vertices)
+    faces = np.asarray(mesh.faces)
     _, welded = np.unique(vertices, axis=0, return_inverse=True)
     corners = welded.reshape(-1)[faces]
     directed = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
@@ -233,9 +235,12 @@ def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics) -
         raise RenderFailed(
             "the fruit's pose is behind the camera or touches it: the detection is wrong"
         )
-    u, v = x / z, y / z
-    left, right = max(u.min(), -1e6), min(u.max(), 1e6)
-    top, bottom = max(v.min(), -1e6), min(v.max(), 1e6)
+    u = x / z
+    v = y / z
+    left = max(u.min(), -1e6)
+    right = min(u.max(), 1e6)
+    top = max(v.min(), -1e6)
+    bottom = min(v.max(), 1e6)
     box = ImageBox(
         int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)) + 1, int(np.ceil(bottom)) + 1
     )
@@ -326,7 +331,8 @@ class _GlRenderer:
         self._pyrender = load_pyrender()
         from OpenGL import EGL, GL
 
-        self._egl, self._gl = EGL, GL
+        self._egl = EGL
+        self._gl = GL
         self._offscreen = self._pyrender.OffscreenRenderer(
             _TILE, _TILE
         )  # leaves its context current
@@ -368,13 +374,15 @@ class _GlRenderer:
     ) -> DepthImage:
         GL = self._gl
         z = mesh.vertices @ T_camera_mesh[2, :3] + T_camera_mesh[2, 3]
-        nearest, farthest = float(z.min()), float(z.max())
+        nearest = float(z.min())
+        farthest = float(z.max())
         if nearest <= NEAR:
             raise RenderFailed(
                 "the fruit's pose is behind the camera or touches it: the detection is wrong"
             )
         # Tight planes: the 24 bits of the depth buffer are spent on the fruit alone.
-        near, far = 0.98 * nearest, 1.02 * farthest
+        near = 0.98 * nearest
+        far = 1.02 * farthest
         rows, columns = box.shape
         clip_from_camera = _projection(intrinsics, box, near, far)
         matrix = np.ascontiguousarray((clip_from_camera @ T_camera_mesh).T, dtype=np.float32)
@@ -423,7 +431,8 @@ class _GlRenderer:
                 framebuffer, depth = self._buffers.pop(next(iter(self._buffers)))
                 GL.glDeleteFramebuffers(1, [framebuffer])
                 GL.glDeleteRenderbuffers(1, [depth])
-            framebuffer, depth = int(GL.glGenFramebuffers(1)), int(GL.glGenRenderbuffers(1))
+            framebuffer = int(GL.glGenFramebuffers(1))
+            depth = int(GL.glGenRenderbuffers(1))
             GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, depth)
             GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, GL.GL_DEPTH_COMPONENT24, width, height)
             GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, framebuffer)
@@ -526,7 +535,9 @@ def _seen(u: Float64, v: Float64, faces: NDArray[np.int32], outwards: int) -> ND
     if outwards == 0:
         return seen
     for i in range(len(faces)):
-        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+        a = faces[i, 0]
+        b = faces[i, 1]
+        c = faces[i, 2]
         area = (u[b] - u[a]) * (v[c] - v[a]) - (u[c] - u[a]) * (v[b] - v[a])
         seen[i] = area * outwards < 0.0
     return seen
@@ -556,10 +567,8 @@ class DepthLook:
         x, y, z = p_camera
         if z <= 0.0:  # behind the camera: the rendering reports it
             return 0.0
-        column, row = (
-            (self.intrinsics.fx * x + self.intrinsics.cx * z) / z,
-            (self.intrinsics.fy * y + self.intrinsics.cy * z) / z,
-        )
+        column = (self.intrinsics.fx * x + self.intrinsics.cx * z) / z
+        row = (self.intrinsics.fy * y + self.intrinsics.cy * z) / z
         top, left = (max(round(float(at)) - _AROUND, 0) for at in (row, column))
         around = self.depth[top : top + 2 * _AROUND, left : left + 2 * _AROUND]
         seen = around[np.isfinite(around) & (around > 0.0)]

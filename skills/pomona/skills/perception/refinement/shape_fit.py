@@ -173,10 +173,9 @@ _MAX_TURN = 0.3
 _MAX_STRETCH = 0.2
 _MAX_LEAN = 0.05
 _PATCHES = 80.0  # number of independently deviating parts of the visible surface: a lobe or a dent is some 10 mm wide
-_STILL_PLACE, _STILL_FORM = (
-    5e-5,
-    5e-4,
-)  # steps [m], and [rad] or relative, below which the fit has ended
+# steps [m], and [rad] or relative, below which the fit has ended
+_STILL_PLACE = 5e-5
+_STILL_FORM = 5e-4
 
 
 class ShapePriors(NamedTuple):
@@ -265,7 +264,9 @@ def _unlikeness(expected: ShapePriors, placed: PlacedForm) -> Float64:
     """Expected changes along the prior directions, shape (11,)."""
     start = expected.start
     values = np.empty(PARAMETERS)
-    axis, facing = np.zeros(3), np.zeros(3)  # the detected axes as the present object sees them
+    # the detected axes as the present object sees them
+    axis = np.zeros(3)
+    facing = np.zeros(3)
     for i in range(3):
         values[i] = start.t[i] - placed.t[i]
         for k in range(3):
