@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from pomona.drivers.gripper_supervisor import DirectMotion
+from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import Box, MotionState
 from pomona.executive.skill_testing import drive
 from pomona.skills.geometry import transform
@@ -62,9 +62,10 @@ def test_a_hand_that_a_branch_holds_beside_the_pre_grasp_does_not_go_back_there(
 def test_empty_fingers_that_something_blocks_from_outside_still_go_back():
     scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width - 0.004)
 
-    def move(width: float, speed: float) -> DirectMotion:
-        blocked = DirectMotion(width, speed, scene.gripper.width)
+    def move(width: float, speed: float) -> GripperMotion:
+        blocked = GripperMotion(width, speed, scene.gripper.width, lambda _: None)
         blocked.end(MotionState.FAILED, "the fingers are blocked")
+        blocked.settled = True
         return blocked
 
     scene.gripper.move = move  # type: ignore[method-assign, assignment]

@@ -305,34 +305,6 @@ class GripperMotion:
             self.state, self.problem = state, problem
 
 
-class DirectMotion(GripperMotion):
-    """A move whose end is its rest, as of fingers without a wire and an owner thread."""
-
-    def __init__(
-        self,
-        width: float,
-        speed: float,
-        start: float,
-        stopped: Callable[[], None] = lambda: None,
-        force: float = math.inf,
-    ) -> None:
-        """
-        Args:
-            stopped: called when the move is stopped, by its skill or its driver; tells the supervisor.
-        """
-        super().__init__(width, speed, start, self._stop_now, force)
-        self._stopped = stopped
-
-    def _stop_now(self, _move: GripperMotion) -> None:
-        if not self.settled:
-            self.end(MotionState.STOPPED)
-            self._stopped()
-
-    def end(self, state: MotionState, problem: str = "") -> None:
-        super().end(state, problem)
-        self.settled = True
-
-
 def require_move(
     name: str, limits: GripperLimits, width: float, speed: float, force: float
 ) -> None:

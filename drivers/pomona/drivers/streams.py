@@ -104,7 +104,7 @@ class WrenchStream:
         ] = []  # between two of them: how long, and when they ended
         self._wrong = ""
         self._cause: Exception | None = None
-        self._forget_past()
+        self.restart()
 
     # ------------------------------------------------------------------------------------------ who listens
 
@@ -179,10 +179,6 @@ class WrenchStream:
         if certain or (self._left_out >= FEW and silent > self._silence):
             self._accuse(flaw)
 
-    def restart(self) -> None:
-        """The sensor was started anew: its next sample has no past."""
-        self._forget_past()
-
     # ------------------------------------------------------------------------------------------- the device
 
     def problem(self, device: str) -> DeviceError | None:
@@ -202,7 +198,8 @@ class WrenchStream:
 
     # -------------------------------------------------------------------------------------------- judgement
 
-    def _forget_past(self) -> None:
+    def restart(self) -> None:
+        """The sensor was started anew: its next sample has no past."""
         self._last = (-math.inf, -1)
         self._delivered = math.nan
         self._gaps = []

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from pomona.drivers.base.parallel_gripper import (
+    RECONNECT,
     ParallelGripper,
     SpeedOrder,
     Stop,
@@ -180,7 +181,7 @@ def test_after_a_loss_nothing_moves_until_it_is_acknowledged(fingers: Fingers, h
         with pytest.raises(DeviceError, match=r"does not answer|the wire failed: cut"):
             call()
     setattr(fingers, how, "")
-    serve(fingers, 0.1)
+    serve(fingers, RECONNECT + 0.1)
     with pytest.raises(DeviceLost, match="acknowledge the loss before it moves"):
         fingers.set_speed(-0.01)
     with pytest.raises(MotionRefused, match="acknowledge the loss before it moves"):

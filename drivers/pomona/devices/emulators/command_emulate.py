@@ -55,6 +55,7 @@ def add(subparsers: Any) -> None:
     wsg.add_argument(
         "--obstacle",
         type=Measure(LENGTH, "0 mm").option,
+        default=0.0,
         metavar="WIDTH",
         help="part between the jaws",
     )

@@ -1,4 +1,4 @@
-"""A gripper of pure kinematics, for an emulator without a world: it stops at its ends and at an obstacle."""
+"""A gripper of pure kinematics, for an emulator without a world: it stops at its ends and at an object."""
 
 from __future__ import annotations
 
@@ -9,32 +9,46 @@ from pomona.drivers import GripperLimits, GripperMotion, GripperState, MotionRef
 
 
 class FreeGripper:
-    """Implements `Gripper`; widths are those of the jaws.
+    """Implements `Gripper`; widths are those of the jaws. The truth of an emulated hand.
 
     Attributes:
-        obstacle: width that the jaws cannot close below [m]: a part between them, or a hand.
+        obstacle: width that the jaws cannot close below [m]: a part between them, or a hand; 0: none.
         stiffness: of the obstacle, for one finger [N/m]; the jaws press it together by their force.
     """
 
-    limits = GripperLimits(0.0, 0.068, 0.4, 50.0)
-
-    def __init__(self, now: Callable[[], float], width: float = 0.030) -> None:
-        self._now, self._then = now, now()
+    def __init__(
+        self,
+        now: Callable[[], float],
+        width: float = 0.030,
+        limits: GripperLimits = GripperLimits(0.0, 0.068, 0.4, 50.0),
+        stiffness: float = math.inf,
+    ) -> None:
+        self.limits, self._now, self._then = limits, now, now()
         self._width, self._speed = width, 0.0
         self._motion: GripperMotion | None = None
-        self.obstacle: float | None = None
-        self.stiffness = math.inf
-        self._strength = self.limits.force_max
+        self.obstacle, self.stiffness = 0.0, stiffness
+        self._strength = limits.force_max
+
+    @property
+    def width(self) -> float:
+        """Opening of the jaws [m]; what is written pushes them there."""
+        return self.state().width
+
+    @width.setter
+    def width(self, width: float) -> None:
+        self._advance()
+        self._width = width
 
     @property
     def force(self) -> float:
         """Force of one finger on an elastic obstacle [N]."""
-        return self.stiffness * max((self.obstacle or 0.0) - self.state().width, 0.0) / 2.0
+        return self._press(self.width)
 
     def state(self) -> GripperState:
         """Where the fingers are now [m], as they move by themselves."""
         self._advance()
-        return GripperState(self._then, self._width, self._speed, self._speed != 0.0)
+        pressing = None if math.isinf(self.stiffness) else 2.0 * self._press(self._width)
+        return GripperState(self._then, self._width, self._speed, self._speed != 0.0, pressing)
 
     def move(self, width: float, speed: float, force: float | None = None) -> GripperMotion:
         self._advance()
@@ -53,6 +67,9 @@ class FreeGripper:
             self._stop(self._motion)
         self._speed = speed
 
+    def _press(self, width: float) -> float:
+        return self.stiffness * max(self.obstacle - width, 0.0) / 2.0
+
     def _stop(self, motion: GripperMotion) -> None:
         if not motion.ended:
             motion.end(MotionState.STOPPED)
@@ -61,7 +78,7 @@ class FreeGripper:
 
     def _advance(self) -> None:
         now = self._now()
-        deepest = (self.obstacle or 0.0) - 2.0 * self._strength / self.stiffness
+        deepest = self.obstacle - 2.0 * self._strength / self.stiffness
         low = max(deepest, self.limits.width_min)
         reached = self._width + self._speed * (now - self._then)
         self._then = now

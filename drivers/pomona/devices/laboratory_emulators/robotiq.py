@@ -58,6 +58,8 @@ class RobotiqEmulator(FaultSwitch):
             self.activation = 0
 
     def clear_fault(self) -> None:
+        if self.fault == "inactive":  # somebody has activated it
+            self.written[0] &= 1
         super().clear_fault()
         self.activation = 3 if self.written[0] & 1 else 0
 
@@ -89,6 +91,8 @@ class RobotiqEmulator(FaultSwitch):
         """Whether the fingers have met something: its force is at the limit; without a force they do not follow."""
         least, most = self._model.forces
         limit = least + self.written[5] / 255.0 * (most - least)
+        if self.object == CLOSING and motor_force == 0.0:
+            self.object = 0  # what it held is gone
         if self.object in (OPENING, CLOSING):
             return True  # until another position is commanded: the screw locks itself
         behind = motor_force is None and abs(self._set_point - width) > BEHIND
@@ -114,6 +118,8 @@ class RobotiqEmulator(FaultSwitch):
 
     def write(self, at: int, data: bytes) -> None:
         """Write registers, from the byte `at` of the command on."""
+        if self.fault == "inactive":
+            return
         before = bytes(self.written)
         self.written[at : at + len(data)] = data
         if not self.written[0] & 1:

@@ -7,7 +7,8 @@ force of the command is the limit of the motor's current while it moves; at the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import ClassVar
 
 from pomona.devices.robotiq.codec import (
     ACTIVE,
@@ -43,13 +44,19 @@ CONNECT, ACTIVATION = (
     1.0,
     8.0,
 )  # deadlines of the first status, and of the activation, which moves the fingers [s]
-RECONNECT = 0.5  # a wire without an answer for this long is opened again, and again after it [s]
+RECONNECT = 0.5  # a wire without an answer for this long is opened again [s]
 
 
 class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
     """The gripper. One thread owns the wire; requests are posted to it."""
 
     outlives = True
+    declared: ClassVar[Mapping[str, str]] = {
+        "a_move_ends_with_its_wire": (
+            "it goes on to the position of its last command: the manual's register gFLT has fault 9, no communication "
+            "for 1 s, and no stop by it"
+        )
+    }
 
     def __init__(
         self,
@@ -68,8 +75,7 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
             supervision=options.supervision,
         )
         self._open_session = open_session
-        self._session: RobotiqSession | None = None
-        self._retry_at = self._heard_at = clock.now()
+        self._heard_at = clock.now()
         # None: nothing was commanded yet, or the last is no longer known
         self._written: RobotiqCommand | None = None
 
@@ -80,7 +86,7 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
 
         Raises DeviceError, OSError: no gripper answers, or it is not activated; DeviceFault: a fault, or it moves.
         """
-        self._session = self._open_session()
+        self._reopen()
         try:
             self._supervisor.rest(self._clock.now())
             status = self._await(lambda status: True, CONNECT, "does not answer")
@@ -98,8 +104,11 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
             if self._problem is not None:
                 raise self._problem
         except (DeviceError, OSError):
-            self._leave()
+            self._drop()
             raise
+
+    def _open(self) -> None:
+        self._session, self._heard_at = self._open_session(), self._clock.now()
 
     def _activate(self) -> None:
         if not self.options.activate:
@@ -120,7 +129,6 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
     def _await(
         self, until: Callable[[RobotiqStatus], bool], seconds: float, problem: str
     ) -> RobotiqStatus:
-        assert self._session is not None
         end, nonsense = self._clock.now() + seconds, ""
         while self._clock.now() < end:
             try:
@@ -138,12 +146,6 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
 
     def _serve(self) -> None:
         """Exchange the command for the status. Raises OSError: the wire failed."""
-        now = self._clock.now()
-        if self._session is None:
-            if now < self._retry_at:
-                self._clock.advance(min(self._retry_at - now, 0.05))
-                return
-            self._session, self._heard_at = self._open_session(), now
         nonsense: DeviceError | None = None
         try:
             status = self._session.serve(self._written, PATIENCE)
@@ -159,18 +161,12 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
             words = f"does not answer for {1e3 * silent:.0f} ms"
             self._lose(nonsense or DeviceLost(self.name, words))
         if silent > RECONNECT:
-            self._forget()
+            self._drop()
 
-    def _failed(self, error: BaseException) -> None:
-        """As the base; the wire is opened again."""
-        super()._failed(error)
-        self._forget()
-        self._retry_at = self._clock.now() + RECONNECT
-
-    def _forget(self) -> None:
-        """Close the wire. A gripper that was switched off meanwhile must not be activated by the last command."""
-        self._leave()
-        self._written = self._status = self._set_point = None
+    def _drop(self) -> None:
+        """As the base: a gripper that was switched off meanwhile must not be activated by the last command."""
+        super()._drop()
+        self._written = self._set_point = None
 
     def _take(self, status: RobotiqStatus) -> None:
         """Take a status: the width by its position, the force by the cause of a stop."""
@@ -240,9 +236,7 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
             self._judge_move(state, self._set_point, 1.5 * self.limits.step)
 
     def _leave(self) -> None:
-        session, self._session = self._session, None
-        if session is not None:
-            session.close()
+        self._session.close()
 
 
 def _code(value: float, span: tuple[float, float]) -> int:

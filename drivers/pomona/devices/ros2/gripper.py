@@ -11,13 +11,15 @@ Over rosbridge an action of `control_msgs/GripperCommand` can take the controlle
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from pomona.devices.ros2.joints import JointFeed, JointSample, RosNode
 from pomona.drivers import (
     ConnectContext,
     DeviceError,
+    DeviceFault,
     DeviceLost,
     GripperLimits,
     GripperState,
@@ -86,6 +88,12 @@ class Ros2Gripper(PositionGripper[GripperState, float]):
     """The gripper. One thread owns the set-point; requests are posted to it."""
 
     outlives = True
+    declared: ClassVar[Mapping[str, str]] = {
+        "a_force_is_obeyed": (
+            "std_msgs/Float64MultiArray holds a position alone, and its controller's own limit bounds the force: "
+            "control.ros.org, forward_command_controller"
+        )
+    }
 
     def __init__(
         self,
@@ -118,6 +126,7 @@ class Ros2Gripper(PositionGripper[GripperState, float]):
         """Wait for the first state; nothing is sent. Raises DeviceLost: none came; DeviceFault: it is implausible."""
         end = self._clock.now() + deadline
         self._supervisor.rest(self._clock.now())
+        self._reopen()
         while self._state is None:
             sample = self._feed.newest(PATIENCE)
             if sample is not None:
@@ -176,6 +185,10 @@ class Ros2Gripper(PositionGripper[GripperState, float]):
             self._judge_move(
                 state, self._set_point, ARRIVED, self.options.supervision.lag + BLOCKED
             )
+
+    def _failed(self, error: BaseException) -> None:
+        """As the base; the peer finds its way back by itself."""
+        self._lose(DeviceFault(self.name, f"the driver failed: {error!r}"))
 
     def _leave(self) -> None:
         self._wire.close()

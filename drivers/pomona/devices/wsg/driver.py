@@ -24,7 +24,6 @@ from pomona.devices.wsg.codec import (
 from pomona.devices.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
 from pomona.devices.wsg.session import GripperSession
 from pomona.drivers import (
-    DeviceError,
     DeviceFault,
     DeviceLost,
     GripperLimits,
@@ -41,7 +40,6 @@ from pomona.drivers import (
 )
 from pomona.executive import Clock
 
-RECONNECT = 0.5  # pause between attempts to reconnect [s]
 STREAM_PERIOD = (
     0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
 )
@@ -98,7 +96,6 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
         self._open_link = open_link
         self._session: GripperSession | None = None  # None while the gripper is lost
         self._bits = SystemState(0)  # newest that the gripper has reported
-        self._retry_at = 0.0
         self._rate = 0.0
         self._updated: dict[Command, float] = {}
         self._streamed_at, self._streamed = -math.inf, 0.0  # newest speed set-point
@@ -115,25 +112,8 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
 
     def connect(self) -> None:
         """Open the wire and shake hands. Raises DeviceError: no such gripper there, or it refuses the handshake."""
-        self._open()
+        self._reopen()
         self._problem = None
-
-    def _serve(self) -> None:
-        """Serve the connection for a few milliseconds."""
-        try:
-            if self._session is None:
-                self._reconnect()
-            else:
-                self._receive(self._session)
-        except (OSError, DeviceError) as error:
-            self._failed(error)
-
-    def _reconnect(self) -> None:
-        now = self._clock.now()
-        if now < self._retry_at:
-            self._clock.advance(min(self._retry_at - now, 0.02))
-            return
-        self._open()
 
     def _open(self) -> None:
         """Connect and shake hands. Raises DeviceLost: no gripper answers. DeviceError: it refuses the handshake."""
@@ -161,20 +141,13 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
         self._stop_by = now + self.stopping
         self._session, self._lost = session, False
 
-    def _lose(self, error: DeviceError) -> None:
-        """Close the connection after an error; the next steps try to reconnect."""
-        session, self._session, self._status = self._session, None, None
-        super()._lose(error)
-        self._retry_at = self._clock.now() + RECONNECT
-        if session is not None:
-            session.close()
-
     def _leave(self) -> None:
         """Close the session: a gripper that loses its client makes a fast stop."""
         session, self._session = self._session, None
         if session is not None:
             with contextlib.suppress(OSError):
-                session.send(Plain(Command.DISCONNECT))
+                if not self._lost:
+                    session.send(Plain(Command.DISCONNECT))
             session.close()
 
     # -------------------------------------------------------------------------------------------- commands
@@ -284,7 +257,11 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
 
     # -------------------------------------------------------------------------------------------- the wire
 
-    def _receive(self, session: GripperSession) -> None:
+    def _serve(self) -> None:
+        """Serve the connection for a few milliseconds."""
+        session = self._session
+        if session is None:
+            return  # a request found the wire broken
         replies = session.receive(self._patience())
         if not replies and self._clock.now() - session.last_heard > self.options.silence:
             replies = session.receive(0.0)  # this thread itself may have stalled

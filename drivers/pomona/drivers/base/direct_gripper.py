@@ -2,44 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
+from typing import Any
 
 from pomona.drivers.base.parallel_gripper import ParallelGripper, Wanted
-from pomona.drivers.gripper_supervisor import DirectMotion, GripperMotion, GripperSupervision
-from pomona.drivers.interfaces import GripperLimits, GripperState
-from pomona.executive.clock import Clock
+from pomona.drivers.interfaces import GripperState
 
 
 class DirectGripper(ParallelGripper[GripperState, None]):
     """A gripper in this process. A clock calls its `step`, which follows the base's `_move` and `_speed`."""
 
-    def __init__(
-        self,
-        name: str,
-        clock: Clock,
-        limits: GripperLimits,
-        *,
-        acceleration: float,
-        watchdog: float,
-        supervision: GripperSupervision | None = None,
-    ) -> None:
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         """See the base."""
-        super().__init__(
-            name, clock, limits, acceleration=acceleration, watchdog=watchdog, supervision=supervision
-        )  # fmt: skip
+        super().__init__(*args, **kwargs)
         self._lost = False
-        self._supervisor.rest(clock.now())
+        self._supervisor.rest(self._clock.now())
 
     @abstractmethod
-    def state(self) -> GripperState:
+    def _read(self) -> GripperState:
         """Opening and speed now."""
+
+    def state(self) -> GripperState:
+        state = self._read()
+        if self._state is None or math.isfinite(state.width):  # NaN is no state
+            self._state = state
+        return self._state
 
     def last_seen(self) -> float | None:
         return self.state().stamp
 
     def check(self) -> None:
-        wrong = self._supervisor.look(self._clock.now(), self.state())
-        if wrong and self._problem is None:
+        wrong = self._supervisor.look(self._clock.now(), self._read())
+        if wrong:
             self._fail(wrong)
         super().check()
 
@@ -52,8 +47,10 @@ class DirectGripper(ParallelGripper[GripperState, None]):
     def _send(self, command: None) -> None:
         """Nothing."""
 
-    def _new_move(self, width: float, speed: float, force: float) -> GripperMotion:
-        return DirectMotion(width, speed, self.state().width, self._rest, force)
+    def _rest(self) -> None:
+        super()._rest()
+        if self._move is not None and self._move.ended:
+            self._move.settled = True
 
     def _rests(self) -> bool:
         return True

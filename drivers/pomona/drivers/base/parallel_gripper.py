@@ -16,8 +16,8 @@ While latched the fingers may close and hold, but not open. A driver derives fro
     def next_command(self, wanted: Wanted, status: Answer) -> bytes | None: ...
     def _send(self, command: bytes) -> None: ...
 
-and, as its gripper needs them, `shows`, `_watch`, `_refusal`, `_leave`. `pomona new gripper NAME` writes such a driver,
-with an emulated gripper at the other end of its wire.
+and, as its gripper needs them, `_open`, `_leave`, `shows`, `_watch`, `_refusal`. `pomona new gripper NAME` writes such a
+driver, with an emulated gripper at the other end of its wire.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ from pomona.executive.clock import Clock
 ARRIVED, BLOCKED = 1e-3, 0.3
 """Fingers this near to a width have arrived there [m]; at rest off it for this long they are blocked [s]. Fingers begin
 to move later than their command, by 0.1 s at most (`GripperSupervision.lag`)."""
+RECONNECT = 0.5  # between tries to open a wire that failed [s]
 LEAVING = 0.3  # time for the last stop before a driver closes its wire [s]
 
 
@@ -113,6 +114,7 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         self._sent_at = -math.inf
         self._stop_by = math.inf  # the fingers must rest by then
         self._status: S | None = None  # None: nothing is known
+        self._is_open, self._retry_at = False, -math.inf
         self._state: GripperState | None = None
         self._lost, self._unacknowledged = True, False
         self._move: GripperMotion | None = None
@@ -158,16 +160,43 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         """Return why the gripper itself takes no move now, as the rest of a sentence; empty when it does."""
         return ""
 
+    def _open(self) -> None:
+        """Open the wire: before the first step, and again after it has failed. Raises OSError, DeviceError."""
+
     def _leave(self) -> None:
         """Close the wire."""
 
     # ------------------------------------------------------------------------------------------ the owner's thread
 
     def step(self) -> None:
-        """Command what is wanted, serve the wire, and compare measured with commanded motion."""
-        self._command()
-        self._serve()
-        self._supervise()
+        """Command what is wanted, serve the wire, and compare measured with commanded motion.
+
+        What goes wrong is latched: an error of the wire, and a defect of the driver.
+        """
+        try:
+            if self._is_open or self._reopen():
+                self._command()
+                self._serve()
+            self._supervise()
+        except Exception as error:
+            self._failed(error)
+
+    def _reopen(self) -> bool:
+        """Open the wire, some time after the last try; return True if it is open."""
+        left = self._retry_at - self._clock.now()
+        if left > 0.0:
+            self._clock.advance(min(left, 0.02))
+            return False
+        self._retry_at = self._clock.now() + RECONNECT
+        self._open()
+        self._is_open = True
+        return True
+
+    def _drop(self) -> None:
+        """Close the wire, to open it again: nothing is known of the gripper, and it may have been switched off."""
+        if self._is_open:
+            self._leave()
+        self._status, self._is_open = None, False
 
     def _command(self) -> None:
         """Ask for the next command, until the status shows what is wanted."""
@@ -244,9 +273,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         if self._still() or not isinstance(self._wanted, Stop):
             self._stop_by = math.inf
         elif state.stamp > self._stop_by:  # not the clock: this thread may have stalled
-            late, width = 1e3 * self.stopping, 1e3 * state.width
             self._disobeyed(
-                f"was not measured at rest {late:.0f} ms after a stop, at {width:.1f} mm"
+                f"was not measured at rest {1e3 * self.stopping:.0f} ms after a stop, at {1e3 * state.width:.1f} mm"
             )
 
     def _disobeyed(self, words: str) -> None:
@@ -315,15 +343,13 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         self._lost = True
 
     def _failed(self, error: BaseException) -> None:
-        """Handle an error of the wire, or a defect of the driver itself."""
-        if isinstance(error, DeviceError):
-            self._lose(error)
-            return
-        lost: DeviceError = DeviceFault(self.name, f"the driver failed: {error!r}")
+        """Handle an error of the wire, or a defect of the driver itself: the wire is opened again."""
         if isinstance(error, OSError):
-            lost = DeviceLost(self.name, f"the wire failed: {error}")
-        lost.__cause__ = error
-        self._lose(lost)
+            error = DeviceLost(self.name, f"the wire failed: {error}")
+        elif not isinstance(error, DeviceError):
+            error = DeviceFault(self.name, f"the driver failed: {error!r}")
+        self._lose(error)
+        self._drop()
 
     def _blame(self, problem: DeviceError) -> None:
         """Latch a problem until it is acknowledged; the first one is kept."""
@@ -345,11 +371,6 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
     def _speed(self) -> float:
         """The streamed speed [m/s]."""
         return self._wanted.speed if isinstance(self._wanted, SpeedOrder) else 0.0
-
-    def _new_move(self, width: float, speed: float, force: float) -> GripperMotion:
-        return GripperMotion(
-            width, speed, self.state().width, lambda move: self._owner.post(lambda: self._stop(move)), force
-        )  # fmt: skip
 
     def _begin(self, move: GripperMotion) -> None:
         """Start a move, unless a stop or a loss came first."""
@@ -399,8 +420,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         """Return why no move may be started now; empty when it may."""
         if self._latched is not None:
             return f"latched in the safe state ({self._latched})"
-        if self._lost or self._unacknowledged or self._problem is not None:
-            return f"not ready: {self._why_lost() if self._unacknowledged else self._words()}"
+        if self._lost or self._unacknowledged or self._problem:
+            return f"not ready: {self._why_lost()}"
         return self._refusal()
 
     def _why_lost(self) -> str:
@@ -426,7 +447,9 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         require_move(self.name, limits, width, speed, force)
         width = min(max(width, limits.width_min), limits.width_max)
         speed, force = min(speed, limits.speed_max), min(force, limits.force_max)
-        move = self._asked = self._new_move(width, speed, force)
+        move = self._asked = GripperMotion(
+            width, speed, self.state().width, lambda move: self._owner.post(lambda: self._stop(move)), force
+        )  # fmt: skip
         self._owner.post(lambda: self._begin(move))
         return move
 
@@ -448,8 +471,7 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         return None if self._state is None else self._state.stamp
 
     def check(self) -> None:
-        problem = self._problem
-        if problem is not None:
+        if problem := self._problem:
             raise problem
         self._owner.check()
 
@@ -510,5 +532,5 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
             while isinstance(self._wanted, Stop) and self._clock.now() < end:
                 self.step()
                 self._clock.advance(1e-3)
+        self._drop()
         self._problem, self._lost = DeviceLost(self.name, "is closed"), True
-        self._leave()

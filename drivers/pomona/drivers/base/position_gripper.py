@@ -19,6 +19,7 @@ from pomona.drivers.base.parallel_gripper import (
     Wanted,
     WidthOrder,
 )
+from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import GripperState
 
 LONGEST = 0.02  # time for which a set-point advances at once [s]: it does not jump after a stall
@@ -48,6 +49,13 @@ class PositionGripper(ParallelGripper[S, C]):
         if self._state is not None and isinstance(self._wanted, WidthOrder | SpeedOrder):
             self._set_point = self._advanced(self._wanted, self._state.width, elapsed)
         super()._command()
+
+    def _begin(self, move: GripperMotion) -> None:
+        """As the base; from the fingers' own place, where the set-point lies on their other side."""
+        state, last = self._state, self._set_point
+        if state and last and (last - state.width) * (move.width - state.width) < 0.0:
+            self._set_point = None
+        super()._begin(move)
 
     def _advanced(self, wanted: WidthOrder | SpeedOrder, width: float, elapsed: float) -> float:
         """Return the next set-point [m], `elapsed` [s] after the last one, for fingers at `width` [m]."""

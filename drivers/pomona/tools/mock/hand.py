@@ -69,6 +69,7 @@ class MockGripper(DirectGripper):
         blocked_at: the fingers do not close below this [m]; 0 means never. For moves: they fail there.
 
     Attributes:
+        force: with which a finger presses on what it met [N].
         width: present opening; write it to move the fingers by hand, which `check` notices.
         motor_force: reported with the state [N], or None.
         speeds: every value given to `set_speed`, with its time.
@@ -87,7 +88,7 @@ class MockGripper(DirectGripper):
         self.motor_force: float | None = None
         self.speeds: list[tuple[float, float]] = []
         self.moves: list[GripperMotion] = []
-        self._rate = 0.0
+        self._rate = self.force = 0.0
         self._refused: str | None = None
         self._error: DeviceError | None = None
         clock.each_step.append(self.step)
@@ -104,7 +105,7 @@ class MockGripper(DirectGripper):
 
     # ----------------------------------------------------------------------------------------------- device
 
-    def state(self) -> GripperState:
+    def _read(self) -> GripperState:
         moving = not self.settled()
         return GripperState(
             self._clock.now(), self.width, self._rate, moving, self.motor_force, aim=self._aim
@@ -132,8 +133,9 @@ class MockGripper(DirectGripper):
     def step(self) -> None:
         """Move the fingers for one period of the clock."""
         self._end_stale_stream(self._clock.now())
+        force = self.limits.force_max
         match self._wanted:
-            case WidthOrder(width, speed):
+            case WidthOrder(width, speed, force):
                 left = width - self.width
                 self._rate = math.copysign(min(speed, abs(left) / PERIOD), left)
             case SpeedOrder(speed):
@@ -142,6 +144,8 @@ class MockGripper(DirectGripper):
                 self._rate = 0.0
         low = max(self.limits.width_min, self.blocked_at)
         self.width = min(max(self.width + self._rate * PERIOD, low), self.limits.width_max)
+        if self._rate:
+            self.force = force if self._rate < 0.0 and self.width <= low else 0.0
         move = self._move
         if move is None or not isinstance(self._wanted, WidthOrder):
             return

@@ -86,7 +86,7 @@ class SimGripper(DirectGripper, FaultyDevice):
         model.actuator_forcerange[self._actuator] = [-drive, drive]
         self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
 
-    def state(self) -> GripperState:
+    def _read(self) -> GripperState:
         state = self._measure()
         if self.fault == "frozen":
             return self._frozen
@@ -111,9 +111,7 @@ class SimGripper(DirectGripper, FaultyDevice):
 
     def check(self) -> None:
         silent = self._clock.now() - self.state().stamp
-        if self.fault == "lost":
-            self._lose(DeviceLost(self.name, "does not answer"))
-        elif silent > STALE:
+        if silent > STALE and self.fault != "lost":
             self._lose(DeviceLost(self.name, f"has not sent its width for {1e3 * silent:.0f} ms"))
         super().check()
 
@@ -123,7 +121,8 @@ class SimGripper(DirectGripper, FaultyDevice):
     def inject_fault(self, kind: str) -> None:
         self._frozen = self._measure()
         super().inject_fault(kind)
-        self._unacknowledged = self._unacknowledged or kind == "lost"
+        if kind == "lost":
+            self._lose(DeviceLost(self.name, "does not answer"))
 
     def safe_stop(self, reason: str) -> None:
         if self._latched is None:
@@ -169,7 +168,10 @@ class SimGripper(DirectGripper, FaultyDevice):
         """Drive the set-point, unless it pulls with the motor's whole force already; limit the fingers to its give."""
         state = self._world.state
         set_point = float(state.act[0])
-        ahead = set_point - float(state.qpos[self._address[0]])
+        fingers = state.qpos[
+            self._address
+        ]  # the one that gives way more takes the thread's push first
+        ahead = set_point - float(fingers.max() if wanted < 0.0 else fingers.min())
         rate = 0.5 * wanted / self._across
         state.ctrl[self._actuator] = (
             0.0 if abs(ahead) >= self._gives and ahead * wanted > 0.0 else rate

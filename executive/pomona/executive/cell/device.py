@@ -46,6 +46,8 @@ class Device:
     outlives: ClassVar[bool] = False
     """Whether it moves something that keeps moving without this process. Its cell must then be declared real or
     emulated: the checks before a run depend on that."""
+    declared: ClassVar[Mapping[str, str]] = {}
+    """Claims of `pomona.drivers.conformance` that it cannot keep, by name: why, with the page of its protocol."""
     distrusted = ""
     outside_stop: tuple[str, tuple[Any, ...]] | None = None
     """How another process stops the device when this one is gone: the function `module:name` and its arguments."""

@@ -15,8 +15,9 @@ from pomona.devices.emulators.free_gripper import FreeGripper
 from pomona.devices.emulators.wsg import WsgEmulator
 from pomona.devices.wsg.codec import Command, Plain, Script, SystemState, encode
 from pomona.devices.wsg.connect import connect
-from pomona.devices.wsg.driver import RECONNECT, WsgGripper
+from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
+from pomona.drivers.base.parallel_gripper import RECONNECT
 from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
 from pomona.drivers.interfaces import Gripper, GripperState, MotionState
 from pomona.drivers.services import ConnectContext

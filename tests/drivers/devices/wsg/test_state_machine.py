@@ -13,8 +13,9 @@ from hypothesis import Phase, settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from pomona.devices.wsg.codec import SystemState
-from pomona.devices.wsg.driver import RECONNECT, WsgGripper
+from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
+from pomona.drivers.base.parallel_gripper import RECONNECT
 from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import MotionState
