@@ -23,10 +23,14 @@ class FreeGripper:
         limits: GripperLimits = GripperLimits(0.0, 0.068, 0.4, 50.0),
         stiffness: float = math.inf,
     ) -> None:
-        self.limits, self._now, self._then = limits, now, now()
-        self._width, self._speed = width, 0.0
+        self.limits = limits
+        self._now = now
+        self._then = now()
+        self._width = width
+        self._speed = 0.0
         self._motion: GripperMotion | None = None
-        self.obstacle, self.stiffness = 0.0, stiffness
+        self.obstacle = 0.0
+        self.stiffness = stiffness
         self._strength = limits.force_max
 
     @property
@@ -88,16 +92,15 @@ class FreeGripper:
             and (reached - motion.width) * self._speed >= 0.0
             and motion.width >= low
         ):
-            self._width, self._speed = motion.width, 0.0
+            self._width = motion.width
+            self._speed = 0.0
             motion.end(MotionState.DONE)
             motion.settled = True
         elif low <= reached <= self.limits.width_max:
             self._width = reached
         elif self._speed != 0.0:
-            self._width, self._speed = (
-                min(max(reached, min(low, self._width)), self.limits.width_max),
-                0.0,
-            )
+            self._width = min(max(reached, min(low, self._width)), self.limits.width_max)
+            self._speed = 0.0
             if motion is not None:
                 motion.end(MotionState.FAILED, "blocked")
                 motion.settled = True

@@ -40,10 +40,10 @@ AHEAD = 3  # most steps by which a position that advances precedes the measured 
 DELAY = 0.04
 CATCH_UP = 1.5  # speed of the fingers towards a position that advances, as a multiple of its own
 ACCELERATION = 1.0  # assumed acceleration for the supervisor [m/s²]
-CONNECT, ACTIVATION = (
-    1.0,
-    8.0,
-)  # deadlines of the first status, and of the activation, which moves the fingers [s]
+CONNECT = 1.0
+ACTIVATION = (
+    8.0  # deadlines of the first status, and of the activation, which moves the fingers [s]
+)
 RECONNECT = 0.5  # a wire without an answer for this long is opened again [s]
 
 
@@ -65,7 +65,8 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
         options: RobotiqFile,
         name: str = "gripper",
     ) -> None:
-        self.model, self.options = MODELS[options.model], options
+        self.model = MODELS[options.model]
+        self.options = options
         super().__init__(
             name,
             clock,
@@ -93,7 +94,8 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
             if status.activation != ACTIVE:
                 self._activate()
                 status = self._await(lambda status: True, CONNECT, "does not answer")
-            before, status = status, self._await(lambda status: True, CONNECT, "does not answer")
+            before = status
+            status = self._await(lambda status: True, CONNECT, "does not answer")
             if status.problem:
                 raise DeviceFault(self.name, status.problem)
             if abs(status.position - before.position) > 1:
@@ -108,7 +110,8 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
             raise
 
     def _open(self) -> None:
-        self._session, self._heard_at = self._open_session(), self._clock.now()
+        self._session = self._open_session()
+        self._heard_at = self._clock.now()
 
     def _activate(self) -> None:
         if not self.options.activate:
@@ -129,7 +132,8 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
     def _await(
         self, until: Callable[[RobotiqStatus], bool], seconds: float, problem: str
     ) -> RobotiqStatus:
-        end, nonsense = self._clock.now() + seconds, ""
+        end = self._clock.now() + seconds
+        nonsense = ""
         while self._clock.now() < end:
             try:
                 status = self._session.serve(self._written, PATIENCE)
@@ -170,7 +174,8 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
 
     def _take(self, status: RobotiqStatus) -> None:
         """Take a status: the width by its position, the force by the cause of a stop."""
-        now, width = self._clock.now(), self.width_of(status.position)
+        now = self._clock.now()
+        width = self.width_of(status.position)
         self._status = status
         # reached when the fingers were stopped; below it the force is unknown
         limit = 2.0 * self.limits.force_max
@@ -197,18 +202,20 @@ class RobotiqGripper(PositionGripper[RobotiqStatus, RobotiqCommand]):
     # ---------------------------------------------------------------------------------------- commands
 
     def next_command(self, wanted: Wanted, status: RobotiqStatus) -> RobotiqCommand | None:
-        """Return the registers. One that is not activated gets a stop, which holds when it is activated again."""
+        """Return the registers; none for a gripper that is not activated: the stop waits for that."""
         if status.activation != ACTIVE:
-            return RobotiqCommand(False, False, status.requested)
+            return None
         if isinstance(wanted, Stop):
             if status.holds:  # it keeps its command, and presses on
                 return self._written
             self._set_point = None
             return RobotiqCommand(True, False, status.requested)
         assert self._set_point is not None
-        speed, force = CATCH_UP * abs(wanted.speed), self.limits.force_max
+        speed = CATCH_UP * abs(wanted.speed)
+        force = self.limits.force_max
         if isinstance(wanted, WidthOrder):
-            speed, force = (wanted.speed if self._is_direct(wanted) else speed), wanted.force
+            speed = wanted.speed if self._is_direct(wanted) else speed
+            force = wanted.force
         codes = _code(speed, self.model.speeds), _code(force, self.model.forces)
         return RobotiqCommand(True, True, self.position_of(self._set_point), *codes)
 

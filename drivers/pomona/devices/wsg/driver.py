@@ -45,10 +45,8 @@ STREAM_PERIOD = (
 )
 PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
 
-ARRIVED, ARRIVAL = (
-    2e-3,
-    0.1,
-)  # tolerance at the end of a move [m], and deadline for measuring it [s]
+ARRIVED = 2e-3
+ARRIVAL = 0.1  # tolerance at the end of a move [m], and deadline for measuring it [s]
 
 UPDATES = (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE)
 """Automatic updates of the gripper; their absence is a fault."""
@@ -98,10 +96,12 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
         self._bits = SystemState(0)  # newest that the gripper has reported
         self._rate = 0.0
         self._updated: dict[Command, float] = {}
-        self._streamed_at, self._streamed = -math.inf, 0.0  # newest speed set-point
+        self._streamed_at = -math.inf
+        self._streamed = 0.0  # newest speed set-point
         self._ordered: GripperMotion | None = None  # its MOVE was sent, and no STOP since
         # which stop is sent: a gripper that does not obey it gets a fast stop; and whether that was answered
-        self._halt, self._answered = Command.STOP, True
+        self._halt = Command.STOP
+        self._answered = True
         self._force = math.nan  # limit of the force that the gripper has [N]
         self._arriving: float | None = (
             None  # the gripper reports arrival; deadline for its width to confirm it
@@ -129,21 +129,28 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
         except BaseException:
             session.close()
             raise
-        now, options = self._clock.now(), self.options
-        self.identity, self.limits = identity, identity.limits(options)
+        now = self._clock.now()
+        options = self.options
+        self.identity = identity
+        self.limits = identity.limits(options)
         self._supervisor = GripperSupervisor(
             identity.reach(options), identity.acceleration, options.supervision
         )
         self._supervisor.rest(now)
         self._updated = dict.fromkeys(UPDATES, now)
-        self._force, self._streamed, self._ordered = identity.force_limit, 0.0, None
-        self._sent, self._answered = Stop(), True  # by the handshake
+        self._force = identity.force_limit
+        self._streamed = 0.0
+        self._ordered = None
+        self._sent = Stop()
+        self._answered = True  # by the handshake
         self._stop_by = now + self.stopping
-        self._session, self._lost = session, False
+        self._session = session
+        self._lost = False
 
     def _leave(self) -> None:
         """Close the session: a gripper that loses its client makes a fast stop."""
-        session, self._session = self._session, None
+        session = self._session
+        self._session = None
         if session is not None:
             with contextlib.suppress(OSError):
                 if not self._lost:
@@ -223,14 +230,18 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
             return
         match command:
             case Script(_, _, speed):
-                self._streamed, self._streamed_at = speed, self._clock.now()
+                self._streamed = speed
+                self._streamed_at = self._clock.now()
                 self._supervisor.stream(self._streamed_at, speed, self.options.watchdog)
             case Move():
-                self._ordered, self._arriving = self._move, None
+                self._ordered = self._move
+                self._arriving = None
             case SetValue(_, value):
                 self._force = value
             case Plain(Command.STOP | Command.FAST_STOP):
-                self._ordered, self._answered, self._streamed = None, False, 0.0
+                self._ordered = None
+                self._answered = False
+                self._streamed = 0.0
         try:
             session.send(command)
         except OSError as error:
@@ -295,7 +306,8 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
             move.measured = move.width
             self._end_order(MotionState.DONE)
         elif self._clock.now() > self._arriving:
-            here, there = 1e3 * move.measured, 1e3 * move.width
+            here = 1e3 * move.measured
+            there = 1e3 * move.width
             self._fail(f"measures {here:.1f} mm at the end of a move to {there:.1f} mm")
 
     def _end_order(self, state: MotionState, problem: str = "") -> None:
@@ -312,7 +324,8 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
     def _disobeyed(self, words: str) -> None:
         """Report a failed stop, and try the fast stop."""
         super()._disobeyed(words)
-        self._halt, self._answered = Command.FAST_STOP, False
+        self._halt = Command.FAST_STOP
+        self._answered = False
 
     def _take(self, reply: Reply) -> None:
         good = reply.status is Status.SUCCESS

@@ -42,7 +42,8 @@ from pomona.executive.cell.device import Device
 from pomona.executive.cell.owner import Owner, Watchdog
 from pomona.executive.clock import Clock
 
-ARRIVED, BLOCKED = 1e-3, 0.3
+ARRIVED = 1e-3
+BLOCKED = 0.3
 """Fingers this near to a width have arrived there [m]; at rest off it for this long they are blocked [s]. Fingers begin
 to move later than their command, by 0.1 s at most (`GripperSupervision.lag`)."""
 RECONNECT = 0.5  # between tries to open a wire that failed [s]
@@ -105,7 +106,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         """
         super().__init__(name)
         self.limits = limits
-        self._clock, self._watchdog = clock, Watchdog(watchdog)
+        self._clock = clock
+        self._watchdog = Watchdog(watchdog)
         self._lock = threading.Lock()  # of latched and problem
         self._owner = Owner(name, self.step, self._failed, clock)
         self._supervisor = GripperSupervisor(limits, acceleration, supervision)
@@ -114,9 +116,11 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         self._sent_at = -math.inf
         self._stop_by = math.inf  # the fingers must rest by then
         self._status: S | None = None  # None: nothing is known
-        self._is_open, self._retry_at = False, -math.inf
+        self._is_open = False
+        self._retry_at = -math.inf
         self._state: GripperState | None = None
-        self._lost, self._unacknowledged = True, False
+        self._lost = True
+        self._unacknowledged = False
         self._move: GripperMotion | None = None
         self._asked: GripperMotion | None = None  # the last requested one, before the owner gets it
         self._aim: float | None = None
@@ -196,11 +200,13 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         """Close the wire, to open it again: nothing is known of the gripper, and it may have been switched off."""
         if self._is_open:
             self._leave()
-        self._status, self._is_open = None, False
+        self._status = None
+        self._is_open = False
 
     def _command(self) -> None:
         """Ask for the next command, until the status shows what is wanted."""
-        wanted, status = self._wanted, self._status
+        wanted = self._wanted
+        status = self._status
         if wanted is None or status is None:
             return
         stops = isinstance(wanted, Stop)
@@ -211,7 +217,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         command = self.next_command(wanted, status) if (unsent or not shown) and not waits else None
         if command is not None:
             self._send(command)
-            self._sent, self._sent_at = wanted, self._clock.now()
+            self._sent = wanted
+            self._sent_at = self._clock.now()
         elif shown and stops and not unsent:
             self._wanted = None
 
@@ -243,7 +250,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
                 return  # NaN is no state
         if self._lost:
             self._stop_by = self._clock.now() + self.stopping
-        self._lost, self._state = False, state
+        self._lost = False
+        self._state = state
         if self._move is not None:
             self._move.measured = width
 
@@ -382,7 +390,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         if self._move is not None and self._move is not move:
             self._move.end(MotionState.STOPPED)
             self._move.settled = True
-        self._move, self._aim = move, move.width
+        self._move = move
+        self._aim = move.width
         self._off_target_since = math.inf
         self._supervisor.move(self._clock.now(), self.state().width, move.width, move.speed)
         self._wanted = WidthOrder(move.width, move.speed, move.force)
@@ -399,7 +408,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         if not self._lost:  # else the last end of the last command stays known
             self._supervisor.rest(now)
         if not isinstance(self._wanted, Stop):
-            self._wanted, self._stop_by = Stop(), now + self.stopping
+            self._wanted = Stop()
+            self._stop_by = now + self.stopping
 
     def _take_speed(self, speed: float) -> None:
         """While latched the fingers may close and hold but not open."""
@@ -440,13 +450,15 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         return self._state
 
     def move(self, width: float, speed: float, force: float | None = None) -> GripperMotion:
-        limits, refusal = self.limits, self._unready()
+        limits = self.limits
+        refusal = self._unready()
         if refusal:
             raise MotionRefused(self.name, refusal)
         force = limits.force_max if force is None else force
         require_move(self.name, limits, width, speed, force)
         width = min(max(width, limits.width_min), limits.width_max)
-        speed, force = min(speed, limits.speed_max), min(force, limits.force_max)
+        speed = min(speed, limits.speed_max)
+        force = min(force, limits.force_max)
         move = self._asked = GripperMotion(
             width, speed, self.state().width, lambda move: self._owner.post(lambda: self._stop(move)), force
         )  # fmt: skip
@@ -504,7 +516,8 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
             self._rest()
 
     def resume(self) -> None:
-        move, refusal = self._asked, self._unready()
+        move = self._asked
+        refusal = self._unready()
         if move is not None and move.state is MotionState.PAUSED and refusal:
             raise MotionRefused(self.name, refusal)
         self._owner.post(self._resume)
@@ -533,4 +546,5 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
                 self.step()
                 self._clock.advance(1e-3)
         self._drop()
-        self._problem, self._lost = DeviceLost(self.name, "is closed"), True
+        self._problem = DeviceLost(self.name, "is closed")
+        self._lost = True

@@ -45,14 +45,16 @@ class PositionGripper(ParallelGripper[S, C]):
     def _command(self) -> None:
         """Advance the set-point before it is commanded."""
         now = self._clock.now()
-        elapsed, self._stepped_at = min(max(now - self._stepped_at, 0.0), LONGEST), now
+        elapsed = min(max(now - self._stepped_at, 0.0), LONGEST)
+        self._stepped_at = now
         if self._state is not None and isinstance(self._wanted, WidthOrder | SpeedOrder):
             self._set_point = self._advanced(self._wanted, self._state.width, elapsed)
         super()._command()
 
     def _begin(self, move: GripperMotion) -> None:
         """As the base; from the fingers' own place, where the set-point lies on their other side."""
-        state, last = self._state, self._set_point
+        state = self._state
+        last = self._set_point
         if state and last and (last - state.width) * (move.width - state.width) < 0.0:
             self._set_point = None
         super()._begin(move)

@@ -49,7 +49,8 @@ class Wire(FaultSwitch):
             keeps: it brings later what it does not bring now, as TCP does; a serial line loses it.
         """
         super().__init__()
-        self.keeps, self._to_device = keeps, to_device
+        self.keeps = keeps
+        self._to_device = to_device
 
     def open(self) -> Link:
         """Return a new connection for the driver. Raises ConnectionRefusedError: the wire is cut."""
@@ -62,7 +63,8 @@ class _End:
     """The driver's end of a connection."""
 
     def __init__(self, wire: Wire, link: Link) -> None:
-        self._wire, self._link = wire, link
+        self._wire = wire
+        self._link = link
         self._unsent = self._unheard = b""
         self._is_cut = False
 
@@ -80,7 +82,8 @@ class _End:
         if self._unsent and self._wire.fault not in ("dead", "deaf"):
             self.send(b"")
         chunk = self._unheard + self._link.receive(timeout)
-        fault, size = self._wire.fault, len(chunk)
+        fault = self._wire.fault
+        size = len(chunk)
         if fault in ("mute", "dead"):
             size = 0
         elif fault == "half" and chunk:
@@ -117,7 +120,8 @@ class Bench:
             switches: of its wire and of the device, by which it can be harmed.
             without: faults of these that no driver could notice.
         """
-        self.device, self.clock = device, clock
+        self.device = device
+        self.clock = clock
         self.harms: Mapping[str, FaultSwitch] = {
             fault: switch
             for switch in switches

@@ -17,7 +17,8 @@ from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.clock import Clock
 
 WAYS = ("close", "open", "stream")
-SPEED, STREAM = 0.025, 0.02  # of the moves and of the streamed speeds of these claims [m/s]
+SPEED = 0.025
+STREAM = 0.02  # of the moves and of the streamed speeds of these claims [m/s]
 STILL = 1e-3  # fingers at rest stay within this [m]
 NEAR = 1.5e-3  # a width is right within this [m]
 REST = 0.35  # fingers rest within this time after a stop that was delivered [s]
@@ -58,7 +59,9 @@ class GripperBench(Bench):
             switches, without: see the base.
         """
         super().__init__(device, clock, *switches, without=without)
-        self.hand, self.offset, self.foreign = hand, offset, foreign
+        self.hand = hand
+        self.offset = offset
+        self.foreign = foreign
         self.renew: float | None = None  # a skill streams this speed [m/s]
         self.move: GripperMotion | None = None  # that `begin` has begun
         self.each_step.append(self._renew)
@@ -199,7 +202,8 @@ def the_end_of_a_driver_stops_the_fingers(opened: Opened) -> None:
     for way in WAYS:
         bench = opened()
         bench.begin(way)
-        bench.renew, before = None, bench.width
+        bench.renew = None
+        before = bench.width
         bench.device.close()
         bench.stand_still(1.0)
         way_on = abs(bench.width - before)
@@ -253,7 +257,8 @@ def the_force_is_bounded(opened: Opened) -> None:
     """What fingers meet, they press with the largest force of their limits at most."""
     for streams in (False, True):
         bench = opened()
-        most, bound = 0.0, bench.limits.force_max
+        most = 0.0
+        bound = bench.limits.force_max
 
         def feel(bench: GripperBench = bench) -> None:
             nonlocal most
@@ -310,7 +315,8 @@ def a_stop_keeps_the_grip(opened: Opened) -> None:
         bench.grip()
         bench.harm(harm, 0.1 if harm else 0.0)
         bench.heal()
-        held, before = bench.hand.force, bench.width
+        held = bench.hand.force
+        before = bench.width
         bench.device.safe_stop("test")
         bench.serve(1.0)
         require(bench.width < before + STILL, f"'{harm}': {went(before, bench.width)}")
@@ -337,7 +343,8 @@ def a_stop_latches(opened: Opened) -> None:
     bench.begin("close")
     bench.device.safe_stop("test")
     bench.serve(REST)
-    before, bench.renew = bench.width, 0.05
+    before = bench.width
+    bench.renew = 0.05
     bench.serve(0.5)
     require(bench.width < before + STILL, went(before, bench.width))
     bench.renew = None
@@ -422,7 +429,8 @@ def a_speed_is_true(opened: Opened) -> None:
     bench.serve(0.3)
     moved = before - bench.width
     require(abs(moved - STREAM * 0.3) < NEAR, f"a stream went {1e3 * moved:.1f} mm in 0.3 s")
-    bench.renew, before = None, bench.width
+    bench.renew = None
+    before = bench.width
     bench.serve(0.5)
     require(before - bench.width < STREAM * 0.2 + STILL, went(before, bench.width))
     bench.rest("not renewed,", 0.0)
@@ -434,7 +442,8 @@ def a_stream_ends_with_its_process(opened: Opened) -> None:
     """A stream ends while the driver's process stands still."""
     bench = opened()
     bench.begin("stream")
-    bench.renew, before = None, bench.width
+    bench.renew = None
+    before = bench.width
     bench.stand_still(1.0)
     bench.serve(0.5)
     require(before - bench.width < STREAM * 0.2 + STILL, went(before, bench.width))

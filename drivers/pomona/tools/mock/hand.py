@@ -84,7 +84,8 @@ class MockGripper(DirectGripper):
         blocked_at: float = 0.0,
     ) -> None:
         super().__init__("gripper", clock, limits, acceleration=ACCELERATION, watchdog=WATCHDOG)
-        self.width, self.blocked_at = width, blocked_at
+        self.width = width
+        self.blocked_at = blocked_at
         self.motor_force: float | None = None
         self.speeds: list[tuple[float, float]] = []
         self.moves: list[GripperMotion] = []
@@ -112,7 +113,8 @@ class MockGripper(DirectGripper):
         )
 
     def move(self, width: float, speed: float, force: float | None = None) -> GripperMotion:
-        refusal, self._refused = self._refused, None
+        refusal = self._refused
+        self._refused = None
         if refusal:
             raise MotionRefused(self.name, refusal)
         self.moves.append(super().move(width, speed, force))
@@ -248,11 +250,13 @@ class MockLoadSensor(MockForceSensor):
     """A load sensor at the wrist: `feel` gives shape (1, 6)."""
 
     interfaces = (LoadSensor,)
-    mass, least = 1.2, 0.5
+    mass = 1.2
+    least = 0.5
 
     def __init__(self, clock: MockClock) -> None:
         super().__init__(clock, lambda _now: np.zeros((1, 6)))
-        self.name, self._stream = "load", WrenchStream(clock, sides=("the load sensor",))
+        self.name = "load"
+        self._stream = WrenchStream(clock, sides=("the load sensor",))
 
 
 class MockCamera(Device):
@@ -270,7 +274,8 @@ class MockCamera(Device):
 
     def __init__(self, *frames: Frame, clock: Clock | None = None) -> None:
         super().__init__("camera")
-        self._frames, self._clock = list(frames), clock
+        self._frames = list(frames)
+        self._clock = clock
         self.looks = 0
         self._error: DeviceError | None = None
 
