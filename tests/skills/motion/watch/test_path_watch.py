@@ -15,9 +15,9 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.timing import time_polyline
-from pomona.skills.motion.watch import Braking, PathWatch
+from pomona.skills.motion.watch import Ahead, Braking, PathWatch
 from pomona.skills.motion.watch.kernel import see
-from pomona.skills.motion.watch.path_watch import FRAME_INTERVAL, UNNOTICED
+from pomona.skills.motion.watch.path_watch import FRAME_INTERVAL, PACES, STEP, UNNOTICED
 from pomona.skills.shared.live_watch import TOO_OLD
 from pomona.tools.mock.arm import SIA5F_LIMITS
 from tests.skills.overhead import LENS, T_BASE_CAMERA, frame
@@ -310,3 +310,122 @@ def test_the_age_of_the_frame_makes_only_the_start_slower() -> None:
     assert path is not None
     rate = np.diff(PATH.t) / np.diff(path.t)
     assert rate[0] < 0.8 < 0.9 < rate[-1]
+
+
+# --------------------------------------------------------------- which stretch of the path is judged, and how
+
+
+def judged(
+    monkeypatch: pytest.MonkeyPatch,
+    moved: int,
+    standing: int,
+    age: float,
+    at: float,
+    near: int = 99,
+) -> tuple[list[tuple[float, float, float, int]], object]:
+    """Look once, with so many cells that moved and that stand; the `near`-th question finds something near.
+
+    Return first and last time of each stretch [s], the distance that is allowed there [m] and its number of points.
+    """
+    looking, asked = watch(), []
+
+    def nearest(points: Float64, first: int, last: int, allowed: float, now: float) -> object:
+        assert now == at
+        times = looking._times
+        begins, ends = (times[first : first + 1], times[:last][-1:])  # as slices: they may be empty
+        asked.append((*begins, *[np.inf][len(begins) :], *ends, allowed, len(points)))
+        return (0.02, 0.3, (1.0, 2.0, 3.0), "hand") if len(asked) - 1 == near else None
+
+    def new_cells(*_given: object) -> int:
+        looking._moved[: moved + standing] = [True] * moved + [False] * standing
+        return moved + standing
+
+    monkeypatch.setattr(looking, "_nearest", nearest)
+    monkeypatch.setattr(looking, "_new_cells", new_cells)
+    return asked, looking.look(frame(0.0), T_BASE_CAMERA, OBSERVE, age, at)
+
+
+@pytest.mark.parametrize(("age", "at"), [(0.0, 0.31), (0.12, 0.31), (0.05, PATH.duration - 0.03)])
+def test_moving_objects_are_judged_where_the_arm_can_be_until_it_rests(
+    monkeypatch: pytest.MonkeyPatch, age: float, at: float
+) -> None:
+    asked, told = judged(monkeypatch, 3, 5, age, at)
+    assert told is None
+    waiting = FRAME_INTERVAL + 0.05  # until the next frame is looked at, and the arm brakes
+    braking = Braking(PATH, SIA5F_LIMITS).time(min(at + waiting, PATH.duration))
+    stopping = age + waiting + braking
+    (begins, ends, allowed, points), (_, also, near, others), (after, last, far, rest) = asked
+    assert begins <= at < begins + 0.02 + 1e-9
+    until = min(at + stopping, PATH.duration)
+    assert until <= ends + 1e-9
+    assert ends < until + 0.02 + 1e-9
+    assert allowed == pytest.approx(0.03 + 1.6 * stopping)
+    assert (also, near, far) == (ends, 0.03, 0.03)
+    assert (points, others, rest) == (3, 5, 8)
+    rest_of_path = [t for t in (*np.arange(0.0, PATH.duration, 0.02), PATH.duration) if t > ends]
+    assert after == pytest.approx(min(rest_of_path, default=np.inf))
+    assert last == PATH.duration
+
+
+def test_two_cells_that_moved_are_noise_and_stand(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, _ = judged(monkeypatch, 2, 5, 0.0, 0.3)
+    assert [points for *_, points in asked] == [0, 7, 7]
+
+
+@pytest.mark.parametrize(
+    ("near", "stop", "moved"), [(0, True, True), (1, True, False), (2, False, False)]
+)
+def test_the_most_urgent_object_is_told(
+    monkeypatch: pytest.MonkeyPatch, near: int, stop: bool, moved: bool
+) -> None:
+    asked, told = judged(monkeypatch, 3, 5, 0.0, 0.3, near)
+    assert len(asked) == near + 1
+    assert told == Ahead(stop, moved, 0.02, 0.3, (1.0, 2.0, 3.0), "hand", 8)
+
+
+@pytest.mark.parametrize("age", [0.0, 0.2])
+@pytest.mark.parametrize("begun", [False, True])
+def test_the_pace_lets_the_arm_rest_before_an_object_that_sets_off_can_be_there(
+    monkeypatch: pytest.MonkeyPatch, age: float, begun: bool
+) -> None:
+    looking, asked = watch(), []
+    waiting = FRAME_INTERVAL + 0.05
+    at = waiting + STEP + (1e-6 if begun else -1e-3)
+
+    def nearest(points: Float64, first: int, last: int, allowed: float, now: float) -> object:
+        asked.append((looking._times[first], looking._times[last - 1], allowed))
+        return "near" if len(asked) < 3 else None
+
+    monkeypatch.setattr(looking, "_nearest", nearest)
+    assert looking._pace(np.zeros((1, 3)), at, age) == PACES[2]
+    way = UNNOTICED if begun else max(UNNOTICED, 1.6 * age)
+    for pace, (begins, ends, allowed) in zip(PACES, asked, strict=False):
+        stopping = waiting + Braking(PATH, SIA5F_LIMITS).time(at, pace)
+        assert allowed == pytest.approx(0.03 + way + 1.6 * stopping)
+        assert begins <= at < begins + 0.02 + 1e-9
+        assert at + pace * stopping <= ends + 1e-9
+        assert ends < at + pace * stopping + 0.02 + 1e-9
+    asked.clear()
+    monkeypatch.setattr(looking, "_nearest", lambda *_: asked.append(1) or "near")
+    assert looking._pace(np.zeros((1, 3)), at, age) == PACES[-1]
+    assert len(asked) == len(PACES)
+
+
+def test_the_nearest_posture_of_a_stretch_is_told_with_its_time_place_and_part() -> None:
+    looking = watch()
+    point = on_the_way(0.5) + np.array([0.0, 0.0, 0.2])
+    points = np.array([[3.0, 3.0, 3.0], point])
+    first, last = 22, 26
+    gaps = [gap(q, point) for q in looking._Q[first:last]]
+    m = int(np.argmin(gaps))
+    told = looking._nearest(points, first, last, 1.0, 0.25)
+    assert told is not None
+    distance, after, place, part = told
+    assert distance == pytest.approx(gaps[m], abs=1e-6)
+    assert after == pytest.approx(looking._times[first + m] - 0.25)
+    assert place == pytest.approx(point, abs=5e-4)
+    assert part in SHAPE.geom_bodies
+    assert looking._nearest(points, first, last, gaps[m] - 1e-3, 0.25) is None
+    assert looking._nearest(points, first, last, 1.0, 99.0)[1] == 0.0  # type: ignore[index]
+    assert looking._nearest(points[:0], first, last, 1.0, 0.0) is None
+    assert looking._nearest(points, 5, 5, 1.0, 0.0) is None
