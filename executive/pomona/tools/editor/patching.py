@@ -230,11 +230,16 @@ class TextPatch:
         if count == 1:
             start = self.tree.start(at) + 1
             end = self.tree.end(at) - 1
-        elif index + 1 < count:
+        elif index + 1 < count and not (index and self._stands_between(spans, index)):
             end = spans[index + 1][0]
         else:
             start = spans[index - 1][1]
         self.replace(start, end, "")
+
+    def _stands_between(self, spans: Sequence[tuple[int, int]], index: int) -> bool:
+        """Return True if an item is the last one of a line and not the first: the next line must stay apart."""
+        before, first, after = spans[index - 1][1], spans[index][0], spans[index + 1][0]
+        return self.tree.row(before) == self.tree.row(first) != self.tree.row(after)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
