@@ -21,7 +21,7 @@ from starlette.responses import (
     Response,
     StreamingResponse,
 )
-from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -79,6 +79,10 @@ SILENT = 1.0
 """Time without a message from the run's process after which every page is informed [s]; it sends four a second."""
 
 
+Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
+RecordAnswer = Callable[[Path, Request], Response | None]
+
+
 class Dashboard:
     """Serves the page, the live stream, the records, and the operators' actions."""
 
@@ -109,18 +113,18 @@ class Dashboard:
                 reading("/api/choices", self._offer),
                 reading("/api/requests", self._asked),
                 reading("/api/runs", self._runs),
-                reading("/api/runs/{name}/messages", self._messages),
-                reading("/api/runs/{name}/images/{at}", self._image),
-                reading("/api/runs/{name}/images/{at}/cloud", self._cloud),
-                reading("/api/runs/{name}/record", self._download),
-                reading("/api/runs/{name}/picture", self._picture),
-                reading("/api/runs/{name}/thumbnail", self._thumbnail),
-                reading("/api/runs/{name}/drawing", self._drawing),
-                Route("/api/act", self._act, methods=["POST"]),
-                Route("/api/judge", self._judge, methods=["POST"]),
-                Route("/api/start", self._start, methods=["POST"]),
-                Route("/api/edit", self._aside(self._edit), methods=["POST"]),
-                Route("/api/why", self._aside(self._why), methods=["POST"]),
+                self._record_route("messages", self._messages, "record"),
+                self._record_route("images/{at}", self._image, "image"),
+                self._record_route("images/{at}/cloud", self._cloud, "record"),
+                self._record_route("record", self._download, "record"),
+                self._record_route("picture", self._picture, "picture"),
+                self._record_route("thumbnail", self._thumbnail, "record"),
+                self._record_route("drawing", self._drawing, "tree that can be drawn"),
+                self._acting("act", self.presses.answer),
+                self._acting("judge", self._judge),
+                self._acting("start", self._start),
+                self._acting("edit", lambda body: asyncio.to_thread(self._edit, body)),
+                self._acting("why", lambda body: asyncio.to_thread(self._why, body)),
                 reading("/api/why", lambda _request: JSONResponse(self._asides.found())),
                 WebSocketRoute("/live", self._live),
                 Mount("/static", StaticFiles(directory=STATIC)),
@@ -222,11 +226,17 @@ class Dashboard:
     def _runs(self, _request: Request) -> Response:
         return JSONResponse([run.as_json() for run in self._index.read()[:MOST_RUNS]])
 
-    def _messages(self, request: Request) -> Response:
-        folder = self._folder(request)
-        if folder is None:
-            return JSONResponse({"error": "no such record"}, 404)
+    def _record_route(self, path: str, answer: RecordAnswer, what: str) -> BaseRoute:
+        """Return the route of a part of a record; where there is none, the answer says what is missing."""
 
+        def respond(request: Request) -> Response:
+            folder = self._folder(request)
+            found = None if folder is None else answer(folder, request)
+            return found or JSONResponse({"error": f"no such {what}"}, 404)
+
+        return self._reading.route(f"/api/runs/{{name}}/{path}", respond)
+
+    def _messages(self, folder: Path, request: Request) -> Response:
         interval = _interval(request.query_params)
         images = f"/api/runs/{quote(folder.name)}/images/"
 
@@ -247,50 +257,27 @@ class Dashboard:
 
         return StreamingResponse(self._reading.pieces(pieces()), media_type="application/x-ndjson")
 
-    def _image(self, request: Request) -> Response:
-        folder = self._folder(request)
-        found = None if folder is None else image(folder, request.path_params["at"])
-        if found is None:
-            return JSONResponse({"error": "no such image"}, 404)
-        return Response(
-            found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"}
-        )
+    def _image(self, folder: Path, request: Request) -> Response | None:
+        return _jpeg(image(folder, request.path_params["at"]), 86400)
 
-    def _cloud(self, request: Request) -> Response:
-        folder = self._folder(request)
-        found = {} if folder is None else cloud(folder, request.path_params["at"])
+    def _cloud(self, folder: Path, request: Request) -> Response:
+        found = cloud(folder, request.path_params["at"])
         return JSONResponse(found, headers={"cache-control": "private, max-age=86400"})
 
-    def _download(self, request: Request) -> Response:
-        folder = self._folder(request)
-        if folder is None:
-            return JSONResponse({"error": "no such record"}, 404)
+    def _download(self, folder: Path, _request: Request) -> Response:
         return FileResponse(folder / EVENTS_FILE, filename=f"{folder.name}.mcap")
 
-    def _picture(self, request: Request) -> Response:
-        folder = self._folder(request)
-        if folder is None or not is_plain(folder / "picture.png"):
-            return JSONResponse({"error": "no such picture"}, 404)
-        return FileResponse(folder / "picture.png")
+    def _picture(self, folder: Path, _request: Request) -> Response | None:
+        path = folder / "picture.png"
+        return FileResponse(path) if is_plain(path) else None
 
-    def _thumbnail(self, request: Request) -> Response:
-        folder = self._folder(request)
-        found = None if folder is None else thumbnail(folder)
-        if found is None:
-            return Response(status_code=204)
-        return Response(
-            found, media_type="image/jpeg", headers={"cache-control": "private, max-age=600"}
-        )
+    def _thumbnail(self, folder: Path, _request: Request) -> Response:
+        return _jpeg(thumbnail(folder), 600) or Response(status_code=204)
 
-    def _drawing(self, request: Request) -> Response:
-        folder = self._folder(request)
+    def _drawing(self, folder: Path, request: Request) -> Response | None:
         until = _interval({"begin": "0", "end": request.query_params.get("until", "")})
-        drawn = (
-            None if folder is None else redrawing(folder, until[1] if until is not None else 0.0)
-        )
-        if drawn is None:
-            return JSONResponse({"error": "no tree that can be drawn"}, 404)
-        return Response(drawn, media_type="image/svg+xml")
+        drawn = redrawing(folder, until[1] if until is not None else 0.0)
+        return None if drawn is None else Response(drawn, media_type="image/svg+xml")
 
     def _folder(self, request: Request) -> Path | None:
         """Return the record's folder, or None: only the exact name of a record counts, and no symbolic link."""
@@ -367,52 +354,25 @@ class Dashboard:
 
     # ---------------------------------------------------------------------------------------------- acting
 
-    async def _act(self, request: Request) -> Response:
-        body = await authorised_body(request, self.access, MOST_BODY)
-        if isinstance(body, Response):
-            return body
-        try:
-            return JSONResponse(await self.presses.answer(body))
-        except RefusedError as refused:
-            return JSONResponse({"error": str(refused)}, 409)
-
-    async def _start(self, request: Request) -> Response:
-        body = await authorised_body(request, self.access, MOST_BODY)
-        if isinstance(body, Response):
-            return body
-        if self._start_run is None:
-            return JSONResponse(
-                {"error": "this dashboard belongs to one run and starts no other"}, 409
-            )
-        try:
-            return JSONResponse(await self.presses.once(body, self._begin))
-        except PomonaError as error:
-            return JSONResponse({"error": str(error)}, 409)
-
-    async def _judge(self, request: Request) -> Response:
-        body = await authorised_body(request, self.access, MOST_BODY)
-        if isinstance(body, Response):
-            return body
-        try:
-            return JSONResponse({"problems": await asyncio.to_thread(self._judge_form, body)})
-        except PomonaError as error:
-            return JSONResponse({"error": str(error)}, 409)
-
-    def _aside(
-        self, answer: Callable[[dict[str, Any]], dict[str, Any]]
-    ) -> Callable[[Request], Awaitable[Response]]:
-        """Return the answer of a request that starts or ends a process beside this one."""
-
+    def _acting(self, name: str, answer: Answer) -> Route:
         async def respond(request: Request) -> Response:
             body = await authorised_body(request, self.access, MOST_BODY)
             if isinstance(body, Response):
                 return body
             try:
-                return JSONResponse(await asyncio.to_thread(answer, body))
+                return JSONResponse(await answer(body))
             except PomonaError as error:
                 return JSONResponse({"error": str(error)}, 409)
 
-        return respond
+        return Route(f"/api/{name}", respond, methods=["POST"])
+
+    async def _start(self, body: dict[str, Any]) -> dict[str, Any]:
+        if self._start_run is None:
+            raise RefusedError("this dashboard belongs to one run and starts no other")
+        return await self.presses.once(body, self._begin)
+
+    async def _judge(self, body: dict[str, Any]) -> dict[str, Any]:
+        return {"problems": await asyncio.to_thread(self._judge_form, body)}
 
     def _edit(self, body: dict[str, Any]) -> dict[str, Any]:
         tree = self._choices.tree(body.get("tree"))
@@ -464,6 +424,12 @@ async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -
         if viewer.lagged and not viewer.waiting:
             await stream.close(4408)  # the page connects again and gets the whole state
             return
+
+
+def _jpeg(coded: bytes | None, age: int) -> Response | None:
+    """Return an image that a browser keeps for so long [s]; None without one."""
+    kept = {"cache-control": f"private, max-age={age}"}
+    return None if coded is None else Response(coded, media_type="image/jpeg", headers=kept)
 
 
 def _interval(query: Mapping[str, str]) -> tuple[float, float] | None:
