@@ -8,6 +8,8 @@ from pomona.devices.ros2 import gripper as module
 from pomona.drivers.conformance import gripper_claims
 from tests.drivers.conformance.grippers import BENCHES
 
+pytestmark = pytest.mark.landmark
+
 
 @pytest.fixture(autouse=True)
 def no_patience(monkeypatch: pytest.MonkeyPatch) -> None:
