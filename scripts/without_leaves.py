@@ -124,7 +124,11 @@ def copy() -> Path:
     """Return a copy of what is committed, without changes of an earlier trial."""
     if not COPY.is_dir():
         subprocess.run(["git", "clone", "--quiet", "--shared", ROOT, COPY], check=True)
-    for command in ("fetch --quiet", "reset --quiet --hard FETCH_HEAD", "clean --quiet -d --force"):
+    for command in (
+        "fetch --quiet origin HEAD",
+        "reset --quiet --hard FETCH_HEAD",
+        "clean --quiet -d --force",
+    ):
         subprocess.run(["git", *command.split()], cwd=COPY, check=True)
     return COPY
 
