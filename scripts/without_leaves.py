@@ -26,7 +26,7 @@ COPY = ROOT / "runs" / "without_leaves"
 FLOORS = ("executive", "skills", "drivers")
 KINDS = ("tools", "devices", "applications")
 WHOLE_HOUSE = (
-    *("tests/executive/language", "tests/executive/commands", "tests/drivers/cell"),
+    *("tests/executive/language", "tests/drivers/cell"),
     *("tests/executive/test_cli.py", "tests/executive/test_registry.py", "tests/executive/cell"),
     *("tests/test_leaves.py", "tests/test_names.py", "tests/test_documented.py"),
     *("tests/test_public_api.py", "tests/test_glossary.py", "tests/test_examples.py"),
