@@ -46,7 +46,7 @@ def test_the_skill_is_that_of_the_tutorial() -> None:
 
 def pomona(command: list[str], folder: Path) -> None:
     words = [sys.executable, "-m", "pomona.executive.cli", *command[1:]]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=500)
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=580)
     assert done.returncode == 0, f"{shlex.join(command)}\n{done.stdout}\n{done.stderr}"
 
 
