@@ -6,6 +6,8 @@ import pytest
 
 from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, find_cell, find_tree
+from pomona.executive.language.check import read_document, usual_cell
+from pomona.executive.language.model import Document
 from pomona.executive.values.installation import installed_trees
 
 
@@ -58,3 +60,26 @@ def test_a_folder_of_an_installed_name_hides_nothing(
     (tmp_path / "frames").mkdir()
     monkeypatch.chdir(tmp_path)
     assert find_cell("frames") == installed_trees() / "cells" / "frames.yaml"
+
+
+TREE = "pomona: 1\ntree: t\n{}root:\n  succeed: {{}}\n"
+
+
+def document(folder: Path, line: str) -> Document:
+    tree = folder / "t.yaml"
+    tree.write_text(TREE.format(line))
+    return read_document(tree)
+
+
+def test_a_tree_names_its_cell_by_name_and_by_a_file_beside_it(tmp_path: Path) -> None:
+    assert usual_cell(document(tmp_path, "")).stem == default_name("cell")
+    assert usual_cell(document(tmp_path, "cell: sim_crate\n")) == find_cell("sim_crate")
+    own = tmp_path / "mine.yaml"
+    own.write_text("cell: mine\n")
+    assert usual_cell(document(tmp_path, "cell: mine.yaml\n")) == own
+
+
+def test_a_cell_that_no_file_describes_is_refused_where_the_tree_names_it(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"t.yaml:3:7: no cell file 'sim_crat'; .*sim_crate"):
+        usual_cell(document(tmp_path, "cell: sim_crat\n"))
+    assert [found.code for found in document(tmp_path, "cell: [a]\n").findings] == ["shape"]

@@ -33,7 +33,7 @@ from pomona.executive.recording.session import Reader, RecordingSession, unfinis
 from pomona.executive.registry import Registry
 from pomona.executive.run_views import RunViews
 from pomona.executive.running.cell_watch import installed_watchers
-from pomona.executive.running.events import Listener, OperatorActed, RunEnded, RunStarted
+from pomona.executive.running.events import Listener, OperatorActed, RunStarted
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.signals import RunSignals, Terminated
 from pomona.executive.running.starting import RunResult, StartCancelledError, Starting, alone_on
@@ -465,17 +465,7 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         problem = breach
         cell.safe_stop(problem)
         result = replace(result, outcome="error", reason=Reason("", NO_RECORD, problem))
-        events.emit(
-            RunEnded(
-                *runner.progress,
-                result.outcome,
-                result.reason,
-                result.ticks,
-                result.time,
-                result.wall,
-                result.truth,
-            )
-        )
+        events.emit(result.event(*runner.progress))
     return Executed(result, summary, session.folder, problem, signals.number)
 
 

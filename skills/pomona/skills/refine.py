@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class Refine(Skill):
 
     def prepare(self) -> None:
         """Open the renderer, and import and compile the measurement, which takes seconds."""
-        using, _ = usable_renderer(self.known("renderer") or "pyrender")
+        using, _ = usable_renderer("pyrender")
         with suppress(RefineError):
             T = transform(translation=(0.0, 0.0, 0.5))
             virtual_depth, box = render_depth(_SOMETHING, T, _SMALL_CAMERA, using=using)
@@ -108,14 +108,10 @@ class Refine(Skill):
         largest: Annotated[
             Ratio, Port(min=1.0, max=10.0, help="maximum size relative to the CAD model")
         ] = 1.6,
-        renderer: Annotated[
-            Literal["pyrender", "zbuffer"],
-            Port(help="renderer of the virtual depth; zbuffer is the fallback of pyrender"),
-        ] = "pyrender",
     ) -> Work[Refined]:
         workspace = self.device(Workspace)
         limits = Limits(inlier_band, min_inliers, (smallest, largest))
-        using, note = usable_renderer(renderer)
+        using, note = usable_renderer("pyrender")
         if note and not self._reported:  # once in a run, not at each look
             self._reported = True
             yield note

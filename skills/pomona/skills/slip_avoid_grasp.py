@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, SampleRate, Workspace
 from pomona.executive.ports import (
@@ -24,7 +24,6 @@ from pomona.skills.grip.controller import GripController, warm_up
 from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold
 from pomona.skills.grip.limit_surface import SoftContact, surface_table
-from pomona.skills.grip.observer import GENTLE, DynamicSettings
 from pomona.skills.grip.settings import (
     ForceLaw,
     ForceLoopSettings,
@@ -97,7 +96,6 @@ class SlipAvoidGrasp(Skill):
         k: Annotated[
             Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")
         ] = 4.0,
-        surface: Annotated[Literal["exact", "ellipsoid"], Port(help="limit surface")] = "exact",
         margin: Annotated[
             Ratio, Port(min=1.0, max=3.0, help="factor on the minimum grip force")
         ] = 1.125,
@@ -132,11 +130,10 @@ class SlipAvoidGrasp(Skill):
         law: Annotated[
             str, Port(choices=tuple(law.value for law in ForceLaw), help="for comparison")
         ] = "slip_avoidance",
-        gentle: Annotated[bool, Port(help="respond to slip with a tenth of the force")] = False,
     ) -> Work[Grasped]:
         gripper = self.device(Gripper)
         sensor = self.device(ForceSensor)
-        contact = SoftContact(mu, delta, gamma, k, ellipsoid=surface == "ellipsoid")
+        contact = SoftContact(mu, delta, gamma, k)
         yield from self.compute(surface_table, contact)
         controller = GripController(
             GripSettings(
@@ -156,7 +153,6 @@ class SlipAvoidGrasp(Skill):
                     closing_speed=min(ForceLoopSettings().closing_speed, gripper.limits.speed_max),
                     step=gripper.limits.step,
                 ),
-                dynamic=GENTLE if gentle else DynamicSettings(),
                 width_min=gripper.limits.width_min,
                 rate=sensor.rate,
             )

@@ -13,7 +13,8 @@ from typing import Any
 from pomona.executive.commands.command_line import add_records_folder
 from pomona.executive.errors import UsageError
 from pomona.executive.execute import Executed, RunOrder, execute
-from pomona.executive.files import default_name, find_cell, find_tree
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.language.check import read_document, usual_cell
 from pomona.executive.language.interface import parse_settings
 from pomona.executive.run_views import RunViews
 from pomona.executive.running.runner import Runner
@@ -129,9 +130,10 @@ def _order(options: argparse.Namespace, attended: bool) -> RunOrder:
         speed = speed_of(options.speed)
     except SpeedRefusedError as error:
         raise UsageError(f"--speed: {error}") from None
+    tree = find_tree(options.tree)
     order = RunOrder(
-        tree=find_tree(options.tree),
-        cell=find_cell(options.cell or default_name("cell")),
+        tree=tree,
+        cell=find_cell(options.cell) if options.cell else usual_cell(read_document(tree)),
         seed=options.seed,
         settings=parse_settings(options.set),
         real_time=options.pace == "real",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.executive.errors import UsageError
-from pomona.executive.files import read_text
+from pomona.executive.files import default_name, find_cell, read_text
 from pomona.executive.language.check_node import NodeChecker
 from pomona.executive.language.flow import Flow, Outcomes, Truth
 from pomona.executive.language.interface import InterfaceReader, PortDeclared, parameter_values
@@ -29,6 +29,7 @@ from pomona.executive.values.findings import (
     format_findings,
 )
 from pomona.executive.values.installation import installed_trees
+from pomona.executive.values.plain_text import is_file
 from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 MAX_BUILT_NODES = 10_000
@@ -357,6 +358,22 @@ def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Documen
     known = texts or {}
     text = known[str(path)] if str(path) in known else read_text(path)
     return read(text, path, tree_folders=[installed_trees()], texts=known)
+
+
+def usual_cell(document: Document) -> Path:
+    """Return the cell that a tree names, beside it, by path or by name; the default of the installation without one.
+
+    Raises UsageError: there is no such cell.
+    """
+    named = document.main.cell
+    if named is None:
+        return find_cell(default_name("cell"))
+    beside = Path(document.path).parent / named.text
+    try:
+        return beside if is_file(beside) else find_cell(named.text)
+    except UsageError as error:
+        at = f"{named.source.path}:{named.line}:{named.column}"
+        raise UsageError(f"{at}: {error}") from None
 
 
 def refuse_errors(

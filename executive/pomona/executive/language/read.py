@@ -30,6 +30,7 @@ _TOP = (
     "pomona",
     "tree",
     "description",
+    "cell",
     "skills",
     "parameters",
     "constants",
@@ -154,6 +155,7 @@ class _Reader:
         file.name = name.text if name is not None else resolved.stem
         described = shape.text(top.get("description"))
         file.description = described.text if described is not None else _header(source, top)
+        file.cell = shape.text(top.get("cell"))
         for key, value in shape.entries(top.get("skills"), "skills", "'Skill: package' for each"):
             if isinstance(value, YamlMapping):
                 shape.known_keys(value, ("in", "out"), "a declared skill")

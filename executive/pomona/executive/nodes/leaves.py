@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -136,21 +137,33 @@ class FailType(Leaf):
         )
 
 
-class SkillCall(Leaf):
-    """a skill; names begin with a capital"""
+class Call(Leaf):
+    """What is called by its name: ports are wired, and inputs are checked against its declaration."""
 
-    key, symbol, colour = "skill", "●", "#0b6e4f"
     value = takes.Ports()
     calls = True
 
+    @abstractmethod
+    def look_up(self, at: CheckContext) -> None:
+        """Look for it by its name; the finding is reported."""
+
     def declare(self, at: CheckContext, stage: Stage) -> None:
         if stage is Stage.DECLARED:
-            at.look_up_skill()
+            self.look_up(at)
         elif stage is Stage.UNKNOWN:
             at.mark_outputs_unknown()
 
     def check_layer(self, at: CheckContext) -> None:
         at.check_call()
+
+
+class SkillCall(Call):
+    """a skill; names begin with a capital"""
+
+    key, symbol, colour = "skill", "●", "#0b6e4f"
+
+    def look_up(self, at: CheckContext) -> None:
+        at.look_up_skill()
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.skill()
@@ -159,21 +172,13 @@ class SkillCall(Leaf):
         return at.skill()
 
 
-class SubtreeCall(Leaf):
+class SubtreeCall(Call):
     """a subtree of this file, or of another"""
 
     key, symbol, colour = "subtree", "▣", "#6c4ab6"
-    value = takes.Ports()
-    calls = True
 
-    def declare(self, at: CheckContext, stage: Stage) -> None:
-        if stage is Stage.DECLARED:
-            at.look_up_subtree()
-        elif stage is Stage.UNKNOWN:
-            at.mark_outputs_unknown()
-
-    def check_layer(self, at: CheckContext) -> None:
-        at.check_call()
+    def look_up(self, at: CheckContext) -> None:
+        at.look_up_subtree()
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
         return at.subtree()

@@ -49,7 +49,6 @@ from pomona.executive.running.events import (
     OperatorActed,
     PortWritten,
     Published,
-    RunEnded,
     SafeStopped,
     StateChanged,
     TickOverran,
@@ -155,7 +154,7 @@ class Runner(Requests):
         self._breakpoints = Breakpoints(self.tree.behaviours)
         self._attended = attended
         self._attend(self.tree.breakpoints)
-        self._observer = TreeObserver(self.tree, self._emit, self._stamp)
+        self._observer = TreeObserver(self.tree, self._emit, lambda: self.progress)
         self._logs = SkillLogs()
         self._state = RunState.IDLE
         self._ticks = 0
@@ -181,7 +180,7 @@ class Runner(Requests):
     @property
     def progress(self) -> tuple[float, int]:
         """Run time [s] and tick number: a sign of life."""
-        return self._stamp()
+        return self.context.elapsed(), self._ticks
 
     @property
     def wall(self) -> float:
@@ -246,17 +245,7 @@ class Runner(Requests):
         self._tell_refusals()
         self._tell_logs(last=True)
         result = self._result(time.perf_counter() - started)
-        self._emit(
-            RunEnded(
-                *self._stamp(),
-                result.outcome,
-                result.reason,
-                result.ticks,
-                result.time,
-                result.wall,
-                result.truth,
-            )
-        )
+        self._emit(result.event(*self.progress))
         return result
 
     def hold_latched(self) -> None:
@@ -268,7 +257,7 @@ class Runner(Requests):
             action, who, detail, _number, _at = self._commands.get()
             if action == "leave":
                 return
-            self._emit(OperatorActed(*self._stamp(), who, action, detail or reason))
+            self._emit(OperatorActed(*self.progress, who, action, detail or reason))
             if action == "fail":
                 self._switch(detail)
             elif action == "acknowledge":
@@ -329,7 +318,7 @@ class Runner(Requests):
         took, worked = time.perf_counter() - began, time.thread_time() - worked
         self._observer.after_tick()
         if took > (BLOCKED if self._cell.clock.simulated else self._period):
-            self._emit(TickOverran(*self._stamp(), self._observer.slowest(), took, worked))
+            self._emit(TickOverran(*self.progress, self._observer.slowest(), took, worked))
         if held is not None:
             self._step = False
             self._pause("breakpoint", f"{held.side} {held.path}")
@@ -357,7 +346,7 @@ class Runner(Requests):
                 continue
             if action in (*SETS_IN_MOTION, "reload") and self._is_late(request):
                 continue
-            self._emit(OperatorActed(*self._stamp(), who, action, detail))
+            self._emit(OperatorActed(*self.progress, who, action, detail))
             if action == "safe_stop":
                 raise SafeStopRequestedError(detail)
             if action == "interrupt":
@@ -415,14 +404,14 @@ class Runner(Requests):
         try:
             self.tree = self._takeovers[lines].apply(before)
         except ReloadRefusedError as error:  # another change of the file was taken over meanwhile
-            self._emit(OperatorActed(*self._stamp(), who, "too_late", f"reload, {error}"))
+            self._emit(OperatorActed(*self.progress, who, "too_late", f"reload, {error}"))
             return
         self._breakpoints.follow(self.tree)
         self._observer.follow(self.tree)
         self._attend(set(self.tree.breakpoints) - set(before.breakpoints))
         self._computations.pending()  # those of the preparation do not count as the run's
         self._emit(
-            TreeChanged(*self._stamp(), tuple(node.facts() for node in self.tree.nodes), lines)
+            TreeChanged(*self.progress, tuple(node.facts() for node in self.tree.nodes), lines)
         )
 
     def _is_late(self, request: Request) -> bool:
@@ -442,7 +431,7 @@ class Runner(Requests):
         if why:
             self._emit(
                 OperatorActed(
-                    *self._stamp(), who, "too_late", f"{action} {detail}".strip() + f", {why}"
+                    *self.progress, who, "too_late", f"{action} {detail}".strip() + f", {why}"
                 )
             )
         return bool(why)
@@ -453,7 +442,7 @@ class Runner(Requests):
         They are no commands: on a simulated clock the run still waits for computations, so that a repetition has the
         same ticks.
         """
-        while self._repeated and (self._repeated[0].t, self._repeated[0].tick) <= self._stamp():
+        while self._repeated and (self._repeated[0].t, self._repeated[0].tick) <= self.progress:
             act = self._repeated.popleft()
             self._change_speed(speed_of(act.detail), act.who)
         while not self._speeds.empty():
@@ -461,12 +450,12 @@ class Runner(Requests):
             ago = time.monotonic() - asked
             if speed > self.context.speed and ago > LATE:
                 words = f"speed {words_of(speed)}, requested {ago:.1f} s earlier"
-                self._emit(OperatorActed(*self._stamp(), who, "too_late", words))
+                self._emit(OperatorActed(*self.progress, who, "too_late", words))
             else:
                 self._change_speed(speed, who)
 
     def _change_speed(self, speed: float, who: str) -> None:
-        self._emit(OperatorActed(*self._stamp(), who, "speed", words_of(speed)))
+        self._emit(OperatorActed(*self.progress, who, "speed", words_of(speed)))
         self.context.set_speed(speed)
 
     def _refuse_full_speed_only(self, tree: BuiltTree) -> None:
@@ -658,7 +647,7 @@ class Runner(Requests):
         self._tell_what_failed()
 
     def _tell_logs(self, last: bool = False) -> None:
-        for line in self._logs.take(*self._stamp(), last):
+        for line in self._logs.take(*self.progress, last):
             self._emit(line)
 
     def _tell_refusals(self) -> None:
@@ -675,7 +664,7 @@ class Runner(Requests):
     def _tell(self, node: str, during: str, error: BaseException) -> None:
         self._emit(
             ErrorRaised(
-                *self._stamp(),
+                *self.progress,
                 node,
                 during,
                 type(error).__name__,
@@ -690,15 +679,15 @@ class Runner(Requests):
         while not self._commands.empty():
             action, who, detail, _number, _at = self._commands.get()
             if action != "leave":
-                self._emit(OperatorActed(*self._stamp(), who, action, detail))
+                self._emit(OperatorActed(*self.progress, who, action, detail))
 
     def _safe_stop(self, reason: str) -> None:
         failed = self._cell.safe_stop(reason)
-        self._emit(SafeStopped(*self._stamp(), reason))
+        self._emit(SafeStopped(*self.progress, reason))
         for device, what in failed.items():
             self._emit(
                 ErrorRaised(
-                    *self._stamp(), "", "the safe stop", "NotStopped", f"{device} {what}", "", ""
+                    *self.progress, "", "the safe stop", "NotStopped", f"{device} {what}", "", ""
                 )
             )
 
@@ -729,23 +718,20 @@ class Runner(Requests):
         self._pauses += state is RunState.PAUSING
         self._state = state
         self.pause_number = self._pauses if state in (RunState.PAUSING, RunState.PAUSED) else 0
-        self._emit(StateChanged(*self._stamp(), state.value, because, self.pause_number))
-
-    def _stamp(self) -> tuple[float, int]:
-        return self.context.elapsed(), self._ticks
+        self._emit(StateChanged(*self.progress, state.value, because, self.pause_number))
 
     def _emit(self, event: Event, *, feedback: bool = False) -> None:
         self._events.emit(event, feedback=feedback)
 
     def _computed(self, node: str, function: str, wall: float) -> None:
         if self._state is not RunState.IDLE:  # preparation is not the run's time
-            self._emit(Computed(*self._stamp(), node, function, wall))
+            self._emit(Computed(*self.progress, node, function, wall))
 
     def _linked(self, name: str, state: str) -> None:
-        self._emit(LinkChanged(*self._stamp(), name, state))
+        self._emit(LinkChanged(*self.progress, name, state))
 
     def _felt(self, hand: str) -> None:
-        self._emit(HandChanged(*self._stamp(), hand))
+        self._emit(HandChanged(*self.progress, hand))
 
     def _written(self, key: str, entry: Entry) -> None:
         about = type(
@@ -754,10 +740,10 @@ class Runner(Requests):
         sentence = entry.value.sentence if hasattr(about, "sentence") else ""
         facts = entry.value.facts if hasattr(about, "facts") else {}
         self._reported.update(facts)
-        self._emit(PortWritten(*self._stamp(), key, entry.value, entry.writer, sentence, facts))
+        self._emit(PortWritten(*self.progress, key, entry.value, entry.writer, sentence, facts))
 
     def _published(self, node: str, topic: str, value: object) -> None:
-        self._emit(Published(*self._stamp(), node, topic, value))
+        self._emit(Published(*self.progress, node, topic, value))
 
 
 def _code_and_message(error: BaseException) -> tuple[str, str]:

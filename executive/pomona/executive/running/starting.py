@@ -18,6 +18,7 @@ from typing import Any
 
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.reasons import Reason
+from pomona.executive.running.events import RunEnded
 from pomona.executive.running.requests import Requests
 from pomona.executive.values.processes import lock
 
@@ -96,6 +97,12 @@ class RunResult:
     wall: float
     truth: Mapping[str, Any] | None  # the simulated world's score
     interrupted: bool = False  # it was ended by Ctrl-C
+
+    def event(self, t: float, tick: int) -> RunEnded:
+        """Return the event of it, at a time of the run [s] and in a tick."""
+        return RunEnded(
+            t, tick, self.outcome, self.reason, self.ticks, self.time, self.wall, self.truth
+        )
 
 
 class CellInUseError(UsageError):

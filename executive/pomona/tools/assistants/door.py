@@ -6,14 +6,15 @@ import dataclasses
 import json
 import re
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 from pomona.executive.cell.cell_file import KINDS, SIMULATED, outline_cell
 from pomona.executive.errors import UsageError
-from pomona.executive.files import default_name, find_cell, find_tree
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.language.check import read_document, usual_cell
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.reasons import failure_codes
 from pomona.executive.recording.index import RunIndex
@@ -214,7 +215,7 @@ class Door:
         Raises UsageError: the tree, cell or settings cannot be used, or the limit of runs or time is reached.
         """
         target = self.folder.tree(tree)
-        if kind := self._not_simulated(cell):
+        if kind := self._not_simulated(cell, tree):
             raise UsageError(
                 f"the cell '{cell[:60]}' is {kind}, not simulated: `approve` asks the operator to start it"
             )
@@ -291,7 +292,7 @@ class Door:
 
         Raises UsageError: the cell is simulated, or the tree has errors on it.
         """
-        if not self._not_simulated(cell):
+        if not self._not_simulated(cell, tree):
             raise UsageError(
                 f"the cell '{cell[:60] or 'default'}' is simulated: `run` starts it without an approval"
             )
@@ -320,14 +321,19 @@ class Door:
     def _cell(self, name: str) -> list[str]:
         return [f"--cell={self.folder.cell(name)}"] if name else []
 
-    def _not_simulated(self, name: str) -> str:
+    def _not_simulated(self, name: str, tree: str) -> str:
         """Return the kind of a cell that is not simulated, as its file states it; `pomona run --simulated` judges it
         with its settings again.
         """
-        cell = self.folder.cell(name) if name else default_name("cell")
-        path = self.folder.root / cell if cell.startswith("./") else find_cell(cell)
+        if name:
+            path = self._path(self.folder.cell(name), find_cell)
+        else:
+            path = usual_cell(read_document(self._path(self.folder.tree(tree), find_tree)))
         kind = _kind(path)
         return "" if kind in SIMULATED else kind or "no cell file"
+
+    def _path(self, word: str, find: Callable[[str], Path]) -> Path:
+        return self.folder.root / word if word.startswith("./") else find(word)
 
     def _sign(self, record: Path, **arguments: Any) -> None:
         """Note in a record that an assistant started its run."""

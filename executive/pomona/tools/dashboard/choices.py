@@ -63,7 +63,7 @@ class Choices:
             "cells": [
                 {"name": name, **_describe(_cell_facts, path)} for name, path in self.cells.items()
             ],
-            "first": {"tree": default_name("tree"), "cell": default_name("cell")},
+            "first": default_name("tree"),
         }
 
 
@@ -87,6 +87,7 @@ def _tree_facts(path: Path) -> dict[str, Any]:
     main = read(read_text(path), path, tree_folders=[installed_trees()]).main
     return {
         "description": main.description,
+        "cell": main.cell.text if main.cell else default_name("cell"),
         "parameters": [_parameter(name, declared) for name, declared in main.parameters.items()],
     }
 

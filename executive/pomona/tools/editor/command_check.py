@@ -11,7 +11,6 @@ from typing import Any
 
 from pomona.executive.files import (
     FileKind,
-    default_name,
     file_kind,
     find_cell,
     find_tree,
@@ -19,7 +18,7 @@ from pomona.executive.files import (
     read_text,
 )
 from pomona.executive.judging import judge
-from pomona.executive.language.check import read_document
+from pomona.executive.language.check import read_document, usual_cell
 from pomona.executive.language.interface import parse_settings
 from pomona.executive.registry import Registry
 from pomona.executive.terminal.output import write_json
@@ -109,7 +108,7 @@ def check_file(path: Path, cell: Path | None, settings: dict[str, str]) -> list[
     if kind is None:
         document = read_document(path)
         skills = Registry.installed()
-        usual = find_cell(default_name("cell"))
+        usual = usual_cell(document)
         found = judge(document, skills, settings, cell or usual).findings.sorted()
         lacking = next((finding for finding in found if finding.code == "no-device"), None)
         if cell is not None or lacking is None:

@@ -41,6 +41,7 @@ TOP = {
     "pomona": "version of the language",
     "tree": "the tree's name",
     "description": "purpose of the tree",
+    "cell": "the cell that it is for",
     "parameters": "values that --set changes",
     "skills": "which package's skill to use where several offer it",
     "constants": "named values",

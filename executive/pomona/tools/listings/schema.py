@@ -48,6 +48,10 @@ def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
             "pomona": {"const": 1, "description": "version of the language"},
             "tree": {"type": "string", "pattern": _NAME, "description": "the tree's name"},
             "description": {"type": "string"},
+            "cell": {
+                "type": "string",
+                "description": "the cell that it is for, where none is given",
+            },
             "parameters": {**ports, "description": "values that --set changes"},
             "skills": {"type": ["object", "null"], "additionalProperties": {"type": "string"}},
             "constants": {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}},

@@ -47,7 +47,6 @@ NO_DEPTH = 0.26
 """Distance of a fruit's middle from the camera below which there may be no depth of it [m]: a D435i measures from 180
 mm on, and the fruit's skin is nearer by half its size."""
 FORGETS = 0.85  # share of the models' likelihoods that is kept from frame to frame
-ROLLS = 0.015  # speed over the belt from which a fruit rolls [m/s]
 RECENT = 0.9  # share of the mean squared innovation that is kept from frame to frame
 
 

@@ -98,9 +98,6 @@ class DynamicSettings(NamedTuple):
     bound: float = 10.0  # largest dynamic term [N]
 
 
-GENTLE = DynamicSettings(kp=1.3, ki=5.0, kdc=7.0)  # for fruit that bruises easily
-
-
 @kernel()
 def answer_slip(integral, omega_before, omega, settings, step):  # type: ignore[no-untyped-def]
     """Return (integral, f_nd) one step [s] later."""

@@ -108,6 +108,8 @@ async function compare() {
 
 // -------------------------------------------------------------------------------------------------- starting
 
+const choose = (id, wanted) => { if ([...$(id).options].some((o) => o.value === wanted)) $(id).value = wanted; };
+const chooseCell = () => choose("start-cell", choices.trees.find((c) => c.name === $("start-tree").value)?.cell);
 async function loadChoices() {
   try {
     const answer = await read("/api/choices");
@@ -115,18 +117,15 @@ async function loadChoices() {
     choices = await answer.json();
   } catch (error) {
     unread = `Trees and cells cannot be read: ${error.message}`;
-    drawStart();
-    return;
+    return drawStart();
   }
   const options = (list) => list.map((c) => h("option", { value: c.name, disabled: Boolean(c.problem) }, c.problem ? `${c.name} (cannot be used)` : c.name));
   $("start-tree").replaceChildren(...options(choices.trees));
   $("start-cell").replaceChildren(...options(choices.cells));
-  for (const [id, wanted] of [["start-tree", choices.first?.tree], ["start-cell", choices.first?.cell]]) if ([...$(id).options].some((o) => o.value === wanted)) $(id).value = wanted;
+  choose("start-tree", choices.first); chooseCell();
   unread = choices.trees.length ? "" : "There is no tree to start.";
-  drawFields();
-  drawStart();
+  drawFields(); drawStart();
 }
-
 // An assistant asks for a run; the operator reads tree, difference and cell, and starts it.
 let requests = "";
 async function loadRequests() {
@@ -211,6 +210,7 @@ function mark(found) {
   drawStart();
 }
 
+$("start-tree").addEventListener("change", chooseCell); // before the fields are drawn
 for (const id of ["start-tree", "start-cell"]) $(id).addEventListener("change", drawFields);
 $("start-fields").addEventListener("input", judge);
 $("start-form").addEventListener("submit", async (event) => {

@@ -7,7 +7,6 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 
 from pomona.executive.cell.cell_file import CellFile, outline_cell
@@ -16,7 +15,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder
 from pomona.executive.files import default_name, find_cell, find_tree, read_text
 from pomona.executive.judging import judge
-from pomona.executive.language.check import read_document
+from pomona.executive.language.check import read_document, usual_cell
 from pomona.executive.language.model import Document
 from pomona.executive.registry import Registry
 from pomona.executive.values.documents import read_value_file, with_includes
@@ -127,18 +126,13 @@ class _Names:
         """Report a tree and a cell that do not exist, and settings that they do not have."""
         if not isinstance(root, YamlMapping):
             return
-        given = {
-            name: node
+        tree, cell = (
+            node if isinstance(node := root.get(name), YamlScalar) else None
             for name in ("tree", "cell")
-            if isinstance(node := root.get(name), YamlScalar)
-        }
-        if "tree" not in given:
-            return
-        tree = self.file(given["tree"], find_tree, root)
-        cell = self.file(given.get("cell"), find_cell, root, default_name("cell"))
-        if tree is not None and cell is not None:
+        )
+        if tree is not None and (pair := self.pair(tree, cell, root)):
             for name in ("set", "vary"):
-                self.check_keys(tree, cell, keys_of(root, name))
+                self.check_keys(*pair, keys_of(root, name))
 
     def file(
         self,
@@ -159,6 +153,15 @@ class _Names:
             if not report_removed(self.findings, written or node, kind, Path(name).stem):
                 self.findings.error(written or node, "file", str(error))
             return None
+
+    def pair(
+        self, tree: YamlScalar, cell: YamlScalar | None, node: YamlNode
+    ) -> tuple[Path, Path] | None:
+        """Return the tree and the cell, by default the tree's; None with a finding without one."""
+        found = self.file(tree, find_tree, node)
+        usual = default_name("cell") if found is None else str(usual_cell(self.document(found)))
+        where = self.file(cell, find_cell, node, usual)
+        return None if found is None or where is None else (found, where)
 
     def check_keys(self, tree: Path, cell: Path, keys: Mapping[str, YamlScalar]) -> None:
         """Every key must be a parameter of the tree or an option of the cell."""
@@ -196,10 +199,10 @@ class _Planner:
     def campaign(self) -> Campaign | None:
         said = self.placed.values
         node = self.placed.node
-        tree = self.names.file(said.tree, find_tree, node)
-        cell = self.names.file(said.cell, find_cell, node, default_name("cell"))
-        if tree is None or cell is None:
+        pair = self.names.pair(said.tree, said.cell, node)
+        if pair is None:
             return None
+        tree, cell = pair
         whole = _Arm("all", tree, cell, said.set, said.seeds, {})
         vary = {key: tuple(value.text for value in values) for key, values in said.vary.items()}
         arms = self.arms(whole) or [whole]
@@ -246,16 +249,8 @@ class _Planner:
         written = self.placed.node.get("arms")
         arms = []
         for name, said in self.placed.values.arms.items():
-            tree = (
-                whole.tree
-                if said.tree is None
-                else self.names.file(said.tree, find_tree, self.placed.node)
-            )
-            cell = (
-                whole.cell
-                if said.cell is None
-                else self.names.file(said.cell, find_cell, self.placed.node)
-            )
+            tree = self.names.file(said.tree, find_tree, self.placed.node, str(whole.tree))
+            cell = self.names.file(said.cell, find_cell, self.placed.node, str(whole.cell))
             if tree is None or cell is None:
                 continue
             seeds = whole.seeds if said.seeds is None else said.seeds
@@ -275,7 +270,8 @@ class _Planner:
             key: [value.text for value in values] for key, values in self.placed.values.vary.items()
         }
         for name, values in only.items():
-            if name not in vary:
+            given = vary.get(name)
+            if given is None:
                 self.findings.error(
                     keys[name],
                     "unknown-key",
@@ -284,8 +280,8 @@ class _Planner:
                 )
                 continue
             for value in values:
-                if value.text not in vary[name]:
-                    hint = did_you_mean(value.text, vary[name])
+                if value.text not in given:
+                    hint = did_you_mean(value.text, given)
                     self.findings.error(
                         value,
                         "unknown-value",
@@ -298,24 +294,20 @@ class _Planner:
 
         Unknown settings have a finding already and are left out.
         """
+        known = self.names.known(arm.tree, arm.cell)
+        skills = Registry.installed()
         vary = {
             key: [value for value in values if key not in arm.only or value.text in arm.only[key]]
             or [*values]
             for key, values in self.placed.values.vary.items()
-            if key in self.names.known(arm.tree, arm.cell)
+            if key in known
         }
         good = True
-        settings = {
-            key: value
-            for key, value in arm.settings.items()
-            if key in self.names.known(arm.tree, arm.cell)
-        }
-        first = {**settings, **{key: values[0] for key, values in vary.items()}}
-        for settings in [
-            first,
-            *({**first, key: v} for key, values in vary.items() for v in values[1:]),
-        ]:
-            judged = judge(self.names.document(arm.tree), _skills(), settings, arm.cell)
+        settings = {key: value for key, value in arm.settings.items() if key in known}
+        first = settings | {key: values[0] for key, values in vary.items()}
+        others = (first | {key: v} for key, values in vary.items() for v in values[1:])
+        for settings in (first, *others):
+            judged = judge(self.names.document(arm.tree), skills, settings, arm.cell)
             self.findings.extend(
                 found for found in judged.findings.sorted() if found.severity == "error"
             )
@@ -324,20 +316,14 @@ class _Planner:
             else:
                 self.cells[arm.cell] = judged.cell
         if good and self.cells[arm.cell].kind == "real":
-            words = f"'{arm.cell.stem}' is a real cell: between runs an operator must acknowledge the safe state"
             self.findings.error(
                 self.placed.node,
                 "real-cell",
-                words,
+                f"'{arm.cell.stem}' is a real cell: between runs an operator must acknowledge the safe state",
                 "campaigns are for simulated and emulated cells",
             )
-            good = False
+            return False
         return good
-
-
-@cache
-def _skills() -> Registry:
-    return Registry.installed()
 
 
 class CampaignKind:
