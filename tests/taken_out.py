@@ -45,11 +45,14 @@ def taken_words() -> re.Pattern[str] | None:
 
 
 def _matcher(words: Iterable[str], files: Iterable[str]) -> re.Pattern[str]:
-    """Return what matches words as they stand in code, commands and files, and names of files."""
-    word, file = ("|".join(map(re.escape, sorted(names))) or r"\0" for names in (words, files))
+    """Return what matches words as they stand in code, commands and files, skills anywhere, and names of files."""
+    skills = [name for name in words if name[0].isupper()]
+    word, file, skill = (
+        "|".join(map(re.escape, sorted(names))) or r"\0" for names in (words, files, skills)
+    )
     return re.compile(
         rf"""["'](?:{word}|{file})["']|\bpomona (?:{word})\b|\b(?:{word}): |driver: (?:{word})\b"""
-        rf"""|\b(?:{file})\.yaml\b|(?:cell|tree|include|subtree):? (?:{file})\b"""
+        rf"""|\b(?:{file})\.yaml\b|(?:cell|tree|include|subtree):? (?:{file})\b|\b(?:{skill})\b"""
     )
 
 

@@ -11,6 +11,7 @@ from tests import taken_out
 PROJECT = """
 [project.entry-points."pomona.drivers"]
 # taken out: crane = "pomona.devices.crane.connect:connect"
+# taken out: Hoist = "pomona.devices.crane.hoist:Hoist"
 belt = "pomona.devices.belt.connect:connect"
 """
 
@@ -41,6 +42,8 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("pomona crane --help", True),
         ('load(CELLS / "yard.yaml")', True),
         ("read('shed')", True),  # includes a cell with the driver
+        ("only Hoist writes one", True),
+        ("Hoisted", False),
         ("read('hall')", False),
         ("driver: belt", False),
         ("a crane stands here", False),
