@@ -17,12 +17,7 @@ from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.palette import INK, LINE, MUTED, SERIES
 from pomona.skills.geometry import rot_x, transform
 from pomona.skills.grip.limit_surface import limit_surface
-from pomona.skills.grip.observer import (
-    DynamicSettings,
-    ObserverSettings,
-    dynamic_force,
-    observe_slip,
-)
+from pomona.skills.grip.observer import DynamicSettings, ObserverSettings
 from pomona.skills.motion.grasps.sphere import (
     Sphere,
     pre_grasp_orientation,
@@ -31,6 +26,7 @@ from pomona.skills.motion.grasps.sphere import (
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.render import render_depth, renderer
 from pomona.skills.perception.refinement.scale_fit import fit_scale, moved_and_scaled
+from tests.skills.grip.observer_arrays import dynamic_force, observe_slip
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 NUMBERS = IMAGES / "method.json"

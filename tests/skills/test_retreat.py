@@ -250,7 +250,6 @@ def test_without_a_force_sensor_an_interrupted_retreat_opens_nothing():
     assert len(scene.gripper.moves) == 1
 
 
-@pytest.mark.xfail(strict=True, reason="finding 3.1: the way back is not watched")
 def test_the_arm_does_not_go_back_to_where_a_camera_sees_a_hand():
     scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width)
     devices, camera = watched(scene)

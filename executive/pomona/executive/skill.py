@@ -162,6 +162,9 @@ class SkillContext(Protocol):
     def publish(self, node: str, topic: str, value: object) -> None:
         """Show a value to everyone who watches the run, and record it."""
 
+    def pause(self, why: str) -> bool:
+        """Pause the run after this tick, until an operator resumes it; False, and no pause, without an operator."""
+
     def elapsed(self) -> float:
         """Return the run's time [s], which stands still during a pause. Deadlines of the tree use it."""
 
@@ -377,6 +380,13 @@ class Skill(py_trees.behaviour.Behaviour):
         end = self.context.elapsed() + duration
         while self.context.elapsed() < end - 1e-9:
             yield None
+
+    def confirm(self, why: str) -> Work[bool]:
+        """Rest in a pause until an operator resumes the run: True. In a run without one False, at once."""
+        if not self.context.pause(f"{self.path}: {why}"):
+            return False
+        yield why
+        return True
 
     # --------------------------------------------------------------------------------- for the tree builder
 

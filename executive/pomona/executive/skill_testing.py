@@ -77,6 +77,9 @@ class BenchContext:
     def publish(self, node: str, topic: str, value: object) -> None:
         self.published.append((topic, value))
 
+    def pause(self, why: str) -> bool:
+        return False
+
     def elapsed(self) -> float:
         return self.clock.now()
 

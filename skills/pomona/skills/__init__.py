@@ -28,6 +28,8 @@ if TYPE_CHECKING:
         KnownAround as KnownAround,
         LiveWatch as LiveWatch,
         prepare_watch as prepare_watch,
+        resting as resting,
+        watched as watched,
     )
     from pomona.skills.shared.looking import (
         LOOKING_FAILURES as LOOKING_FAILURES,
@@ -51,7 +53,7 @@ PUBLIC = {
     "shared.frame_trust": "require_true_look",
     "shared.grasp_view": "fruit_mesh summary",
     "shared.held_fruit": "show_grip",
-    "shared.live_watch": "KnownAround LiveWatch prepare_watch",
+    "shared.live_watch": "KnownAround LiveWatch prepare_watch resting watched",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",
     "shared.touch": "Touch",

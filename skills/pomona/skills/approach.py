@@ -20,7 +20,6 @@ from pomona.executive.ports import (
     FORCE,
     LENGTH,
     SPEED,
-    Acceleration,
     Force,
     Length,
     Port,
@@ -32,13 +31,12 @@ from pomona.skills.geometry import angle_between
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.grasps.gripper_shape import gripper_shape
-from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
-from pomona.skills.shared.planning import usable_field
+from pomona.skills.shared.live_watch import KnownAround, prepare_watch
+from pomona.skills.shared.planning import Clearance, OtherObstacles, ToolAcceleration, usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import SINKS, Touch, felt, hand_felt, landing_speeds
 from pomona.skills.shared.touch_view import record_landing
@@ -65,7 +63,6 @@ class Approach(MovingSkill):
     moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,
-        *WATCH_FAILURES,
         "NOT_AT_PRE_GRASP",
         "NO_STRAIGHT_LINE",
         "IN_COLLISION",
@@ -81,18 +78,13 @@ class Approach(MovingSkill):
     def run(
         self,
         grasp: Grasp,
-        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
+        map: OtherObstacles = None,
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
-        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION(
-            "1 m/s²"
-        ),
+        acceleration: ToolAcceleration = ACCELERATION("1 m/s²"),
         contact: Annotated[
             Force, Port(min="0.3 N", help="change of force that counts as a touch")
         ] = FORCE("1.5 N"),
-        clearance: Annotated[
-            Length,
-            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
-        ] = LENGTH("5 mm"),
+        clearance: Clearance = LENGTH("5 mm"),
         unseen: Annotated[
             Length,
             Port(
@@ -136,7 +128,7 @@ class Approach(MovingSkill):
 
             def feel() -> None:
                 for touch, limit in limits.items():
-                    self._feel(touch, limit, opened, grasp)
+                    self._feel(touch, limit, opened, grasp, unseen)
 
             def stop_at_touch(motion: Motion) -> None:
                 for touch, limit in limits.items():
@@ -164,7 +156,9 @@ class Approach(MovingSkill):
             message = f"{where}: follow a path to it first"
             raise self.failure("NOT_AT_PRE_GRASP", message, distance_m=distance, angle_rad=angle)
 
-    def _feel(self, touch: Touch, contact: float, opened: float, grasp: Grasp) -> None:
+    def _feel(
+        self, touch: Touch, contact: float, opened: float, grasp: Grasp, unseen: float
+    ) -> None:
         if stale := touch.stale_for(self.clock.now()):
             raise self.failure("SENSOR_STALE", f"no force has come for {1e3 * stale:.0f} ms")
         width = self.device(Gripper).state().width
@@ -173,7 +167,11 @@ class Approach(MovingSkill):
         left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - tool_pose(self)[:3, 3]))
         words, found = (
             f"{1e3 * left:.0f} mm before the grasp",
-            {"before_grasp_m": left, "candidate": grasp.index},
+            {
+                "before_grasp_m": left,
+                "candidate": grasp.index,
+                "unexpected": left > max(grasp.fruit.dimensions) / 2.0 + unseen,
+            },
         )
         if touch.change <= contact:
             ways = f"from {1e3 * opened:.0f} to {1e3 * width:.0f} mm"

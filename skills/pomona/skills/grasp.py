@@ -7,14 +7,12 @@ from typing import Annotated, Any
 
 from pomona.drivers.errors import MotionRefused
 from pomona.drivers.interfaces import (
-    Arm,
     ForceSensor,
     Gripper,
     GripperLimits,
     GripperState,
     MotionState,
     PressSensor,
-    Workspace,
 )
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
@@ -30,6 +28,7 @@ from pomona.skills.shared.following import (
     Watching,
     follow_motion,
 )
+from pomona.skills.shared.live_watch import hand_clear
 from pomona.skills.shared.touch import pressing_forces, something_between
 from pomona.skills.shared.touch_view import record_touches
 
@@ -68,9 +67,7 @@ class Grasp(MovingSkill):
     optional_devices = (
         *MovingSkill.optional_devices,
         PressSensor,
-        Arm,
-        Workspace,
-    )  # recorded with the touches
+    )
     moves = (Gripper,)
     failures = (*MOTION_FAILURES, "NO_CONTACT", "TOO_WIDE", "LOST")
 
@@ -117,6 +114,7 @@ class Grasp(MovingSkill):
         limits = gripper.limits
         if too_strong := _too_strong(limits, force):
             raise self.failure("REFUSED", f"{too_strong}; nothing has moved")
+        yield from hand_clear(self)
         take_over(gripper)
         start = gripper.state()
         narrowest = 0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min())

@@ -19,8 +19,6 @@ from pomona.executive.ports import (
 )
 from pomona.executive.skill import Work
 from pomona.skills.grip.hold import Hold
-from pomona.skills.motion.grasp import Grasp
-from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import (
@@ -37,7 +35,13 @@ from pomona.skills.shared.carrying import (
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grasp_view import TAKEN
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, show_grip, watch_fruit
-from pomona.skills.shared.planning import usable_field
+from pomona.skills.shared.planning import (
+    Clearance,
+    HeldGrasp,
+    Obstacles,
+    ToolAcceleration,
+    usable_field,
+)
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import weighing
 from pomona.skills.shared.warm_motion import prepare_moving
@@ -82,18 +86,11 @@ class Lift(MovingSkill):
             "150 mm"
         ),
         hold: Annotated[Hold | None, Port(help="grip that continues during the lift")] = None,
-        grasp: Annotated[
-            Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
-        ] = None,
-        map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
-        clearance: Annotated[
-            Length,
-            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
-        ] = LENGTH("5 mm"),
+        grasp: HeldGrasp = None,
+        map: Obstacles = None,
+        clearance: Clearance = LENGTH("5 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
-        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION(
-            "1 m/s²"
-        ),
+        acceleration: ToolAcceleration = ACCELERATION("1 m/s²"),
         deceleration: Annotated[
             Acceleration,
             Port(

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
-from pomona.executive.ports import ANGLE, LENGTH, TIME, Angle, Length, Port, Ratio, Time
+from pomona.executive.ports import ANGLE, LENGTH, TIME, Port, Ratio, Time
 from pomona.executive.skill import Work
 from pomona.skills.motion.grasp import Grasp
-from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MOTION_FAILURES
 from pomona.skills.shared.moving import POSE_FAILURES, PoseSkill, move_to_pose
+from pomona.skills.shared.planning import Obstacles, Spacing, Tilt
 
 
 class MoveTo(PoseSkill):
@@ -33,20 +33,14 @@ class MoveTo(PoseSkill):
         variation: Annotated[
             int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")
         ] = 1,
-        map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
+        map: Obstacles = None,
         carrying: Annotated[Grasp | None, Port(help="the grasp by which a fruit is held")] = None,
         avoiding: Annotated[
             MeasuredFruit | None, Port(help="fruit that is not in the map and must be avoided")
         ] = None,
-        clearance: Annotated[
-            Length,
-            Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
-        ] = LENGTH("10 mm"),
+        clearance: Spacing = LENGTH("10 mm"),
         budget: Annotated[Time, Port(min="1 ms", help="planning time")] = TIME("500 ms"),
-        upright: Annotated[
-            Angle,
-            Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion"),
-        ] = ANGLE("180 deg"),
+        upright: Tilt = ANGLE("180 deg"),
         speed: Annotated[
             Ratio, Port(min=0.02, max=1.0, help="speed relative to the arm's limits")
         ] = 1.0,

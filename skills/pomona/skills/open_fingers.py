@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
-from pomona.executive.ports import LENGTH, Length, Port
+from pomona.executive.ports import LENGTH, Port
 from pomona.executive.skill import Work
 from pomona.skills.grip.hold import take_over
 from pomona.skills.motion.grasp import Grasp
-from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.planning import usable_field
+from pomona.skills.shared.planning import Clearance, OtherObstacles, usable_field
 from pomona.skills.shared.warm_motion import prepare_moving
 
 
@@ -34,11 +33,8 @@ class OpenFingers(MovingSkill):
         self,
         grasp: Grasp,
         path: Annotated[Trajectory, Port(help="path that the arm follows at the same time")],
-        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
-        clearance: Annotated[
-            Length,
-            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
-        ] = LENGTH("5 mm"),
+        map: OtherObstacles = None,
+        clearance: Clearance = LENGTH("5 mm"),
     ) -> Work[None]:
         gripper = self.device(Gripper)
         width = min(grasp.width, gripper.limits.width_max)

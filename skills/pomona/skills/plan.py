@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
-from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
+from pomona.executive.ports import LENGTH, TIME, Outputs, Port, Time
 from pomona.executive.skill import Skill, SkillFailure, Work
 from pomona.executive.views import Line3, Points3, SceneView
 from pomona.skills.motion.grasp import Grasp, GraspCandidates
@@ -17,7 +17,13 @@ from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.plan import PLANNERS, BudgetUse, PlanRequest, PlanResult
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.grasp_view import grasp_picture
-from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, usable_field
+from pomona.skills.shared.planning import (
+    PLANNING_FAILURES,
+    Spacing,
+    patience,
+    planned,
+    usable_field,
+)
 from pomona.skills.shared.warm_motion import prepare_planning
 
 OPTIMISING = tuple(
@@ -64,10 +70,7 @@ class Plan(Skill):
         budget: Annotated[
             Time, Port(min="1 ms", max="60 s", help="planning time on an unloaded core")
         ] = TIME("200 ms"),
-        clearance: Annotated[
-            Length,
-            Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
-        ] = LENGTH("10 mm"),
+        clearance: Spacing = LENGTH("10 mm"),
         map_age: Annotated[Time, Port(min="0 s", help="an older map is stale")] = TIME("2 min"),
         direct: Annotated[
             bool, Port(help="try straight joint motions first; the paper does not")

@@ -15,7 +15,6 @@ from pomona.executive.ports import (
     LENGTH,
     SPEED,
     Acceleration,
-    Angle,
     Force,
     Length,
     Port,
@@ -34,7 +33,7 @@ from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
-from pomona.skills.shared.planning import usable_field
+from pomona.skills.shared.planning import Clearance, HeldGrasp, Obstacles, Tilt, usable_field
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.shared.touch import feels_support
 
@@ -109,21 +108,13 @@ class Release(PoseSkill):
         depth: Annotated[
             Length, Port(min="1 mm", max="1 m", help="maximum distance of lowering")
         ] = LENGTH("150 mm"),
-        grasp: Annotated[
-            Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
-        ] = None,
+        grasp: HeldGrasp = None,
         hold: Annotated[
             Hold | None, Port(help="grip that continues until the fruit is released")
         ] = None,
-        map: Annotated[OccupancyMap | None, Port(help="obstacles")] = None,
-        clearance: Annotated[
-            Length,
-            Port(min="0 mm", help="distance of the links to obstacles; less for the gripper"),
-        ] = LENGTH("5 mm"),
-        upright: Annotated[
-            Angle,
-            Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion"),
-        ] = ANGLE("180 deg"),
+        map: Obstacles = None,
+        clearance: Clearance = LENGTH("5 mm"),
+        upright: Tilt = ANGLE("180 deg"),
         contact: Annotated[
             Force, Port(min="0.1 N", help="change of load that shows contact")
         ] = FORCE("0.35 N"),

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
-from pomona.executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
+from pomona.executive.ports import ACCELERATION, FORCE, SPEED, Force, Port, Speed
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between, inverse
@@ -21,6 +21,8 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, lower_until_contact
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_between, is_held
+from pomona.skills.shared.live_watch import KnownAround, prepare_watch
+from pomona.skills.shared.planning import ToolAcceleration
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import felt, load
 from pomona.skills.shared.warm_motion import prepare_moving
@@ -48,7 +50,8 @@ class Retreat(MovingSkill):
 
     Safe from any point where an attempt can fail. The fingers open only where the fruit is supported: a lifted fruit is
     first lowered along the line on which it came up. Nothing is held and nothing is near: nothing moves. The paths back
-    are those of the attempt; they are still checked against fixed obstacles and the arm itself.
+    are those of the attempt; they are still checked against fixed obstacles and the arm itself, and start only while the
+    cameras show nothing new near them.
     """
 
     devices = (Arm, Gripper, Workspace)
@@ -59,14 +62,13 @@ class Retreat(MovingSkill):
 
     def prepare(self) -> None:
         prepare_moving(self)
+        prepare_watch(self)
 
     def run(
         self,
         grasp: Annotated[Grasp | None, Port(help="the grasp that was attempted")] = None,
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s")] = SPEED("0.15 m/s"),
-        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION(
-            "1 m/s²"
-        ),
+        acceleration: ToolAcceleration = ACCELERATION("1 m/s²"),
         contact: Annotated[
             Force, Port(min="0.2 N", help="change of force that shows contact")
         ] = FORCE("0.8 N"),
@@ -88,7 +90,8 @@ class Retreat(MovingSkill):
         if back.length > AT_GOAL:
             jerk = acceleration / JERK_TIME
             curve = time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk)
-            yield from self.travel(curve, each_tick=YieldingFingers(gripper).rest)
+            known, rest = KnownAround(fruit=(grasp.fruit,)), YieldingFingers(gripper).rest
+            yield from self.travel(curve, around=known, each_tick=rest, wary=True)
         return None
 
     def _open(self, width: float, held: bool) -> Watching:

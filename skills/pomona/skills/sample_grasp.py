@@ -15,12 +15,11 @@ from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut, Tried, direction
 from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, support_below, warm_up
 from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_position
-from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.grasp_view import fruit_mesh, summary
-from pomona.skills.shared.planning import usable_field
+from pomona.skills.shared.planning import OtherObstacles, Spacing, usable_field
 
 FINER = 2  # how often the sphere is sampled at half the spacing when nothing is left to try
 
@@ -56,7 +55,7 @@ class SampleGrasp(Skill):
     def run(
         self,
         around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
-        map: Annotated[OccupancyMap | None, Port(help="obstacles, without the target")] = None,
+        map: OtherObstacles = None,
         tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
         radius: Annotated[Length, Port(min="20 mm", max="1 m", help="the paper's r_o")] = LENGTH(
             "120 mm"
@@ -75,10 +74,7 @@ class SampleGrasp(Skill):
             "360 deg"
         ),
         alphas: Annotated[int, Port(min=1, help="number of azimuths")] = 12,
-        clearance: Annotated[
-            Length,
-            Port(min="2 mm", help="distance of the links to obstacles; less for the gripper"),
-        ] = LENGTH("10 mm"),
+        clearance: Spacing = LENGTH("10 mm"),
         sigmas: Annotated[
             Ratio,
             Port(min=0.0, max=10.0, help="clearance in standard deviations of the measurement"),

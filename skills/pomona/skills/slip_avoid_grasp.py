@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, SampleRate, Workspace
+from pomona.drivers.interfaces import Arm, Cameras, ForceSensor, Gripper, SampleRate, Workspace
 from pomona.executive.ports import (
     FORCE,
     LENGTH,
@@ -33,6 +33,7 @@ from pomona.skills.grip.settings import (
 )
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.held_fruit import bearable_force, expected_load, show_grip, watch_grip
+from pomona.skills.shared.live_watch import WATCH_FAILURES, hand_clear
 from pomona.skills.shared.touch_view import record_touches
 
 # opening over the fruit at which a finger may touch [m]: it may lie off the centre
@@ -50,7 +51,7 @@ class SlipAvoidGrasp(Skill):
     """Close on the fruit with the minimum force that holds it; the grip continues after this node."""
 
     devices = (Gripper, ForceSensor)
-    optional_devices = (Arm, Workspace)  # pose and table are recorded with the touches
+    optional_devices = (Arm, Workspace, Cameras)  # pose and table are recorded with the touches
     moves = (Gripper,)
     failures = (  # found in grip/closing.py until the fruit is held, then in grip/monitors.py
         "NO_CONTACT",
@@ -62,6 +63,7 @@ class SlipAvoidGrasp(Skill):
         "SENSOR_FAULT",
         "SLIPPED",
         "LOST",
+        *WATCH_FAILURES,
     )
 
     @classmethod
@@ -157,6 +159,7 @@ class SlipAvoidGrasp(Skill):
                 rate=sensor.rate,
             )
         )
+        yield from hand_clear(self)
         hold = Hold(gripper, sensor, controller, self.clock.now).under(gripper)
         try:
             yield from self._watch(hold, fruit)

@@ -7,13 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear, lfilter
 
-from pomona.skills.grip.observer import (
-    GENTLE,
-    DynamicSettings,
-    ObserverSettings,
-    dynamic_force,
-    observe_slip,
-)
+from pomona.skills.grip.observer import GENTLE, DynamicSettings, ObserverSettings
+from tests.skills.grip.observer_arrays import dynamic_force, observe_slip
 
 SETTINGS = ObserverSettings()
 INERTIA = 7.4e-4 + 0.35 * 0.01**2

@@ -7,7 +7,7 @@ from pomona.executive.skill import Interrupted, Work
 from pomona.executive.skill_testing import drive
 from pomona.skills.motion.planning.timing import time_polyline
 from pomona.skills.shared.following import MOTION_FAILURES, MotionEnded, MovingSkill, follow_motion
-from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround
+from pomona.skills.shared.live_watch import KnownAround
 from tests.skills.overhead import watched
 from tests.skills.picking_scene import HOME, OBSERVE, PickingScene
 
@@ -93,7 +93,7 @@ class WatchedTravel(MovingSkill):
     """Travels along a watched path and reports its own progress."""
 
     devices = (Arm,)
-    failures = (*MOTION_FAILURES, *WATCH_FAILURES)
+    failures = MOTION_FAILURES
 
     def run(self) -> Work[None]:
         path = time_polyline(np.array([OBSERVE, HOME]), self.device(Arm).limits)

@@ -22,6 +22,14 @@ class Told(Exception):
     """Stands for a skill's failure."""
 
 
+class RigClock:
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+
+    def now(self) -> float:
+        return self._rig.now
+
+
 class Rig:
     """A watch of a motion, with cameras, a path and a clock that the test sets."""
 
@@ -32,8 +40,9 @@ class Rig:
         self.frames: list[Any] = [None] * cameras
         self.views: list[Any] = []
         self.stops: list[str] = []
+        self.suspected: list[Any] = []
         self.skill: Any = SimpleNamespace(
-            clock=SimpleNamespace(now=lambda: self.now),
+            clock=RigClock(self),
             context=self,
             optional_device={Carrier: SimpleNamespace(stop=lambda: self.stops.append("belt"))}.get,
             publish=lambda topic, view: self.views.append((topic, view)),
@@ -41,6 +50,7 @@ class Rig:
         )
         self.path: Any = SimpleNamespace(
             width=0.0, look=self._look, standing=self._standing, slowed=self._slowed,
+            suspect=self.suspected.append,
             on=lambda *given: SimpleNamespace(look=self._look, width=0.0, given=given),
         )  # fmt: skip
         self.slower: Any = None
@@ -235,13 +245,17 @@ def test_the_pose_of_every_camera_with_a_new_frame_is_checked_before_the_motion(
 def test_a_cell_is_watched_when_it_has_cameras_and_its_file_asks_for_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(live_watch, "PathWatch", lambda *args: SimpleNamespace(width=args[3]))
+    monkeypatch.setattr(
+        live_watch,
+        "PathWatch",
+        lambda *args: SimpleNamespace(width=args[3], inherit=lambda *_given: None),
+    )
     scene = PickingScene()
     devices, _camera = watched(scene)
 
     def made(**without: Any) -> LiveWatch | None:
         there = {kind: device for kind, device in devices.items() if kind.__name__ not in without}
-        skill: Any = SimpleNamespace(optional_device=there.get)
+        skill: Any = SimpleNamespace(optional_device=there.get, clock=scene.clock)
         return LiveWatch.of(skill, scene.arm, trajectory, KnownAround())
 
     still = np.zeros((3, 7))

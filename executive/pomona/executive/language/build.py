@@ -26,12 +26,12 @@ from pomona.executive.language.model import Definition, Document, TreeNode
 from pomona.executive.language.scope import Resolved
 from pomona.executive.nodes.behaviours import Subtree, WholeTree
 from pomona.executive.nodes.facts import Condition
-from pomona.executive.nodes.node_type import NodeType
+from pomona.executive.nodes.node_type import NodeType, OfLayer
 from pomona.executive.nodes.takes import Nothing
 from pomona.executive.registry import Registry
 from pomona.executive.skill import Skill, SkillContext
 from pomona.executive.values.findings import Finding, TreeFileError
-from pomona.executive.values.yaml_nodes import YamlNode, written
+from pomona.executive.values.yaml_nodes import written
 
 
 class Mocks(Protocol):
@@ -157,7 +157,7 @@ class _Builder:
 
 
 @dataclass(slots=True, eq=False)
-class LayerBuild:
+class LayerBuild(OfLayer):
     """One layer of a node being built by its type (a `BuildContext`)."""
 
     builder: _Builder
@@ -250,13 +250,6 @@ class LayerBuild:
             ):
                 found[slot] = written(value)
         return found
-
-    def written(self, slot: str) -> YamlNode | None:
-        entry = self.node.entry(self.layer, slot)
-        return None if entry is None else entry[1]
-
-    def literal(self, slot: str) -> Any:
-        return self.found.setting(slot, None)
 
     # ------------------------------------------------------------------------------------------- values
 

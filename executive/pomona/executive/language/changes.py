@@ -7,11 +7,9 @@ from typing import Any, Protocol
 
 from pomona.executive.errors import PomonaError
 from pomona.executive.language.built import BuiltTree
-from pomona.executive.language.literals import LiteralError, literal
-from pomona.executive.language.values import out_of_range
+from pomona.executive.language.interface import value_of
 from pomona.executive.skill import Skill
-from pomona.executive.values.findings import Findings, Source, did_you_mean
-from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar, read_yaml
+from pomona.executive.values.findings import Source, did_you_mean
 
 
 class ChangeRefusedError(PomonaError):
@@ -34,23 +32,11 @@ def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
     if found is None:
         hint = did_you_mean(port, skill.inputs) or f"it has {', '.join(skill.inputs) or 'none'}"
         raise ChangeRefusedError(f"{skill.name} has no input '{port}': {hint}")
-    source = Source("change", text)
-    node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)
-    if text[:1] in ("[", "{"):
-        node = read_yaml(source, Findings())
-    if node is None:
-        raise ChangeRefusedError(f"{port}: this is not YAML: {text[:60]}")
-    try:
-        value = literal(node, found.type, found.choices)
-    except LiteralError as error:
-        raise ChangeRefusedError(
-            f"{port}: {error.message}{error.hint and f' ({error.hint})'}"
-        ) from None
+    value, problem, hint = value_of(Source("change", text), found)
+    if problem:
+        raise ChangeRefusedError(f"{port}: {problem.format('it')}{hint and f' ({hint})'}")
     if not found.accepts(value):
         raise ChangeRefusedError(f"{port} does not accept {text[:60]}")
-    problem = out_of_range(value, found)
-    if problem:
-        raise ChangeRefusedError(f"{port} {problem}")
     return value
 
 

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any
 
 from pomona.executive.language.flow import LayerOutcome, Outcomes
 from pomona.executive.language.interface import PortDeclared
@@ -17,7 +16,7 @@ from pomona.executive.language.value_types import ANY, ValueType, can_flow, desc
 from pomona.executive.language.values import ValueReader, static_type
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.context import COUNTERS, Around
-from pomona.executive.nodes.node_type import NodeType, Stage
+from pomona.executive.nodes.node_type import NodeType, OfLayer, Stage
 from pomona.executive.nodes.takes import NAME
 from pomona.executive.ports import Port, Ports, Quantity
 from pomona.executive.registry import Registry
@@ -184,7 +183,7 @@ class NodeChecker:
 
 
 @dataclass(slots=True, eq=False)
-class LayerCheck:
+class LayerCheck(OfLayer):
     """One layer of a node being checked by its type (a `CheckContext`)."""
 
     whole: NodeChecker
@@ -212,13 +211,6 @@ class LayerCheck:
     def check(self) -> None:
         """Let the layer's type check it."""
         self.layer.check_layer(self)
-
-    def written(self, slot: str) -> YamlNode | None:
-        entry = self.node.entry(self.layer, slot)
-        return None if entry is None else entry[1]
-
-    def literal(self, slot: str) -> Any:
-        return self.found.setting(slot, None)
 
     # --------------------------------------------------------------------------------------- values
 

@@ -21,7 +21,7 @@ from pomona.executive.language.model import Definition, TreeNode
 from pomona.executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope
 from pomona.executive.language.value_types import SI_NUMBER, ValueType
 from pomona.executive.nodes.facts import UNKNOWN, Ends, Fact, Facts, Names, Outcome, Plain, Possible
-from pomona.executive.nodes.node_type import NodeType
+from pomona.executive.nodes.node_type import NodeType, OfLayer
 from pomona.executive.nodes.takes import Value
 from pomona.executive.ports import Quantity
 from pomona.executive.registry import Registry
@@ -135,7 +135,7 @@ W = TypeVar("W", bound=Walk)
 
 
 @dataclass(slots=True, eq=False)
-class LayerAt(Generic[W]):
+class LayerAt(OfLayer, Generic[W]):
     """One layer of a node, on a walk."""
 
     whole: W
@@ -148,15 +148,6 @@ class LayerAt(Generic[W]):
     def outcomes(self) -> LayerOutcome:
         """Return the possible ends of the layer, of its children and of their contents."""
         return LayerOutcome(self.whole.outcomes, self.node, self.index)
-
-    def written(self, slot: str) -> YamlNode | None:
-        """Return the node behind one of its words."""
-        entry = self.node.entry(self.layer, slot)
-        return None if entry is None else entry[1]
-
-    def literal(self, slot: str) -> Any:
-        """Return its value where it is known before the run."""
-        return self.found.setting(slot, None)
 
 
 NOTHING = Facts()

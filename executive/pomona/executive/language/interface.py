@@ -199,22 +199,26 @@ def _named(
 def read_override(name: str, text: str, port: Port, findings: Findings) -> Any:
     """Return a parameter's value as written after `--set name=`; a wrong one is a finding, and the value is None."""
     written = f"{name}={text}"
-    source = Source(f"--set {written}", text)
+    value, problem, hint = value_of(Source(f"--set {written}", text), port)
+    if problem:
+        _error(findings, written, problem.format(name), hint)
+    return value
+
+
+def value_of(source: Source, port: Port) -> tuple[Any, str, str]:
+    """Return the value that a text means for a port, what is wrong with it, and a hint; {} stands for the port."""
+    text = source.text
     node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)
     if text[:1] in ("[", "{"):
         node = read_yaml(source, Findings())
     if node is None:
-        _error(findings, written, "this is not YAML")
-        return None
+        return None, "this is not YAML", ""
     try:
         value = literal(node, port.type, port.choices)
     except LiteralError as error:
-        _error(findings, written, error.message, error.hint)
-        return None
+        return None, error.message.replace("{", "{{").replace("}", "}}"), error.hint
     problem = out_of_range(value, port)
-    if problem:
-        _error(findings, written, f"{name} {problem}")
-    return value
+    return value, problem and "{} " + problem, ""
 
 
 def _error(findings: Findings, text: str, message: str, hint: str = "") -> None:

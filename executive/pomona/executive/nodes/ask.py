@@ -14,11 +14,10 @@ from pomona.executive.nodes.context import (
     BuildContext,
     CheckContext,
     FactContext,
-    FlowContext,
     NodeContext,
     OutcomeContext,
 )
-from pomona.executive.nodes.facts import Ends, Facts, Names, Outcome
+from pomona.executive.nodes.facts import Facts, Outcome
 from pomona.executive.nodes.node_type import Leaf, Modifier, TreeNode
 from pomona.executive.ports import Port
 from pomona.executive.reasons import NoValue
@@ -96,6 +95,7 @@ class ApproveType(Modifier):
 
     key, symbol = "approve", "✋"
     value = takes.Value(Port(bool), known=True)
+    codes = ("NOT_APPROVED", "NOBODY_TO_ASK")
 
     def needed(self, at: NodeContext) -> bool:
         return at.literal(self.key) is True
@@ -103,18 +103,10 @@ class ApproveType(Modifier):
     def choices(self, node: TreeNode) -> tuple[str, ...]:
         return Approve.choices
 
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return at.inside().plus("NOT_APPROVED", "NOBODY_TO_ASK")
-
-    def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        ends = at.inside(before)
-        return Ends(ends.success, ends.failure & before, ends.skipped)
-
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.inside(known)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Approve(at.name, at.inside())
+    makes = Approve
 
 
 CHOICES = ("yes", "no")
@@ -198,9 +190,10 @@ class AskType(Leaf):
         items = entry[1].items if entry is not None and isinstance(entry[1], YamlList) else ()
         return tuple(item.text for item in items if isinstance(item, YamlScalar)) or CHOICES
 
+    codes = ("NO_ANSWER", "NOBODY_TO_ASK")
+
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        certain = at.written("default") is not None
-        return Outcome() if certain else Outcome(frozenset({"NO_ANSWER", "NOBODY_TO_ASK"}))
+        return Outcome() if at.written("default") is not None else super().possible_outcome(at)
 
     def build(self, at: BuildContext) -> Behaviour:
         default = at.value("default")() if at.given("default") else None

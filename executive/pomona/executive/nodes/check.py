@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import LeafBehaviour, Wrapper
-from pomona.executive.nodes.context import BuildContext, FactContext, FlowContext, OutcomeContext
-from pomona.executive.nodes.facts import Condition, Ends, Facts, Names, Outcome
+from pomona.executive.nodes.context import FactContext
+from pomona.executive.nodes.facts import Condition, Facts
 from pomona.executive.nodes.node_type import Leaf, Modifier
 from pomona.executive.reasons import NoValue
 
 
-class Check(LeafBehaviour):
-    """Succeeds when its condition holds, fails otherwise."""
+class Conditional(LeafBehaviour):
+    """A leaf with a condition."""
 
     def __init__(self, name: str, condition: Condition) -> None:
         super().__init__(name)
         self._condition = condition
+
+
+class Check(Conditional):
+    """Succeeds when its condition holds, fails otherwise."""
 
     def act(self) -> Status:
         if self._condition.holds():
@@ -29,12 +32,8 @@ class Check(LeafBehaviour):
         return self.fails("CONDITION_FALSE", self._condition.sentence(), **self._condition.values())
 
 
-class WaitUntil(LeafBehaviour):
+class WaitUntil(Conditional):
     """Runs until its condition holds."""
-
-    def __init__(self, name: str, condition: Condition) -> None:
-        super().__init__(name)
-        self._condition = condition
 
     def act(self) -> Status:
         if self._condition.holds():
@@ -50,15 +49,13 @@ class CheckType(Leaf):
     value = takes.Condition("succeeds when it holds, fails otherwise")
     ends = ("success", "failure")
     instant = True
-
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return Outcome(frozenset({"CONDITION_FALSE"}))
+    codes = ("CONDITION_FALSE",)
 
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.must(self.key, known)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Check(at.name, at.condition(self.key))
+    makes = Check
+    gives = ("condition",)
 
 
 class WaitUntilType(Leaf):
@@ -67,22 +64,23 @@ class WaitUntilType(Leaf):
     key, symbol = "wait_until", "◇"
     value = takes.Condition("runs until it holds")
 
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return Outcome()
-
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.awaits(self.key, known)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return WaitUntil(at.name, at.condition(self.key))
+    makes = WaitUntil
+    gives = ("condition",)
 
 
-class Guard(Wrapper):
-    """Looks at its condition before every tick of its child; when it does not hold, interrupts the child and fails."""
+class ConditionalWrapper(Wrapper):
+    """A wrapper with a condition."""
 
     def __init__(self, name: str, child: Behaviour, condition: Condition) -> None:
         super().__init__(name, child)
         self._condition = condition
+
+
+class Guard(ConditionalWrapper):
+    """Looks at its condition before every tick of its child; when it does not hold, interrupts the child and fails."""
 
     def tick(self) -> Iterator[Behaviour]:
         try:
@@ -100,12 +98,8 @@ class Guard(Wrapper):
         yield self
 
 
-class When(Wrapper):
+class When(ConditionalWrapper):
     """Looks at its condition at its start; when it does not hold, the child is skipped."""
-
-    def __init__(self, name: str, child: Behaviour, condition: Condition) -> None:
-        super().__init__(name, child)
-        self._condition = condition
 
     def begin(self) -> Status | None:
         if self._condition.holds():
@@ -120,20 +114,13 @@ class GuardType(Modifier):
     key, symbol = "guard", "◇"
     value = takes.Condition("looked at before each tick; when it does not hold the node fails")
     ends = ("success", "failure")
-
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return at.inside().plus("CONDITION_FALSE")
-
-    def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        ends = at.inside(before)
-        return Ends(ends.success, ends.failure & before, ends.skipped)
+    codes = ("CONDITION_FALSE",)
 
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.inside(at.must(self.key, known))
 
-    def build(self, at: BuildContext) -> Behaviour:
-        condition = at.condition(self.key)
-        return Guard(at.name, at.inside(), condition)
+    makes = Guard
+    gives = ("condition",)
 
 
 class WhenType(Modifier):
@@ -142,18 +129,11 @@ class WhenType(Modifier):
     key, symbol = "when", "◇"
     value = takes.Condition("looked at once; when it does not hold the node is skipped")
     ends = ("skipped", "not skipped")
-
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return replace(at.inside(), skips=True)
-
-    def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        ends = at.inside(before)
-        return ends._replace(skipped=ends.skipped & before)
+    skips = True
 
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         at.inside(at.must(self.key, known))
         return at.forget(known)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        condition = at.condition(self.key)
-        return When(at.name, at.inside(), condition)
+    makes = When
+    gives = ("condition",)

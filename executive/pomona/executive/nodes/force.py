@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Wrapper
-from pomona.executive.nodes.context import BuildContext, FlowContext, NodeContext, OutcomeContext
+from pomona.executive.nodes.context import FlowContext, NodeContext, OutcomeContext
 from pomona.executive.nodes.facts import ALL, NO_CODES, Ends, Names, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import Port
@@ -57,8 +57,8 @@ class ForceType(Modifier):
             return Ends(ALL, both, ends.skipped)
         return Ends(both, ALL, ends.skipped)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Force(at.name, at.inside(), at.literal(self.key))
+    makes = Force
+    gives = ("literal",)
 
 
 class Invert(Wrapper):
@@ -90,5 +90,4 @@ class InvertType(Modifier):
         ends = at.inside(before)
         return Ends(ends.failure, ends.success, ends.skipped)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Invert(at.name, at.inside())
+    makes = Invert

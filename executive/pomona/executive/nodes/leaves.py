@@ -81,8 +81,8 @@ class WaitType(Leaf):
         duration = at.literal(self.key)
         return Outcome(least=duration if isinstance(duration, float) else 0.0)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Wait(at.name, at.value(self.key), at.now)
+    makes = Wait
+    gives = ("value", "now")
 
 
 class SetType(Leaf):
@@ -91,9 +91,6 @@ class SetType(Leaf):
     key, symbol = "set", "="
     value = takes.Assignments()
     instant = True
-
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return Outcome()
 
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.assign(known)
@@ -110,11 +107,7 @@ class SucceedType(Leaf):
     other_names = ("AlwaysSuccess",)
     instant = True
 
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return Outcome()
-
-    def build(self, at: BuildContext) -> Behaviour:
-        return Succeed(at.name)
+    makes = Succeed
 
 
 class FailType(Leaf):

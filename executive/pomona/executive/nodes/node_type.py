@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import Any, ClassVar, Literal, Protocol
@@ -129,6 +129,24 @@ class TreeNode:
                 stack.extend(reversed(node.below()))
 
 
+class OfLayer:
+    """One layer of a node, asked for what is written in it."""
+
+    __slots__ = ()
+    node: TreeNode
+    layer: NodeType
+    found: Any
+
+    def written(self, slot: str) -> YamlNode | None:
+        """Return the node behind one of its words."""
+        entry = self.node.entry(self.layer, slot)
+        return None if entry is None else entry[1]
+
+    def literal(self, slot: str) -> Any:
+        """Return its value where it is known before the run."""
+        return self.found.setting(slot, None)
+
+
 class Reading(Protocol):
     """A tree file's nodes being read."""
 
@@ -198,6 +216,12 @@ class NodeType(ABC):
         False  # whether it ends in the tick in which it starts, without other nodes acting
     )
     named: ClassVar[bool] = True  # whether the behaviour of a modifier shows its word
+    makes: ClassVar[
+        Callable[..., Behaviour]
+    ]  # class of its behaviour, without a `build` of its own
+    gives: ClassVar[tuple[str, ...]] = ()  # what it needs besides: condition, value, now
+    codes: ClassVar[tuple[str, ...]] = ()  # with which the word itself may fail
+    skips: ClassVar[bool] = False  # whether a modifier may skip its node
     ends: ClassVar[
         tuple[str, ...]
     ] = ()  # ends that a test should see: success, failure, skipped, not skipped
@@ -268,9 +292,11 @@ class NodeType(ABC):
         """On which side of the node the run pauses, if it does."""
         return None
 
-    @abstractmethod
     def build(self, at: BuildContext) -> Behaviour:
         """Return its behaviour, with everything inside. A behaviour should explain its failure (`explain`)."""
+        given = [at.now if word == "now" else getattr(at, word)(self.key) for word in self.gives]
+        inside = [at.inside()] if self.role == "modifier" else []
+        return type(self).makes(at.name, *inside, *given)
 
     def choices(self, node: TreeNode) -> tuple[str, ...]:
         """Return the answers of a type that asks the operator; none for any other."""
@@ -288,6 +314,9 @@ class Leaf(NodeType):
 
     role = "leaf"
     symbol = "●"
+
+    def possible_outcome(self, at: OutcomeContext) -> Outcome:
+        return Outcome(frozenset(self.codes))
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
         """Its outputs are written when it succeeds; nothing when it fails."""
@@ -315,10 +344,13 @@ class Modifier(NodeType):
         at.inside(super_around)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return at.inside()
+        inside = at.inside().plus(*self.codes)
+        return replace(inside, skips=inside.skips or self.skips)
 
     def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        return at.inside(before)
+        success, failure, skipped = at.inside(before)
+        failure = failure & before if self.codes else failure
+        return Ends(success, failure, skipped & before if self.skips else skipped)
 
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         """Return the facts after its success; by default it may restart its child, and succeed without it."""

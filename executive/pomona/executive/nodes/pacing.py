@@ -12,13 +12,11 @@ from py_trees.common import Status
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Wrapper
 from pomona.executive.nodes.context import (
-    BuildContext,
     CheckContext,
     FactContext,
-    FlowContext,
     OutcomeContext,
 )
-from pomona.executive.nodes.facts import Ends, Facts, Names, Outcome
+from pomona.executive.nodes.facts import Facts, Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import RATE, Port
 from pomona.executive.reasons import NoValue, path_of
@@ -29,9 +27,12 @@ from pomona.executive.speed import SHARE, SpeedRefusedError, checked_speed
 class Late(Wrapper):
     """Delays its child's start until a moment on the run's clock. Subclasses choose the moment (`due`)."""
 
-    def __init__(self, name: str, child: Behaviour, now: Callable[[], float]) -> None:
+    def __init__(
+        self, name: str, child: Behaviour, value: Callable[[], float], now: Callable[[], float]
+    ) -> None:
         super().__init__(name, child)
-        self._now, self._due, self._started = now, 0.0, False
+        self._value, self._now = value, now
+        self._due, self._started = 0.0, False
 
     @abstractmethod
     def due(self) -> float:
@@ -67,28 +68,17 @@ class Late(Wrapper):
 class Delay(Late):
     """Waits before its child starts."""
 
-    def __init__(
-        self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]
-    ) -> None:
-        super().__init__(name, child, now)
-        self._duration = duration
-
     def due(self) -> float:
-        return self._now() + self._duration()
+        return self._now() + self._value()
 
 
 class Rate(Late):
     """Lets a period pass between a success of its child and the next start; the first start is at once."""
 
-    def __init__(
-        self, name: str, child: Behaviour, rate: Callable[[], float], now: Callable[[], float]
-    ) -> None:
-        super().__init__(name, child, now)
-        self._rate = rate
-        self._success: float | None = None
+    _success: float | None = None
 
     def due(self) -> float:
-        rate = self._rate()
+        rate = self._value()
         if rate <= 0.0:
             raise NoValue(f"{self.name}: the rate is {rate:g} Hz, it must be above 0")
         since, self._success = self._success, None
@@ -132,8 +122,8 @@ class DelayType(Modifier):
         inside, delay = at.inside(), at.literal(self.key)
         return replace(inside, least=inside.least + delay) if isinstance(delay, float) else inside
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Delay(at.name, at.inside(), at.value(self.key), at.now)
+    makes = Delay
+    gives = ("value", "now")
 
 
 class RateType(Modifier):
@@ -143,8 +133,8 @@ class RateType(Modifier):
     value = takes.Value(Port(RATE, min=0.001), "starts a second at most")
     other_names = ("RateController",)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Rate(at.name, at.inside(), at.value(self.key), at.now)
+    makes = Rate
+    gives = ("value", "now")
 
 
 class RunOnceType(Modifier):
@@ -153,16 +143,9 @@ class RunOnceType(Modifier):
     key, symbol = "run_once", "1"
     value = takes.Value(Port(bool), known=True)
     other_names = ("RunOnce",)
+    skips = True
 
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return replace(at.inside(), skips=True)
-
-    def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        ends = at.inside(before)
-        return ends._replace(skipped=ends.skipped & before)
-
-    def build(self, at: BuildContext) -> Behaviour:
-        return RunOnce(at.name, at.inside())
+    makes = RunOnce
 
 
 class Timeout(Wrapper):
@@ -200,6 +183,7 @@ class TimeoutType(Modifier):
 
     key, symbol = "timeout", "◷"
     value = takes.duration("for each try")
+    codes = ("TIMEOUT",)
     other_names = ("Timeout",)
 
     def check_layer(self, at: CheckContext) -> None:
@@ -215,18 +199,11 @@ class TimeoutType(Modifier):
             message = f"{at.node.label} takes {least:g} s at least and is always interrupted after {limit:g} s"
             at.findings.warning(key, "too-short", message)
 
-    def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        return at.inside().plus("TIMEOUT")
-
-    def written_ports(self, at: FlowContext, before: Names) -> Ends:
-        ends = at.inside(before)
-        return Ends(ends.success, ends.failure & before, ends.skipped)
-
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
         return at.inside(known)
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Timeout(at.name, at.inside(), at.value(self.key), at.now)
+    makes = Timeout
+    gives = ("value", "now")
 
 
 class Slower(Wrapper):
@@ -253,5 +230,5 @@ class SpeedType(Modifier):
     key, symbol = "speed", "»"
     value = takes.Value(SHARE, "share of the speed that the skills command")
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Slower(at.name, at.inside(), at.value(self.key))
+    makes = Slower
+    gives = ("value",)

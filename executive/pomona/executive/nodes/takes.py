@@ -303,28 +303,6 @@ class Cases(Field):
         return {"type": "object", "minProperties": 1, "additionalProperties": dict(_NODE)}
 
 
-class Wires(Field):
-    """Values by port."""
-
-    wires = True
-
-    def __init__(self, inputs: Mapping[str, Port]) -> None:
-        super().__init__()
-        self.inputs = inputs
-
-    def take(
-        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
-    ) -> None:
-        node.ports = ports_in(written)
-
-    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
-        at.check_ports(self.inputs, {})
-
-    def schema(self, literal: Callable[[Port], Schema]) -> Schema:
-        ports = {name: literal(port) for name, port in self.inputs.items()}
-        return {"type": ["object", "null"], "properties": ports, "additionalProperties": False}
-
-
 class Ports(Field):
     """Wires to the ports of a called skill or subtree; the language looks them up."""
 
@@ -339,15 +317,23 @@ class Ports(Field):
         return {"$ref": "#/$defs/wires"}
 
 
-class Assignments(Field):
+class Wires(Ports):
+    """Values by port."""
+
+    def __init__(self, inputs: Mapping[str, Port]) -> None:
+        super().__init__()
+        self.inputs = inputs
+
+    def check_value(self, at: CheckContext, slot: str, written: YamlNode) -> None:
+        at.check_ports(self.inputs, {})
+
+    def schema(self, literal: Callable[[Port], Schema]) -> Schema:
+        ports = {name: literal(port) for name, port in self.inputs.items()}
+        return {"type": ["object", "null"], "properties": ports, "additionalProperties": False}
+
+
+class Assignments(Ports):
     """Values by the name to which they are written."""
-
-    wires = True
-
-    def take(
-        self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
-    ) -> None:
-        node.ports = ports_in(written)
 
     def declare(self, at: CheckContext, slot: str, stage: Stage) -> None:
         if stage is Stage.COMPUTED:

@@ -50,8 +50,7 @@ class DisabledType(Modifier):
         at.inside(known)
         return known
 
-    def build(self, at: BuildContext) -> Behaviour:
-        return Disabled(at.name, at.inside())
+    makes = Disabled
 
 
 class BreakpointType(Modifier):

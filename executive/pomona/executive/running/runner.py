@@ -152,7 +152,7 @@ class Runner(Requests):
         self._changed_files, self._takeovers = take_over, dict[str, Takeover]()
         self._refuse_full_speed_only(self.tree)
         self._breakpoints = Breakpoints(self.tree.behaviours)
-        self._attended = attended
+        self._attended = self.context.attended = attended
         self._attend(self.tree.breakpoints)
         self._observer = TreeObserver(self.tree, self._emit, lambda: self.progress)
         self._logs = SkillLogs()
@@ -331,9 +331,10 @@ class Runner(Requests):
             self._end = RunState.FAILED, "the tree failed"
         if self._end is not None:
             self._settled_by = self._cell.clock.now() + SETTLING
-        if self._step and self._end is None:
+        why, self.context.pause_for = self.context.pause_for, ""
+        if (self._step or why) and self._end is None:
             self._step = False
-            self._pause("step", "")
+            self._pause("asked by" if why else "step", why)
 
     def _take_commands(self) -> None:
         while True:

@@ -314,6 +314,7 @@ class RunContext:
         self._paused_for = 0.0
         self._paused_since: float | None = None
         self._speed = 1.0
+        self.attended, self.pause_for = False, ""
         self._start = cell.clock.now()
 
     # --------------------------------------------------------------------------------------- SkillContext
@@ -328,6 +329,10 @@ class RunContext:
     def elapsed(self) -> float:
         now = self._cell.clock.now() if self._paused_since is None else self._paused_since
         return now - self._start - self._paused_for
+
+    def pause(self, why: str) -> bool:
+        self.pause_for = why if self.attended else ""
+        return self.attended
 
     def seed(self, node: str) -> int:
         return zlib.crc32(f"{self.run_seed}/{node}".encode())

@@ -47,6 +47,9 @@ class DryContext:
     def publish(self, node: str, topic: str, value: object) -> None:
         pass
 
+    def pause(self, why: str) -> bool:
+        return False
+
     def elapsed(self) -> float:
         return self.clock.now()
 

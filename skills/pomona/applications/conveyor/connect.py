@@ -115,8 +115,7 @@ class ConveyorOptions(BeltPlace):
         if self.start not in poses:
             yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
         yield from BeltPlace.fits(self, around)
-        comes = self.intruder is not None
-        yield from unseen_people(around, "intruder" if comes else "driver", self.belt, comes)
+        yield from unseen_people(around, self.belt)
 
     def known(self) -> Iterator[object]:
         yield read_limits(self.robot)

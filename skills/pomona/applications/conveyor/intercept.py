@@ -65,7 +65,6 @@ class Intercept(BeltSkill):
         *MOTION_FAILURES,
         *BELT_FAILURES,
         *("OUT_OF_REACH", "TOO_UNSURE", "TOO_WIDE", "NEIGHBOUR_AT_RISK"),
-        *("PATH_BLOCKED", "POSE_MISMATCH", "DEPTH_MISMATCH"),
         *("TRACK_LOST", "BELT_CHANGED", "BEHIND", "END_OF_REACH"),
         *(
             "NO_CONTACT",
@@ -111,6 +110,7 @@ class Intercept(BeltSkill):
         arm, gripper = self.device(Arm), self.device(Gripper)
         take_over(gripper)
         eyes = ReachWatch(self)
+        yield from eyes.open()
         try:
             stream = HandStream(arm, self.device(StreamedArm).stream(WATCHDOG), self.clock)
         except MotionRefused as refused:

@@ -11,8 +11,8 @@ import numpy as np
 
 from pomona.applications.conveyor.conveyor import Belt
 from pomona.drivers import Arm, Motion, Surroundings, Trajectory, Workspace
-from pomona.executive import Clock, Float64, Problem, Skill
-from pomona.skills import KnownAround, LiveWatch, prepare_watch
+from pomona.executive import Clock, Float64, Problem, Skill, Work
+from pomona.skills import KnownAround, LiveWatch, prepare_watch, resting, watched
 from pomona.skills.motion import RobotModel, RobotShape
 
 IN_PICTURE = (
@@ -45,9 +45,11 @@ class ReachWatch:
 
     def __init__(self, skill: Skill) -> None:
         self._skill, self._arm = skill, skill.device(Arm)
-        q = np.tile(self._arm.state().q, (2, 1))
-        still = Trajectory(np.array([0.0, 0.1]), q, np.zeros_like(q), np.zeros_like(q))
-        self._eyes = LiveWatch.of(skill, self._arm, still, KnownAround())
+        self._eyes: LiveWatch | None = None
+
+    def open(self) -> Work[None]:
+        """Wait until a motion may start: see `watched`."""
+        self._eyes = yield from watched(self._skill, self._arm, resting(self._arm), KnownAround())
 
     def begin(self, motion: Motion, times: Float64, q: Float64, holds: bool = False) -> None:
         """Watch a way from now on; until then nothing is compared.
@@ -74,14 +76,11 @@ class ReachWatch:
         return None if self._eyes is None else self._eyes.look()
 
 
-def unseen_people(
-    around: Surroundings, key: str, belt: Belt, comes: bool = True
-) -> Iterator[Problem]:
+def unseen_people(around: Surroundings, belt: Belt) -> Iterator[Problem]:
     """Yield a warning of a cell that watches its paths by cameras on the hand alone.
 
     A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file, an
-    emulated one always. One that is `fixed` counts if a part of the belt is in its picture; where no person `comes`,
-    the warning is of one that is not.
+    emulated one always. One that is `fixed` counts if a part of the belt is in its picture.
     """
     if around.workspace is None or around.workspace.watch is None:
         return
@@ -105,13 +104,13 @@ def unseen_people(
             on_hand.append(name)
         else:
             others += camera
-    if on_hand and not others and (comes or away):
+    if on_hand and not others:
         words = f"paths are watched by the hand's camera '{on_hand[0]}' alone, which sees no person beside or above it"
         words += " while the fingers close and the hand rises" + (
             f"; '{away[0]}' looks past the belt" if away else ""
         )
         remedy = "fix a camera over the belt: a simulated one by `fixed`, a real one stands above the arm in the file"
-        yield Problem(key, words, remedy, warning=True)
+        yield Problem("driver", words, remedy, warning=True)
 
 
 def prepare_reach_watch(skill: Skill) -> None:

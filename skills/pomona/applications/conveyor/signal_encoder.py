@@ -56,7 +56,7 @@ class SignalConveyorOptions(BeltPlace):
             yield Problem(
                 "driver", words, "runs: an output of the PLC that lets the belt run", warning=True
             )
-        yield from unseen_people(around, "driver", self.belt)
+        yield from unseen_people(around, self.belt)
 
     def unfit(self, names: SignalNames) -> Iterator[Problem]:
         """Yield the signals that the PLC does not have, or whose counts are no travel."""

@@ -1,7 +1,7 @@
 """Grip control with the minimum force that holds a fruit of unknown weight.
 
-Usable alone on arrays: `limit_surface`, `least_force`, `grasp_force` (limit_surface.py), `observe_slip`,
-`dynamic_force` (observer.py), and `GripController` (controller.py), stepped by samples.
+Usable alone on arrays: `limit_surface`, `least_force`, `grasp_force` (limit_surface.py), and `GripController`
+(controller.py), stepped by samples.
 
 The names below are public, and loaded on first use.
 """

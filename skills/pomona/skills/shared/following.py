@@ -17,11 +17,18 @@ from pomona.drivers.interfaces import (
     Trajectory,
     Workspace,
 )
-from pomona.executive.skill import Skill
+from pomona.executive.skill import Skill, SkillFailure
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.shared.live_watch import KnownAround, LiveWatch
+from pomona.skills.shared.live_watch import (
+    WATCH_FAILURES,
+    KnownAround,
+    LiveWatch,
+    hand_clear,
+    notice_of,
+    watched,
+)
 
 Watching = Generator["str | None", None, None]
 
@@ -29,7 +36,8 @@ MOTION_FAILURES = (
     "REFUSED",
     "STOPPED",
     "MOTION_FAILED",
-)  # refused; stopped from outside; failed during the motion
+    *WATCH_FAILURES,
+)  # refused; stopped from outside; failed during the motion; stopped by what the cameras show
 
 
 class MotionEnded(Exception):
@@ -86,7 +94,7 @@ class MovingSkill(Skill):
     """A skill that moves the arm or the gripper; its `failures` must contain `MOTION_FAILURES`."""
 
     failures: ClassVar[tuple[str, ...]] = MOTION_FAILURES
-    optional_devices: ClassVar[tuple[type, ...]] = (Gripper, Workspace, Cameras, Carrier)
+    optional_devices: ClassVar[tuple[type, ...]] = (Arm, Gripper, Workspace, Cameras, Carrier)
     """The zones and the watched path need them."""
 
     def travel(
@@ -97,17 +105,19 @@ class MovingSkill(Skill):
         carrying: Grasp | None = None,
         started: Callable[[Motion], None] | None = None,
         each_tick: Callable[[], None] | None = None,
+        wary: bool = False,
     ) -> Watching:
         """Let the arm follow a trajectory to its end.
 
         Args:
             watch: as in `follow_motion`.
             around: known obstacles. The cell's cameras then watch the path: an unknown obstacle too near fails with
-                PATH_BLOCKED, and a camera with implausible frames with POSE_MISMATCH or DEPTH_MISMATCH. The skill must
-                declare these.
+                PATH_BLOCKED, and a camera with implausible frames with POSE_MISMATCH or DEPTH_MISMATCH.
             carrying: the grasp by which a fruit is held.
             started: called with the motion, once it has been started.
             each_tick: called in each tick until the arm is at rest, also while it stops.
+            wary: start only while the cameras show the way free; after something has come near, every motion does so:
+                see `live_watch.watched`.
 
         Raises SkillFailure: REFUSED, if the path leads through a zone of the cell, or begins in one.
         """
@@ -115,50 +125,58 @@ class MovingSkill(Skill):
         entered = zone_entered(self, arm, trajectory, carrying)
         if entered:
             raise self.failure("REFUSED", f"{entered}; nothing has moved", device="zones")
-        eyes = None if around is None else LiveWatch.of(self, arm, trajectory, around)
-        if eyes is not None:
-            eyes.check_cameras()
-            if (slower := eyes.slowed()) is not None:
-                trajectory = slower
-                yield "slower, beside an unmapped object; if it always stands there, add it to the cell file"
+        if around is None and carrying is not None and notice_of(self.clock).why:
+            around = KnownAround(carrying=carrying)
+        eyes = yield from watched(self, arm, trajectory, around, wary)
+        if eyes is not None and (slower := eyes.slowed()) is not None:
+            trajectory = slower
+            yield "slower, beside an unmapped object; if it always stands there, add it to the cell file"
 
         def start() -> Motion:
             motion = arm.follow(trajectory)
-            if eyes is not None:
-                eyes.begin(motion)
             if started is not None:
                 started(motion)
             return motion
 
+        yield from self._carry_out(start, watch, each_tick, eyes)
+
+    def move_fingers(self, width: float, speed: float) -> Watching:
+        """Move the fingers to an opening [m] at a speed [m/s]."""
+        gripper = self.device(Gripper)
+        eyes = yield from hand_clear(self)
+        yield from self._carry_out(lambda: gripper.move(width, speed), eyes=eyes)
+
+    def _carry_out(
+        self,
+        start: Callable[[], Motion],
+        watch: Callable[[], str | None] | None = None,
+        each_tick: Callable[[], None] | None = None,
+        eyes: LiveWatch | None = None,
+    ) -> Watching:
         def look() -> str | None:
             progress = None if watch is None else watch()
             ahead = None if eyes is None else eyes.look()
             return ", ".join(filter(None, (progress, ahead))) or None
 
-        yield from self._carry_out(start, look, each_tick)
-
-    def move_fingers(self, width: float, speed: float) -> Watching:
-        """Move the fingers to an opening [m] at a speed [m/s]."""
-        gripper = self.device(Gripper)
-        yield from self._carry_out(lambda: gripper.move(width, speed), None)
-
-    def _carry_out(
-        self,
-        start: Callable[[], Motion],
-        watch: Callable[[], str | None] | None,
-        each_tick: Callable[[], None] | None = None,
-    ) -> Watching:
         try:
             motion = start()
         except MotionRefused as refused:
             raise self.failure(
                 "REFUSED", f"{refused}; nothing has moved", device=refused.device
             ) from refused
+        if eyes is not None:
+            eyes.begin(motion)
         try:
-            yield from follow_motion(motion, watch, each_tick)
+            yield from follow_motion(motion, look, each_tick)
         except MotionEnded as ended:
             code = "STOPPED" if ended.state is MotionState.STOPPED else "MOTION_FAILED"
+            if code == "STOPPED":
+                notice_of(self.clock).why = str(ended)
             raise self.failure(code, str(ended), progress=round(motion.progress, 3)) from ended
+        except SkillFailure as failed:
+            if failed.failure.data.get("unexpected"):
+                notice_of(self.clock).why = failed.failure.message
+            raise
 
 
 def zone_entered(

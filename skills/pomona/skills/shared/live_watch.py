@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -27,7 +29,7 @@ from pomona.drivers.interfaces import (
     Trajectory,
     Workspace,
 )
-from pomona.executive.skill import Skill
+from pomona.executive.skill import Skill, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
 from pomona.skills.geometry import apply, inverse, transform
@@ -60,6 +62,25 @@ class KnownAround:
     carrying: Grasp | None = None  # the grasp by which a fruit is held, or None
 
 
+PATIENCE = 10.0  # wait for a person to leave, before the operator is asked [s]
+
+
+@dataclass(slots=True)
+class Notice:
+    """What a run remembers for its next motion: the newest watch, and why a person may be near; an operator clears it."""
+
+    watch: PathWatch | None = None
+    why: str = ""
+
+
+_NOTICES: WeakKeyDictionary[object, Notice] = WeakKeyDictionary()
+
+
+def notice_of(clock: object) -> Notice:
+    """Return what the run on this clock remembers."""
+    return _NOTICES.setdefault(clock, Notice())
+
+
 class LiveWatch:
     """Watches one motion of a skill that declares `WATCH_FAILURES`; made by `of`."""
 
@@ -84,8 +105,9 @@ class LiveWatch:
     @staticmethod
     def of(skill: Skill, arm: Arm, trajectory: Trajectory, around: KnownAround) -> LiveWatch | None:
         """Return the watch of a trajectory; None in a cell without a camera, or whose file requests no watch."""
-        cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
-        if cameras is None or not cameras.all or workspace is None or workspace.watch is None:
+        cameras = _watching(skill)
+        workspace = skill.optional_device(Workspace)
+        if not cameras or workspace is None:
             return None
         shape = RobotShape.of(RobotModel.load(arm.description))
         held = around.carrying
@@ -95,19 +117,45 @@ class LiveWatch:
         width = shape.model.width_max if gripper is None else gripper.state().width
         fruit = [Convex.of_fruit(measured) for measured in around.fruit]
         watch = PathWatch(shape, trajectory, arm.limits, width, workspace, around.map, fruit)
-        return LiveWatch(skill, arm, cameras.all, workspace, watch, trajectory.duration)
+        notice = notice_of(skill.clock)
+        if notice.watch is not None and (notice.why or around.map is None):
+            watch.inherit(notice.watch, bool(notice.why))
+        notice.watch = watch
+        return LiveWatch(skill, arm, cameras, workspace, watch, trajectory.duration)
 
     def check_cameras(self) -> None:
         """Compare the table in every camera's newest frame with the cell file's, before the motion starts.
 
         Raises SkillFailure: POSE_MISMATCH or DEPTH_MISMATCH; nothing has moved.
         """
-        for camera in self._cameras:
+        for _number, frame, T_base_camera in self._fresh():
+            require_sound_pose(self._skill, frame, T_base_camera, self._workspace)
+
+    def _fresh(self) -> Iterator[tuple[int, Frame, Float64]]:
+        """Yield the number, newest frame and pose of each camera whose depth is fresh and has a place."""
+        for number, camera in enumerate(self._cameras):
             frame = _newest(camera)
-            if frame is not None and abs(self._skill.clock.now() - frame.stamp) < TOO_OLD:
-                require_sound_pose(
-                    self._skill, frame, pose_of_camera(frame, self._robot), self._workspace
-                )
+            if (
+                frame is not None
+                and frame.depth is not None
+                and frame.placed
+                and abs(self._skill.clock.now() - frame.stamp) < TOO_OLD
+            ):
+                yield number, frame, pose_of_camera(frame, self._robot)
+
+    def obstructed(self) -> Work[str]:
+        """Return what the newest frames show against a start, empty if they show the way free; one camera a tick.
+
+        After a notice the whole volume that the robot passes through must be in view.
+        """
+        views = []
+        for number, frame, T_base_camera in self._fresh():
+            q = self._arm.state().q if frame.q is None else frame.q
+            if seen := self._watch.entered(frame, T_base_camera, q, number):
+                return seen
+            views.append((frame, T_base_camera, q))
+            yield None
+        return self._watch.hidden(views) if notice_of(self._skill.clock).why else ""
 
     def slowed(self) -> Trajectory | None:
         """Return the path, slower where unmapped objects that stand now could meet the moving arm; None if as before.
@@ -116,14 +164,10 @@ class LiveWatch:
         on the hand shows too little of the cell for that, and much that the skills have put down themselves.
         """
         seen, oldest = [np.empty((0, 3))], 0.0
-        for number, camera in enumerate(self._cameras):
-            frame = _newest(camera)
-            if frame is None or frame.depth is None or not frame.placed or frame.q is not None:
-                continue
-            age = self._skill.clock.now() - frame.stamp
-            if abs(age) < TOO_OLD:
-                oldest = max(oldest, age)
-                T_base_camera, q = pose_of_camera(frame, self._robot), self._arm.state().q
+        for number, frame, T_base_camera in self._fresh():
+            if frame.q is None:
+                oldest = max(oldest, self._skill.clock.now() - frame.stamp)
+                q = self._arm.state().q
                 seen.append(self._watch.standing(frame, T_base_camera, q, number))
         slower = self._watch.slowed(np.concatenate(seen), oldest)
         if slower is not None:
@@ -150,21 +194,12 @@ class LiveWatch:
         if motion is None or motion.state is not MotionState.RUNNING:
             return None
         said = None
-        for number, camera in enumerate(self._cameras):
-            frame = _newest(camera)
-            if (
-                frame is None
-                or frame.depth is None
-                or not frame.placed
-                or self._stamps.get(number) == frame.stamp
-            ):
+        for number, frame, T_base_camera in self._fresh():
+            if self._stamps.get(number) == frame.stamp:
                 continue
             age = self._skill.clock.now() - frame.stamp
-            if not -TOO_OLD < age < TOO_OLD:
-                continue
             self._stamps[number] = frame.stamp
             q = self._posture(frame.stamp) if frame.q is None else frame.q
-            T_base_camera = pose_of_camera(frame, self._robot)
             ahead = self._watch.look(
                 frame, T_base_camera, q, max(age, 0.0), motion.progress * self._duration, number
             )
@@ -172,7 +207,7 @@ class LiveWatch:
                 motion.stop()
                 if (carrier := self._skill.optional_device(Carrier)) is not None:
                     carrier.stop()
-                self._refuse(ahead, camera, frame)
+                self._refuse(ahead, self._cameras[number], frame)
             note_pose(self._skill, frame, T_base_camera)
             if ahead is not None:
                 said = f"unmapped object on the path, {ahead.after:.1f} s ahead"
@@ -202,6 +237,8 @@ class LiveWatch:
             "after_s": round(ahead.after, 3),
         }
         who = {"part": ahead.part, "moved": ahead.moved, "camera": frame.label}
+        self._watch.suspect(ahead.point)
+        notice_of(self._skill.clock).why = words
         raise self._skill.failure(BLOCKED, f"{words}: detect again, or clear the path", **at, **who)
 
     def _refuse_untrue(self, camera: Camera, frame: Frame) -> None:
@@ -216,21 +253,65 @@ class LiveWatch:
                 raise mismatch(self._skill, shown, problem)
 
 
+def watched(
+    skill: Skill, arm: Arm, path: Trajectory, around: KnownAround | None, wary: bool = False
+) -> Work[LiveWatch | None]:
+    """Return the watch of a motion once it may start; None where nothing watches it.
+
+    After a notice, and if it is `wary`, it may only start while the cameras show its way free: else the arm rests, after
+    `PATIENCE` an operator is asked, and without one it fails.
+
+    Raises SkillFailure: PATH_BLOCKED, POSE_MISMATCH or DEPTH_MISMATCH; nothing has moved.
+    """
+    notice = notice_of(skill.clock)
+    since = skill.context.elapsed()
+    if around is None and not notice.why:
+        return None
+    eyes = LiveWatch.of(skill, arm, path, around or KnownAround())
+    if eyes is not None:
+        eyes.check_cameras()
+    while notice.why or (wary and eyes is not None):
+        why = "no camera watches the way" if eyes is None else (yield from eyes.obstructed())
+        if not why:
+            break
+        if eyes is None or not notice.why or skill.context.elapsed() - since > PATIENCE:
+            if not (yield from skill.confirm(f"{why}; is nobody near the arm?")):
+                notice.why = notice.why or why
+                raise skill.failure(BLOCKED, f"{why}; nothing has moved")
+            notice.why = ""
+            return LiveWatch.of(skill, arm, path, around or KnownAround())
+        yield f"at rest: {why}"
+    return eyes
+
+
+def hand_clear(skill: Skill) -> Work[LiveWatch | None]:
+    """Return the watch of the fingers' next motion, as `watched`; the arm rests."""
+    arm = skill.optional_device(Arm)
+    return None if arm is None else (yield from watched(skill, arm, resting(arm), None))
+
+
+def resting(arm: Arm) -> Trajectory:
+    """Return a path on which the arm stays where it is."""
+    q = np.tile(arm.state().q, (2, 1))
+    return Trajectory(np.array([0.0, 0.1]), q, np.zeros_like(q), np.zeros_like(q))
+
+
 def prepare_watch(skill: Skill) -> None:
     """For `prepare` of a skill that watches its path: compile the loops, and read a frame of every camera."""
-    cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
+    cameras = _watching(skill)
     arm = skill.optional_device(Arm)
-    if (
-        cameras is None
-        or not cameras.all
-        or arm is None
-        or workspace is None
-        or workspace.watch is None
-    ):
-        return
-    _warm(arm.description)
-    for camera in cameras.all:
-        _newest(camera)
+    if cameras and arm is not None:
+        _warm(arm.description)
+        for camera in cameras:
+            _newest(camera)
+
+
+def _watching(skill: Skill) -> tuple[Camera, ...]:
+    """Return the cameras that watch paths; none in a cell whose file requests no watch."""
+    cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
+    if cameras is None or workspace is None or workspace.watch is None:
+        return ()
+    return cameras.all
 
 
 @lru_cache(maxsize=8)

@@ -22,14 +22,14 @@ from pomona.skills.motion.planning.plan import PlanRequest
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill, Watching
-from pomona.skills.shared.live_watch import WATCH_FAILURES, KnownAround, prepare_watch
+from pomona.skills.shared.live_watch import KnownAround, prepare_watch
 from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned, usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
 
 CARRIED_ACCELERATION = 2.0
 """Usual largest acceleration of a held fruit [m/s²]: every bit of it must be held by friction."""
 
-POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", *WATCH_FAILURES)
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT")
 """Codes of every skill that moves to a named pose."""
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import Annotated
 
 import numpy as np
 
+from pomona.executive.ports import Acceleration, Angle, Length, Port
 from pomona.executive.skill import Skill
 from pomona.skills.motion.collision.distance_field import DistanceField
+from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.occupancy_map import OccupancyError
 from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
@@ -21,6 +24,23 @@ PLANNING_FAILURES = (
     "TIMEOUT",
 )
 """Codes of every skill that plans."""
+
+Clearance = Annotated[
+    Length, Port(min="0 mm", help="distance of the links to obstacles; less for the gripper")
+]
+Spacing = Annotated[
+    Length, Port(min="2 mm", help="distance of the links to obstacles; less for the gripper")
+]
+Obstacles = Annotated[OccupancyMap | None, Port(help="obstacles")]
+OtherObstacles = Annotated[OccupancyMap | None, Port(help="obstacles, without the target")]
+ToolAcceleration = Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")]
+Tilt = Annotated[
+    Angle, Port(min="1 deg", max="180 deg", help="maximum tilt of the fruit during the motion")
+]
+HeldGrasp = Annotated[
+    Grasp | None, Port(help="grasp of the held fruit; collision checks include this fruit")
+]
+"""Ports that skills share."""
 
 COLD_START = 5.0  # seconds that a process which has never planned may need on top of the budget to import and compile
 

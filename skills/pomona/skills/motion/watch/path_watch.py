@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
+from scipy.ndimage import binary_erosion, minimum_filter1d, uniform_filter1d
 
 from pomona.drivers.errors import BadTrajectory
 from pomona.drivers.interfaces import ArmLimits, Frame, PathWatchSettings, Trajectory, Workspace
@@ -28,6 +28,7 @@ from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.motion.occupancy.integrate import mark_spheres
 from pomona.skills.motion.watch.kernel import (
+    FREE,
     CameraView,
     Nearest,
     Noise,
@@ -58,6 +59,9 @@ PACES = (
     0.125,
 )  # tried in this order; the last one is taken in any case
 STEP = 0.05  # of the path's time, at which paces are chosen [s]
+SUSPECT = 0.15  # around an object that stopped the arm, which may be a person's hand [m]
+CLEAR = 0.1  # to anything unmapped, of a way that must be seen free before it is taken [m]
+LEAST_MOVED = 3  # cells that were free and are taken now, from which on something has come in
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +155,7 @@ class PathWatch:
             return None
         how, points, moved = self._how, self._found[:new], self._moved[:new]
         # fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens
-        if np.count_nonzero(moved) < 3:
+        if np.count_nonzero(moved) < LEAST_MOVED:
             moved = np.zeros(new, np.bool_)
         # Without a stop now the arm begins to brake after the next frame at the earliest.
         waiting = FRAME_INTERVAL + how.delay
@@ -177,6 +181,58 @@ class PathWatch:
     ) -> Float64:
         """Note a frame from before the motion; return the cells that are occupied and not known, shape (n, 3) [m]."""
         return self._found[: self._new_cells(frame, T_base_camera, q, camera)].copy()
+
+    def inherit(self, before: PathWatch, states: bool) -> None:
+        """Take over the known cells of an earlier motion's watch; with `states`, also what each camera saw there."""
+        self._known |= before._known
+        if states:
+            self._states = before._states
+
+    def suspect(self, point: Sequence[float]) -> None:
+        """Count what stands within `SUSPECT` of a point, shape (3,) [m], as having come in."""
+        near = np.zeros(self._known.shape, np.bool_)
+        mark_spheres(np.array([[*point, SUSPECT]]), 0.0, self._origin, CELL, near)
+        for state in self._states.values():
+            state[near] = FREE
+
+    def entered(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> str:
+        """Say what a frame shows that must not be there when the motion starts, empty if nothing: see `hidden`."""
+        new = self._new_cells(frame, T_base_camera, q, camera)
+        points, moved = self._found[:new], self._moved[:new]
+        if np.count_nonzero(moved) >= LEAST_MOVED:
+            return f"something has come in at {_spot(points[moved][0])}"
+        told = self._nearest(points, 0, len(self._Q), max(CLEAR, self._how.near), 0.0)
+        return (
+            "" if told is None else f"an unmapped object stands at {_spot(told[2])}, near the path"
+        )
+
+    def hidden(self, views: Sequence[tuple[Frame, Float64, Float64]]) -> str:
+        """Say where the robot would pass through a volume that none of the newest frames shows; empty if nowhere.
+
+        What is smaller than a hand (three cells each way) counts as seen. The robot's own volume and known cells do, too.
+
+        Args:
+            views: frames, the pose of the camera (4, 4), and the joints then (dof,) [rad].
+        """
+        fresh = copy.copy(self)
+        left = np.zeros(self._known.shape, np.bool_)
+        fresh._states = {}
+        for q in self._Q[:: max(len(self._Q) // 40, 1)]:
+            mark_spheres(self._spheres(q), 0.0, self._origin, CELL, left)
+        now = np.zeros_like(left)
+        for number, (frame, T_base_camera, q) in enumerate(views):
+            fresh._new_cells(frame, T_base_camera, q, number)
+            left &= fresh._states[number] != FREE
+        mark_spheres(self._spheres(self._Q[0]), self._how.padding + CELL, self._origin, CELL, now)
+        left &= ~(now | self._known)
+        left[:, :, : max(int((self._lowest - self._origin[2]) / CELL), 0)] = False
+        cells = np.argwhere(binary_erosion(left, np.ones((3, 3, 3))))
+        if not len(cells):
+            return ""
+        return f"no camera shows {_spot(self._origin + (cells[0] + 0.5) * CELL)}, where the robot would pass"
+
+    def _spheres(self, q: Float64) -> Float64:
+        return np.ascontiguousarray(self._shape.spheres(q, self.width))
 
     def slowed(self, points: Float64, age: float) -> Trajectory | None:
         """Return the path, slower where a standing object could meet the moving arm; None if it can stay as it is.
@@ -305,6 +361,10 @@ class PathWatch:
                 np.ascontiguousarray(spheres), reach - AROUND / 2.0, self._origin, CELL, marked
             )
         return marked
+
+
+def _spot(point: Sequence[float] | Float64) -> str:
+    return f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f}) m"
 
 
 def _at_paces(path: Trajectory, times: Float64, paces: Float64, window: float) -> Trajectory:
