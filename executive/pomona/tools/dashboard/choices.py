@@ -14,7 +14,7 @@ from pomona.executive.language import read
 from pomona.executive.language.model import Declared
 from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.installation import installed_trees
-from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar, written
 
 StartRun = Callable[
     [dict[str, Any]], str
@@ -61,7 +61,7 @@ class Choices:
                 {"name": name, **_describe(_tree_facts, path)} for name, path in self.trees.items()
             ],
             "cells": [
-                {"name": name, **_describe(_cell_facts, path)} for name, path in self.cells.items()
+                {"name": name, **_describe(cell_facts, path)} for name, path in self.cells.items()
             ],
             "first": default_name("tree"),
         }
@@ -88,15 +88,18 @@ def _tree_facts(path: Path) -> dict[str, Any]:
     return {
         "description": main.description,
         "cell": main.cell.text if main.cell else default_name("cell"),
-        "parameters": [_parameter(name, declared) for name, declared in main.parameters.items()],
+        "parameters": [
+            declared_facts(name, declared) for name, declared in main.parameters.items()
+        ],
     }
 
 
-def _parameter(name: str, declared: Declared) -> dict[str, Any]:
+def declared_facts(name: str, declared: Declared) -> dict[str, Any]:
+    """Return a declared parameter, input or output as plain values for a page."""
     return {
         "name": name,
         "type": declared.type.text if declared.type is not None else "",
-        "default": _text(declared.default),
+        "default": "" if declared.default is None else written(declared.default),
         "min": _text(declared.min),
         "max": _text(declared.max),
         "choices": [choice.text for choice in declared.choices],
@@ -108,11 +111,12 @@ def _text(node: YamlNode | None) -> str:
     return node.text if isinstance(node, YamlScalar) else ""
 
 
-def _cell_facts(path: Path) -> dict[str, Any]:
+def cell_facts(path: Path) -> dict[str, Any]:
+    """Return `kind` and `options` of a cell file. Raises UsageError: it is none."""
     findings = Findings()
     outline = outline_cell(path, findings)
     if outline is None:
-        raise UsageError(format_findings(findings.sorted()))
+        raise UsageError(format_findings(findings.sorted()) or f"{path}: not a cell file")
     options = [
         {"name": option.name, "default": option.default, "help": option.help}
         for option in outline.options

@@ -17,15 +17,13 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from pomona.executive.cell.cell_file import outline_cell
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.files import default_name, read_text
 from pomona.executive.registry import Registry
-from pomona.executive.values.documents import Outline
-from pomona.executive.values.findings import Findings, format_findings
 from pomona.executive.values.installation import installed_trees
 from pomona.executive.values.yaml_nodes import MAX_CHARACTERS
 from pomona.tools.dashboard import server as dashboard
+from pomona.tools.dashboard.choices import cell_facts
 from pomona.tools.dashboard.options import free_port
 from pomona.tools.dashboard.security import Access, RequestGuard
 from pomona.tools.dashboard.serving import HttpService, authorised_body
@@ -117,10 +115,7 @@ class TreeEditor:
             "link": str(self.file.given) if self.file.link else "",
             "may_act": self.access.may_act,
             "cell": self.cell.stem,
-            "options": [
-                {"name": o.name, "default": o.default, "help": o.help}
-                for o in _outline(self.cell).options
-            ],
+            "options": cell_facts(self.cell)["options"],
             "scenarios": [
                 str(path.relative_to(self.file.path.parent)) for path in self._scenarios()
             ],
@@ -274,18 +269,10 @@ class TreeEditor:
 
 def refuse_real(cell: Path) -> None:
     """Raise if a cell is not a simulated one. Raises UsageError: the editor moves no real device."""
-    if (kind := _outline(cell).kind) not in SIMULATED:
+    if (kind := cell_facts(cell)["kind"]) not in SIMULATED:
         raise UsageError(
             f"the cell '{cell.stem}' is {kind}: the editor runs trees on simulated cells only; use pomona run"
         )
-
-
-def _outline(cell: Path) -> Outline:
-    findings = Findings()
-    outline = outline_cell(cell, findings)
-    if outline is None:
-        raise UsageError(format_findings(findings.sorted()) or f"{cell}: not a cell file")
-    return outline
 
 
 def default_cell() -> Path:

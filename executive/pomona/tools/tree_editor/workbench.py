@@ -20,7 +20,7 @@ from pomona.executive.nodes.takes import Value
 from pomona.executive.ports import Port, Quantity
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, mended, place_of, said
-from pomona.executive.values.yaml_nodes import YamlScalar, written
+from pomona.tools.dashboard.choices import declared_facts
 from pomona.tools.editor.edits import EditError, apply, edit_of, nodes
 from pomona.tools.editor.service import TreeService
 from pomona.tools.tree_editor.catalogue import catalogue, port_of
@@ -138,13 +138,7 @@ class Workbench:
     def _declared(self, table: Mapping[str, Declared]) -> list[Facts]:
         return [
             {
-                "name": name,
-                "type": declared.type.text if declared.type is not None else "",
-                "default": written(declared.default) if declared.default is not None else "",
-                "min": declared.min.text if isinstance(declared.min, YamlScalar) else "",
-                "max": declared.max.text if isinstance(declared.max, YamlScalar) else "",
-                "choices": [choice.text for choice in declared.choices],
-                "help": declared.help,
+                **declared_facts(name, declared),
                 "units": self._units(declared),
                 "line": declared.key.line,
             }
