@@ -6,7 +6,8 @@ import asyncio
 import contextlib
 import json
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -50,7 +51,7 @@ from pomona.tools.dashboard.record_messages import (
 )
 from pomona.tools.dashboard.redrawing import redrawing
 from pomona.tools.dashboard.security import Access, RequestGuard
-from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, authorised_body
+from pomona.tools.dashboard.serving import WATCH_ONLY, HttpService, acting
 
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 200
@@ -79,7 +80,6 @@ SILENT = 1.0
 """Time without a message from the run's process after which every page is informed [s]; it sends four a second."""
 
 
-Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 RecordAnswer = Callable[[Path, Request], Response | None]
 
 
@@ -106,6 +106,7 @@ class Dashboard:
         self._choices = Choices({}, {})
         self._reading = RecordReading()
         reading = self._reading.route
+        acts = partial(acting, access=access, most=MOST_BODY)
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -120,11 +121,11 @@ class Dashboard:
                 self._record_route("picture", self._picture, "picture"),
                 self._record_route("thumbnail", self._thumbnail, "record"),
                 self._record_route("drawing", self._drawing, "tree that can be drawn"),
-                self._acting("act", self.presses.answer),
-                self._acting("judge", self._judge),
-                self._acting("start", self._start),
-                self._acting("edit", lambda body: asyncio.to_thread(self._edit, body)),
-                self._acting("why", lambda body: asyncio.to_thread(self._why, body)),
+                acts("act", answer=self.presses.answer),
+                acts("judge", answer=self._judge),
+                acts("start", answer=self._start),
+                acts("edit", answer=lambda body: asyncio.to_thread(self._edit, body)),
+                acts("why", answer=lambda body: asyncio.to_thread(self._why, body)),
                 reading("/api/why", lambda _request: JSONResponse(self._asides.found())),
                 WebSocketRoute("/live", self._live),
                 Mount("/static", StaticFiles(directory=STATIC)),
@@ -353,18 +354,6 @@ class Dashboard:
             viewer.tell("Pressed", press=press, error=str(refused))
 
     # ---------------------------------------------------------------------------------------------- acting
-
-    def _acting(self, name: str, answer: Answer) -> Route:
-        async def respond(request: Request) -> Response:
-            body = await authorised_body(request, self.access, MOST_BODY)
-            if isinstance(body, Response):
-                return body
-            try:
-                return JSONResponse(await answer(body))
-            except PomonaError as error:
-                return JSONResponse({"error": str(error)}, 409)
-
-        return Route(f"/api/{name}", respond, methods=["POST"])
 
     async def _start(self, body: dict[str, Any]) -> dict[str, Any]:
         if self._start_run is None:

@@ -8,18 +8,21 @@ import errno
 import socket
 import sys
 import threading
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 
-from pomona.executive.errors import UsageError
+from pomona.executive.errors import PomonaError, UsageError
 from pomona.tools.dashboard.connections import LiveWire, PatientHttp, hang_up
 from pomona.tools.dashboard.presses import object_of
 from pomona.tools.dashboard.security import Access
 
+Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
 WATCH_ONLY = "this page may watch but not act: open the link that was printed"
 BODY_DEADLINE = 5.0
 """Seconds within which the body of an acting request must arrive."""
@@ -100,6 +103,26 @@ async def authorised_body(request: Request, access: Access, most: int) -> dict[s
     except TimeoutError:
         return JSONResponse({"error": "sent too slowly"}, 408)
     return object_of(bytes(body)) or JSONResponse({"error": "send a JSON object"}, 400)
+
+
+def acting(name: str, access: Access, most: int, answer: Answer) -> Route:
+    """Return the route /api/NAME of requests that act: `answer` takes and returns a JSON object.
+
+    A refusal may add `facts` to its answer.
+    """
+
+    async def respond(request: Request) -> Response:
+        body = await authorised_body(request, access, most)
+        if isinstance(body, Response):
+            return body
+        try:
+            return JSONResponse(await answer(body))
+        except PomonaError as error:
+            return JSONResponse({"error": str(error), **getattr(error, "facts", {})}, 409)
+        except (ValueError, KeyError, TypeError) as error:  # a request that no page makes
+            return JSONResponse({"error": f"not understood: {error}"}, 400)
+
+    return Route(f"/api/{name}", respond, methods=["POST"])
 
 
 class _Server(uvicorn.Server):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, read_text
 from pomona.executive.registry import Registry
 from pomona.executive.values.installation import installed_trees
@@ -26,10 +26,10 @@ from pomona.tools.dashboard import server as dashboard
 from pomona.tools.dashboard.choices import cell_facts
 from pomona.tools.dashboard.options import free_port
 from pomona.tools.dashboard.security import Access, RequestGuard
-from pomona.tools.dashboard.serving import HttpService, authorised_body
+from pomona.tools.dashboard.serving import HttpService, acting
 from pomona.tools.scenarios.scenario import is_scenario
 from pomona.tools.tree_editor.drafts import PAGE, Draft, Drafts
-from pomona.tools.tree_editor.tree_file import ChangedOnDiskError, EditedFile
+from pomona.tools.tree_editor.tree_file import EditedFile
 from pomona.tools.tree_editor.trial import EditorTrial
 from pomona.tools.tree_editor.workbench import Workbench, settings_of
 
@@ -201,13 +201,7 @@ class TreeEditor:
         ]
 
     def _acting(self, name: str, answer: Callable[[Body], Facts]) -> Route:
-        async def respond(request: Request) -> Response:
-            body = await authorised_body(request, self.access, MOST_BODY)
-            if isinstance(body, Response):
-                return body
-            return await _in_thread(answer, body)
-
-        return Route(f"/api/{name}", respond, methods=["POST"])
+        return acting(name, self.access, MOST_BODY, lambda body: asyncio.to_thread(answer, body))
 
     def _keep_draft(self, body: Body) -> Facts:
         try:
@@ -278,18 +272,6 @@ def refuse_real(cell: Path) -> None:
 def default_cell() -> Path:
     """Return the file of the default cell."""
     return installed_trees() / "cells" / f"{default_name('cell')}.yaml"
-
-
-async def _in_thread(answer: Callable[[Body], Facts], body: Body) -> Response:
-    thread: Awaitable[Facts] = asyncio.to_thread(answer, body)
-    try:
-        return JSONResponse(await thread)
-    except ChangedOnDiskError as error:
-        return JSONResponse({"error": str(error), "disk": asdict(error.disk)}, 409)
-    except PomonaError as error:
-        return JSONResponse({"error": str(error)}, 409)
-    except (ValueError, KeyError, TypeError) as error:  # a request that no page makes
-        return JSONResponse({"error": f"not understood: {error}"}, 400)
 
 
 def _text(body: Body) -> str:

@@ -9,7 +9,7 @@ import hashlib
 import os
 import stat
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pomona.executive.errors import PomonaError, UsageError
@@ -47,6 +47,7 @@ class ChangedOnDiskError(SaveRefusedError):
 
     def __init__(self, disk: DiskText) -> None:
         self.disk = disk
+        self.facts = {"disk": asdict(disk)}  # for the page
         super().__init__("the file was changed by another program meanwhile: nothing was written")
 
 
