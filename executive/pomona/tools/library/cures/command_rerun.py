@@ -15,11 +15,12 @@ from pomona.executive.execute import RunOrder, execute, versions
 from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import find_record
 from pomona.executive.recording.read import read_events
-from pomona.executive.running.events import OperatorActed, RunEnded, RunStarted
+from pomona.executive.running.events import OperatorActed, RunStarted
 from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import seconds
 from pomona.tools.library.cures.asked import asked_change
+from pomona.tools.library.cures.evidence import gather
 from pomona.tools.library.cures.repetition import REPEATABLE, judged_order, order_of
 from pomona.tools.library.difference import describe, first_difference
 
@@ -94,16 +95,8 @@ def _changed(order: RunOrder, texts: Sequence[str], console: Screen) -> int:
 
 def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], list[str]]:
     """Return the start of the recorded run, its changes of speed, and the parts that cannot be repeated."""
-    started: RunStarted | None = None
-    ended = False
-    acts: list[OperatorActed] = []
-    for event in read_events(record):
-        if isinstance(event, RunStarted):
-            started = event
-        elif isinstance(event, OperatorActed):
-            acts.append(event)
-        elif isinstance(event, RunEnded):
-            ended = True
+    found = gather(read_events(record))
+    started = found.started
     if started is None:
         raise UsageError(f"{record}: the record does not hold the start of the run")
     kind = started.cell_kind
@@ -111,15 +104,14 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
         raise UsageError(
             f"{record}: only a simulated run can be repeated, this one was on a cell of kind {kind}"
         )
-    speeds = tuple(act for act in acts if act.action == "speed")
     remarks = [
         f"{act.who} did {act.action} at {act.t:.2f} s: a repetition has no operator"
-        for act in acts
+        for act in found.acts
         if act.action != "speed"
     ]
-    if not ended:
+    if found.ended is None:
         remarks.append("the record was cut off: the repetition goes on where it ends")
-    return started, speeds, remarks
+    return started, found.speeds, remarks
 
 
 def _versions_differ(started: RunStarted) -> list[str]:
