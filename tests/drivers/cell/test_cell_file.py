@@ -26,7 +26,7 @@ def judge():
         path = CELLS / "judged.yaml"  # beside the files that shipped cells name; never written
         findings = Findings()
         judge_cell_file(path, findings, overrides, {str(path): text})
-        return findings.sorted()
+        return [found for found in findings.sorted() if found.code != "declared"]
 
     return judged
 
@@ -318,6 +318,19 @@ def test_two_devices_on_one_serial_line_are_refused_by_any_of_its_names(judge, t
     name.symlink_to("/dev/ttyUSB0")
     (found,) = judge(REAL + SENSOR.replace("/dev/ttyUSB1", str(name)))
     assert "'gripper' is on" in found.message
+
+
+def test_what_a_driver_declares_is_told_at_its_device():
+    path = CELLS / "judged.yaml"
+    findings = Findings()
+    judge_cell_file(path, findings, None, {str(path): REAL})
+    (found,) = findings.sorted()
+    assert (found.severity, found.code, found.excerpt.strip()) == (
+        "warning",
+        "declared",
+        "driver: robotiq",
+    )
+    assert "gripper does not keep 'a move ends with its wire'" in found.message
 
 
 def test_two_programs_may_listen_to_one_controller(judge):

@@ -250,6 +250,15 @@ class Ros2GripperFile:
     )
 
     @property
+    def limits(self) -> GripperLimits:
+        """Limits of the gripper."""
+        return GripperLimits(*self.opening, self.speed_max, self.force_max)
+
+    def known(self) -> Iterator[object]:
+        """Yield the limits, which a check of a tree needs."""
+        yield self.limits
+
+    @property
     def wires(self) -> tuple[str, ...]:
         return (f"{self.address} {self.action or self.commands}",)
 
@@ -283,9 +292,8 @@ def connect(settings: Settings[Ros2GripperFile], context: ConnectContext) -> Ros
         said.supervision,
         said.action,
     )
-    limits = GripperLimits(*said.opening, said.speed_max, said.force_max)
     wire = open_peer(said.address, "pomona_gripper", said.distribution)
-    gripper = Ros2Gripper(wire, context.clock, limits, options)
+    gripper = Ros2Gripper(wire, context.clock, said.limits, options)
     try:
         gripper.connect()
     except DeviceError as error:

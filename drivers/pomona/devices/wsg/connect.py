@@ -10,9 +10,11 @@ from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
 from pomona.devices.wsg.transport import TCP_PORT, CanLink, can_channels
 from pomona.drivers import (
+    HAND_STROKES,
     Address,
     ConnectContext,
     DeviceLost,
+    GripperLimits,
     GripperSupervision,
     Link,
     Settings,
@@ -36,6 +38,9 @@ from pomona.executive import (
     Whole,
     value,
 )
+
+
+LEAST_FORCE = 5.0  # of one finger, of each WSG (data sheets) [N]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +114,12 @@ class WsgFile:
             yield Problem("tcp", "the gripper needs either 'tcp' or 'can'")
         if self.soft_limits is not None and self.soft_limits[0] < self.finger_offset:
             yield Problem("soft_limits", "they are openings: they cannot lie below finger_offset")
+
+    def known(self) -> Iterator[object]:
+        """Yield the limits, which a check of a tree needs: those of a WSG 32, where the file has none."""
+        closed = self.finger_offset
+        opening = self.soft_limits or (closed, closed + HAND_STROKES["WSG 32"])
+        yield GripperLimits(*opening, self.speed_max or 0.4, self.force_limit or 50.0, LEAST_FORCE)
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         yield from other_fingers(around, "WSG", self.finger_offset)

@@ -60,8 +60,9 @@ def examine(
         judge_cell_file(path, doubts, overrides)
         for doubt in doubts.sorted():
             if doubt.severity == "warning":
+                known = doubt.code == "declared"
                 yield ReportLine(
-                    "cell file", False, f"{place_of(doubt)}: {doubt.message}", doubt.hint
+                    "cell file", known, f"{place_of(doubt)}: {doubt.message}", doubt.hint
                 )
         for name, refused in missing.items():
             yield from _refused(name, refused)

@@ -196,6 +196,10 @@ def judge_cell_file(
         (placed if problem.key.startswith("workspace.") else where).refuse(problem)
     if not findings.errors:
         installed_services().judge(placed, _facts(section), findings)
+        for name, device in section.devices.items():
+            for claim, why in device.driver.device.declared.items():
+                words = f"{name} does not keep '{claim.replace('_', ' ')}': {why}"
+                findings.warning(device.placed.place("driver"), "declared", words)
     return (
         None
         if findings.errors
