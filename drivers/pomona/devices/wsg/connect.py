@@ -39,7 +39,6 @@ from pomona.executive import (
     value,
 )
 
-
 LEAST_FORCE = 5.0  # of one finger, of each WSG (data sheets) [N]
 
 
