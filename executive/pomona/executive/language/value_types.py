@@ -94,7 +94,7 @@ def can_flow(source: ValueType, target: ValueType) -> bool:
             )
         if isinstance(target, ListType):
             return can_flow(source.element, target.element)
-        return isinstance(target, type) and issubclass(target, (list, tuple, Sequence))
+        return target in (list, tuple, Sequence)
     if isinstance(target, ListType):
         return (
             is_array(source)
@@ -149,7 +149,8 @@ def _fields_of_class(cls: Hashable) -> tuple[tuple[str, ValueType], ...]:
     try:
         hints = typing.get_type_hints(cls, include_extras=True)
     except Exception:  # a third party's annotations may not resolve: names are still known
-        hints = dict.fromkeys(_annotated(cls), Any)
+        classes = reversed(cls.__mro__)
+        hints = {name: Any for base in classes for name in getattr(base, "__annotations__", ())}
     names = (
         [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else list(hints)
     )
@@ -161,10 +162,6 @@ def _fields_of_class(cls: Hashable) -> tuple[tuple[str, ValueType], ...]:
         if isinstance(member, property) and not name.startswith("_"):
             found[name] = _returned(member)
     return tuple(found.items())
-
-
-def _annotated(cls: type[Any]) -> list[str]:
-    return [name for base in reversed(cls.__mro__) for name in getattr(base, "__annotations__", {})]
 
 
 def _returned(member: property) -> ValueType:
@@ -197,7 +194,7 @@ def from_annotation(annotation: Any) -> ValueType:
         return origin
     if annotation is None or annotation is type(None):
         return NONE
-    return annotation if isinstance(annotation, type) else ANY
+    return annotation if isinstance(annotation, type) and annotation is not Any else ANY
 
 
 def _annotated_type(arguments: tuple[Any, ...]) -> ValueType:
