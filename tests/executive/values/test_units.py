@@ -5,7 +5,16 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from pomona.executive.values.units import ANGLE, LENGTH, QUANTITIES, RATE, RATIO, STIFFNESS, TIME
+from pomona.executive.values.units import (
+    ANGLE,
+    LENGTH,
+    QUANTITIES,
+    RATE,
+    RATIO,
+    STIFFNESS,
+    TIME,
+    Quantity,
+)
 
 UNITS = [
     (quantity, unit) for quantity in QUANTITIES.values() for unit in quantity.units if unit != "1"
@@ -128,3 +137,54 @@ def test_units_are_as_large_as_everybody_knows():
 def test_a_value_is_written_in_the_unit_that_keeps_it_short(quantity, si, text):
     assert quantity.format(si) == text
     assert quantity.parse(text) == pytest.approx(si)
+
+
+PREFIXES = {"": 1.0, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
+BASES = {
+    "m": 1.0, "rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "s": 1.0, "min": 60.0, "h": 3600.0,
+    "g": 1e-3, "N": 1.0, "Pa": 1.0, "bar": 1e5, "Hz": 1.0, "px": 1.0, "%": 0.01, "1": 1.0,
+}  # fmt: skip
+
+
+def size_of(unit: str) -> float:
+    """The size of a unit in SI, by its prefix and its parts."""
+    if "/" in unit:
+        above, below = unit.split("/")
+        return size_of(above) / size_of(below)
+    if unit.endswith(("²", "^2")):
+        return size_of(unit.rstrip("²").removesuffix("^2")) ** 2
+    for left in ("N·", "N"):
+        if unit.startswith(left) and unit.removeprefix(left) in ("m", "mm"):
+            return size_of(unit.removeprefix(left))
+    for prefix, factor in PREFIXES.items():
+        if unit.startswith(prefix) and unit.removeprefix(prefix) in BASES:
+            return factor * BASES[unit.removeprefix(prefix)]
+    raise AssertionError(unit)
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)
+def test_every_unit_has_the_size_of_its_prefix_and_its_parts(quantity: Quantity) -> None:
+    for unit, size in quantity.units.items():
+        assert size == pytest.approx(size_of(unit), rel=1e-12), unit
+        assert quantity(f"3 {unit}".removesuffix(" 1")) == pytest.approx(3.0 * size)
+    assert next(iter(quantity.units)) == quantity.si_unit
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "text"),
+    [
+        ("length", 0.12, "12 cm"), ("length", 0.1234, "12.34 cm"), ("length", 1.0, "1 m"), ("length", 0.001, "1 mm"),
+        ("length", 999.9e-6, "999.9 um"), ("length", 0.0, "0 m"), ("length", 5000.0, "5000 m"), ("time", 60.0, "1 min"),
+        ("time", 90.0, "90 s"), ("time", 0.25, "250 ms"), ("ratio", 0.5, "0.5"), ("mass", -0.5, "-500 g"),
+        ("length", 1e-9, "1e-09 m"),
+    ],
+)  # fmt: skip
+def test_a_value_is_written_with_its_shortest_unit(quantity: str, value: float, text: str) -> None:
+    assert QUANTITIES[quantity].format(value) == text
+
+
+def test_a_time_is_bounded_by_three_centuries() -> None:
+    assert QUANTITIES["time"]("9999999999 s") == 9999999999.0
+    for text in ("10000000000 s", "-10000000000 s"):
+        with pytest.raises(ValueError, match="is too large for a time"):
+            QUANTITIES["time"](text)
