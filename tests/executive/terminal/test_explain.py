@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from dataclasses import replace
 from importlib.metadata import EntryPoint
@@ -14,6 +15,7 @@ from recorded_events import FAILED
 from pomona.executive import registry
 from pomona.executive.reasons import Reason
 from pomona.executive.running.events import (
+    AttemptEnded,
     NodeChanged,
     PortWritten,
     Published,
@@ -176,3 +178,52 @@ def test_a_long_account_is_cut_at_the_end_of_a_part() -> None:
     assert kept == "; ".join(parts[: kept.count("; ") + 1])
     assert 5 < kept.count("; ") < 33
     assert rest == "the rest with --all."
+
+
+def attempts_of(*failures: tuple[int, str, bool]) -> list[str]:
+    """Return the sentences about attempts (inner number, code, whether it succeeded) of a retry in another one."""
+    nodes = (
+        {"path": "a", "parent": None, "kind": "sequence", "name": "a", "type": "sequence"},
+        {"path": "a/0", "parent": "a", "kind": "decorator", "name": "outer", "type": "retry"},
+        {"path": "a/0/0", "parent": "a/0", "kind": "decorator", "name": "inner", "type": "retry"},
+        {"path": "a/0/0/Lift", "parent": "a/0/0", "kind": "skill", "name": "Lift", "type": "Lift"},
+    )  # fmt: skip
+    (begun,) = [replace(event, nodes=nodes) for event in FAILED if isinstance(event, RunStarted)]
+    (ended,) = [event for event in FAILED if isinstance(event, RunEnded)]
+    told = [
+        AttemptEnded(
+            float(k + 1), k, "a/0/0", number, 3, succeeded,
+            None if succeeded else Reason("a/0/0/Lift", code, "it fell"),
+        )
+        for k, (number, code, succeeded) in enumerate(failures)
+    ]  # fmt: skip
+    last = replace(ended, t=99.0, reason=Reason("a/0/0/Lift", "LOST", "it fell"))
+    (said, *_) = [text for text in explain([begun, *told, last]) if "attempt" in text] or [""]
+    return [text for text in re.split(r" (?=At |So )", said) if text]
+
+
+def test_failed_attempts_are_told_once_with_their_time_number_and_cause() -> None:
+    assert attempts_of() == []
+    first, second, third = attempts_of(
+        (1, "SLIPPED", False), (2, "SLIPPED", False), (3, "LOST", False)
+    )
+    assert first.startswith("At 1.0 s attempt 1 of 3 (inner")
+    assert first.endswith("Lift failed with SLIPPED: it fell.")
+    assert second.endswith(" ended with SLIPPED, too.")
+    assert third.startswith("At 3.0 s attempt 3 of 3 (inner")
+    assert third.endswith(" ended with LOST, too.")  # as the run did
+    assert attempts_of((1, "", True)) == []
+
+
+def test_of_many_attempts_the_first_three_and_the_last_are_told() -> None:
+    five = attempts_of(*[(k, "SLIPPED", False) for k in (1, 2, 3, 1, 2)])
+    assert [text[:10] for text in five] == [
+        "At 1.0 s a",
+        "At 2.0 s a",
+        "At 3.0 s a",
+        "So it went",
+        "At 5.0 s a",
+    ]
+    assert five[3] == "So it went on, 1 attempts more."
+    four = attempts_of(*[(k, "SLIPPED", False) for k in (1, 2, 3, 1)])
+    assert [text[:8] for text in four] == ["At 1.0 s", "At 2.0 s", "At 3.0 s", "At 4.0 s"]
