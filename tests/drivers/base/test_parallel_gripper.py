@@ -181,12 +181,20 @@ def test_after_a_loss_nothing_moves_until_it_is_acknowledged(fingers: Fingers, h
         with pytest.raises(DeviceError, match=r"does not answer|the wire failed: cut"):
             call()
     setattr(fingers, how, "")
-    serve(fingers, RECONNECT + 0.1)
+    serve(fingers, RECONNECT + 0.1)  # a stop reaches it
+    stood = fingers.width
+    sent = len(fingers.commands)
+    widths: list[float] = []
+    serve(fingers, 0.1, lambda: widths.append(fingers.width))
     with pytest.raises(DeviceLost, match="acknowledge the loss before it moves"):
         fingers.set_speed(-0.01)
     with pytest.raises(MotionRefused, match="acknowledge the loss before it moves"):
         fingers.move(0.05, 0.1)
+    serve(fingers, 0.1, lambda: widths.append(fingers.width))
     fingers.acknowledge()
+    serve(fingers, 0.1, lambda: widths.append(fingers.width))
+    assert set(widths) == {stood}
+    assert set(fingers.commands[sent:]) <= {"rest"}
     assert fingers.move(0.05, 0.1).state is MotionState.RUNNING
 
 

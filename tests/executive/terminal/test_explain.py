@@ -227,3 +227,15 @@ def test_of_many_attempts_the_first_three_and_the_last_are_told() -> None:
     assert five[3] == "So it went on, 1 attempts more."
     four = attempts_of(*[(k, "SLIPPED", False) for k in (1, 2, 3, 1)])
     assert [text[:8] for text in four] == ["At 1.0 s", "At 2.0 s", "At 3.0 s", "At 4.0 s"]
+
+
+@pytest.mark.parametrize(
+    ("outcome", "words"),
+    [("failure", "It failed after 12.0 s"), ("stopped", "It was stopped after 12.0 s"), ("error", "It ended in the safe")],
+)  # fmt: skip
+def test_an_outcome_has_its_words(outcome: str, words: str) -> None:
+    events = [
+        replace(event, outcome=outcome, time=12.0) if isinstance(event, RunEnded) else event
+        for event in FAILED
+    ]
+    assert any(words in text for text in explain(events)), list(explain(events))

@@ -36,7 +36,7 @@ def test_the_end_of_the_small_picture_inside_is_not_the_end() -> None:
 
 
 def test_bytes_of_no_jpeg_are_not_cut_off() -> None:
-    assert not is_cut_off(b"")
+    assert is_cut_off(b"") is False
     assert not is_cut_off(b"\x89PNG\r\n")
     assert not is_cut_off(b"\xff\xd8\xff\xe0\x00\x04ab not a marker")
 
