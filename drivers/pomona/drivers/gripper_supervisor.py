@@ -21,7 +21,9 @@ BEYOND = 5e-3  # a width outside the stroke by more than this is implausible [m]
 FASTER = 5.0  # implausible multiple of the largest speed; fingers knocked against a wall reach 3 (simulated)
 STRONGER = 1.2  # implausible multiple of both fingers' largest force, by the motor's current
 SLOW = 2e-3  # fingers slower than this rest [m/s] …
-STEADY, STILL = 5e-4, 0.03  # … once their width has stayed within the first [m] for the second [s]
+# … once their width has stayed within the first [m] for the second [s]
+STEADY = 5e-4
+STILL = 0.03
 FORGETTING = 2.0
 """Time constant with which a width that lags the streamed speeds is forgiven [s]: rates too slow for the gripper add
 up over a long grip, 0.1 mm/s to 0.2 mm."""
@@ -91,7 +93,8 @@ class GripperSupervisor:
         """
         self.at_rest = self.follows = False
         self.rest_by = -math.inf
-        self._limits, self._acceleration = limits, acceleration
+        self._limits = limits
+        self._acceleration = acceleration
         self._supervision = supervision or GripperSupervision()
         self._due = math.inf
         self._target = math.inf  # width of the newest move; none after a streamed speed
@@ -102,7 +105,9 @@ class GripperSupervisor:
         self._speed = self._opening = self._closing = (
             0.0  # commanded now; and the fastest either way lately
         )
-        self._lower_bound, self._upper_bound = math.inf, -math.inf  # of the width, see the class
+        # of the width, see the class
+        self._lower_bound = math.inf
+        self._upper_bound = -math.inf
         self._told_at = -math.inf
         self._behind = 0.0  # streamed motion that the width has not followed, positive opens
         self._steady: tuple[float, float] | None = None
@@ -111,10 +116,8 @@ class GripperSupervisor:
     def move(self, now: float, start: float, width: float, speed: float) -> None:
         """A move from one opening to another was commanded."""
         expected = abs(width - start) / speed + speed / self._acceleration
-        self._due, self._target = (
-            now + expected * (1.0 + self._supervision.share) + self._supervision.margin,
-            width,
-        )
+        self._due = now + expected * (1.0 + self._supervision.share) + self._supervision.margin
+        self._target = width
         self._free_until, self.rest_by = math.inf, self._due
         self._behind = 0.0
         self._way = self._reach(min(start, width), max(start, width))
@@ -124,15 +127,20 @@ class GripperSupervisor:
         if math.isinf(self._free_until):
             self.rest(now)
         self._account(now)
-        self._speed, self._target = speed, math.inf
+        self._speed = speed
+        self._target = math.inf
         self._opening, self._closing = max(self._opening, speed), max(self._closing, -speed)
         if speed:
             self.rest_by = max(self.rest_by, now + watchdog + self._supervision.lag)
 
     def rest(self, now: float) -> None:
         """The fingers were commanded to stand still, or have ended their move."""
-        self._due, self._speed, self._behind = math.inf, 0.0, 0.0
-        self._lower_bound, self._upper_bound, self._told_at = math.inf, -math.inf, now
+        self._due = math.inf
+        self._speed = 0.0
+        self._behind = 0.0
+        self._lower_bound = math.inf
+        self._upper_bound = -math.inf
+        self._told_at = now
         self._free_until = now + COASTING
         seen = self._last is not None and now - self._last.stamp <= self._supervision.lag
         # If this thread stalled for longer than `lag`, the width is unknown, and the next report may be old.
@@ -174,7 +182,9 @@ class GripperSupervisor:
         return self._overdue(now) or stray or self._lagging(state.width)
 
     def _impossible(self, state: GripperState) -> str:
-        width, speed, limits = state.width, state.speed, self._limits
+        width = state.width
+        speed = state.speed
+        limits = self._limits
         if not (math.isfinite(width) and math.isfinite(speed)):
             return f"reports a width of {1e3 * width:g} mm and a speed of {1e3 * speed:g} mm/s"
         if not limits.width_min - BEYOND <= width <= limits.width_max + BEYOND:
@@ -187,7 +197,8 @@ class GripperSupervisor:
         ):  # this form is True also for NaN
             return f"reports {state.motor_force:g} N of its motor, which presses with {most:.0f} N at most"
         if self._last is not None:
-            way, elapsed = abs(width - self._last.width), state.stamp - self._last.stamp
+            way = abs(width - self._last.width)
+            elapsed = state.stamp - self._last.stamp
             if way > BEYOND + FASTER * limits.speed_max * (elapsed + self._supervision.lag):
                 return f"reports a jump from {1e3 * self._last.width:.1f} to {1e3 * width:.1f} mm at once"
         return ""
@@ -204,7 +215,8 @@ class GripperSupervisor:
         self._closing = max(-self._speed, self._closing * fading)
         self._account(stamp)
         if stamp <= self._free_until:
-            self._lower_bound, self._upper_bound = width, width
+            self._lower_bound = width
+            self._upper_bound = width
             nearest = min(max(width, self._way[0]), self._way[1])
             late = self._supervision.lag * (self._opening if width > nearest else self._closing)
             return (
@@ -216,7 +228,8 @@ class GripperSupervisor:
             min(self._lower_bound, width),
             max(self._upper_bound, width),
         )
-        stray, lag = self._supervision.stray, self._supervision.lag
+        stray = self._supervision.stray
+        lag = self._supervision.lag
         if width - self._lower_bound > stray + lag * self._opening:
             return self._astray(self._lower_bound, width)
         return (
@@ -257,7 +270,8 @@ class GripperSupervisor:
         elapsed = max(now - self._told_at, 0.0) if math.isfinite(self._told_at) else 0.0
         self._told_at = max(self._told_at, now)
         self._behind += self._speed * elapsed
-        opened, closed = max(self._speed, 0.0) * elapsed, min(self._speed, 0.0) * elapsed
+        opened = max(self._speed, 0.0) * elapsed
+        closed = min(self._speed, 0.0) * elapsed
         self._lower_bound, self._upper_bound = (
             self._lower_bound + opened,
             self._upper_bound + closed,
@@ -277,12 +291,15 @@ class GripperMotion:
         force: float = math.inf,
     ) -> None:
         """`force`: of one finger at most [N]."""
-        self.width, self.speed, self.force = width, speed, force
+        self.width = width
+        self.speed = speed
+        self.force = force
         self.state = MotionState.RUNNING
         self.settled = False
         self.problem = ""
         self.measured = start
-        self._start, self._stop = start, stop
+        self._start = start
+        self._stop = stop
 
     @property
     def progress(self) -> float:
@@ -302,7 +319,8 @@ class GripperMotion:
     def end(self, state: MotionState, problem: str = "") -> None:
         """Report the end; the first outcome counts."""
         if not self.ended:
-            self.state, self.problem = state, problem
+            self.state = state
+            self.problem = problem
 
 
 def require_move(

@@ -82,8 +82,10 @@ class PathArm(Device, ABC):
     ) -> None:
         """`period`: at which paths are stepped [s]."""
         super().__init__(name)
-        self.description, self.limits = description, limits
-        self._clock, self._period = clock, period
+        self.description = description
+        self.limits = limits
+        self._clock = clock
+        self._period = period
         self._lock = (
             threading.Lock()
         )  # guards latched, problem and motion; never held while waiting
@@ -166,7 +168,8 @@ class PathArm(Device, ABC):
 
     def _doubt(self, error: DeviceLost) -> None:
         """Brake on the path: that needs no feedback."""
-        self._believed, self._doubted = False, True
+        self._believed = False
+        self._doubted = True
         self._blame(error)
         if self._motion is not None:
             self._motion.fail(error.message)
@@ -179,7 +182,9 @@ class PathArm(Device, ABC):
 
     def _watch_motion(self) -> None:
         """See whether the motion goes on as it must, and whether it has ended."""
-        motion, stream, state = self._motion, self._stream, self._state
+        motion = self._motion
+        stream = self._stream
+        state = self._state
         if motion is None or motion.settled or state is None:
             self._end_stream()
             self._supervisor.end()
@@ -317,7 +322,8 @@ class PathArm(Device, ABC):
             self._owner.post(lambda: motion.set_speed(speed))
 
     def settled(self) -> bool:
-        motion, stream = self._motion, self._stream
+        motion = self._motion
+        stream = self._stream
         if motion is None or motion.settled:
             return True
         state = self._state
@@ -370,9 +376,8 @@ class StreamingArm(PathArm, Generic[S, P]):
     _open_port: Callable[[str], Link]
     _session: S | None = None
     _points: P | None = None
-    _starting = (
-        False  # made ready after an acknowledgement: takes a moment, in which motions are refused
-    )
+    # made ready after an acknowledgement: takes a moment, in which motions are refused
+    _starting = False
     _retry_at = 0.0
 
     @abstractmethod
@@ -401,7 +406,8 @@ class StreamingArm(PathArm, Generic[S, P]):
         except (OSError, DeviceError) as error:
             session.close()
             raise _lost(self.name, "", error) from error
-        self._session, self._problem = session, None
+        self._session = session
+        self._problem = None
 
     def _new_session(self) -> S:
         links: list[Link] = []
@@ -458,7 +464,8 @@ class StreamingArm(PathArm, Generic[S, P]):
             self._starting = False
 
     def _leave(self) -> None:
-        session, self._session = self._session, None
+        session = self._session
+        self._session = None
         if session is not None:
             with contextlib.suppress(OSError):
                 session.close()
@@ -496,7 +503,8 @@ class StreamingArm(PathArm, Generic[S, P]):
 
     def _release(self) -> None:
         if self._problem is not None:
-            self._starting, self._problem = True, None
+            self._starting = True
+            self._problem = None
 
 
 def _lost(device: str, what: str, error: BaseException) -> DeviceError:
@@ -515,7 +523,8 @@ class PostedMotion:
     """A `Motion` whose stop is posted to the device's owner thread; every attribute read is a single value."""
 
     def __init__(self, motion: Motion, owner: Owner) -> None:
-        self._motion, self._owner = motion, owner
+        self._motion = motion
+        self._owner = owner
 
     @property
     def state(self) -> MotionState:

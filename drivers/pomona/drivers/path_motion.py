@@ -41,7 +41,8 @@ class PathFollower:
             q_from: the last set-point, shape (dof,) [rad]. When something holds the arm beside it, it differs from the
                 path's start, and the set-point moves smoothly onto the path. None: it begins at the path's start.
         """
-        self._period, self._limits = period, limits
+        self._period = period
+        self._limits = limits
         away = np.zeros_like(trajectory.q[0]) if q_from is None else q_from - trajectory.q[0]
         needed = _quintic_time(away, limits)
         trajectory = stretched(trajectory, max(needed / trajectory.duration, 1.0))
@@ -85,7 +86,8 @@ class PathFollower:
 
         It follows the path at its speed, or comes to rest on it.
         """
-        before, wanted = self.rate, self.speed if goes_on else 0.0
+        before = self.rate
+        wanted = self.speed if goes_on else 0.0
         if before != wanted or self._rate_change != 0.0:
             self._change_rate(wanted)
         way = 0.5 * (before + self.rate) * self._period
@@ -98,7 +100,8 @@ class PathFollower:
         speed = np.abs(qd)
         share = speed / self._limits.velocity
         if float(share.max()) < 1e-3:
-            self.rate, self._rate_change = wanted, 0.0
+            self.rate = wanted
+            self._rate_change = 0.0
             return
         towards = math.copysign(1.0, wanted - self.rate)
         back = self._rate_change * towards < 0.0 and wanted > 0.0  # a stop waits for nothing
@@ -121,7 +124,8 @@ class PathFollower:
         )
         change = max(change, 1e-3)
         if change * self._period >= left:
-            self.rate, self._rate_change = wanted, 0.0
+            self.rate = wanted
+            self._rate_change = 0.0
         else:
             self._rate_change = towards * change
             self.rate += self._rate_change * self._period
@@ -136,7 +140,8 @@ class PathFollower:
             return self._q[i], self._qd[i], self._qdd[i]
         # Cubic between samples: straight pieces would show as jerks once the path is run slowly.
         step = self._q[i + 1] - self._q[i]
-        v0, v1 = self._qd[i] * self._period, self._qd[i + 1] * self._period
+        v0 = self._qd[i] * self._period
+        v1 = self._qd[i + 1] * self._period
         q = self._q[i] + s * (v0 + s * (3.0 * step - 2.0 * v0 - v1 + s * (v0 + v1 - 2.0 * step)))
         qd = self._qd[i] + s * (self._qd[i + 1] - self._qd[i])
         return q, qd, self._qdd[i] + s * (self._qdd[i + 1] - self._qdd[i])
@@ -156,13 +161,12 @@ def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, 
     i = np.clip(np.searchsorted(trajectory.t, t, side="right") - 1, 0, len(trajectory.t) - 2)
     h = (trajectory.t[i + 1] - trajectory.t[i])[:, None]
     s = ((t - trajectory.t[i])[:, None]) / h
-    q0, q1, v0, v1 = (
-        trajectory.q[i],
-        trajectory.q[i + 1],
-        trajectory.qd[i] * h,
-        trajectory.qd[i + 1] * h,
-    )
-    a, b = 2.0 * (q0 - q1) + v0 + v1, 3.0 * (q1 - q0) - 2.0 * v0 - v1
+    q0 = trajectory.q[i]
+    q1 = trajectory.q[i + 1]
+    v0 = trajectory.qd[i] * h
+    v1 = trajectory.qd[i + 1] * h
+    a = 2.0 * (q0 - q1) + v0 + v1
+    b = 3.0 * (q1 - q0) - 2.0 * v0 - v1
     q = q0 + s * (v0 + s * (b + s * a))
     qd = (v0 + s * (2.0 * b + s * 3.0 * a)) / h
     qdd = trajectory.qdd[i] + s * (trajectory.qdd[i + 1] - trajectory.qdd[i])
@@ -238,7 +242,9 @@ class SteppedMotion(ABC):
     def abandon(self, problem: str) -> None:
         """End as FAILED where the arm is: its controller has stopped, or does not go on."""
         if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self.problem, self.state, self._stopping = problem, MotionState.FAILED, True
+            self.problem = problem
+            self.state = MotionState.FAILED
+            self._stopping = True
 
     def pause(self) -> None:
         """Come to rest until `resume`."""
@@ -302,7 +308,8 @@ class PathMotion(SteppedMotion):
 
     def come_to_rest(self, follower: PathFollower) -> None:
         """Brake as `follower` does: an earlier `braking()`, from a set-point that lay further back."""
-        self._stopping, self._follower = True, follower
+        self._stopping = True
+        self._follower = follower
 
     def abandon(self, problem: str) -> None:
         super().abandon(problem)
@@ -329,7 +336,8 @@ class PathMotion(SteppedMotion):
         if self._stopping or not self._follower.finished:
             super().look(resting, beside, now)
         elif resting and beside < 2e-3:  # joints so near to the path's end are there [rad]
-            self.state, self.settled = MotionState.DONE, True
+            self.state = MotionState.DONE
+            self.settled = True
         elif now - self._resting_since > HELD_UP:
             self.fail(
                 f"the arm rests {math.degrees(beside):.1f}° off the end of its path: something holds it"

@@ -64,8 +64,13 @@ class RollingPath:
             lead: time by which set-points precede the arm [s]; a stop takes effect after it.
             commanded: called with every set-point, in the order of their times.
         """
-        self.motion, self.sent, self.braking_now = motion, 0, False
-        self._device, self._clock, self._lead, self._commanded = device, clock, lead, commanded
+        self.motion = motion
+        self.sent = 0
+        self.braking_now = False
+        self._device = device
+        self._clock = clock
+        self._lead = lead
+        self._commanded = commanded
         self._last = SetPoint(clock.now(), q_arm, np.zeros_like(q_arm))
         self._promised = deque([_Promised(self._last, motion.braking())])
 
@@ -116,7 +121,8 @@ class RollingPath:
 
     def window(self) -> list[SetPoint]:
         """Return the set-points from now on; the last one is at rest."""
-        points, follower = [promised.point for promised in self._promised], self.motion.braking()
+        points = [promised.point for promised in self._promised]
+        follower = self.motion.braking()
         due = self._last.due
         # maximum number of points of a stopping path; five seconds, ten times the need of any arm
         while not follower.at_rest and len(points) < 500:

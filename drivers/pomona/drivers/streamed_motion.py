@@ -46,18 +46,20 @@ class StreamedMotion(SteppedMotion):
             now: when the arm shall pass the newest set-point, on the cell's clock [s]; for set-points with a time.
         """
         super().__init__()
-        self.speed, self.progress = speed, 0.0
-        self._limits, self._period, self._watchdog = limits, period, watchdog
+        self.speed = speed
+        self.progress = 0.0
+        self._limits = limits
+        self._period = period
+        self._watchdog = watchdog
         window = max(math.ceil(2.0 * float((limits.acceleration / limits.jerk).max()) / period), 1)
         self._lately = np.tile(q, (window, 1))  # where the unsmoothed set-point was
         self._next = 0
         self._sum: Float64 = q * window
         self._raw, self._rate = q.copy(), np.zeros_like(q)
         self._target: Float64 = q.copy()
-        self._moves_on, self._at = (
-            np.zeros_like(q),
-            0.0,
-        )  # velocity of the target, and when it is there
+        # velocity of the target, and when it is there
+        self._moves_on = np.zeros_like(q)
+        self._at = 0.0
         self._now = now
         self.delay = (window - 1) * period / 2.0
         self._smooth: Float64 = q.copy()
@@ -136,7 +138,8 @@ class StreamedMotion(SteppedMotion):
             if self._aimed > self._watchdog + 1e-9:
                 self.fail(f"no new set-point came for {1e3 * self._watchdog:.0f} ms")
         free = self.phase is Phase.RUNNING
-        before, smooth = self._raw, self._smooth
+        before = self._raw
+        smooth = self._smooth
         self._raw = self._advanced(self._fastest() if free else np.zeros_like(self._rate), free)
         self._sum = self._sum + self._raw - self._lately[self._next]
         self._lately[self._next] = self._raw
@@ -153,7 +156,8 @@ class StreamedMotion(SteppedMotion):
 
     def _fastest(self) -> Float64:
         """Return the speeds towards the target from which each joint can still stop at it, or fall in with it."""
-        h, on = self._period, self._moves_on
+        h = self._period
+        on = self._moves_on
         ahead = self._now() + h + self.delay - self._at
         way = self._target + on * (ahead - h) - self._raw if on.any() else self._target - self._raw
         wanted = on + np.sign(way) * self._stopping_speed(
@@ -172,7 +176,8 @@ class StreamedMotion(SteppedMotion):
 
         `share` of the acceleration is used.
         """
-        h, a = self._period, share * self._limits.acceleration
+        h = self._period
+        a = share * self._limits.acceleration
         speed: Float64 = np.minimum(
             np.sqrt((0.5 * a * h) ** 2 + 2.0 * a * distance) - 0.5 * a * h, distance / h
         )

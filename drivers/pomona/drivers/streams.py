@@ -31,10 +31,9 @@ FEW_GAPS = 4
 IN_BITS = 0.4
 """Limit of an intermittent stream: within this multiple of the silence allowed, this number of gaps of half of it or
 more that together miss this ratio. A single gap may be the computer's; an intermittent stream controls no grip."""
-FEW_FRAMES, EARLY_FRAME = (
-    2,
-    0.020,
-)  # the same of cameras, whose clocks are followed to a few milliseconds [s]
+# the same of cameras, whose clocks are followed to a few milliseconds [s]
+FEW_FRAMES = 2
+EARLY_FRAME = 0.020
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

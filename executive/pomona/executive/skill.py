@@ -80,7 +80,8 @@ def continue_here() -> None:
 def run_in_progress() -> Iterator[None]:
     """From the connecting of a cell to its closing, in the thread of the tick."""
     global _process
-    before, _process = _process, os.getpid()
+    before = _process
+    _process = os.getpid()
     gc.disable()  # a full collection holds up each thread for 0.15 s: too long for the beats of an arm
     try:
         yield
@@ -398,11 +399,16 @@ class Skill(py_trees.behaviour.Behaviour):
         write: Callable[[str, object], None],
     ) -> None:
         """Wire the skill into a run: `read` gives all inputs by port name, `write` takes one output."""
-        self._context, self.path, self._read, self._write = context, path, read, write
+        self._context = context
+        self.path = path
+        self._read = read
+        self._write = write
 
     def rewire(self, other: Skill) -> None:
         """Take over the inputs and outputs of another node of this class, as a changed file has them."""
-        self._read, self._write, self.changed = other._read, other._write, {}
+        self._read = other._read
+        self._write = other._write
+        self.changed = {}
 
     # ------------------------------------------------------------------------------------------- py_trees
 
@@ -423,7 +429,8 @@ class Skill(py_trees.behaviour.Behaviour):
         self.starts += 1
 
     def update(self) -> Status:
-        began, polled = time.perf_counter(), POLLED.set(self.path)
+        began = time.perf_counter()
+        polled = POLLED.set(self.path)
         status = None
         try:
             status = self._poll()
@@ -471,7 +478,8 @@ class Skill(py_trees.behaviour.Behaviour):
             and self.status is Status.RUNNING
             and self._work is not None
         ):
-            work, self._work = self._work, None
+            work = self._work
+            self._work = None
             self.context.halt(self, work)
 
     def _body(self) -> Callable[..., Any]:
@@ -485,7 +493,8 @@ class Skill(py_trees.behaviour.Behaviour):
     def _succeed(self, outputs: Any) -> Status:
         given = dict(vars(outputs) if isinstance(outputs, Outputs) else outputs or {})
         if given.keys() != self.outputs.keys():
-            expected, got = sorted(self.outputs), sorted(given)
+            expected = sorted(self.outputs)
+            got = sorted(given)
             raise SkillError(
                 type(self).__name__, f"must return the outputs {expected}, returned {got}"
             )

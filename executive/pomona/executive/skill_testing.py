@@ -153,7 +153,8 @@ def drive(
         raise KeyError(f"{type(skill).__name__} has no inputs {sorted(given)}")
     outputs: dict[str, object] = {}
     skill.bind(context, skill.name, lambda: values, outputs.__setitem__)
-    start, ticks = context.clock.now(), 0
+    start = context.clock.now()
+    ticks = 0
     while True:
         if each_tick is not None:
             each_tick(ticks)

@@ -43,7 +43,9 @@ from pomona.skills.shared.touch_view import record_landing
 from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 
-START_DISTANCE, START_ANGLE = 0.01, 0.1  # how far the TCP may stand from the pre-grasp [m, rad]
+# how far the TCP may stand from the pre-grasp [m, rad]
+START_DISTANCE = 0.01
+START_ANGLE = 0.1
 
 WIDTH_TOLERANCE = 1e-3
 JERK_TIME = 0.1
@@ -94,7 +96,8 @@ class Approach(MovingSkill):
             ),
         ] = LENGTH("18 mm"),
     ) -> Work[None]:
-        arm, gripper = self.device(Arm), self.device(Gripper)
+        arm = self.device(Arm)
+        gripper = self.device(Gripper)
         robot = RobotModel.load(arm.description)
         self._require_pre_grasp(robot.tcp(arm.state().q), grasp)
         width = min(grasp.width, gripper.limits.width_max)
@@ -115,14 +118,13 @@ class Approach(MovingSkill):
         if abs(gripper.state().width - width) > WIDTH_TOLERANCE:
             take_over(gripper)
             yield from self._open(width, grasp)
-        boxes, rates = (
-            self.device(Workspace).obstacles,
-            (speed, acceleration, acceleration / JERK_TIME),
-        )
+        boxes = self.device(Workspace).obstacles
+        rates = (speed, acceleration, acceleration / JERK_TIME)
         most = landing_speeds(gripper_shape(robot), grasp, boxes, width, line.length, unseen)
         most /= 1.0 + arm.limits.reaction / SINKS
         trajectory = time_curve(line.q, line.length, arm.limits, *rates, most=most)
-        opened, fingers = gripper.state().width, YieldingFingers(gripper)
+        opened = gripper.state().width
+        fingers = YieldingFingers(gripper)
         with felt(self) as fingertips, hand_felt(self) as hand:
             limits = {each: each.limit(contact, acceleration) for each in (fingertips, hand)}
 
@@ -165,14 +167,12 @@ class Approach(MovingSkill):
         if touch.change <= contact and abs(width - opened) <= PUSHED:
             return
         left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - tool_pose(self)[:3, 3]))
-        words, found = (
-            f"{1e3 * left:.0f} mm before the grasp",
-            {
-                "before_grasp_m": left,
-                "candidate": grasp.index,
-                "unexpected": left > max(grasp.fruit.dimensions) / 2.0 + unseen,
-            },
-        )
+        words = f"{1e3 * left:.0f} mm before the grasp"
+        found = {
+            "before_grasp_m": left,
+            "candidate": grasp.index,
+            "unexpected": left > max(grasp.fruit.dimensions) / 2.0 + unseen,
+        }
         if touch.change <= contact:
             ways = f"from {1e3 * opened:.0f} to {1e3 * width:.0f} mm"
             raise self.failure("CONTACT", f"something pushed the fingers {ways}, {words}", **found)

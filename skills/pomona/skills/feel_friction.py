@@ -34,9 +34,8 @@ come to rest and creep back."""
 RISING = 0.5  # upward path beyond the distance, relative to it: the force rises, the fruit's weight comes on gently
 SETTLING = 0.1  # error of the grip force that counts as reached [N]
 
-LEAST_UNCERTAINTY = (
-    0.04  # of the friction that was felt, relative; the error was 2 % at the median of 15 fruit
-)
+# of the friction that was felt, relative; the error was 2 % at the median of 15 fruit
+LEAST_UNCERTAINTY = 0.04
 
 
 class Felt(Outputs):

@@ -46,7 +46,8 @@ from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import weighing
 from pomona.skills.shared.warm_motion import prepare_moving
 
-STILL, STILL_FOR = 1e-4, 0.15
+STILL = 1e-4
+STILL_FOR = 0.15
 """A grip is at rest when the fruit has slid by less than the first [m] within the second [s]: twice the noise, and the
 time in which a fruit that slides at 1 mm/s exceeds it."""
 
@@ -116,17 +117,17 @@ class Lift(MovingSkill):
         T_base_start = tool_pose(self)
         T_base_goal = T_base_start.copy()
         T_base_goal[2, 3] += height
-        width, field = self.device(Gripper).state().width, usable_field(self, map)
+        width = self.device(Gripper).state().width
+        field = usable_field(self, map)
         space = arm_space(arm, self.device(Workspace), field, width, clearance, held=grasp).leaving(
             arm.state().q
         )
-        jerk, braking = acceleration / JERK_TIME, deceleration or acceleration
+        jerk = acceleration / JERK_TIME
+        braking = deceleration or acceleration
         active = None if hold is None or hold.ended else hold
         hanging = None if active is None else Hanging(active)
-        overload, lost = (
-            None if active is None else OverloadMonitor(active),
-            watch_fruit(self, hold),
-        )
+        overload = None if active is None else OverloadMonitor(active)
+        lost = watch_fruit(self, hold)
 
         def risen() -> float:
             return float(tool_pose(self)[2, 3] - T_base_start[2, 3])
@@ -140,7 +141,9 @@ class Lift(MovingSkill):
                 line.q, left, arm.limits, speed, acceleration, jerk, deceleration=braking
             )
 
-        trajectory, scale, hangs = way_up(), weighing(self), False
+        trajectory = way_up()
+        scale = weighing(self)
+        hangs = False
 
         def watch() -> None:
             gone = ""
@@ -200,4 +203,5 @@ class Lift(MovingSkill):
             yield "held up, until the grip has come to rest"
             watch()
             if not hold.is_at_rest or abs(hold.slipped - slid) > STILL:
-                since, slid = self.context.elapsed(), hold.slipped
+                since = self.context.elapsed()
+                slid = hold.slipped

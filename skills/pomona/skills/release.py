@@ -42,9 +42,8 @@ TOUCHING = (0.5, 5.0)  # the same near its support: with twice as much, inertia 
 RISING = Manner(0.5, 3.0, 30.0)  # of the empty gripper's way up
 OPENING_SPEED = 0.05  # of the fingers while they release the fruit [m/s]
 BESIDE = 0.005  # distance to the path below which an obstacle is the first contact [m]; farther walls are passed
-JOLTS = (
-    3  # jolts after which lowering goes on; with more the load is too restless to show a contact
-)
+# jolts after which lowering goes on; with more the load is too restless to show a contact
+JOLTS = 3
 RESUMED = 2e-3  # distance that is left below which lowering does not go on after a jolt [m]
 UNFELT = "the cell has no force sensor, so a contact would not be measured; the fruit is still held"
 UNKNOWN = "no grasp gives the lower end of the fruit"
@@ -79,7 +78,8 @@ class Release(PoseSkill):
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Check that the cell has the pose, and as many places as the tree counts on."""
         yield from super().judge(known, cell)
-        workspace, into = (None if cell is None else cell.known(Workspace)), known.get("into")
+        workspace = None if cell is None else cell.known(Workspace)
+        into = known.get("into")
         places = [f"{into}_{k}" for k in range(2, (known.get("places") or 1) + 1)]
         if (
             cell is not None
@@ -156,7 +156,8 @@ class Release(PoseSkill):
                 upright=upright,
                 carried_acceleration=acceleration,
             )
-        gripper, before = self.device(Gripper), tool_pose(self)[2, 3]
+        gripper = self.device(Gripper)
+        before = tool_pose(self)[2, 3]
         space = self._space(map, clearance)
         way = vertical_way(self, -depth, "LOWERING_BLOCKED", space)
         ends_on = not feels_support(self)
@@ -212,7 +213,8 @@ class Release(PoseSkill):
         ends_on: bool,
     ) -> Watching:
         """Go down along legs until a support carries the fruit; after a jolt it goes on."""
-        before, opened = float(tool_pose(self)[2, 3]), self.device(Gripper).state().width
+        before = float(tool_pose(self)[2, 3])
+        opened = self.device(Gripper).state().width
         for jolts in range(1, JOLTS + 2):
             try:
                 words = yield from lower_to_support(
@@ -263,7 +265,8 @@ class Release(PoseSkill):
 
     def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
         """Return the largest opening that touches nothing beside the fruit [m]."""
-        gripper, q = self.device(Gripper), self.device(Arm).state().q
+        gripper = self.device(Gripper)
+        q = self.device(Arm).state().q
         widths = [
             min(gripper.state().width + RELEASED_WIDTH / part, gripper.limits.width_max)
             for part in (1, 2, 4)
@@ -274,7 +277,8 @@ class Release(PoseSkill):
     def _space(
         self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None
     ) -> ArmSpace:
-        field, width = usable_field(self, map), self.device(Gripper).state().width
+        field = usable_field(self, map)
+        width = self.device(Gripper).state().width
         return arm_space(
             self.device(Arm), self.device(Workspace), field, width, clearance, held=held
         )

@@ -75,7 +75,8 @@ class Retreat(MovingSkill):
     ) -> Work[None]:
         if grasp is None:
             return None
-        arm, gripper = self.device(Arm), self.device(Gripper)
+        arm = self.device(Arm)
+        gripper = self.device(Gripper)
         place, height = where(tool_pose(self), grasp)
         held = is_held(self) or is_between(self)
         if place is StoppedAt.ELSEWHERE or (place is StoppedAt.ABOVE and not held):
@@ -90,7 +91,8 @@ class Retreat(MovingSkill):
         if back.length > AT_GOAL:
             jerk = acceleration / JERK_TIME
             curve = time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk)
-            known, rest = KnownAround(fruit=(grasp.fruit,)), YieldingFingers(gripper).rest
+            known = KnownAround(fruit=(grasp.fruit,))
+            rest = YieldingFingers(gripper).rest
             yield from self.travel(curve, around=known, each_tick=rest, wary=True)
         return None
 
@@ -141,7 +143,8 @@ def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[StoppedAt, float]:
     angle = angle_between(grasp.T_base_grasp[:3, :3], T_base_tcp[:3, :3])
     if angle > TILT_TOLERANCE:
         return StoppedAt.ELSEWHERE, height
-    back, beside = -T_grasp_tcp[2, 3], float(np.linalg.norm(T_grasp_tcp[:2, 3]))
+    back = -T_grasp_tcp[2, 3]
+    beside = float(np.linalg.norm(T_grasp_tcp[:2, 3]))
     if beside < LATERAL_TOLERANCE and -LATERAL_TOLERANCE < back < reach + LATERAL_TOLERANCE:
         return StoppedAt.ON_APPROACH, height
     if (

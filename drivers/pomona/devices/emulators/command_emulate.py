@@ -131,7 +131,8 @@ def _suntouch(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
 def _motoman(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     joints = FreeJoints(np.zeros(7))
     controller = MotomanEmulator(joints, SIA5_VELOCITY, ORDERS[options.controller], options.queue)
-    controller.teach, controller.e_stopped = options.teach, options.e_stop
+    controller.teach = options.teach
+    controller.e_stopped = options.e_stop
     ports: list[Endpoint] = [
         TcpPort(controller.motion, options.host, options.port),
         TcpPort(controller.state, options.host, options.port + 1, clients=4),
@@ -160,7 +161,8 @@ def serve(
 
 def _record(options: argparse.Namespace) -> int:
     """Voltages without bias and the wrenches behind them, as a reference sensor under the finger would give them."""
-    pad, wrenches = Pad(options.seed), random_wrenches(options.samples, options.seed)
+    pad = Pad(options.seed)
+    wrenches = random_wrenches(options.samples, options.seed)
     volts = np.array([decode(encode(pad.volts(wrench))).volts for wrench in wrenches]) - pad.rest
     np.savez_compressed(options.record, volts=volts, wrenches=wrenches)
     print(f"{options.samples} samples in {options.record}")

@@ -116,13 +116,15 @@ class MotomanEmulator(FaultSwitch):
         drives_on: bool = False,
     ) -> None:
         super().__init__()
-        self.drives_on, self.trajectory_mode = drives_on, drives_on
+        self.drives_on = drives_on
+        self.trajectory_mode = drives_on
         self.e_stopped = self.teach = self.hold = self.silent = False
         self.remote = True
         self.alarm = 0
         self.buffer, self.gaps, self.clock = buffer, 0, OwnTime()
         self.motion, self.state = _MotionPort(self, order), _StatePort(self, order)
-        self._joints, self._velocity = joints, velocity
+        self._joints = joints
+        self._velocity = velocity
         self._dof = len(velocity)
         self._knots: deque[_Knot] = deque()
         self._sequence = -1
@@ -180,7 +182,8 @@ class MotomanEmulator(FaultSwitch):
     def advance(self, now: float) -> None:
         """Interpolate between the points of the queue, push the state."""
         now = self.clock.at(now)
-        elapsed, self._now = now - self._now, now
+        elapsed = now - self._now
+        self._now = now
         self._play(max(elapsed, 0.0))
         if self._servo_due is not None and now >= self._servo_due:
             self._servos_on()
@@ -234,11 +237,15 @@ class MotomanEmulator(FaultSwitch):
             self._played = last.time
             self._drive(last.q, np.zeros(self._dof))
             return
-        a, b = self._knots[0], self._knots[1]
+        a = self._knots[0]
+        b = self._knots[1]
         h = b.time - a.time
         s = (self._played - a.time) / h
-        v0, v1, step = a.qd * h, b.qd * h, b.q - a.q
-        cubic, square = v0 + v1 - 2.0 * step, 3.0 * step - 2.0 * v0 - v1
+        v0 = a.qd * h
+        v1 = b.qd * h
+        step = b.q - a.q
+        cubic = v0 + v1 - 2.0 * step
+        square = 3.0 * step - 2.0 * v0 - v1
         self._drive(
             a.q + s * (v0 + s * (square + s * cubic)),
             (v0 + s * (2.0 * square + s * 3.0 * cubic)) / h,
@@ -285,7 +292,8 @@ class MotomanEmulator(FaultSwitch):
             case Control.SERVO_ON | Control.START_TRAJECTORY_MODE:
                 reason = self._not_ready()
                 if reason in (0, 5006, 5009):
-                    self._servo_due, self._servo_request = self._now + SERVO_TIME, (peer, request)
+                    self._servo_due = self._now + SERVO_TIME
+                    self._servo_request = (peer, request)
                 else:
                     self._answer(peer, request, Result.NOT_READY, reason)
             case Control.SERVO_OFF:
@@ -323,7 +331,8 @@ class MotomanEmulator(FaultSwitch):
         return (Result.NOT_READY, reason) if reason else (Result.SUCCESS, 0)
 
     def _judge(self, point: TrajectoryPoint) -> tuple[Result, int]:
-        q, qd = np.array(point.position[: self._dof]), np.array(point.velocity[: self._dof])
+        q = np.array(point.position[: self._dof])
+        qd = np.array(point.velocity[: self._dof])
         if point.group != 0:
             return Result.INVALID, 3004
         if point.valid & NEEDED != NEEDED:

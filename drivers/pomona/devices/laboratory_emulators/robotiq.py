@@ -12,7 +12,8 @@ from pomona.devices.robotiq.codec import CLOSING, OPENING, READ, SLAVE, THERE, W
 from pomona.devices.robotiq.options import MODELS
 from pomona.drivers import Cell, FaultSwitch, Gripper
 
-OPEN, CLOSED = 3, 230
+OPEN = 3
+CLOSED = 230
 """Positions of the open and of the closed gripper [counts] (Robotiq's blog: about)."""
 BYTE = 10 / 115200
 """Time of a byte on the line [s]."""
@@ -44,11 +45,16 @@ class RobotiqEmulator(FaultSwitch):
         self.rtu, self.urcap, self.units = _RtuPort(self), _UrcapPort(self), range(1, 248)
         self.activation = 3 if activated else 0
         self.written = bytearray([int(activated), 0, 0, 0, 0, 0])
-        self.object, self.peak, self.now = THERE, 0.0, 0.0
-        self._fingers, self._model = fingers, MODELS[model]
+        self.object = THERE
+        self.peak = 0.0
+        self.now = 0.0
+        self._fingers = fingers
+        self._model = MODELS[model]
         self._active_at: float | None = None
         self._then: float | None = None
-        self._set_point, self._speed = fingers.state().width, 0.0  # of the motor
+        # of the motor
+        self._set_point = fingers.state().width
+        self._speed = 0.0
         self._frozen = self._position()
 
     def inject_fault(self, kind: str) -> None:
@@ -67,10 +73,12 @@ class RobotiqEmulator(FaultSwitch):
 
     def advance(self, now: float) -> None:
         """Move the fingers towards the commanded position."""
-        elapsed, self._then = now - (now if self._then is None else self._then), now
+        elapsed = now - (now if self._then is None else self._then)
+        self._then = now
         self.now = now
         if self._active_at is not None and now >= self._active_at:
-            self.activation, self._active_at = 3, None
+            self.activation = 3
+            self._active_at = None
         state = self._fingers.state()
         goal = self._width(min(max(self.written[3], OPEN), CLOSED))
         self._set_point += self._speed * elapsed
@@ -123,7 +131,8 @@ class RobotiqEmulator(FaultSwitch):
         before = bytes(self.written)
         self.written[at : at + len(data)] = data
         if not self.written[0] & 1:
-            self.activation, self._active_at = 0, None
+            self.activation = 0
+            self._active_at = None
         elif not before[0] & 1:
             self.activation, self._active_at = 1, self.now + ACTIVATING
         if self.written[3] != before[3] or self.written[0] & 8 != before[0] & 8:
@@ -197,7 +206,8 @@ class _RtuPort(_LinePort):
         return found
 
     def _answer(self, frame: bytes) -> bytes:
-        robot, function = self._gripper, frame[1]
+        robot = self._gripper
+        function = frame[1]
         first, count = struct.unpack_from(">HH", frame, 2)
         if function in (3, 4):
             return frame[:2] + bytes([2 * count]) + self._registers(first, count)

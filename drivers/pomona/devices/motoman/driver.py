@@ -46,14 +46,16 @@ class MotomanArm(StreamingArm[ControllerSession, PointStream]):
         """`open_port` connects to "state" or "motion"."""
         self.options = options
         super().__init__(name, clock, options.robot, limits, options.supervision, INTERPOLATION)
-        self._open_port, self.lead = open_port, options.lead
+        self._open_port = open_port
+        self.lead = options.lead
         self._wire = np.array(options.wire_joints)
         self._taken_at = -np.inf
 
     # ---------------------------------------------------------------------------------------- connection
 
     def _open(self, open_link: Callable[[str], Link]) -> ControllerSession:
-        state, motion = open_link("state"), open_link("motion")
+        state = open_link("state")
+        motion = open_link("motion")
         session = ControllerSession(
             self.name, state, motion, self._clock, self.options.order, self.options.group
         )

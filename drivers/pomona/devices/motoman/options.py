@@ -17,10 +17,9 @@ ORDERS: dict[str, Order] = {
     "dx200": "<",
     "yrc1000": "<",
 }  # byte order of each controller
-SEVEN, SIX = (
-    tuple("SLEURBT"),
-    tuple("SLURBT"),
-)  # joints by their names on the controller, in the wire's order
+# joints by their names on the controller, in the wire's order
+SEVEN = tuple("SLEURBT")
+SIX = tuple("SLURBT")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,9 +18,8 @@ from pomona.devices.motoman.words import refusal
 from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
-INTERPOLATION = (
-    0.004  # period of the controller's own interpolation, and of stepping the path here [s]
-)
+# period of the controller's own interpolation, and of stepping the path here [s]
+INTERPOLATION = 0.004
 SLOW = 0.05  # speed of each joint up to which the queue is short [rad/s]
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
@@ -53,8 +52,11 @@ class PointStream(KnotMaker):
         super().__init__(motion, q_arm, clock, INTERPOLATION, options.point_period, options.lead)
         self._commanded = commanded
         self._joint_of_place = np.argsort(options.wire_joints)
-        self.sent, self.busy, self.dry = 0, 0, 0
-        self._group, self._lead = options.group, options.lead
+        self.sent = 0
+        self.busy = 0
+        self.dry = 0
+        self._group = options.group
+        self._lead = options.lead
         # the set-points of a streamed motion are not known further ahead when it becomes quick
         self._slow_lead = options.lead * (SHORT if isinstance(motion, PathMotion) else 1.0)
         self._time = 0.0
@@ -101,7 +103,8 @@ class PointStream(KnotMaker):
                 raise DeviceFault(session.device, refusal(reply))
         ahead = self.ahead
         if self._point is None and ahead < (self._lead if self._quick else self._slow_lead):
-            time, moved = self._time, self._moving
+            time = self._time
+            moved = self._moving
             if moved and ahead < -GAP:
                 why = "the computer or the connection was delayed, and the arm has stopped"
                 raise RanDryError(session.device, f"ran out of points for {-ahead:.2f} s: {why}")
@@ -115,7 +118,8 @@ class PointStream(KnotMaker):
             session.send(self._point)
 
     def _accepted(self, now: float) -> None:
-        point, self._point = self._point, None
+        point = self._point
+        self._point = None
         self.sent += 1
         if self._began is None:
             self._began = now
@@ -135,7 +139,8 @@ class PointStream(KnotMaker):
     def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
         self._moving, self._quick = bool(np.any(qd != 0.0)), bool(np.any(np.abs(qd) > SLOW))
         valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
-        q_wire, qd_wire = q[self._joint_of_place], qd[self._joint_of_place]
+        q_wire = q[self._joint_of_place]
+        qd_wire = qd[self._joint_of_place]
         return TrajectoryPoint(
             self._group,
             self.sent,

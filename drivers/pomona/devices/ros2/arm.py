@@ -95,13 +95,15 @@ class Ros2Arm(PathArm):
     ) -> None:
         super().__init__(name, clock, options.robot, limits, options.supervision, POINT_PERIOD)
         self.options = options
-        self._wire, self._host_time = wire, host_time
+        self._wire = wire
+        self._host_time = host_time
         self._feed = JointFeed(
             name, wire, options.states, options.joints, clock, options.silence, host_time
         )
         self._coder = coder(TRAJECTORY)
         self._path: RollingPath | None = None
-        self._say_at, self._rested = -np.inf, False
+        self._say_at = -np.inf
+        self._rested = False
         self._offset = 0.0  # from the cell's time to the host's, of the present motion [s]
         self._own = uuid.uuid4().hex  # frame of our trajectories, which no controller reads
         self._foreign = False
@@ -175,7 +177,8 @@ class Ros2Arm(PathArm):
         """Return the host's time minus the cell's [s]: of three readings, the one that was interrupted least."""
         readings = []
         for _ in range(3):
-            before, wall = self._clock.now(), self._host_time()
+            before = self._clock.now()
+            wall = self._host_time()
             readings.append((self._clock.now() - before, wall - before))
         return min(readings)[1]
 
@@ -201,7 +204,8 @@ class Ros2Arm(PathArm):
             self._blame(error)
             self._abandon(error.message)  # the last message brings it to rest
             return
-        rested, self._rested = self._rested, path.played
+        rested = self._rested
+        self._rested = path.played
         if rested == path.played and (rested or now < self._say_at):
             return
         # period of repeated set-points [s]: if several get lost, one arrives before the lead is over

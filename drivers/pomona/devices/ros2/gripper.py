@@ -49,18 +49,17 @@ from pomona.tools.ros2.peer import ADDRESS, DISTRIBUTIONS
 from pomona.tools.ros2.rosbridge import SCHEMES, WAY, RosbridgePeer, open_peer
 from pomona.tools.ros2.types import coder
 
-COMMAND, ACTION = "std_msgs/msg/Float64MultiArray", "control_msgs/action/GripperCommand"
+COMMAND = "std_msgs/msg/Float64MultiArray"
+ACTION = "control_msgs/action/GripperCommand"
 PATIENCE = 0.004  # receive timeout [s]
 SET_POINT_PERIOD = 0.01  # period of the set-points while anything moves [s]
 ARRIVED = 1e-3  # position tolerance: fingers this close to their target have arrived [m]
-BLOCKED = (
-    0.2  # fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
-)
+# fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]
+BLOCKED = 0.2
 GOAL_PERIOD = 0.05  # shortest time between goals of an action [s]: each ends the one before
 FIRST_STATE = 3.0  # deadline for the first joint state [s]
-ACCELERATION = (
-    1.0  # assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
-)
+# assumed acceleration of the set-point for the supervisor [m/s²]; real fingers are quicker
+ACCELERATION = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,17 +70,15 @@ class Ros2GripperOptions:
     # scale, finger_offset: opening = finger_offset + scale · position; scale 2 where two fingers each move by it
     scale: float = 1.0
     finger_offset: float = 0.0
-    states: str = (
-        "/joint_states"  # states, commands: topics of joint states and of position commands
-    )
+    # states, commands: topics of joint states and of position commands
+    states: str = "/joint_states"
     commands: str = "/gripper_controller/commands"
     ahead: float = 0.01  # how far the set-point may lead the measured opening [m]
     watchdog: float = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
     silence: float = 0.1  # without a joint state for this long the gripper is lost [s]
     supervision: GripperSupervision = field(default_factory=GripperSupervision)
-    action: str = (
-        ""  # name of an action GripperCommand that takes the set-points instead of `commands`
-    )
+    # name of an action GripperCommand that takes the set-points instead of `commands`
+    action: str = ""
 
 
 class Ros2Gripper(PositionGripper[GripperState, float]):
@@ -113,7 +110,8 @@ class Ros2Gripper(PositionGripper[GripperState, float]):
             supervision=options.supervision,
         )
         self.options = options
-        self._wire, self._host_time = wire, host_time
+        self._wire = wire
+        self._host_time = host_time
         self._feed = JointFeed(
             name, wire, options.states, (options.joint,), clock, options.silence, host_time
         )

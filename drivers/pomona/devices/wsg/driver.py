@@ -40,9 +40,8 @@ from pomona.drivers import (
 )
 from pomona.executive import Clock
 
-STREAM_PERIOD = (
-    0.018  # shortest period of the speed set-points [s]: the finger script manages about 50 Hz
-)
+# shortest period of the speed set-points [s]: the finger script manages about 50 Hz
+STREAM_PERIOD = 0.018
 PATIENCE = 0.002  # receive timeout [s]: posted calls wait meanwhile
 
 ARRIVED = 2e-3
@@ -103,9 +102,8 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
         self._halt = Command.STOP
         self._answered = True
         self._force = math.nan  # limit of the force that the gripper has [N]
-        self._arriving: float | None = (
-            None  # the gripper reports arrival; deadline for its width to confirm it
-        )
+        # the gripper reports arrival; deadline for its width to confirm it
+        self._arriving: float | None = None
         self._grace_until = -math.inf
 
     # ---------------------------------------------------------------------------------------- connection

@@ -55,13 +55,15 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         """`open_port` connects to "command" or "report"."""
         self.options = options
         super().__init__(name, clock, options.robot, limits, options.supervision, PERIOD)
-        self._open_port, self.lag = open_port, options.servo_lag
+        self._open_port = open_port
+        self.lag = options.servo_lag
         self._next = -np.inf
 
     # ---------------------------------------------------------------------------------------- connection
 
     def _open(self, open_link: Callable[[str], Link]) -> XArmSession:
-        command, report = open_link("command"), open_link("report")
+        command = open_link("command")
+        report = open_link("report")
         session = XArmSession(self.name, command, report, self._clock, self.options.silence)
         self._require_arm(session)
         self._believe(*self._joints(session))
@@ -179,7 +181,8 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
     # --------------------------------------------------------------------------------------- the motion
 
     def _begin_stream(self, motion: PathMotion | StreamedMotion, q_arm: Float64) -> None:
-        longest, command = self.options.silence, self._supervisor.command
+        longest = self.options.silence
+        command = self._supervisor.command
         self._points = ServoStream(self.name, motion, q_arm, self._clock, longest, command)
 
     def _halt(self, problem: str) -> None:

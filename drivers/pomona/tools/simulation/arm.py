@@ -56,10 +56,8 @@ class SimArm(FaultyDevice):
         self._actuators = world.arm_actuators
         self._qpos = model.jnt_qposadr[world.arm_joints]
         self._qvel = model.jnt_dofadr[world.arm_joints]
-        kp, kv = (
-            model.actuator_gainprm[self._actuators, 0],
-            -model.actuator_biasprm[self._actuators, 2],
-        )
+        kp = model.actuator_gainprm[self._actuators, 0]
+        kv = -model.actuator_biasprm[self._actuators, 2]
         self._feed_forward = kv / kp
         ranges = model.jnt_range[world.arm_joints]
         self.limits = ArmLimits(
@@ -179,7 +177,8 @@ class SimArm(FaultyDevice):
 
     def _measure(self) -> ArmState:
         state = self._world.state
-        q, qd = state.qpos[self._qpos].copy(), state.qvel[self._qvel].copy()
+        q = state.qpos[self._qpos].copy()
+        qd = state.qvel[self._qvel].copy()
         return ArmState(self._world.clock.now(), q, qd, not self.settled())
 
     def _said(self) -> tuple[Float64, Float64]:

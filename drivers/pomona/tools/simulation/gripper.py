@@ -22,10 +22,9 @@ STANDING = 2e-3  # … that move slower than this [m/s] …
 PATIENCE = 0.05  # … for this long [s] are blocked …
 PATIENCE_NEAR = 0.2  # … as are fingers nearer to it, held by something that sways, that do not arrive in this time [s]
 STALE = 0.045  # a state that is older than this is none [s]; as of a WSG
-RUNAWAY, FAST_STOP = (
-    0.03,
-    0.2,
-)  # speed of runaway fingers [m/s], and time from a safe stop to the fast stop [s]
+# speed of runaway fingers [m/s], and time from a safe stop to the fast stop [s]
+RUNAWAY = 0.03
+FAST_STOP = 0.2
 MOTOR_STEP = 0.5  # step of the grip force by the motor's current [N]
 
 
@@ -50,7 +49,8 @@ class SimGripper(DirectGripper, FaultyDevice):
         watchdog: float,
         supervision: GripperSupervision | None = None,
     ) -> None:
-        self._world, model = world, world.model
+        self._world = world
+        model = world.model
         self._closed = _opening_when_closed(world)
         self._fingers = [model.joint(name) for name in ("finger_left", "finger_right")]
         stroke = float(self._fingers[0].range[1])
@@ -70,7 +70,8 @@ class SimGripper(DirectGripper, FaultyDevice):
         )
         self._actuator = model.actuator("gripper").id
         self._limit(force_max)
-        self._joints, self._stroke = [int(finger.id) for finger in self._fingers], stroke
+        self._joints = [int(finger.id) for finger in self._fingers]
+        self._stroke = stroke
         self._address = [int(finger.qposadr[0]) for finger in self._fingers]
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
         self._rate = self._blocked_for = self._latched_at = 0.0
@@ -81,7 +82,8 @@ class SimGripper(DirectGripper, FaultyDevice):
 
     def _limit(self, force: float) -> None:
         """Press with this force of one finger at most [N], from now on."""
-        model, drive = self._world.model, 2.0 * force * self._across
+        model = self._world.model
+        drive = 2.0 * force * self._across
         self._force = force
         model.actuator_forcerange[self._actuator] = [-drive, drive]
         self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
@@ -95,10 +97,8 @@ class SimGripper(DirectGripper, FaultyDevice):
     def _measure(self) -> GripperState:
         state = self._world.state
         if self.fault == "sticks":
-            width, speed = (
-                self._frozen.width + self._noise[self._world.clock.steps % len(self._noise)],
-                0.0,
-            )
+            width = self._frozen.width + self._noise[self._world.clock.steps % len(self._noise)]
+            speed = 0.0
         else:
             width = self._closed + self._across * float(sum(state.qpos[self._address]))
             speed = self._across * float(sum(state.qvel[self._dof]))
@@ -186,7 +186,8 @@ class SimGripper(DirectGripper, FaultyDevice):
 
     def _rate_of_move(self, move: GripperMotion, set_point: float) -> float:
         state = self._measure()
-        measured, speed = state.width, state.speed
+        measured = state.width
+        speed = state.speed
         move.measured = measured
         left = move.width - set_point
         if self.fault == "busy":

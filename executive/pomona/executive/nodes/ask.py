@@ -65,7 +65,8 @@ class Question(Behaviour):
         return True
 
 
-APPROVE, REFUSE = "approve", "refuse"
+APPROVE = "approve"
+REFUSE = "refuse"
 
 
 class Approve(Question, Wrapper):
@@ -93,7 +94,8 @@ class Approve(Question, Wrapper):
 class ApproveType(Modifier):
     """asks the operator before each start; fails with `NOT_APPROVED`, or with `NOBODY_TO_ASK` without an operator"""
 
-    key, symbol = "approve", "✋"
+    key = "approve"
+    symbol = "✋"
     value = takes.Value(Port(bool), known=True)
     codes = ("NOT_APPROVED", "NOBODY_TO_ASK")
 
@@ -128,8 +130,11 @@ class Ask(Question, LeafBehaviour):
     ) -> None:
         super().__init__(name)
         self.choices = tuple(choices)
-        self._question, self._write, self._now = question, write, now
-        self._default, self._within = default, within
+        self._question = question
+        self._write = write
+        self._now = now
+        self._default = default
+        self._within = within
         self._asked, self._end = "", float("inf")
 
     def begin(self) -> None:
@@ -175,7 +180,8 @@ class AskType(Leaf):
 
     def check_layer(self, at: CheckContext) -> None:
         super().check_layer(at)
-        default, written = at.literal("default"), at.written("default")
+        default = at.literal("default")
+        written = at.written("default")
         choices = at.literal("choices") or CHOICES
         if len(set(choices)) != len(choices):
             at.findings.error(

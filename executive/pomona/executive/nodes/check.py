@@ -61,7 +61,8 @@ class CheckType(Leaf):
 class WaitUntilType(Leaf):
     """runs until it holds"""
 
-    key, symbol = "wait_until", "◇"
+    key = "wait_until"
+    symbol = "◇"
     value = takes.Condition("runs until it holds")
 
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
@@ -111,7 +112,8 @@ class When(ConditionalWrapper):
 class GuardType(Modifier):
     """looked at before each tick; when it does not hold, the node is interrupted and fails"""
 
-    key, symbol = "guard", "◇"
+    key = "guard"
+    symbol = "◇"
     value = takes.Condition("looked at before each tick; when it does not hold the node fails")
     ends = ("success", "failure")
     codes = ("CONDITION_FALSE",)
@@ -126,7 +128,8 @@ class GuardType(Modifier):
 class WhenType(Modifier):
     """looked at once, at the start; when it does not hold, the node is **skipped**"""
 
-    key, symbol = "when", "◇"
+    key = "when"
+    symbol = "◇"
     value = takes.Condition("looked at once; when it does not hold the node is skipped")
     ends = ("skipped", "not skipped")
     skips = True

@@ -28,7 +28,8 @@ class Wait(LeafBehaviour):
 
     def __init__(self, name: str, duration: Callable[[], float], now: Callable[[], float]) -> None:
         super().__init__(name)
-        self._duration, self._now = duration, now
+        self._duration = duration
+        self._now = now
         self._end = 0.0
 
     def begin(self) -> None:
@@ -64,7 +65,8 @@ class Fail(LeafBehaviour):
 
     def __init__(self, name: str, code: Callable[[], str], message: Callable[[], str]) -> None:
         super().__init__(name)
-        self._code, self._message = code, message
+        self._code = code
+        self._message = message
 
     def act(self) -> Status:
         return self.fails(self._code(), self._message() or f"{self.name} fails")
@@ -73,7 +75,8 @@ class Fail(LeafBehaviour):
 class WaitType(Leaf):
     """lets time pass"""
 
-    key, symbol = "wait", "◷"
+    key = "wait"
+    symbol = "◷"
     value = takes.duration("lets time pass")
     other_names = ("Sleep",)
 
@@ -88,7 +91,8 @@ class WaitType(Leaf):
 class SetType(Leaf):
     """writes values"""
 
-    key, symbol = "set", "="
+    key = "set"
+    symbol = "="
     value = takes.Assignments()
     instant = True
 
@@ -102,7 +106,8 @@ class SetType(Leaf):
 class SucceedType(Leaf):
     """ends at once with success"""
 
-    key, symbol = "succeed", "✓"
+    key = "succeed"
+    symbol = "✓"
     value = takes.Nothing()
     other_names = ("AlwaysSuccess",)
     instant = True
@@ -180,4 +185,5 @@ class SubtreeCall(Call):
         return at.subtree()
 
 
-SKILL, SUBTREE = SkillCall(), SubtreeCall()
+SKILL = SkillCall()
+SUBTREE = SubtreeCall()

@@ -175,7 +175,8 @@ class Field(ABC):
     wires: ClassVar[bool] = False
 
     def __init__(self, help: str = "", *, required: bool = False) -> None:
-        self.help, self.required = help, required
+        self.help = help
+        self.required = required
 
     def take(
         self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
@@ -212,9 +213,8 @@ class NodeType(ABC):
     # slots whose reads the type itself follows in `written_ports`, since they happen after its child has ended
     late: ClassVar[frozenset[str]] = frozenset()
     calls: ClassVar[bool] = False  # whether the node is called by the name of a skill or a subtree
-    instant: ClassVar[bool] = (
-        False  # whether it ends in the tick in which it starts, without other nodes acting
-    )
+    # whether it ends in the tick in which it starts, without other nodes acting
+    instant: ClassVar[bool] = False
     named: ClassVar[bool] = True  # whether the behaviour of a modifier shows its word
     makes: ClassVar[
         Callable[..., Behaviour]

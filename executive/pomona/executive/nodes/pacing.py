@@ -31,8 +31,10 @@ class Late(Wrapper):
         self, name: str, child: Behaviour, value: Callable[[], float], now: Callable[[], float]
     ) -> None:
         super().__init__(name, child)
-        self._value, self._now = value, now
-        self._due, self._started = 0.0, False
+        self._value = value
+        self._now = now
+        self._due = 0.0
+        self._started = False
 
     @abstractmethod
     def due(self) -> float:
@@ -40,7 +42,8 @@ class Late(Wrapper):
 
     def tick(self) -> Iterator[Behaviour]:
         if self.status is not Status.RUNNING:
-            self.why, self._started = None, False
+            self.why = None
+            self._started = False
             try:
                 self._due = self.due()
             except NoValue as missing:
@@ -49,10 +52,12 @@ class Late(Wrapper):
                 return
         left = self._due - self._now()
         if not self._started and left > 1e-9:
-            self.feedback_message, self.status = f"starts in {left:.1f} s", Status.RUNNING
+            self.feedback_message = f"starts in {left:.1f} s"
+            self.status = Status.RUNNING
             yield self
             return
-        self._started, self.feedback_message = True, ""
+        self._started = True
+        self.feedback_message = ""
         yield from self.decorated.tick()
         status = self.decorated.status
         if status is not Status.RUNNING:
@@ -81,7 +86,8 @@ class Rate(Late):
         rate = self._value()
         if rate <= 0.0:
             raise NoValue(f"{self.name}: the rate is {rate:g} Hz, it must be above 0")
-        since, self._success = self._success, None
+        since = self._success
+        self._success = None
         return self._now() if since is None else since + 1.0 / rate
 
     def ended(self, status: Status) -> None:
@@ -114,12 +120,14 @@ class RunOnce(Wrapper):
 class DelayType(Modifier):
     """waits before each start of the node"""
 
-    key, symbol = "delay", "◷"
+    key = "delay"
+    symbol = "◷"
     value = takes.duration("passes before each start of the node")
     other_names = ("Delay",)
 
     def possible_outcome(self, at: OutcomeContext) -> Outcome:
-        inside, delay = at.inside(), at.literal(self.key)
+        inside = at.inside()
+        delay = at.literal(self.key)
         return replace(inside, least=inside.least + delay) if isinstance(delay, float) else inside
 
     makes = Delay
@@ -129,7 +137,8 @@ class DelayType(Modifier):
 class RateType(Modifier):
     """limits the rate of starts: after a success, the next start waits until the rate allows it"""
 
-    key, symbol = "rate", "♩"
+    key = "rate"
+    symbol = "♩"
     value = takes.Value(Port(RATE, min=0.001), "starts a second at most")
     other_names = ("RateController",)
 
@@ -140,7 +149,8 @@ class RateType(Modifier):
 class RunOnceType(Modifier):
     """runs to an end once in a run; from then on the node is skipped"""
 
-    key, symbol = "run_once", "1"
+    key = "run_once"
+    symbol = "1"
     value = takes.Value(Port(bool), known=True)
     other_names = ("RunOnce",)
     skips = True
@@ -155,7 +165,8 @@ class Timeout(Wrapper):
         self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]
     ) -> None:
         super().__init__(name, child)
-        self._duration, self._now = duration, now
+        self._duration = duration
+        self._now = now
         self._limit = self._end = 0.0
 
     def begin(self) -> Status | None:
@@ -181,14 +192,16 @@ class Timeout(Wrapper):
 class TimeoutType(Modifier):
     """interrupts one try that takes longer; fails with `TIMEOUT`"""
 
-    key, symbol = "timeout", "◷"
+    key = "timeout"
+    symbol = "◷"
     value = takes.duration("for each try")
     codes = ("TIMEOUT",)
     other_names = ("Timeout",)
 
     def check_layer(self, at: CheckContext) -> None:
         super().check_layer(at)
-        limit, key = at.literal(self.key), at.node.modifiers[self.key][0]
+        limit = at.literal(self.key)
+        key = at.node.modifiers[self.key][0]
         if not isinstance(limit, float):
             return
         least = at.outcomes.inside().least
@@ -211,7 +224,8 @@ class Slower(Wrapper):
 
     def __init__(self, name: str, child: Behaviour, share: Callable[[], float]) -> None:
         super().__init__(name, child)
-        self._share, self._now = share, 1.0
+        self._share = share
+        self._now = 1.0
         for behaviour in child.iterate():
             if isinstance(behaviour, Skill):
                 behaviour.slowed_by.append(lambda: self._now)
@@ -227,7 +241,8 @@ class Slower(Wrapper):
 class SpeedType(Modifier):
     """moves the arm inside at a ratio of its speed, from 10 % to 100 %; nested speeds multiply"""
 
-    key, symbol = "speed", "»"
+    key = "speed"
+    symbol = "»"
     value = takes.Value(SHARE, "share of the speed that the skills command")
 
     makes = Slower

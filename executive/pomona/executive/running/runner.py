@@ -141,8 +141,11 @@ class Runner(Requests):
             UsageError: a reduced speed is requested, here or in the tree, and the arm's driver has none.
         """
         super().__init__()
-        self._cell, self._events = cell, events
-        self._period, self._real_time, self._heartbeat = period, real_time, heartbeat
+        self._cell = cell
+        self._events = events
+        self._period = period
+        self._real_time = real_time
+        self._heartbeat = heartbeat
         self._computations = Computations(self._computed)
         self.context = RunContext(cell, self._computations, seed, self._published)
         self.board = Board(cell.clock)
@@ -312,10 +315,12 @@ class Runner(Requests):
         if not self._breakpoints.holding:
             self._ticks += 1
             self.board.tick = self._ticks
-        began, worked = time.perf_counter(), time.thread_time()
+        began = time.perf_counter()
+        worked = time.thread_time()
         held = self._breakpoints.tick(self.tree.root, self._observer.visited)
         leave_if_forked()
-        took, worked = time.perf_counter() - began, time.thread_time() - worked
+        took = time.perf_counter() - began
+        worked = time.thread_time() - worked
         self._observer.after_tick()
         if took > (BLOCKED if self._cell.clock.simulated else self._period):
             self._emit(TickOverran(*self.progress, self._observer.slowest(), took, worked))
@@ -508,7 +513,8 @@ class Runner(Requests):
                     )
         elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
-            request, self._next = self._next, None
+            request = self._next
+            self._next = None
             if request is not None and not self._is_late(request):
                 self._resume(stepping=request.action == "step")
         elif self._state is RunState.STOPPING:

@@ -121,10 +121,12 @@ class Breakpoints:
             where the tick is held; None when it is complete.
         """
         walk = self._walk if self._walk is not None else root.tick()
-        self._walk, self.held = None, ""
+        self._walk = None
+        self.held = ""
         for node in walk:
             if type(node) is HeldTick:
-                self._walk, self.held = walk, node.path
+                self._walk = walk
+                self.held = node.path
                 return node
             visited(node)
         return None
@@ -153,7 +155,8 @@ class TreeObserver:
     def __init__(
         self, tree: BuiltTree, emit: Callable[..., None], stamp: Callable[[], tuple[float, int]]
     ) -> None:
-        self._emit, self._stamp = emit, stamp
+        self._emit = emit
+        self._stamp = stamp
         self._known: dict[str, tuple[Status, str, int]] = {}
         self._started: set[int] = set()  # identities of the behaviours that acted in this tick
         self.follow(tree)
@@ -287,9 +290,8 @@ class EventStream:
         return self._failures.pop(0) if self._failures else None
 
 
-HALT_TIMEOUT = (
-    10.0  # time on the run's clock within which an interrupted skill must have halted [s]
-)
+# time on the run's clock within which an interrupted skill must have halted [s]
+HALT_TIMEOUT = 10.0
 
 
 class RunContext:
@@ -302,7 +304,9 @@ class RunContext:
         seed: int,
         publish: Callable[[str, str, object], None],
     ) -> None:
-        self._cell, self.computations, self.run_seed = cell, computations, seed
+        self._cell = cell
+        self.computations = computations
+        self.run_seed = seed
         self._clock = viewed(cell.clock, Clock)
         self._publish = publish
         self._halting: list[tuple[Skill, Work[Any], float]] = []
@@ -314,7 +318,8 @@ class RunContext:
         self._paused_for = 0.0
         self._paused_since: float | None = None
         self._speed = 1.0
-        self.attended, self.pause_for = False, ""
+        self.attended = False
+        self.pause_for = ""
         self._start = cell.clock.now()
 
     # --------------------------------------------------------------------------------------- SkillContext
@@ -389,7 +394,9 @@ class RunContext:
 
     def start_clock(self) -> None:
         """The run begins now."""
-        self._start, self._paused_for, self._paused_since = self._cell.clock.now(), 0.0, None
+        self._start = self._cell.clock.now()
+        self._paused_for = 0.0
+        self._paused_since = None
 
     def freeze(self) -> None:
         """The run's time stands still from now on."""

@@ -26,7 +26,9 @@ from pomona.tools.assistants.work_folder import WorkFolder
 from pomona.tools.dashboard.approvals import Approvals, version_of
 
 QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer a check takes 8 s
-MOST_SETTINGS, MOST_VALUE = 30, 200  # settings of a command, characters of a value
+# settings of a command, characters of a value
+MOST_SETTINGS = 30
+MOST_VALUE = 200
 MOST_FINDINGS = 100  # in an answer
 MOST_ANSWER = 60_000  # characters of a text in an answer: a drawing of 1 000 nodes has 50 000
 STARTED_BY = "assistant.json"  # beside the record of a run that the door has started

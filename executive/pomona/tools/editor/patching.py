@@ -238,7 +238,9 @@ class TextPatch:
 
     def _stands_between(self, spans: Sequence[tuple[int, int]], index: int) -> bool:
         """Return True if an item is the last one of a line and not the first: the next line must stay apart."""
-        before, first, after = spans[index - 1][1], spans[index][0], spans[index + 1][0]
+        before = spans[index - 1][1]
+        first = spans[index][0]
+        after = spans[index + 1][0]
         return self.tree.row(before) == self.tree.row(first) != self.tree.row(after)
 
 

@@ -199,7 +199,8 @@ def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Question, Itera
 
 def _asked_by(tree: BuiltTree, name: str) -> Iterator[Question]:
     """Yield the questions to the operator of the nodes of a name and of their modifiers."""
-    named, kinds = set(tree.find(name)), {info.path: info.kind for info in tree.nodes}
+    named = set(tree.find(name))
+    kinds = {info.path: info.kind for info in tree.nodes}
     for path, question in tree.questions.items():
         if named.intersection((path, path.removesuffix(f":{kinds[path]}"))):
             yield question

@@ -142,7 +142,8 @@ class OnBelt:
 @driver(ConveyorWorld, ConveyorOptions)
 def connect_world(settings: Settings[ConveyorOptions], context: ConnectContext) -> ConveyorWorld:
     """`driver: conveyor`"""
-    said, seed = settings.values, context.seed
+    said = settings.values
+    seed = context.seed
     assert context.workspace is not None, "judged when the cell file was read"
     spec = read_robot(said.robot)
     friction = float(np.random.default_rng([seed, 18]).uniform(*(said.friction or FRICTION)))

@@ -107,7 +107,8 @@ class Intercept(BeltSkill):
     ) -> Work[Caught]:
         contact = SoftContact(mu, delta, 0.0, 4.0)
         yield from self.compute(surface_table, contact)
-        arm, gripper = self.device(Arm), self.device(Gripper)
+        arm = self.device(Arm)
+        gripper = self.device(Gripper)
         take_over(gripper)
         eyes = ReachWatch(self)
         yield from eyes.open()
@@ -121,7 +122,8 @@ class Intercept(BeltSkill):
         try:
             tracks.newest_frame = self.clock.now()
             pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
-            fast, sensor = tracks.travel.speed > FAST, self.device(ForceSensor)
+            fast = tracks.travel.speed > FAST
+            sensor = self.device(ForceSensor)
             settings = grip_settings(
                 contact, mu_uncertainty, target.measured, width, gripper, sensor, fast
             )
@@ -167,7 +169,8 @@ class Intercept(BeltSkill):
         self, target: ComingFruit, tracks: BeltWatch, stream: HandStream, sure: float, height: float
     ) -> Work[tuple[InterceptPlan, FruitTrack, float]]:
         """Stand until a pick is possible; then open the fingers and return it, the fruit and its width."""
-        arm, gripper = self.device(Arm), self.device(Gripper)
+        arm = self.device(Arm)
+        gripper = self.device(Gripper)
         grip = FruitWidth.of(target, tracks.tracks.belt.direction)
         opening = grip.opening(gripper.limits.width_max)
         if opening is None:

@@ -15,16 +15,18 @@ from pomona.executive import Clock, Float64, Problem, Skill, Work
 from pomona.skills import KnownAround, LiveWatch, prepare_watch, resting, watched
 from pomona.skills.motion import RobotModel, RobotShape
 
-IN_PICTURE = (
-    0.3  # least share of the belt that a camera must have in its picture to see a person beside it
-)
+# least share of the belt that a camera must have in its picture to see a person beside it
+IN_PICTURE = 0.3
 
 
 class PlannedMotion:
     """A streamed motion whose progress is that of a plan, from `begin` to `end` [s]; all else is the motion's."""
 
     def __init__(self, motion: Motion, clock: Clock, begin: float, end: float) -> None:
-        self._motion, self._clock, self._begin, self._end = motion, clock, begin, end
+        self._motion = motion
+        self._clock = clock
+        self._begin = begin
+        self._end = end
 
     @property
     def progress(self) -> float:
@@ -84,13 +86,14 @@ def unseen_people(around: Surroundings, belt: Belt) -> Iterator[Problem]:
     """
     if around.workspace is None or around.workspace.watch is None:
         return
-    on_hand, away, others, arm = list[str](), list[str](), 0, False
+    on_hand = list[str]()
+    away = list[str]()
+    others = 0
+    arm = False
     for name, said in around.options.items():
         arm |= name in around.above and Arm in around.above[name].interfaces
-        fixed, camera = (
-            getattr(said, "fixed", None),
-            hasattr(said, "hand_eye") or hasattr(said, "depth_model"),
-        )
+        fixed = getattr(said, "fixed", None)
+        camera = hasattr(said, "hand_eye") or hasattr(said, "depth_model")
         if (
             fixed is not None
             and belt.pictured(said.intrinsics.intrinsics(), fixed.pose())[2].mean() < IN_PICTURE

@@ -30,10 +30,9 @@ from pomona.drivers import (
 )
 from pomona.executive import Clock, Problem, Text, value
 
-COARSEST, SHORTEST = (
-    1e-3,
-    10e3,
-)  # largest travel of one count, and least travel after which the counts begin anew [m]
+# largest travel of one count, and least travel after which the counts begin anew [m]
+COARSEST = 1e-3
+SHORTEST = 10e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +86,11 @@ class SignalConveyor(Device):
     ) -> None:
         super().__init__("conveyor")
         self.belt = belt
-        self._runs, self._stopping = runs, False
-        self._signals, self._travel, self._clock = signals, travel, clock
+        self._runs = runs
+        self._stopping = False
+        self._signals = signals
+        self._travel = travel
+        self._clock = clock
         self._read: deque[tuple[float, float]] = deque()
         self._since = clock.now()
 
@@ -137,7 +139,8 @@ class SignalConveyor(Device):
 @driver(SignalConveyor, SignalConveyorOptions)
 def connect(settings: Settings[SignalConveyorOptions], context: ConnectContext) -> SignalConveyor:
     """`driver: signal-conveyor`"""
-    said, signals = settings.values, context.find(Signals)
+    said = settings.values
+    signals = context.find(Signals)
     assert signals is not None, "judged when the cell file was read"
     for problem in said.unfit(signals.names):
         raise settings.error(problem.message, problem.key, problem.hint)

@@ -24,9 +24,8 @@ from scipy.special import beta, ellipe, ellipkm1, gamma
 from pomona.executive.values.arrays import Float64
 from pomona.skills.numba_kernel import kernel
 
-NODES = (
-    1025  # nodes of the table, uniform in c_tilde / (1 + c_tilde), within 1e-5 of the exact surface
-)
+# nodes of the table, uniform in c_tilde / (1 + c_tilde), within 1e-5 of the exact surface
+NODES = 1025
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,8 @@ from pomona.skills.grip.sensor import GripSample, SensorWatch, Timer
 from pomona.skills.grip.settings import GripSettings, SlipWatchSettings, WatchSettings
 from pomona.skills.numba_kernel import kernel
 
-LEAST_FORCE = (
-    0.15  # mean normal force of the fingers below which the centre of pressure is unknown [N]
-)
+# mean normal force of the fingers below which the centre of pressure is unknown [N]
+LEAST_FORCE = 0.15
 
 
 class SlipWatch:

@@ -73,7 +73,8 @@ class DynamicSettings(NamedTuple):
 @kernel()
 def answer_slip(integral, omega_before, omega, settings, step):  # type: ignore[no-untyped-def]
     """Return (integral, f_nd) one step [s] later."""
-    ki, bound = settings.ki, settings.bound
+    ki = settings.ki
+    bound = settings.bound
     half_leak = 0.5 * step * ki / settings.kdc
     integral = ((1.0 - half_leak) * integral + 0.5 * step * ki * (omega_before + omega)) / (
         1.0 + half_leak

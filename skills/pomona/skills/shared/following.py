@@ -44,7 +44,8 @@ class MotionEnded(Exception):
     """A motion that ended before its goal."""
 
     def __init__(self, state: MotionState, problem: str) -> None:
-        self.state, self.problem = state, problem
+        self.state = state
+        self.problem = problem
         super().__init__(problem or f"the motion was {state.value} before its end")
 
 
@@ -189,7 +190,8 @@ def zone_entered(
         trajectory: to be followed.
         carrying: the grasp by which a fruit is held.
     """
-    workspace, gripper = skill.optional_device(Workspace), skill.optional_device(Gripper)
+    workspace = skill.optional_device(Workspace)
+    gripper = skill.optional_device(Gripper)
     if workspace is None or not workspace.zones:
         return ""
     width = RobotModel.load(arm.description).width_max if gripper is None else gripper.state().width

@@ -42,9 +42,8 @@ from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
 
-BLOCKED = (
-    "PATH_BLOCKED"  # failure code of a motion that was stopped by an obstacle in a camera's view
-)
+# failure code of a motion that was stopped by an obstacle in a camera's view
+BLOCKED = "PATH_BLOCKED"
 
 WATCH_FAILURES = (
     BLOCKED,
@@ -93,8 +92,12 @@ class LiveWatch:
         watch: PathWatch,
         duration: float,
     ) -> None:
-        self._skill, self._arm, self._cameras, self._watch = skill, arm, cameras, watch
-        self._robot, self._workspace = RobotModel.load(arm.description), workspace
+        self._skill = skill
+        self._arm = arm
+        self._cameras = cameras
+        self._watch = watch
+        self._robot = RobotModel.load(arm.description)
+        self._workspace = workspace
         self._duration = duration
         self._stamps: dict[int, float] = {}
         # postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks
@@ -163,7 +166,8 @@ class LiveWatch:
         The objects of the fixed cameras' newest frames may set off at once: see `PathWatch.slowed`. A camera
         on the hand shows too little of the cell for that, and much that the skills have put down themselves.
         """
-        seen, oldest = [np.empty((0, 3))], 0.0
+        seen = [np.empty((0, 3))]
+        oldest = 0.0
         for number, frame, T_base_camera in self._fresh():
             if frame.q is None:
                 oldest = max(oldest, self._skill.clock.now() - frame.stamp)
@@ -171,7 +175,8 @@ class LiveWatch:
                 seen.append(self._watch.standing(frame, T_base_camera, q, number))
         slower = self._watch.slowed(np.concatenate(seen), oldest)
         if slower is not None:
-            self._watch, self._duration = self._watch.on(slower), slower.duration
+            self._watch = self._watch.on(slower)
+            self._duration = slower.duration
         return slower
 
     def begin(
@@ -179,7 +184,8 @@ class LiveWatch:
     ) -> None:
         """The motion has been started; `along`: on this path instead, as a robot of this shape if it is another now."""
         if along is not None:
-            self._watch, self._duration = self._watch.on(along, shape), along.duration
+            self._watch = self._watch.on(along, shape)
+            self._duration = along.duration
         self._motion = motion
 
     def look(self) -> str | None:
@@ -215,10 +221,8 @@ class LiveWatch:
 
     def _posture(self, stamp: float) -> Float64:
         """Return joints when a fixed camera looked, (dof,) [rad], from the states around that time."""
-        times, joints = (
-            [state.stamp for state in self._states],
-            np.transpose([state.q for state in self._states]),
-        )
+        times = [state.stamp for state in self._states]
+        joints = np.transpose([state.q for state in self._states])
         return np.array([np.interp(stamp, times, q) for q in joints])
 
     def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
@@ -308,7 +312,8 @@ def prepare_watch(skill: Skill) -> None:
 
 def _watching(skill: Skill) -> tuple[Camera, ...]:
     """Return the cameras that watch paths; none in a cell whose file requests no watch."""
-    cameras, workspace = skill.optional_device(Cameras), skill.optional_device(Workspace)
+    cameras = skill.optional_device(Cameras)
+    workspace = skill.optional_device(Workspace)
     if cameras is None or workspace is None or workspace.watch is None:
         return ()
     return cameras.all
@@ -330,10 +335,8 @@ def _warm(description: Path) -> None:
         robot.width_max,
         Workspace(None, at - 0.3, at + 0.3),
     )
-    colour, T_base_camera = (
-        np.zeros((2, 2, 3), np.uint8),
-        transform(None, at - np.array([0.0, 0.0, 0.3])),
-    )
+    colour = np.zeros((2, 2, 3), np.uint8)
+    T_base_camera = transform(None, at - np.array([0.0, 0.0, 0.3]))
     lens = Intrinsics(0.5, 0.5, 0.5, 0.5, 2, 2)  # four points 0.2 m beside the tool
     depth = np.full((2, 2), 0.2, np.float32)
     frame = Frame(0.0, 0, colour, depth, lens, None, T_base_camera, depth_model=DepthModel())

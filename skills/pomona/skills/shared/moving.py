@@ -41,10 +41,8 @@ class PoseSkill(MovingSkill):
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Check that the named pose is one of the cell's."""
-        workspace, name = (
-            (None if cell is None else cell.known(Workspace)),
-            known.get(cls.pose_port),
-        )
+        workspace = None if cell is None else cell.known(Workspace)
+        name = known.get(cls.pose_port)
         if (
             cell is not None
             and workspace is not None
@@ -90,7 +88,8 @@ def move_to_pose(
             against the present one; π: no limit.
         carried_acceleration: largest acceleration of a held fruit [m/s²].
     """
-    arm, workspace = skill.device(Arm), skill.device(Workspace)
+    arm = skill.device(Arm)
+    workspace = skill.device(Workspace)
     try:
         q_goal = named_pose(workspace.poses, pose, variation)
     except KeyError:
@@ -103,7 +102,8 @@ def move_to_pose(
         np.abs(q_goal - q).max() < 1e-3
     ):  # an arm this near to the pose in every joint is there [rad]
         return
-    field, width = usable_field(skill, map), skill.device(Gripper).state().width
+    field = usable_field(skill, map)
+    width = skill.device(Gripper).state().width
     space = arm_space(arm, workspace, field, width, clearance, held=carrying)
     if avoiding is not None:
         space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))

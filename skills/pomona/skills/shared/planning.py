@@ -44,9 +44,8 @@ HeldGrasp = Annotated[
 
 COLD_START = 5.0  # seconds that a process which has never planned may need on top of the budget to import and compile
 
-SIMULATED_PATIENCE = (
-    60.0  # wall time of planning on a simulated clock [s]; the budget counts iterations
-)
+# wall time of planning on a simulated clock [s]; the budget counts iterations
+SIMULATED_PATIENCE = 60.0
 
 
 def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, PlanResult]:

@@ -236,9 +236,8 @@ def _nearest_first(
                 if lower[j] <= q[j] + whole <= upper[j]:
                     q[j] += whole
             away += (q[j] - reference[j]) ** 2
-        place = (
-            n  # among those before it: a few dozen, and np.argsort takes three seconds to compile
-        )
+        # among those before it: a few dozen, and np.argsort takes three seconds to compile
+        place = n
         while place > 0 and squared[place - 1] > away:
             squared[place] = squared[place - 1]
             for j in range(solutions.shape[1]):

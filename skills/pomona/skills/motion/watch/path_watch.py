@@ -40,9 +40,8 @@ from pomona.skills.motion.watch.kernel import (
 PERIOD = 0.005  # of the trial's steps [s]; drivers step finer (a test compares)
 
 CELL = 0.025  # edge of the grid's cells [m]: a hand takes dozens of them
-AROUND = (
-    0.03  # distance within which points belong to a known object [m]: noise at its edge, or a stem
-)
+# distance within which points belong to a known object [m]: noise at its edge, or a stem
+AROUND = 0.03
 BEYOND = 0.6  # the grid reaches so far beyond the workspace, upwards and sideways [m]: a hand needs 0.4 s for it
 SURE = 3.0  # standard deviations of the depth's noise that are allowed for
 MOST = 4096  # new cells of one frame that are looked at: 1.6 m² of surface
@@ -103,8 +102,10 @@ class PathWatch:
         map: OccupancyMap | None = None,
         known: Sequence[Convex] = (),
     ) -> None:
-        self._how, self._limits = workspace.watch or PathWatchSettings(), limits
-        self._shape, self.width = shape, width
+        self._how = workspace.watch or PathWatchSettings()
+        self._limits = limits
+        self._shape = shape
+        self.width = width
         self._follow(trajectory)
         floor = -np.inf if workspace.table_z is None else workspace.table_z
         # height above the table below which everything is the table's [m]
@@ -153,7 +154,9 @@ class PathWatch:
         new = self._new_cells(frame, T_base_camera, q, camera)
         if new == 0:
             return None
-        how, points, moved = self._how, self._found[:new], self._moved[:new]
+        how = self._how
+        points = self._found[:new]
+        moved = self._moved[:new]
         # fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens
         if np.count_nonzero(moved) < LEAST_MOVED:
             moved = np.zeros(new, np.bool_)
@@ -198,7 +201,8 @@ class PathWatch:
     def entered(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> str:
         """Say what a frame shows that must not be there when the motion starts, empty if nothing: see `hidden`."""
         new = self._new_cells(frame, T_base_camera, q, camera)
-        points, moved = self._found[:new], self._moved[:new]
+        points = self._found[:new]
+        moved = self._moved[:new]
         if np.count_nonzero(moved) >= LEAST_MOVED:
             return f"something has come in at {_spot(points[moved][0])}"
         told = self._nearest(points, 0, len(self._Q), max(CLEAR, self._how.near), 0.0)
@@ -292,7 +296,8 @@ class PathWatch:
     def _new_cells(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> int:
         if frame.depth is None:
             return 0
-        lens, errs = frame.intrinsics, frame.depth_model
+        lens = frame.intrinsics
+        errs = frame.depth_model
         # an image with more columns than this is looked at in every second pixel each way
         step = 2 if lens.width > 480 else 1
         # A read-only image or pose would be compiled for once more.
@@ -400,7 +405,8 @@ class Braking:
             pace: share of the trajectory's pace at which the arm follows it there.
         """
         follower = copy.copy(self._follower)  # the path itself is only read
-        follower.path_time, follower.rate = t, pace
+        follower.path_time = t
+        follower.rate = pace
         steps = 0
         while not follower.at_rest:
             follower.step(goes_on=False)

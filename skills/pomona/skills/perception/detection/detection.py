@@ -21,16 +21,14 @@ class DetectorOptions:
 
     finder_threshold: float = 0.25  # least score of the finder for a place that gets a close look
     looks: int = 2  # close looks at each fruit; every further look is centred by the one before
-    mirrored: bool = (
-        True  # the last look is taken in a mirror too, and the mean of both answers is used
-    )
+    # the last look is taken in a mirror too, and the mean of both answers is used
+    mirrored: bool = True
     most_fruit: int = 16  # places that get a second look, strongest first
     apart: float = 0.35  # two fruit are at least this part of the larger one's keypoint size apart
     # width to which pictures are shrunk for the finder [px]; None for several, up to the picture's own (`pyramid`)
     working_width: int | None = WORKING_WIDTH
-    kind: str = (
-        ""  # of fruit, where the weights know several; another word: all that the finder finds
-    )
+    # of fruit, where the weights know several; another word: all that the finder finds
+    kind: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +50,12 @@ class BoxModelFile:
 
     model: Path  # ONNX file
     pose: PoseSource = "close_look"  # see `PoseSource`
-    working_width: int = (
-        WORKING_WIDTH  # width of the picture in a model without a fixed input size [px]
-    )
+    # width of the picture in a model without a fixed input size [px]
+    working_width: int = WORKING_WIDTH
 
 
-DETECTORS = (
-    "pomona.detectors"  # entry points: `boxes` and `dope` load a detector, `kinds` a judge of kinds
-)
+# entry points: `boxes` and `dope` load a detector, `kinds` a judge of kinds
+DETECTORS = "pomona.detectors"
 
 Search = DetectorOptions | DopeFiles | BoxModelFile  # any of the ways to find fruit in a frame
 
