@@ -33,10 +33,10 @@ from pomona.skills.perception.refinement import (
     FruitContext,
     Limits,
     RefineResult,
-    refine,
     render_depth,
 )
 from pomona.skills.perception.refinement.errors import NoDepth, RefineError
+from pomona.skills.perception.refinement.measure import refine, size_deviation
 from pomona.skills.shared.looking import find_in_frame
 
 KINECT = Intrinsics(917.12, 916.97, 957.72, 550.79, 1920, 1080)
@@ -137,11 +137,6 @@ class Find:
     depth: NDArray[np.float32]
 
     @property
-    def deviation(self) -> float:
-        """Of the logarithm of how large it looks."""
-        return self.detection.size_deviation
-
-    @property
     def sine(self) -> float:
         """Of the angle between the line of sight and the stem's axis."""
         T = self.detection.T_camera_object
@@ -150,7 +145,7 @@ class Find:
     def measured(self, fruit: FruitModel, sizes: KindSizes | None = None) -> RefineResult:
         """Measure as `pomona measure` does."""
         look = DepthLook(self.depth, KINECT, AZURE_KINECT, renderer="zbuffer")
-        known = FruitContext(sizes=sizes, size_deviation=self.deviation)
+        known = FruitContext(sizes=sizes, size_deviation=size_deviation(self.detection))
         return refine(look, self.detection.T_camera_object, fruit, method="uniform", known=known)
 
 
@@ -257,8 +252,10 @@ def _learnt(finds: list[Find], fruit: FruitModel) -> list[RefineResult]:
     """Each fruit with its kind's sizes as all other fruit teach them."""
     proportion = float(fruit.dimensions[1] / fruit.dimensions[[0, 2]].mean())
     shown = np.array([result.dimensions[[0, 2]].mean() for result in _alone(finds, fruit)])
-    deviations, sines = np.array([f.deviation for f in finds]), np.array([f.sine for f in finds])
-    true, names = np.array([f.true for f in finds]), np.array([f.name for f in finds])
+    deviations = np.array([size_deviation(f.detection) for f in finds])
+    sines = np.array([f.sine for f in finds])
+    true = np.array([f.true for f in finds])
+    names = np.array([f.name for f in finds])
     found = []
     for find in finds:
         others = names != find.name

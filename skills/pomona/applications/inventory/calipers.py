@@ -11,7 +11,13 @@ import numpy as np
 from pomona.applications.inventory.fruit_table import Z_90
 from pomona.applications.inventory.measured_frame import FruitInFrame
 from pomona.executive import Float64, NoTableError, read_table
-from pomona.skills.perception import KindSizes, MeasuredFruit, held_out, learn_sizes
+from pomona.skills.perception import (
+    KindSizes,
+    MeasuredFruit,
+    held_out,
+    learn_sizes,
+    size_deviation,
+)
 
 COLUMNS = ("frame", "name", "x", "y", "w", "h", "width_mm", "height_mm")
 
@@ -150,7 +156,7 @@ def learn(compared: Sequence[Compared]) -> tuple[KindSizes, str]:
     proportion = float(model[1] / model[[0, 2]].mean())
     looks: dict[str, list[tuple[float, ...]]] = {}
     for each in compared:
-        seen = each.shown, each.fruit.detection.size_deviation, each.sine
+        seen = each.shown, size_deviation(each.fruit.detection), each.sine
         looks.setdefault(each.true.name, []).append((*each.true.size, *seen))
     rows = np.array([np.mean(values, axis=0) for values in looks.values()])
     given = rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4], proportion

@@ -49,7 +49,10 @@ if TYPE_CHECKING:
     from pomona.skills.perception.measured_fruit import MeasuredFruit as MeasuredFruit
     from pomona.skills.perception.refinement.cloud import horizontal_plane as horizontal_plane
     from pomona.skills.perception.refinement.errors import RefineError as RefineError
-    from pomona.skills.perception.refinement.measure import measure as measure
+    from pomona.skills.perception.refinement.measure import (
+        measure as measure,
+        size_deviation as size_deviation,
+    )
     from pomona.skills.perception.refinement.render import DepthLook as DepthLook
     from pomona.skills.perception.refinement.scale_fit import (
         PlaceFit as PlaceFit,
@@ -69,7 +72,7 @@ PUBLIC = {
     "measured_fruit": "MeasuredFruit",
     "refinement.cloud": "horizontal_plane",
     "refinement.errors": "RefineError",
-    "refinement.measure": "measure",
+    "refinement.measure": "measure size_deviation",
     "refinement.render": "DepthLook",
     "refinement.scale_fit": "PlaceFit fit_place",
 }

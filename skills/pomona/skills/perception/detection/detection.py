@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -82,13 +81,6 @@ class Detection:
     found: int  # number of instances in the frame
     # share of its silhouette that is seen, 0 to 1, as the detector estimates it; NaN where it does not
     visibility: float = float("nan")
-
-    @property
-    def size_deviation(self) -> float:
-        """Of the fruit's size in the picture, of that size: the CAD-sized model seems as large as it is near."""
-        p = self.T_camera_object[:3, 3]
-        variance = float(p @ self.covariance[3:, 3:] @ p)
-        return math.sqrt(max(variance, 0.0)) / float(p @ p)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

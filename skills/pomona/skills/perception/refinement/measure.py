@@ -62,6 +62,12 @@ from pomona.skills.perception.refinement.shape_fit import (
 )
 
 
+def size_deviation(detection: Detection) -> float:
+    """Return that of the fruit's size in the picture, relative: the CAD-sized model seems as large as it is near."""
+    p = detection.T_camera_object[:3, 3]
+    return float(np.sqrt(abs(p @ detection.covariance[3:, 3:] @ p)) / (p @ p))
+
+
 def measure(
     detection: Detection,
     method: str = "shape",
@@ -99,7 +105,7 @@ def measure(
         support=support,
         looks=looks,
         sizes=detection.fruit.sizes,
-        size_deviation=detection.size_deviation,
+        size_deviation=size_deviation(detection),
     )
     result = refine(
         look, detection.T_camera_object, detection.fruit, method=method, known=known, limits=limits

@@ -132,8 +132,8 @@ def check_depth(depth: object, intrinsics: Intrinsics) -> None:
 
 def check_pose(T_camera_object: Float64) -> None:
     """Raises BadPose: not a finite rigid transform."""
-    if not is_rigid(np.asarray(T_camera_object), 1e-6):
-        raise BadPose(f"not a rigid transform: {np.asarray(T_camera_object).tolist()}")
+    if not is_rigid(T_camera_object, 1e-6):
+        raise BadPose(f"not a rigid transform: {T_camera_object.tolist()}")
 
 
 @lru_cache(maxsize=32)
