@@ -264,3 +264,31 @@ def test_closed_it_takes_no_command(fingers: Fingers) -> None:
             call()
     with pytest.raises(MotionRefused):
         fingers.move(0.05, 0.1)
+
+
+@pytest.mark.parametrize("wanted", [None, Stop(), SpeedOrder(-0.01)])
+def test_the_first_misbehaviour_is_a_fault_and_a_stop_whatever_is_wanted(
+    fingers: Fingers, wanted: Wanted | None
+) -> None:
+    fingers._wanted = wanted
+    fingers._fail("opens without a command")
+    assert isinstance(fingers._wanted, Stop)
+    with pytest.raises(DeviceFault, match="opens without a command"):
+        fingers.check()
+
+
+def test_fingers_that_misbehave_again_are_stopped_again_and_the_first_reason_stays(
+    fingers: Fingers,
+) -> None:
+    fingers._fail("opens without a command")
+    stop = fingers._wanted
+    due = fingers._stop_by
+    fingers._clock.advance(0.1)
+    fingers._fail("closes without a command")  # while it is being stopped
+    assert fingers._wanted is stop
+    assert fingers._stop_by == due
+    fingers._wanted = SpeedOrder(-0.01)  # force control goes on
+    fingers._fail("closes without a command")
+    assert isinstance(fingers._wanted, Stop)
+    with pytest.raises(DeviceFault, match="opens without a command"):
+        fingers.check()
