@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 from pomona.skills.geometry import transform
-from pomona.skills.motion.grasps.gripper_shape import gripper_shape
+from pomona.skills.motion.grasps.gripper_shape import gripper_shape, outline
 from pomona.skills.motion.grasps.sphere import pre_grasp_orientation
+from pomona.skills.motion.robot.description import Geom
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL
 
 SHAPE = gripper_shape(ROBOT_MODEL)
@@ -70,3 +71,33 @@ def test_a_fingertip_is_level_with_what_a_displacement_brings_below_it():
     np.testing.assert_array_equal(
         np.isfinite(SHAPE.levels(points, 0.08, 0.045)), [True, True, True, False]
     )
+
+
+SUPPORTS = {
+    "sphere": lambda d, size: size[0],
+    "capsule": lambda d, size: size[0] + size[1] * abs(d[2]),
+    "cylinder": lambda d, size: size[0] * np.hypot(d[0], d[1]) + size[1] * abs(d[2]),
+    "box": lambda d, size: np.abs(d) @ size,
+    "ellipsoid": lambda d, size: np.linalg.norm(d * size),
+}
+"""How far a shape reaches in a direction, a unit vector."""
+SLACK = {"cylinder": 1.0 / np.cos(np.pi / 16.0), "ellipsoid": np.sqrt(3.0)}
+"""By how much a polygon around a circle, and a box around an ellipsoid, reach farther."""
+
+
+@pytest.mark.parametrize("kind", SUPPORTS)
+def test_an_outline_holds_its_shape_and_little_more(kind):
+    size = np.array([0.03, 0.05, 0.02])
+    points, radius = outline(Geom("a", 0, kind, size, np.eye(4), np.empty((0, 3))))
+    directions = np.random.default_rng(1).normal(size=(300, 3))
+    directions = np.vstack([directions, np.eye(3), -np.eye(3)])
+    for d in directions / np.linalg.norm(directions, axis=1, keepdims=True):
+        reach, needed = float((points @ d).max() + radius), SUPPORTS[kind](d, size)
+        assert needed - 1e-12 <= reach <= SLACK.get(kind, 1.0) * needed + 1e-12
+
+
+def test_the_outline_of_a_mesh_is_its_corners():
+    corners = np.random.default_rng(2).normal(size=(9, 3))
+    points, radius = outline(Geom("a", 0, "mesh", np.zeros(3), np.eye(4), corners))
+    assert radius == 0.0
+    np.testing.assert_array_equal(points, corners)
