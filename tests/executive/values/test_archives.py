@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import resource
+import struct
 from pathlib import Path
 from zipfile import ZIP_BZIP2, ZIP_DEFLATED, BadZipFile, ZipFile
 
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from pomona.executive.values import archives
 from pomona.executive.values.archives import ArchiveTooLarge, open_archive
 
 
@@ -78,3 +81,41 @@ def test_a_damaged_archive_is_opened_or_refused(
             assert sum(member.file_size for member in archive.infolist()) <= 1000
     except (BadZipFile, OSError, NotImplementedError, ValueError):
         pass
+
+
+def ends(stated: int, comment: bytes = b"", large: int | None = None, marked: bool = True) -> bytes:
+    """The last records of an archive whose directory has a size, in the long form if `large` is given."""
+    long_form = b""
+    if large is not None:
+        record = b"PK\6\6" if marked else b"PK\0\0"
+        long_form = record + struct.pack("<QHHLLQQQQ", 44, 45, 45, 0, 0, 1, 1, large, 0)
+        long_form += b"PK\6\7" + struct.pack("<LQL", 0, 0, 1)
+    return (
+        long_form
+        + b"PK\5\6"
+        + struct.pack("<HHHHLLH", 0, 0, 1, 1, stated, 0, len(comment))
+        + comment
+    )
+
+
+@pytest.mark.parametrize("before", [b"", b"x" * 300])
+@pytest.mark.parametrize(
+    ("records", "size"),
+    [
+        (ends(1234), 1234),
+        (ends(1234, b"a comment"), 1234),
+        (ends(0xFFFFFFFF, large=5_000_000_000), 5_000_000_000),
+        (ends(70, large=60), 70),  # the larger one counts
+        (ends(60, large=70), 70),
+        (ends(60, large=70, marked=False), 60),
+        (ends(0xFFFFFFFF), 0xFFFFFFFF),
+        (ends(1234)[:21], 0),
+        (b"no archive", 0),
+        (b"", 0),
+        (ends(1) + ends(2), 2),
+    ],
+)
+def test_the_size_of_the_directory_is_that_of_the_last_records(
+    before: bytes, records: bytes, size: int
+) -> None:
+    assert archives._directory_size(io.BytesIO(before + records)) == size
