@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from pomona.executive.errors import UsageError
 from pomona.executive.recording.digest import trusted
@@ -29,6 +28,8 @@ from pomona.executive.recording.read import read_events
 from pomona.executive.recording.scan import scan
 from pomona.executive.running.events import RunStarted
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.findings import Findings, Source
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar, read_yaml, written
 from pomona.tools.caliper.pick import KINDS, Pick, UnusableTouches, pick_from
 
 # difference of two poses of a camera in its mount from which they are two calibrations
@@ -173,21 +174,17 @@ def records_before(root: Path, run: str = "") -> list[Path]:
 
 def values_of(*texts: str) -> str:
     """Return the hash of the values in a cell's files; comments, layout and the caliper's limits count for nothing."""
-    values: list[Any] = []
+    values: list[str] = []
     for text in texts:
-        try:
-            content = yaml.safe_load(text)
-        except (yaml.YAMLError, RecursionError):
-            content = text
-        devices = content.get("devices") if isinstance(content, dict) else None
-        if isinstance(devices, dict):
-            content["devices"] = {
-                name: said
-                for name, said in devices.items()
-                if not (isinstance(said, dict) and said.get("driver") == "caliper")
-            }
-        values.append(content)
-    return hash_of(json.dumps(values, default=str))
+        root = read_yaml(Source("", text), Findings(), "a cell file")
+        devices = root.get("devices") if isinstance(root, YamlMapping) else None
+        if isinstance(devices, YamlMapping):
+            for name, (_, said) in list(devices.entries.items()):
+                driver = said.get("driver") if isinstance(said, YamlMapping) else None
+                if isinstance(driver, YamlScalar) and driver.text == "caliper":
+                    del devices.entries[name]
+        values.append(text if root is None else written(root))
+    return hash_of(*values)
 
 
 def find_runs(names: Sequence[str], root: Path) -> list[Path]:

@@ -13,7 +13,7 @@ from pomona.devices.realsense.mounted_camera import read_hand_eye
 from pomona.executive.cli import main
 from pomona.executive.recording.folder import events_file
 from pomona.tools.caliper.explain import explain
-from pomona.tools.caliper.records import Picks
+from pomona.tools.caliper.records import Picks, values_of
 from tests.skills.tools.caliper.recorded_runs import CELL, picks_of, runs_of, write_run
 from tests.skills.tools.caliper.synthetic import doubted, recorded
 
@@ -207,3 +207,11 @@ def test_a_sentence_that_cannot_be_added_does_not_stop_the_explanation(
     run = write_run(tmp_path / "run", recorded())
     assert main(["explain", str(run)]) == 0
     assert "TouchesView: nothing can be added: no word" in " ".join(capsys.readouterr().out.split())
+
+
+def test_only_other_values_of_a_cells_files_make_another_calibration():
+    cell = "name: sim\ndevices:\n  camera: {driver: sim-camera}\n  caliper: {driver: caliper}\n"
+    same = cell.replace("driver: caliper}", "driver: caliper, warn: 3 mm}") + "# a note\n"
+    assert values_of(cell) == values_of(same)
+    assert values_of(cell) != values_of(cell.replace("sim-camera", "realsense"))
+    assert values_of("a: [") != values_of("a: [b")
