@@ -54,14 +54,19 @@ def detection(apple, camera) -> Detection:
     )
 
 
+def use(renderer: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pomona.skills.refine.usable_renderer", lambda _wanted: (renderer, ""))
+
+
 def with_depth(detection: Detection, depth: np.ndarray | None) -> Detection:
     return replace(detection, frame=replace(detection.frame, depth=depth))
 
 
 @pytest.mark.parametrize("renderer", ["pyrender", "zbuffer"])
 @pytest.mark.parametrize("method", ["uniform", "paper"])
-def test_measures_size_and_place_in_the_base_frame(detection, method, renderer):
-    outcome = measure({"detection": detection, "method": method, "renderer": renderer})
+def test_measures_size_and_place_in_the_base_frame(detection, method, renderer, monkeypatch):
+    use(renderer, monkeypatch)
+    outcome = measure({"detection": detection, "method": method})
     assert outcome.status is Status.SUCCESS
     measured = outcome.outputs["measured"]
     np.testing.assert_allclose(measured.dimensions, SCALE * detection.fruit.dimensions, atol=2e-6)
@@ -191,6 +196,11 @@ def test_render_failed_behind_the_camera(detection, z):
 
 
 @pytest.fixture
+def zbuffer(monkeypatch):
+    use("zbuffer", monkeypatch)
+
+
+@pytest.fixture
 def no_opengl(monkeypatch):
     def broken(*_: object) -> None:
         raise RenderFailed("pyrender cannot use EGL")
@@ -201,14 +211,17 @@ def no_opengl(monkeypatch):
     usable_renderer.cache_clear()
 
 
-def test_without_opengl_the_z_buffer_measures_and_is_reported_once(detection, no_opengl):
+def test_without_opengl_the_z_buffer_measures_and_is_reported_once(
+    detection, no_opengl, monkeypatch
+):
     workspace = Workspace(None, np.full(3, -1.0), np.full(3, 1.0))
     skill = Refine()
     skill.prepare()
     first, second = (
         drive(skill, {"detection": detection}, devices={Workspace: workspace}) for _ in range(2)
     )
-    plain = measure({"detection": detection, "renderer": "zbuffer"})
+    use("zbuffer", monkeypatch)
+    plain = measure({"detection": detection})
     for end in (first, second, plain):
         assert end.status is Status.SUCCESS
         np.testing.assert_array_equal(
@@ -218,9 +231,9 @@ def test_without_opengl_the_z_buffer_measures_and_is_reported_once(detection, no
     assert (first.feedback, second.feedback, plain.feedback) == (said, "", "")
 
 
-def test_without_opengl_the_library_measures_all_the_same(detection, no_opengl):
+def test_without_opengl_the_library_measures_all_the_same(detection, no_opengl, zbuffer):
     """Skills of applications call it without a renderer of their own."""
-    plain = measure({"detection": detection, "renderer": "zbuffer"}).outputs["measured"]
+    plain = measure({"detection": detection}).outputs["measured"]
     np.testing.assert_array_equal(
         measure_fruit(detection, table_z=None).dimensions, plain.dimensions
     )
@@ -262,7 +275,7 @@ def test_a_tray_under_the_fruit_is_reported_where_the_table_is_seen_beside_it(de
     assert "a surface is seen 25 mm above the table" in end.feedback
 
 
-def test_the_table_of_the_workspace_is_the_support(scene, apple):
+def test_the_table_of_the_workspace_is_the_support(scene, apple, zbuffer):
     s = scene((62, 47, 62), 70, 3)
     frame = Frame(
         0.0,
@@ -284,7 +297,7 @@ def test_the_table_of_the_workspace_is_the_support(scene, apple):
         0,
         1,
     )
-    inputs = {"detection": seen, "renderer": "zbuffer"}
+    inputs = {"detection": seen}
     on_table, in_the_air = (measure(inputs, table_z).outputs["measured"] for table_z in (0.0, None))
     assert on_table.method == "shape+plane"
     assert in_the_air.method == "shape"
@@ -295,7 +308,7 @@ def test_the_table_of_the_workspace_is_the_support(scene, apple):
     assert on_table.covariance[2, 2] <= in_the_air.covariance[2, 2]
 
 
-def test_an_earlier_measurement_is_fused_in(scene, apple):
+def test_an_earlier_measurement_is_fused_in(scene, apple, zbuffer):
     measured = None
     for elevation in (35, 60, 84):
         s = scene((73, 64, 73), elevation, 4)
@@ -320,7 +333,7 @@ def test_an_earlier_measurement_is_fused_in(scene, apple):
             1,
         )
         before = measured
-        inputs = {"detection": seen, "renderer": "zbuffer", "earlier": before}
+        inputs = {"detection": seen, "earlier": before}
         measured = measure(inputs).outputs["measured"]
         if before is not None:
             assert measured.method == "shape+views"
