@@ -1,6 +1,6 @@
 """The tutorials as notebooks, made from their Markdown and executed: `make notebooks`.
 
-    python scripts/notebooks.py [NAME …]     # docs/tutorials/NAME.ipynb beside NAME.md; without names all
+    python scripts/notebooks.py [NAME …]     # docs/tutorials/NAME.ipynb beside NAME.md; without names those that are there
 
 The Markdown is the source. A fence with a title becomes a cell that writes the file, lines of `bash` become a cell that
 bash carries out (`!` would give them a terminal, and the run's moving picture would be kept line by line), a `text`
@@ -122,7 +122,7 @@ def execute(made: dict[str, Any]) -> dict[str, Any]:
 
 def main() -> None:
     """Make and execute them."""
-    for name in sys.argv[1:] or sorted(page.stem for page in TUTORIALS.glob("*.md")):
+    for name in sys.argv[1:] or sorted(page.stem for page in TUTORIALS.glob("*.ipynb")):
         done = execute(notebook((TUTORIALS / f"{name}.md").read_text("utf-8"), name))
         out = TUTORIALS / f"{name}.ipynb"
         out.write_text(json.dumps(done, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

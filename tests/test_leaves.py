@@ -59,6 +59,7 @@ CORE_PAGES = sorted(
     for folder in ("executive/pomona/executive", "skills/pomona/skills", "drivers/pomona/drivers")
     for page in (ROOT / folder).rglob("README.md")
 )
+ARCHITECTURE = ROOT / "docs" / "architecture.md"
 
 
 @pytest.mark.parametrize("page", CORE_PAGES, ids=lambda page: page.parent.name)
@@ -71,6 +72,14 @@ def test_a_readme_of_the_core_names_files_that_exist(page: Path) -> None:
         if not any((place / name).is_file() for place in places)
     ]
     assert missing == []
+
+
+def test_the_page_of_the_architecture_names_files_that_exist() -> None:
+    named = set(re.findall(r"(?<![\w/`.])`?((?:\w+/)*\w+\.py)", ARCHITECTURE.read_text("utf-8")))
+    folders = [ROOT / name for name in ("executive", "skills", "drivers", "tests")]
+    files = [f"/{path.relative_to(ROOT)}" for folder in folders for path in folder.rglob("*.py")]
+    assert len(named) > 30
+    assert {one for one in named if not any(file.endswith(f"/{one}") for file in files)} == set()
 
 
 def test_a_leaf_has_tests_in_its_place(leaf: Path) -> None:

@@ -1,4 +1,4 @@
-"""Wheels for other systems, as docs/how_to/platforms.md states them: resolved by pip, not run. Needs an index."""
+"""Wheels for other systems, as docs/hardware.md#computers states them: resolved by pip, not run. Needs an index."""
 
 from __future__ import annotations
 

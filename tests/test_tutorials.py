@@ -1,8 +1,8 @@
-"""docs/tutorials and docs/how_to: every page runs as it is written, in an empty folder.
+"""docs/tutorials and pages of docs with commands: each runs as it is written, in an empty folder.
 
 A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so, `exit=any`: anyhow),
 and those of `text` are, in this order, within the output of the commands before them. Fences marked `long=yes` are
-typed by `make test-long`, as are the how-to pages and the tutorials named below. CI types that of a new cell.
+typed by `make test-long`, as are the pages of docs and the tutorials named below.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from pathlib import Path
 import pytest
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-TUTORIALS, HOW_TO = (sorted((DOCS / folder).glob("*.md")) for folder in ("tutorials", "how_to"))
-LONGER = {"another_arm", "campaign", "read_a_record"}
-"""Tutorials of whole campaigns, and one of exports, each of which has tests of its own."""
+TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
+PAGES = [page for page in sorted(DOCS.glob("*.md")) if "\n```bash" in page.read_text("utf-8")]
+LONGER = {"campaign", "own_gripper", "read_a_record"}
+"""Tutorials of whole campaigns, of drivers and of exports, each of which has tests of its own."""
 QUICK = [page for page in TUTORIALS if page.stem not in LONGER]
 LONG = [page for page in TUTORIALS if page not in QUICK or "long=yes" in page.read_text("utf-8")]
 FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -35,7 +36,7 @@ def test_a_tutorial_runs_as_it_is_written(tutorial: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("page", [*HOW_TO, *LONG], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*PAGES, *LONG], ids=lambda page: page.stem)
 def test_a_page_runs_as_it_is_written_with_all_that_takes_long(page: Path, tmp_path: Path) -> None:
     follow(page, tmp_path, long=True)
 

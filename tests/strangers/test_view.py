@@ -19,12 +19,6 @@ def test_its_option_belongs_to_run_and_it_follows_the_run_to_its_end(tmp_path: P
     assert (tmp_path / "state.txt").read_text() == "rest success\n"
 
 
-def test_its_page_shows_the_package_as_it_is() -> None:
-    page = (HERE.parents[1] / "docs" / "how_to" / "write_a_view.md").read_text("utf-8")
-    for file in ("status_file.py", "pyproject.toml"):
-        assert f'title="{file}"\n{(VIEW / file).read_text("utf-8")}```' in page
-
-
 def test_without_its_option_it_does_nothing_and_a_bad_path_begins_no_run(tmp_path: Path) -> None:
     (tmp_path / "rest.yaml").write_text(TREE)
     assert pomona("run", "rest.yaml", "--dry", package=VIEW, folder=tmp_path).returncode == 0

@@ -11,9 +11,7 @@ import pytest
 from pomona.executive.cli import main
 from pomona.executive.commands.command_line import make_parser
 
-PAGE = (Path(__file__).parents[3] / "drivers" / "pomona" / "devices" / "first_day.md").read_text(
-    "utf-8"
-)
+PAGE = (Path(__file__).parents[3] / "docs" / "hardware.md").read_text("utf-8")
 TREES = dict(re.findall(r'^```yaml title="(\w+\.yaml)"\n(.*?)^```', PAGE, re.MULTILINE | re.DOTALL))
 COMMANDS = sorted(set(re.findall(r"`(pomona \w+ [^`]+)`", PAGE)))
 

@@ -1,4 +1,4 @@
-"""The README of running follows one tick: its events come in the order that it lists."""
+"""docs/architecture.md follows one tick: its events come in the order that it lists."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 from fake_runs import Turn, make
 
-from pomona.executive import running
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import (
     Event,
@@ -18,8 +17,7 @@ from pomona.executive.running.events import (
     StateChanged,
 )
 
-FOLDER = Path(running.__file__).parent
-PAGE = (FOLDER / "README.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "architecture.md").read_text("utf-8")
 EXAMPLE = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[0]
 
 

@@ -22,7 +22,7 @@ rate: 5 Hz
     due=(
         "hand_eye.json, the camera's pose: `pomona calibrate hand-eye LOOKS --board 9x6 --square 24.5mm --out "
         "hand_eye.json`. The folder LOOKS holds ten images of a chessboard or more, poses.json with the flange at each "
-        "and intrinsics.yaml: docs/how_to/calibrate.md.",
+        "and intrinsics.yaml: docs/calibrate.md.",
         "Depth errors of the camera: `pomona calibrate depth --help`.",
     ),
 )

@@ -1,4 +1,4 @@
-"""The driver against Universal Robots' own simulator at POMONA_URSIM: see drivers/pomona/devices/first_day.md."""
+"""The driver against Universal Robots' own simulator at POMONA_URSIM: see docs/hardware.md#first-day."""
 
 from __future__ import annotations
 
