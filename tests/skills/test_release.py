@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -7,15 +8,17 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.interfaces import Carrier, Hand, MotionState, Workspace
+from pomona.executive.skill import Failure, SkillFailure
 from pomona.executive.skill_testing import SkillEnd, drive
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.motion.lines import STEP
+from pomona.skills.motion.lines import STEP, straight_line
 from pomona.skills.release import BESIDE, Release
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.hand import spring_fruit
 from tests.skills.overhead import BeltBeside, comes_near, watched
 from tests.skills.picking_scene import (
     HOME,
+    OBSERVE,
     ROBOT_MODEL,
     WORKSPACE,
     PickingScene,
@@ -700,3 +703,90 @@ def test_without_a_force_sensor_an_interrupted_release_stays_held():
     assert outcome.status is Status.INVALID
     assert scene.arm.settled()
     assert len(scene.gripper.moves) == 1
+
+
+# ------------------------------------------------------------------------------------ parts of it, by themselves
+
+
+class Parts(Release):
+    """A release at mock devices, in a space that the test makes: `free` judges a width, or a path."""
+
+    def __init__(self, scene: PickingScene, free: Callable[[Any], Any]) -> None:
+        super().__init__()
+        self.scene, self.free = scene, free
+        self.asked: list[tuple[Any, ...]] = []
+
+    def device(self, kind: Any) -> Any:
+        return self.scene.devices[kind]
+
+    def _space(self, *given: Any) -> Any:
+        self.asked.append(given)
+        world = SimpleNamespace(free=lambda way, _width: self.free(way))
+        return SimpleNamespace(
+            at_width=lambda width: SimpleNamespace(free=lambda _q: self.free(width)),
+            world=SimpleNamespace(with_margins=lambda _margins: world),
+            width=0.05,
+        )
+
+
+@pytest.mark.parametrize(
+    ("widest", "opening"), [(1.0, 0.06), (0.059, 0.05), (0.049, 0.045), (0.0, 0.045)]
+)
+def test_the_fingers_open_as_far_as_touches_nothing(widest, opening):
+    part = Parts(PickingScene(width=0.04), lambda width: width <= widest)
+    assert part._opening(None, 0.01) == pytest.approx(opening)
+    assert part.asked == [(None, 0.01)]
+
+
+def test_the_fingers_open_no_farther_than_they_can():
+    scene = PickingScene(width=0.095)
+    assert Parts(scene, lambda _width: True)._opening(None, 0.01) == scene.gripper.limits.width_max
+
+
+@pytest.mark.parametrize("first", [0, 3, None])
+def test_the_first_posture_that_is_not_free_is_the_first_contact(first):
+    way = np.arange(5)
+    part = Parts(PickingScene(), lambda way: way < (9 if first is None else first))
+    assert part._met(way, "held", "map", 0.02) == first
+    assert part.asked == [("map", 0.02, "held")]
+
+
+def test_the_slow_part_begins_so_far_above_the_first_contact():
+    scene = PickingScene()
+    part = Parts(scene, lambda _way: True)
+    line = straight_line(ROBOT_MODEL, OBSERVE, scene.tcp + np.pad([[-0.04]], ((2, 1), (3, 0))))
+    heights = np.array([ROBOT_MODEL.tcp(q)[2, 3] for q in line.q])
+    for met in (len(line.q) - 1, len(line.q) - 4):
+        for within in (0.0, 0.005, 0.02):
+            found = part._near(line.q, met, within)
+            assert heights[found] <= heights[met] + within
+            assert found == 0 or heights[found - 1] > heights[met] + within
+    assert part._near(line.q, None, 0.01) == 0
+    assert part._near(line.q, len(line.q) - 1, 1.0) == 0
+
+
+@pytest.mark.parametrize(
+    ("code", "opened", "passes"),
+    [
+        ("MOTION_FAILED", 0.0041, True), ("MOTION_FAILED", 0.0039, False), ("STOPPED", 0.01, False),
+    ],
+)  # fmt: skip
+def test_fingers_that_are_blocked_after_they_have_released_the_fruit_are_no_failure(
+    code, opened, passes
+):
+    scene = PickingScene(width=0.04)
+    part = Parts(scene, lambda _way: True)
+    asked = []
+
+    def move_fingers(width, speed):
+        asked.append((width, speed))
+        scene.gripper.state = lambda: SimpleNamespace(width=0.04 + opened)
+        yield "moving"
+        raise SkillFailure(Failure(code, "blocked", {}))
+
+    part.move_fingers = move_fingers
+    work = part._open(0.06)
+    next(work)
+    with pytest.raises(StopIteration if passes else SkillFailure):
+        next(work)
+    assert asked == [(0.06, min(0.05, scene.gripper.limits.speed_max))]
