@@ -112,6 +112,7 @@ class TestCompletion:
         assert "length" in offered(service, "{type: text, default", "{type: |, default")
         assert offered(service, "parameters:\n", "|\nparameters:\n") == [
             "description",
+            "cell",
             "skills",
             "constants",
             "in",
