@@ -71,6 +71,7 @@ def test_fingers_that_a_neighbour_blocks_rise_once_they_have_released_the_fruit(
     def block(_tick: int) -> None:
         if scene.gripper.moves and scene.gripper.width > 0.08 + opened:
             scene.gripper.moves[-1].end(MotionState.FAILED, "the fingers are blocked")
+            scene.gripper.moves[-1].settled = True
 
     outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=block)
     assert (outcome.reason is None) == rises

@@ -22,7 +22,7 @@ class Direct(DirectGripper):
         self.width = 0.05
         super().__init__("gripper", ManualClock(5.0), LIMITS, acceleration=10.0, watchdog=0.1)
 
-    def _read(self) -> GripperState:
+    def state(self) -> GripperState:
         return GripperState(self._clock.now(), self.width, 0.0, False)
 
     def wait(self, seconds: float) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from typing import Any
 
@@ -20,14 +19,12 @@ class DirectGripper(ParallelGripper[GripperState, None]):
         self._supervisor.rest(self._clock.now())
 
     @abstractmethod
-    def _read(self) -> GripperState:
+    def state(self) -> GripperState:
         """Opening and speed now."""
 
-    def state(self) -> GripperState:
-        state = self._read()
-        if self._state is None or math.isfinite(state.width):  # NaN is no state
-            self._state = state
-        return self._state
+    def _read(self) -> GripperState:
+        """Return what is judged, which may be no state."""
+        return self.state()
 
     def last_seen(self) -> float | None:
         return self.state().stamp

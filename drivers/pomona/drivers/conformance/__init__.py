@@ -16,6 +16,12 @@ nobody ordered is noticed, and the force is bounded.
 
 from pomona.drivers.conformance.bench import Bench, BenchClock, Wire
 from pomona.drivers.conformance.claims import Claim, Claims, Finding, judged
+from pomona.drivers.conformance.force_sensor import (
+    FORCE_SENSOR,
+    ForceBench,
+    Press,
+    force_sensor_claims,
+)
 from pomona.drivers.conformance.gripper import (
     GRIPPER,
     GripperBench,
@@ -24,15 +30,19 @@ from pomona.drivers.conformance.gripper import (
 )
 
 __all__ = [
+    "FORCE_SENSOR",
     "GRIPPER",
     "Bench",
     "BenchClock",
     "Claim",
     "Claims",
     "Finding",
+    "ForceBench",
     "GripperBench",
     "Hand",
+    "Press",
     "Wire",
+    "force_sensor_claims",
     "gripper_claims",
     "judged",
 ]

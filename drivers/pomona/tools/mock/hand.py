@@ -23,7 +23,7 @@ from pomona.drivers.interfaces import (
     Subscription,
     WrenchSample,
 )
-from pomona.drivers.streams import WrenchStream
+from pomona.drivers.streams import SILENCE, WrenchStream
 from pomona.executive.cell.device import Device
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
@@ -106,7 +106,7 @@ class MockGripper(DirectGripper):
 
     # ----------------------------------------------------------------------------------------------- device
 
-    def _read(self) -> GripperState:
+    def state(self) -> GripperState:
         moving = not self.settled()
         return GripperState(
             self._clock.now(), self.width, self._rate, moving, self.motor_force, aim=self._aim
@@ -239,6 +239,9 @@ class MockForceSensor(Device):
     def _step(self) -> None:
         self._sequence += 1
         now = self._clock.now()
+        newest = self._stream.newest
+        if newest is not None and now - newest.stamp > SILENCE:
+            self._stream.leave_out("has sent no sample for 40 ms", certain=True)
         if now > self._silent:
             felt = np.array(self.feel(now), np.float64) + (
                 RIPPLE if self._sequence % 2 else -RIPPLE

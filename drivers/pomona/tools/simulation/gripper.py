@@ -88,6 +88,12 @@ class SimGripper(DirectGripper, FaultyDevice):
         model.actuator_forcerange[self._actuator] = [-drive, drive]
         self._gives = drive / float(model.actuator_gainprm[self._actuator, 0])  # of each finger [m]
 
+    def state(self) -> GripperState:
+        state = self._read()
+        if self._state is None or math.isfinite(state.width):  # NaN is no state
+            self._state = state
+        return self._state
+
     def _read(self) -> GripperState:
         state = self._measure()
         if self.fault == "frozen":
