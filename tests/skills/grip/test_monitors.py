@@ -27,6 +27,7 @@ from pomona.skills.grip.monitors import (
     SensorFaultMonitor,
     SlipMonitor,
     SlipWatch,
+    _average,
     first_problem,
     has_dead_finger,
     hold_monitors,
@@ -249,3 +250,51 @@ def test_the_contact_points_give_the_slid_distance() -> None:
     result, controller, _ = lift(HEAVY, 1.5)
     assert controller.slipped == pytest.approx(result.slip, abs=5e-4)
     assert np.isfinite(controller.slipped)
+
+
+# ------------------------------------------------------------------------------------- averages of the contact
+
+
+def averaged(wrenches: Any, shares: Any, periods: Sequence[int] | None = None) -> Any:
+    """Means (3, 5), places (3, 2) and the smallest normal force after wrenches, one each sample."""
+    means, places, samples = np.zeros((3, 5)), np.zeros((3, 2)), 0
+    for k, wrench in enumerate(wrenches):
+        stands_for = 1 if periods is None else periods[k]
+        samples += stands_for
+        weakest = _average(np.array(wrench), samples, stands_for, shares, means, places)
+    return means, places, weakest
+
+
+def test_at_first_an_average_is_the_plain_mean() -> None:
+    wrenches = np.random.default_rng(3).normal([0.0, 0.0, -5.0, 0.0, 0.0, 0.0], 1.0, (20, 6))
+    means, places, weakest = averaged(wrenches, np.array([1e-3, 1e-4, 1e-5]))
+    fx, fy, fz, mx, my, _mz = wrenches.mean(axis=0)
+    for k in range(3):
+        assert means[k] == pytest.approx([-fz, my, -mx, fx, fy])
+        assert places[k] == pytest.approx([my / -fz, -mx / -fz])
+    assert weakest == pytest.approx(-fz)
+
+
+def test_later_an_average_follows_a_step_with_its_own_time_constant() -> None:
+    shares = np.array([0.2, 0.05, 0.01])
+    before, after = [1.0, 2.0, -4.0, 0.3, 0.2, 0.0], [3.0, 2.0, -2.0, 0.1, 0.4, 0.0]
+    means, places, weakest = averaged([before] * 200 + [after] * 7, shares)
+    for k, share in enumerate(shares):
+        left = (1.0 - share) ** 7
+        normal, first, second = (
+            new + left * (old - new) for old, new in ((4.0, 2.0), (0.2, 0.4), (-0.3, -0.1))
+        )
+        assert means[k, 0] == pytest.approx(normal)
+        assert means[k, 3] == pytest.approx(3.0 + left * (1.0 - 3.0))
+        assert means[k, 4] == pytest.approx(2.0)
+        assert places[k] == pytest.approx([first / normal, second / normal])
+    assert weakest == pytest.approx(means[:, 0].min()) == pytest.approx(means[0, 0])
+    rising = averaged([after] * 200 + [before] * 7, shares)
+    assert rising[2] == pytest.approx(rising[0][2, 0])
+
+
+def test_a_sample_that_stands_for_several_counts_as_often_and_never_more_than_whole() -> None:
+    shares = np.array([0.2, 0.05, 0.01])
+    before, after = [0.0, 0.0, -4.0, 0.0, 0.0, 0.0], [0.0, 0.0, -2.0, 0.0, 0.0, 0.0]
+    means, _, _ = averaged([before] * 200 + [after], shares, [1] * 200 + [10])
+    assert means[:, 0] == pytest.approx([2.0, 4.0 - 0.5 * 2.0, 4.0 - 0.1 * 2.0])
