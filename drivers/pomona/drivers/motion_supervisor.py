@@ -29,6 +29,7 @@ STRAYS = 0.004
 BESIDE, WITHIN = 0.05, 0.1
 """Share of the following error by which an arm may leave its path, wherever along it the arm is, and the time within
 which it does so [s]: joints that are held or come late do not. The simulated arm left it by less than 0.001 rad."""
+SLOWEST = 0.5  # share of its speed to which a controller may slow a motion down by itself
 OVERSPEED = 1.5  # highest measured speed over the limit: controllers stop an arm at 1.05 to 1.2
 
 
@@ -199,34 +200,29 @@ class MotionSupervisor:
         return ""
 
     def _watch_time(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
-        supervision = self._supervision
-        if motion.phase is not self._phase or motion.speed != self._speed:
-            if (
-                self._phase is Phase.RESTING
-            ):  # a stop or a new speed does not show that the controller goes on
+        supervision, phase = self._supervision, motion.phase
+        runs = phase is Phase.RUNNING  # then it rests at its end only: not where it was paused
+        if phase is not self._phase or motion.speed != self._speed:
+            if self._phase is Phase.RESTING:  # a stop or a new speed shows no progress
                 self._advanced = (advance, now)
-            self._phase, self._speed = motion.phase, motion.speed
-            left = motion.time_left if motion.phase is Phase.RUNNING else 0.0
-            self._deadline = (
-                np.inf if motion.phase is Phase.RESTING else now + left + supervision.margin
-            )
-        running = (
-            motion.phase is Phase.RUNNING
-        )  # then it rests at its end only: not where it was paused
+            self._phase, self._speed = phase, motion.speed
+            left = motion.time_left / SLOWEST if runs else 0.0
+            self._deadline = np.inf if phase is Phase.RESTING else now + left + supervision.margin
         if advance != self._advanced[0] or (
-            motion.set_point_arrived if running else motion.set_point_rests
+            motion.set_point_arrived if runs else motion.set_point_rests
         ):
             self._advanced = (advance, now)
         stalled = now - self._advanced[1]
-        if stalled > supervision.stall and motion.phase is not Phase.RESTING:
+        if stalled > supervision.stall and phase is not Phase.RESTING:
             self._advanced = (advance, now)  # the stop that follows has as much time
             raise DeviceFault(
                 self._device, f"the controller has not continued the motion for {stalled:.1f} s"
             )
         if now > self._deadline:
-            words = "did not end" if motion.phase is Phase.RUNNING else "did not come to rest"
+            words = "did not end" if runs else "did not come to rest"
             raise DeviceFault(
-                self._device, f"the motion {words} {supervision.margin:g} s after its expected time"
+                self._device,
+                f"the motion {words} {supervision.margin:g} s after its longest expected time",
             )
 
     def _note_path(self, stamp: float, q: Float64) -> None:

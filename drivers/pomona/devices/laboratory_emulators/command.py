@@ -14,7 +14,6 @@ from pomona.devices.emulators.server import Endpoint, TcpPort
 from pomona.devices.laboratory_emulators.modbus_plc import PlcEmulator
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
 from pomona.devices.laboratory_emulators.xarm import PORTS as XARM_PORTS, XArmEmulator
-from pomona.devices.universal_robots.options import PORTS
 
 STRETCHED_UP = np.array([0.0, -1.57, 1.57, -1.57, -1.57, 0.0])
 """Joints at the start, the tool downwards [rad]."""
@@ -44,7 +43,7 @@ def _universal_robots(options: argparse.Namespace) -> tuple[list[Endpoint], list
     controller = UrEmulator(FreeJoints(STRETCHED_UP), np.full(6, math.pi), options.model)
     controller.remote = not options.local
     controller.mode = 3 if options.off else controller.mode
-    served = [(controller.rtde, PORTS["rtde"]), (controller.dashboard, PORTS["dashboard"])]
+    served = [(controller.rtde, 30004), (controller.dashboard, 29999)]
     served += [(controller.script, port) for port in (30001, 30002, 30003)]
     return [TcpPort(port, options.host, number, clients=4) for port, number in served], [controller]
 

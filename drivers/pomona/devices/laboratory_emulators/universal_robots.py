@@ -22,9 +22,7 @@ from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
 from pomona.devices.laboratory_emulators.urscript import compile_script
-from pomona.devices.universal_robots.options import PORTS
-from pomona.devices.universal_robots.rtde import FORMATS, RtdeKind, decode, encode
-from pomona.drivers import Arm, Cell, FaultSwitch, LoadSensor, Malformed
+from pomona.drivers import Arm, Cell, FaultSwitch, LoadSensor
 from pomona.executive import Float64
 
 CYCLE = 0.002
@@ -56,7 +54,18 @@ TYPES: dict[str, str] = {
     **dict.fromkeys(("actual_tool_accelerometer", "payload_cog", "target_gravity"), "VECTOR3D"),
 }
 """Types of RTDE's fields."""
-LAYOUTS = {**FORMATS, "VECTOR6INT32": "6i", "VECTOR3D": "3d"}
+LAYOUTS = {
+    "DOUBLE": "d",
+    "INT32": "i",
+    "UINT32": "I",
+    "UINT64": "Q",
+    "BOOL": "?",
+    "UINT8": "B",
+    "VECTOR6D": "6d",
+    "VECTOR6INT32": "6i",
+    "VECTOR3D": "3d",
+}
+PORTS = {"rtde": 30004, "script": 30002, "dashboard": 29999}
 _INERT = """zero_ftsensor set_payload set_tcp teach_mode end_teach_mode force_mode end_force_mode force_mode_set_damping
 force_mode_set_gain_scaling set_gravity set_target_payload get_target_payload get_target_payload_cog freedrive_mode
 end_freedrive_mode get_tcp_offset get_forward_kin get_inverse_kin get_joint_torques tool_contact pose_trans pose_inv
@@ -250,7 +259,7 @@ class UrEmulator(FaultSwitch):
         ):
             self.end_program()
         for thread in tuple(self._threads) if self.runtime == 2 else ():
-            if thread in self._threads and next(thread, thread) is thread:
+            if thread in self._threads and self._is_over(thread):
                 self._threads.remove(thread)
                 if not self._threads or thread is self._main:
                     self.end_program()
@@ -259,6 +268,14 @@ class UrEmulator(FaultSwitch):
         if self.fault != "stuck":
             self._joints.drive(self._q, self._qd)
         self.rtde.push()
+
+    def _is_over(self, thread: Iterator[None]) -> bool:
+        """Run a thread of the program for a cycle; an error in it stops the program, as on a pendant."""
+        try:
+            return next(thread, thread) is thread
+        except Exception:
+            self.end_program()
+            return False
 
     def _go(self, wanted: Float64, acceleration: float) -> None:
         most = acceleration * self.cycle
@@ -295,7 +312,10 @@ class UrEmulator(FaultSwitch):
         if self.safety in (1, 2) and self.mode == 7 and self.remote:
             self.end_program()
             self._q, self._qd = self._joints.measured()[0], np.zeros_like(self._qd)
-            self.program, space = compile_script(text, self._functions())
+            try:
+                self.program, space = compile_script(text, self._functions())
+            except SyntaxError:
+                return
             self._main: Iterator[None] = space["__main"]()
             self._threads.append(self._main)
             self.runtime = 2
@@ -327,13 +347,13 @@ class UrEmulator(FaultSwitch):
         ):
             self._owed += max(t, self.cycle)
             while self._owed > 1e-9:
-                self.servo(np.array(q, dtype=np.float64), lookahead_time)
+                self.servo(_six(q), lookahead_time)
                 self._owed -= self.cycle * self.scaling
                 yield
 
         def movej(q: Any, a: float = 1.4, v: float = 1.05, *_rest: float, **_more: float):  # type: ignore[no-untyped-def]
             start = self._q.copy()
-            end = np.array(q, dtype=np.float64)
+            end = _six(q)
             way = float(np.abs(end - start).max())
             rise = min(v / a, math.sqrt(way / a))
             whole = 2.0 * rise + max(way - a * rise**2, 0.0) / v
@@ -353,7 +373,7 @@ class UrEmulator(FaultSwitch):
 
         def speedj(qd: Any, a: float = 1.4, t: float = 0.0):  # type: ignore[no-untyped-def]
             for _ in range(max(round(t / self.cycle), 1)):
-                self._go(np.array(qd, dtype=np.float64), a)
+                self._go(_six(qd), a)
                 yield
 
         def stopj(a: float = 2.0, *_rest: float):  # type: ignore[no-untyped-def]
@@ -452,6 +472,14 @@ class UrEmulator(FaultSwitch):
         return known.get(name, [0] * size if size else 0)
 
 
+def _six(numbers: Any) -> Float64:
+    """Return a number of each joint. Raises ValueError: they are others."""
+    found = np.array(numbers, dtype=np.float64)
+    if found.shape != (6,) or not np.isfinite(found).all():
+        raise ValueError("six joints are needed")
+    return found
+
+
 def _kind(name: str, direction: str) -> str | None:
     """Return the type of a field, or None where there is none."""
     register = re.fullmatch(rf"{direction}_(int|double|bit)_register_(\d+)", name)
@@ -539,6 +567,10 @@ class _Client:
         self.layout = struct.Struct(">B")
         self.inputs: dict[int, tuple[list[str], struct.Struct]] = {}
 
+    def say(self, kind: bytes, body: bytes) -> None:
+        """Send a message: its size, its kind, its body (RTDE guide of Universal Robots)."""
+        self.peer.send(struct.pack(">H", 3 + len(body)) + kind + body)
+
 
 class _RtdePort(ControllerPort):
     def __init__(self, controller: UrEmulator) -> None:
@@ -565,33 +597,40 @@ class _RtdePort(ControllerPort):
                 for name in client.outputs:
                     found = self._robot.read(name)
                     values.extend(found) if np.ndim(found) else values.append(found)
-                client.peer.send(encode(RtdeKind.DATA, client.layout.pack(1, *values)))
+                client.say(b"U", client.layout.pack(1, *values))
 
     def on_bytes(self, peer: Peer, buffer: bytearray) -> None:
         try:
-            for kind, body in decode(buffer):
-                self._message(self._clients[id(peer)], kind, body)
-        except (Malformed, struct.error):
+            while len(buffer) >= 3:
+                (size,) = struct.unpack_from(">H", buffer)
+                if len(buffer) < size:
+                    return
+                message = bytes(buffer[2 : max(size, 3)])
+                del buffer[: max(size, 3)]
+                self._message(self._clients[id(peer)], message[:1], message[1:])
+        except (struct.error, KeyError, ValueError):
             peer.close()
 
-    def _message(self, client: _Client, kind: RtdeKind, body: bytes) -> None:
+    def _message(self, client: _Client, kind: bytes, body: bytes) -> None:
         match kind:
-            case RtdeKind.VERSION:
+            case b"V":  # version of the protocol
                 modern = self._robot.version[:2] >= (3, 2) and body in (b"\x00\x01", b"\x00\x02")
-                client.peer.send(encode(kind, b"\x01" if modern else b"\x00"))
-            case RtdeKind.CONTROLLER:
-                client.peer.send(encode(kind, struct.pack(">4I", *self._robot.version)))
-            case RtdeKind.START | RtdeKind.PAUSE:
-                client.started = kind is RtdeKind.START
-                client.peer.send(encode(kind, b"\x01"))
-            case RtdeKind.OUTPUTS:
+                client.say(kind, b"\x01" if modern else b"\x00")
+            case b"v":
+                client.say(kind, struct.pack(">4I", *self._robot.version))
+            case b"S" | b"P":
+                client.started = kind == b"S"
+                client.say(kind, b"\x01")
+            case b"O":
                 self._subscribe(client, body)
-            case RtdeKind.INPUTS:
+            case b"I":
                 self._take_recipe(client, [name for name in body.decode().split(",") if name])
-            case RtdeKind.DATA:
+            case b"U":
                 names, layout = client.inputs[body[0]]
                 for name, number in zip(names, layout.unpack(body[1:])[: len(names)], strict=False):
                     self._robot.store(name, number)
+            case _:
+                raise ValueError("no kind of RTDE")
 
     def _subscribe(self, client: _Client, body: bytes) -> None:
         names = [name for name in body[8:].decode().split(",") if name]
@@ -599,11 +638,7 @@ class _RtdePort(ControllerPort):
         client.every = max(round(1.0 / self._robot.cycle / struct.unpack_from(">d", body)[0]), 1)
         client.outputs = [name for name, kind in zip(names, kinds, strict=True) if kind]
         client.layout = struct.Struct(">B" + "".join(LAYOUTS[kind] for kind in kinds if kind))
-        client.peer.send(
-            encode(
-                RtdeKind.OUTPUTS, b"\x01" + ",".join(kind or "NOT_FOUND" for kind in kinds).encode()
-            )
-        )
+        client.say(b"O", b"\x01" + ",".join(kind or "NOT_FOUND" for kind in kinds).encode())
 
     def _take_recipe(self, client: _Client, names: list[str]) -> None:
         others = (other for other in self._clients.values() if other is not client)
@@ -620,7 +655,7 @@ class _RtdePort(ControllerPort):
                 names,
                 struct.Struct(">" + "".join(LAYOUTS[kind] for kind in kinds)),
             )
-        client.peer.send(encode(RtdeKind.INPUTS, bytes([number]) + ",".join(kinds).encode()))
+        client.say(b"I", bytes([number]) + ",".join(kinds).encode())
 
 
 def _addresses(address: str) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from pomona.devices.emulators.emulated import (
 from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
-from pomona.devices.xarm.codec import ERROR, HEADER, INVALID, NOT_READY, PLACES, WARNING, Register
 from pomona.drivers import Arm, Cell, FaultSwitch
 from pomona.executive import Float64
 
@@ -38,10 +37,14 @@ JUMP = 0.6
 """Step of the first joint's feedback by the fault `jump` [rad]."""
 FAR = 0.2
 """Distance of a set-point in servo mode that is the error 24 [rad]: plausible, not measured."""
-MOVE_JOINT = 23
-JOINT_SPEEDS = 81
-"""Registers of the queue (mode 0) and of joint speeds (mode 4)."""
-READ_AS_ZERO = 40  # bytes of the answer to a register that the emulator does not have
+MOVE_JOINT = 23  # register of the queue (mode 0)
+MOTIONS = (*range(21, 41), *range(81, 100))
+"""Registers that move the arm; those that are not here are refused. Others read as `READ_AS_ZERO` bytes."""
+READ_AS_ZERO = 40
+HEADER = struct.Struct(">HHH")
+"""Transaction, protocol, number of bytes that follow."""
+PLACES = 7  # joints of each message
+INVALID = 0x08  # flag of the answer to a request that is refused
 
 
 class XArmEmulator(FaultSwitch):
@@ -56,7 +59,7 @@ class XArmEmulator(FaultSwitch):
     Attributes:
         axes, kind, firmware: of the answer to VERSION.
         state, mode, error, warning, enabled, pressed: as in UFACTORY Studio; `pressed` is the emergency stop.
-        unknown: registers that were asked for and are not here. clock: its own time.
+        clock: its own time.
     """
 
     known_faults = (
@@ -91,7 +94,6 @@ class XArmEmulator(FaultSwitch):
         self.error = 0
         self.warning = 0
         self.enabled = self.pressed = False
-        self.unknown: set[int] = set()
         self.clock = OwnTime()
         self._joints = joints
         self._velocity = velocity
@@ -179,37 +181,33 @@ class XArmEmulator(FaultSwitch):
         """The flags of each answer."""
         not_ready = self.state == 4 or not self.enabled or self.error
         return (
-            (ERROR if self.error else 0)
-            | (WARNING if self.warning else 0)
-            | (NOT_READY if not_ready else 0)
+            (0x40 if self.error else 0) | (0x20 if self.warning else 0) | (0x10 if not_ready else 0)
         )
 
     def answer(self, register: int, body: bytes) -> bytes:
         """Carry a request out, and return the parameters of its answer."""
         orders: dict[int, Callable[[], None]] = {
-            Register.MOTION_ENABLE: lambda: setattr(
-                self, "enabled", bool(body[1]) and not self.pressed
-            ),
-            Register.SET_STATE: lambda: self.set_state(body[0]),
-            Register.SET_MODE: lambda: self.set_mode(body[0]),
-            Register.CLEAN_ERROR: self.clean_error,
-            Register.CLEAN_WARNING: lambda: setattr(self, "warning", 0),
-            Register.SERVO_JOINTS: lambda: self._servo(body),
+            11: lambda: setattr(self, "enabled", bool(body[1]) and not self.pressed),
+            12: lambda: self.set_state(body[0]),
+            19: lambda: self.set_mode(body[0]),
+            16: self.clean_error,
+            17: lambda: setattr(self, "warning", 0),
+            29: lambda: self._servo(body),
             MOVE_JOINT: lambda: self._move(body),
-            JOINT_SPEEDS: lambda: self._set_speeds(body),
+            81: lambda: self._set_speeds(body),
         }
         if register in orders:
             orders[register]()
             return struct.pack(">H", len(self._queue)) if register == MOVE_JOINT else b""
         told: dict[int, Callable[[], bytes]] = {
-            Register.VERSION: self._version,
-            Register.GET_STATE: lambda: bytes([self.state]),
-            Register.QUEUED: lambda: struct.pack(">H", len(self._queue)),
-            Register.ERROR: lambda: bytes([self.error, self.warning]),
-            Register.JOINTS: lambda: self._told_joints(body[0] & 0x0F if body else 1),
+            1: self._version,
+            13: lambda: bytes([self.state]),
+            14: lambda: struct.pack(">H", len(self._queue)),
+            15: lambda: bytes([self.error, self.warning]),
+            42: lambda: self._told_joints(body[0] & 0x0F if body else 1),
         }
-        if register not in told:
-            self.unknown.add(register)
+        if register in MOTIONS:
+            raise IndexError(f"register {register} is not emulated")
         return told.get(register, lambda: bytes(READ_AS_ZERO))()
 
     def _version(self) -> bytes:
@@ -221,8 +219,17 @@ class XArmEmulator(FaultSwitch):
         q, qd = self.measured()
         return b"".join(_wire(part) for part in (q, qd, np.zeros_like(q))[:count])
 
+    def _numbers(self, body: bytes, kept: Float64 | None = None) -> Float64:
+        """Return a number of each joint; infinite ones keep the joint. Raises IndexError: one is no number."""
+        found = np.array(struct.unpack_from(f"<{PLACES}f", body)[: self.axes])
+        if kept is not None:
+            found = np.where(np.isposinf(found), kept, found)
+        if not np.isfinite(found).all():
+            raise IndexError("not finite")
+        return found
+
     def _servo(self, body: bytes) -> None:
-        q = np.array(struct.unpack_from(f"<{PLACES}f", body)[: self.axes])
+        q = self._numbers(body)
         if self.mode != 1 or self.state == 4 or self.error:
             return
         if np.abs(q - self._q).max() > FAR:
@@ -236,13 +243,14 @@ class XArmEmulator(FaultSwitch):
             )
 
     def _move(self, body: bytes) -> None:
-        values = struct.unpack_from(f"<{PLACES + 2}f", body)
+        q, speed = self._numbers(body, self._q), struct.unpack_from("<f", body, 4 * PLACES)[0]
         if self.mode == 0 and self.state != 4 and not self.error:
-            self._queue.append((np.array(values[: self.axes]), max(values[PLACES], 0.01)))
+            self._queue.append((q, max(speed, 0.01)))
 
     def _set_speeds(self, body: bytes) -> None:
+        speeds = self._numbers(body)
         if self.mode == 4 and self.state != 4 and not self.error:
-            self._speeds = np.array(struct.unpack_from(f"<{PLACES}f", body)[: self.axes])
+            self._speeds = speeds
             (duration,) = struct.unpack_from("<f", body, 29) if len(body) >= 33 else (-1.0,)
             now = self._next or 0.0
             self._speeds_end = now + duration if duration > 0.0 else math.inf

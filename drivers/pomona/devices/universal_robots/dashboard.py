@@ -66,16 +66,11 @@ class UrDashboard:
         Raises DeviceFault, WrongArmError, DeviceLost: it is too old, another one, or does not answer.
         """
         major, minor = version[:2]
-        told = f"runs PolyScope {major}.{minor}"
-        if major not in OLDEST:
+        if minor < OLDEST.get(major, minor + 1):
+            need = "it needs 3.12 or a later 3, or 5.6 or a later 5"
             raise DeviceFault(
                 self._device,
-                f"{told}, which this driver does not support: it needs PolyScope 3 or 5",
-            )
-        if minor < OLDEST[major]:
-            raise DeviceFault(
-                self._device,
-                f"{told}, which is too old: update it to {major}.{OLDEST[major]} at least",
+                f"runs PolyScope {major}.{minor}, which this driver does not know: {need}",
             )
         answer = self.ask("get robot model").lower()
         series = "e" if major == 5 and answer in ("ur3", "ur5", "ur10", "ur16") else ""

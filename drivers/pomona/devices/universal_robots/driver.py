@@ -45,7 +45,7 @@ TAKEN, ENDED, ECHO = (f"output_int_register_{i}" for i in (24, 25, 26))
 PLAYED = "output_double_register_24"  # time of the motion at which the script is [s]
 OUTPUTS = (
     *("actual_q", "actual_qd", "robot_mode", "safety_mode", "runtime_state", "robot_status_bits"),
-    *("target_speed_fraction", TAKEN, ENDED, ECHO, PLAYED),
+    *("target_speed_fraction", "speed_scaling", TAKEN, ENDED, ECHO, PLAYED),
 )
 INPUTS = (
     *(f"input_int_register_{i}" for i in (24, 25, 26)),
@@ -57,8 +57,13 @@ RTDE clients own 24 to 47."""
 FOLLOW = 1
 STOP = 2
 BEAT = 0.02  # period of the heart beat [s]; without it for 100 ms the controller ends the script
-UNHEARD = 4  # beats by which a script that runs may be behind: 80 ms; beyond, another program runs
-LAST = 1_000_000  # beat, after which 1 comes again
+UNHEARD = 4  # beats by which a script that runs may be behind: 80 ms
+LATE = "got a knot too late: the computer or the connection was delayed, and the arm has stopped"
+REPLACED = (
+    "another program has replaced this one on the controller; one of them only can move the arm"
+)
+SLOW = "answers more than 80 ms late: the connection is too slow, and no motion can begin"
+NO_KNOT = [0.0] * 15
 STARTS = 2.0  # the script must run within this time after it was sent [s]
 POWERED = 30.0  # deadline of powering the arm and releasing its brakes, which is audible [s]
 UNLOCKED = 2.0  # deadline of the release of a protective stop [s]
@@ -92,7 +97,8 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         self._command = STOP
         self._beat = 0
         self._beat_at = -np.inf
-        self._knot: list[float] = [0, *([0.0] * 14)]
+        self._echoed = (0, 0)  # the newest beat that came back, and the one that was sent then
+        self._knot = NO_KNOT
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -159,13 +165,13 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
 
     def _runs(self, session: RtdeSession, first: int) -> bool:
         """Return True once the script repeats beats from `first` on."""
-        repeats = self._behind(session) <= (self._beat - first) % LAST
-        playing = session.whole("runtime_state") == PLAYING
-        return playing and repeats and session.whole(ENDED) == session.whole(TAKEN) == 0
+        repeats = 0 <= self._behind(session) <= self._beat - first
+        fresh = session.whole(ENDED) == session.whole(TAKEN) == 0
+        return repeats and fresh and session.whole("runtime_state") == PLAYING
 
     def _behind(self, session: RtdeSession) -> int:
         """Return by how many beats the script is behind."""
-        return (self._beat - session.whole(ECHO)) % LAST
+        return self._beat - session.whole(ECHO)
 
     def _await(
         self, session: RtdeSession, until: Callable[[], bool], seconds: float, problem: str
@@ -229,18 +235,20 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
     def _watch_controller(self, session: RtdeSession) -> None:
         if self._problem is not None:
             return
-        problem = stopped(session.whole("safety_mode"), session.whole("robot_mode"))
-        if not problem and session.whole(ENDED) == 2:
-            problem = "got a knot too late: the computer or the connection was delayed, and the arm has stopped"
-        problem = problem or interrupted(session.whole("runtime_state"))
-        if not problem and self._behind(session) > UNHEARD:
-            problem = "another program has replaced this one on the controller; one of them only can move the arm"
+        echo = session.whole(ECHO)
+        if echo != self._echoed[0]:
+            self._echoed = echo, self._beat
+        problem = (
+            stopped(session.whole("safety_mode"), session.whole("robot_mode"))
+            or LATE * (session.whole(ENDED) == 2)
+            or interrupted(session.whole("runtime_state"))
+            or REPLACED * (self._beat - self._echoed[1] > UNHEARD)
+            or SLOW * (self._behind(session) > UNHEARD)
+        )
         if problem:
             self._blame(DeviceFault(self.name, problem))
             self._abandon(problem)
-            return
-        problem = self._trouble(session)
-        if problem:  # it can move still: it brakes on its path
+        elif problem := self._trouble(session):  # it can move still: it brakes on its path
             self._blame(DeviceFault(self.name, problem))
             if self._motion is not None:
                 self._motion.fail(problem)
@@ -249,7 +257,7 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         now = self._clock.now()
         if at_once or now - self._beat_at >= BEAT:
             self._beat_at = now
-            self._beat = self._beat % LAST + 1
+            self._beat += 1
             self._write(session)
 
     def _pump(self, session: RtdeSession, stream: KnotStream) -> None:
@@ -267,6 +275,13 @@ class UrArm(StreamingArm[RtdeSession, KnotStream]):
         taken = self._session.whole(TAKEN) if self._session is not None else 0
         command = self._supervisor.command
         self._points = KnotStream(motion, q_arm, self._clock, self.options, taken + 1, command)
+
+    def _condemn(self, fault: DeviceFault) -> None:
+        share = 1.0 if self._session is None else self._session.number("speed_scaling")
+        why = (
+            "" if share > 0.995 else f"; its controller goes at {100.0 * share:.0f} % of its speed"
+        )
+        super()._condemn(DeviceFault(self.name, fault.message + why))
 
     def _halt(self, problem: str) -> None:
         """Let the script brake at once; it ends then."""

@@ -120,7 +120,7 @@ class RtdeSession:
             raise DeviceFault(
                 device, "its RTDE has no version 2: update PolyScope to 3.12 or 5.6 at least"
             )
-        self.version = struct.unpack(">4I", self._whole(self._ask(RtdeKind.CONTROLLER, b""), 16))
+        self.version = struct.unpack(">4I", self._ask(RtdeKind.CONTROLLER, b"").ljust(16)[:16])
         _, self._outputs = self._agree(RtdeKind.OUTPUTS, struct.pack(">d", rate), outputs)
         self._number, self._inputs = (
             self._agree(RtdeKind.INPUTS, b"", inputs) if inputs else (0, RtdeRecipe((), ()))
@@ -182,14 +182,10 @@ class RtdeSession:
         if wrong:
             other = "another run, another RTDE client or a field bus writes them"
             who = other if "IN_USE" in kinds else "this controller lacks them"
-            more = f" and {len(wrong) - 1} more" if wrong[1:] else ""
-            raise RegisterTakenError(self._device, f"RTDE refuses {wrong[0]}{more}: {who}")
+            raise RegisterTakenError(
+                self._device, f"RTDE refuses {len(wrong)} fields, such as {wrong[0]}: {who}"
+            )
         return answer[0], RtdeRecipe(names, kinds)
-
-    def _whole(self, answer: bytes, size: int) -> bytes:
-        if len(answer) != size:
-            raise Nonsense(self._device, Malformed(answer, f"is no answer of {size} bytes"))
-        return answer
 
     def _ask(self, kind: RtdeKind, body: bytes) -> bytes:
         self._link.send(encode(kind, body))

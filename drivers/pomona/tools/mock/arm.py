@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pomona.drivers.errors import BadTrajectory, DeviceError, MotionRefused
+from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.interfaces import (
     Arm,
     ArmLimits,
@@ -17,11 +18,9 @@ from pomona.drivers.interfaces import (
     StreamedArm,
     Trajectory,
 )
-from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
-from pomona.drivers.path_motion import PathMotion
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.path_arm import PathArm, PostedSetPoints, SetPointStream
 from pomona.drivers.streamed_motion import StreamedMotion
-from pomona.drivers.trajectory import check_trajectory
-from pomona.executive.cell.device import Device
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.installation import installed_trees
 from pomona.tools.mock.hand import PERIOD, MockClock
@@ -37,7 +36,7 @@ SIA5F_LIMITS = ArmLimits(
 )
 
 
-class MockArm(Device):
+class MockArm(PathArm):
     """A kinematic arm.
 
     Args:
@@ -53,6 +52,8 @@ class MockArm(Device):
     """
 
     interfaces = (Arm, StreamedArm)
+    outlives = False
+    played = True  # of a `SetPointStream`: it is where its set-point is
 
     def __init__(
         self,
@@ -62,22 +63,17 @@ class MockArm(Device):
         description: Path = ROBOT,
         supervision: Supervision | None = None,
     ) -> None:
-        super().__init__("arm")
-        self._clock = clock
-        self.description, self.limits = description, limits
+        super().__init__("arm", clock, description, limits, supervision or Supervision(), PERIOD)
         self.q: Float64 = np.zeros(limits.lower.size) if q is None else np.array(q, np.float64)
         self._qd = np.zeros_like(self.q)
         self.followed: list[Trajectory] = []
-        self._motion: PathMotion | StreamedMotion | None = None
-        self._speed = 1.0
         self.says: Callable[[Float64], Float64] = lambda q: q
-        self._supervisor = MotionSupervisor(self.name, limits, supervision or Supervision())
-        self._steps = 0
-        self._latched: str | None = None
+        self.sent = 0
         self._refusal: str | None = None
         self._failure: tuple[float, str] | None = None
-        self._error: DeviceError | None = None
-        clock.each_step.append(self._step)
+        self._problem = None
+        self._believe(clock.now(), self.q, self._qd)
+        clock.each_step.append(self.step)
 
     # ---------------------------------------------------------------------------------------------- script
 
@@ -91,7 +87,7 @@ class MockArm(Device):
 
     def fail_check(self, error: DeviceError | None) -> None:
         """Raise this from every `check` from now on; None ends it."""
-        self._error = error
+        self._problem = error
 
     # ----------------------------------------------------------------------------------------------- device
 
@@ -99,91 +95,63 @@ class MockArm(Device):
         return ArmState(self._clock.now(), self.q.copy(), self._qd.copy(), not self.settled())
 
     def follow(self, trajectory: Trajectory) -> Motion:
-        self._need_ready()
-        try:
-            check_trajectory(trajectory, self.limits, self.q)
-        except BadTrajectory as bad:
-            raise MotionRefused(self.name, bad.problem) from bad
+        motion = super().follow(trajectory)
         self.followed.append(trajectory)
-        self._supervisor.end()
-        self._motion = PathMotion(trajectory, self.limits, PERIOD, self._speed)
-        return self._motion
-
-    def stream(self, watchdog: float) -> SetPoints:
-        self._need_ready()
-        self._supervisor.end()
-        motion = self._motion = StreamedMotion(
-            self.q, self.limits, PERIOD, watchdog, self._speed, self._clock.now
-        )
         return motion
 
-    def _need_ready(self) -> None:
+    def stream(self, watchdog: float) -> SetPoints:
+        def towards(q: Float64) -> StreamedMotion:
+            now = self._clock.now
+            return StreamedMotion(q, self.limits, PERIOD, watchdog, self._speed, now)
+
+        return PostedSetPoints(self._start_motion(towards), self._owner, 0.0)
+
+    def _not_ready(self) -> str | None:
+        self._state = MockArm.state(self)  # it may have been moved by hand
         refusal, self._refusal = self._refusal, None
-        if self._latched is not None:
-            refusal = f"latched in the safe state ({self._latched})"
-        elif self._motion is not None and not self._motion.settled:
-            refusal = "still moves; stop the motion and wait until it has settled"
-        if refusal:
-            raise MotionRefused(self.name, refusal)
+        return refusal or super()._not_ready()
 
-    def check(self) -> None:
-        if self._error is not None:
-            raise self._error
-
-    def link(self) -> str:
-        return "ok" if self._error is None else self._error.message
-
-    def safe_stop(self, reason: str) -> None:
-        self._latched = reason
-        if self._motion is not None:
-            self._motion.stop()
-
-    def acknowledge(self) -> None:
-        self._supervisor.forget()
-        self._latched = None
-
-    def pause(self) -> None:
-        if self._motion is not None:
-            self._motion.pause()
-
-    def resume(self) -> None:
-        if self._motion is not None:
-            self._motion.resume()
-
-    def go_at(self, speed: float) -> None:
-        self._speed = speed
-        if self._motion is not None:
-            self._motion.set_speed(speed)
-
-    def settled(self) -> bool:
-        return self._motion is None or self._motion.at_rest
-
-    def _step(self) -> None:
-        motion = self._motion
-        self._supervise(motion)
-        if motion is None or motion.settled:
-            return
-        if self._failure is not None and motion.progress >= self._failure[0]:
-            motion.fail(self._failure[1])
-            self._failure = None
-        if not motion.at_rest:
-            self.q, self._qd = motion.step()
-            self._steps += 1
-        motion.look(resting=True, beside=0.0, now=self._clock.now())
-
-    def _supervise(self, motion: PathMotion | StreamedMotion | None) -> None:
-        now = self._clock.now()
-        if not self._supervisor.due(now):
-            return
+    def step(self) -> None:
+        """Move the arm for one period of the clock."""
+        motion, now = self._motion, self._clock.now()
+        if motion is not None and not motion.settled:
+            if self._failure is not None and motion.progress >= self._failure[0]:
+                motion.fail(self._failure[1])
+                self._failure = None
+            if not motion.at_rest:
+                self.q, self._qd = motion.step()
+                self.sent += 1
+            self._supervisor.command(now, self.q)
         try:
-            if motion is not None and not motion.settled:
-                self._supervisor.command(now, self.q)
-            self._supervisor.on_feedback(now, np.array(self.says(self.q)), self._qd)
-            if motion is not None and not motion.settled:
-                self._supervisor.look(now, motion, self._steps)
-            elif self._error is None:
-                self._supervisor.look_at_rest(np.array(self.says(self.q)))
-        except DeviceError as error:
-            self._error = self._error or error
-            if motion is not None:
-                motion.fail(error.message)
+            self._believe(now, np.array(self.says(self.q)), self._qd)
+        except DeviceLost as error:
+            self._doubt(error)
+        self._watch_motion()
+
+    @property
+    def q_last(self) -> Float64:
+        """The newest set-point, (dof,) [rad]."""
+        return self.q
+
+    @property
+    def _stream(self) -> SetPointStream:
+        return self
+
+    def _begin_stream(self, motion: Any, q_arm: Float64) -> None: ...
+
+    def _end_stream(self) -> None: ...
+
+    def _failed(self, error: BaseException) -> None:
+        raise error
+
+    def _halt(self, problem: str) -> None:
+        if self._motion is not None:
+            self._motion.fail(problem)
+
+    def _release(self) -> None:
+        self._problem, self._doubted = None, False
+        self._supervisor.forget()
+
+    def _leave(self) -> None: ...
+
+    def close(self) -> None: ...

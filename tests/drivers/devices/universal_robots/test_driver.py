@@ -452,7 +452,8 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
     assert np.abs(cell.joints.measured()[1]).max() < 1e-4
     again = arm_of(cell)
     with pytest.raises(
-        RegisterTakenError, match=r"input_int_register_24 \(IN_USE\) and 16 more: another run"
+        RegisterTakenError,
+        match=r"17 fields, such as input_int_register_24 \(IN_USE\): another run",
     ):
         again.connect()
     cell.controller.rtde.disconnected(cell.opened[0].peer)
@@ -487,9 +488,9 @@ def test_another_model_at_the_address_is_refused() -> None:
     ("version", "told"),
     [
         ((3, 1, 0, 0), "update PolyScope"),
-        ((3, 5, 0, 0), "too old: update it to 3.12"),
-        ((5, 4, 3, 0), "too old: update it to 5.6"),
-        ((10, 7, 0, 0), "it needs PolyScope 3 or 5"),
+        ((3, 5, 0, 0), "runs PolyScope 3.5, which"),
+        ((5, 4, 3, 0), "runs PolyScope 5.4, which"),
+        ((10, 7, 0, 0), "needs 3.12 or a later 3, or 5.6 or a later 5"),
     ],
 )
 def test_a_controller_of_another_age_is_refused(version: tuple[int, ...], told: str) -> None:
@@ -608,3 +609,50 @@ def test_the_set_points_keep_the_path_s_speed_whatever_the_controller_does_to_it
     assert max(steps) < 1.3 * fastest * cycle
     assert np.ptp(cell.joints.measured()[0] - START - 0.25 * CHANGE) < 2e-3
     assert motion.state is MotionState.DONE
+
+
+@pytest.mark.parametrize(("late", "told"), [(0.01, ""), (0.1, "answers more than 80 ms late")])
+def test_a_late_connection_is_not_called_another_program(late: float, told: str) -> None:
+    cell = Cell()
+    opened = cell.open
+
+    def open_late(name: str) -> Connection:
+        connection = opened(name)
+        connection.late = late if name == "rtde" else 0.0
+        return connection
+
+    cell.open = open_late  # type: ignore[method-assign]
+    arm = connected(cell)
+    serve(arm, cell, 0.5)
+    assert told in arm.link() if told else arm.link() == "ok"
+
+
+@pytest.mark.parametrize("scaling", [0.7, 0.5])
+def test_a_controller_that_slows_down_by_itself_ends_a_long_motion(scaling: float) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    cell.controller.scaling = scaling
+    motion = arm.follow(swing(START, 0.2 * CHANGE, 5.0))
+    serve(arm, cell, 12.0, lambda: motion.settled)
+    assert (motion.state, arm.link()) == (MotionState.DONE, "ok")
+
+
+def test_a_controller_that_slows_down_by_itself_is_named_when_the_arm_does_not_follow() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    moving(cell, arm)
+    cell.controller.scaling = 0.7
+    stands = cell.joints.measured()[0]
+    cell.controller.measured = lambda: (stands + 1e-6 * cell.clock.now(), 0.0 * stands)  # type: ignore[method-assign]
+    serve(arm, cell, 1.0)
+    assert "goes at 70 % of its speed" in arm.link()
+
+
+@pytest.mark.parametrize("line", ["x = get_forward_kin()[0]", "movej(7)", "x = 1 / 0", "nothing()"])
+def test_an_error_in_a_script_stops_the_program_and_nothing_else(line: str) -> None:
+    cell = Cell()
+    cell.controller.load(f"def other():\n  sync()\n  {line}\nend\n")
+    assert cell.controller.program == "other"
+    cell.let_pass(0.1)
+    assert cell.controller.program is None
+    connected(cell).check()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -426,3 +427,23 @@ def test_another_service_at_the_address_is_refused() -> None:
 
     cell.controller.command = Web()  # type: ignore[assignment]
     assert "a web server (HTTP) answers there" in refusal(cell)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("register", [23, 29, 81])
+def test_an_emulated_arm_takes_no_number_that_is_none(register: int, wrong: float) -> None:
+    cell = Cell()
+    connected(cell)
+    body = struct.pack("<10f", wrong, *cell.joints.measured()[0][1:], *([0.0] * 4))
+    if register == 23 and wrong == np.inf:  # the vendor's client: this joint stays
+        cell.controller.answer(register, body)
+        return
+    with pytest.raises(IndexError):
+        cell.controller.answer(register, body)
+
+
+def test_an_emulated_arm_refuses_a_motion_that_it_does_not_know() -> None:
+    cell = Cell()
+    assert cell.controller.answer(60, b"") == bytes(40)
+    with pytest.raises(IndexError):
+        cell.controller.answer(21, bytes(40))
