@@ -10,7 +10,12 @@ from pomona.drivers.interfaces import Box, Workspace
 from pomona.skills.geometry import inverse, rot_x, transform
 from pomona.skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
 from pomona.skills.motion.collision.kernel import make_scratch, place
-from pomona.skills.motion.collision.segment import bounds_of_motion, speed_of_ball, write_twists
+from pomona.skills.motion.collision.segment import (
+    _reaches,
+    bounds_of_motion,
+    speed_of_ball,
+    write_twists,
+)
 from pomona.skills.motion.lines import straight_line
 from pomona.skills.motion.robot import RobotModel, inverse_kinematics
 
@@ -133,3 +138,61 @@ def test_a_space_proven_free_is_never_denied_where_another_check_looks_elsewhere
         return
     shares = np.sort(rng.uniform(0.0, 1.0, 7))
     assert world.first_blocked(start + shares[:, None] * (end - start), 0.07) is None
+
+
+# --------------------------------------------------------------------------------------- the bounds by themselves
+
+
+def test_rates_and_bends_are_sums_over_the_joints_from_one_on() -> None:
+    rng = np.random.default_rng(4)
+    reach, step = rng.uniform(0.1, 1.0, (5, 3)), rng.normal(size=5)
+    for first in (0, 2, 4, 5):
+        for geom in range(3):
+            moved = np.abs(step[first:])
+            apart = reach[first:, geom]
+            rate, bend = bounds_of_motion(reach, step, first, geom)
+            assert rate == pytest.approx(float(moved @ apart))
+            pairs = np.triu(
+                np.ones((len(moved), len(moved))), 1
+            )  # each joint that turns a later one
+            expected = moved**2 @ apart + 2.0 * moved @ pairs @ (moved * apart)
+            assert bend == pytest.approx(float(expected))
+
+
+def test_twists_are_the_motion_of_points_that_links_carry() -> None:
+    rng = np.random.default_rng(5)
+    dof = 4
+    links = np.zeros((dof + 1, 3, 4))
+    for j in range(dof + 1):
+        links[j, :, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        links[j, :, 3] = rng.normal(size=3)
+    step, sliding = rng.normal(size=dof), np.array([False, True, False, True])
+    turns, shifts = np.zeros((dof + 1, 3)), np.zeros((dof + 1, 3))
+    write_twists(sliding, links, step, turns, shifts)
+    p = rng.normal(size=3)
+    velocity = np.zeros(3)
+    for j in range(dof):
+        z, origin = links[j + 1, :, 2], links[j + 1, :, 3]
+        velocity = velocity + step[j] * (z if sliding[j] else np.cross(z, p - origin))
+        assert np.cross(turns[j + 1], p) + shifts[j + 1] == pytest.approx(velocity)
+    inner, outer, radius = 1, 4, 0.2
+    bound = speed_of_ball(turns, shifts, inner, outer, p, radius)
+    middle = np.cross(turns[outer] - turns[inner], p) + shifts[outer] - shifts[inner]
+    turning = np.linalg.norm(turns[outer] - turns[inner])
+    assert bound == pytest.approx(np.linalg.norm(middle) + radius * turning)
+
+
+@pytest.mark.parametrize(
+    ("clear", "rate", "speed", "bend", "reached"),
+    [
+        (0.1, 0.5, 10.0, 0.0, 0.2),  # by the rate
+        (0.1, 5.0, 0.2, 0.0, 0.5),  # at a steady speed
+        (0.1, 5.0, 0.0, 0.2, 1.0),  # from rest: bend / 2 · t² = clear
+        (0.1, 5.0, 0.05, 0.1, 1.0),  # 0.05 t + 0.05 t² = 0.1
+        (0.1, 0.0, 1.0, 1.0, 1e11),
+    ],
+)
+def test_a_clearance_is_valid_until_the_motion_can_have_used_it_up(
+    clear: float, rate: float, speed: float, bend: float, reached: float
+) -> None:
+    assert _reaches(clear, rate, speed, bend) == pytest.approx(reached)
