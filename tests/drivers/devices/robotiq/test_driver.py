@@ -13,7 +13,6 @@ from pomona.devices.robotiq.driver import RECONNECT, RobotiqGripper
 from pomona.devices.robotiq.options import MODELS, RobotiqFile
 from pomona.devices.robotiq.session import RtuSession, UrcapSession
 from pomona.drivers import (
-    DeviceError,
     DeviceFault,
     DeviceLost,
     GripperLimits,
@@ -247,29 +246,6 @@ def test_a_streamed_speed_is_followed(speed: float) -> None:
     gripper.check()
 
 
-def test_a_stream_that_is_not_renewed_stands() -> None:
-    cell = Cell()
-    gripper = connected(cell)
-    gripper.set_speed(-0.01)
-    serve(gripper, cell, 0.1)
-    serve(gripper, cell, 0.2)
-    width = cell.fingers.width
-    serve(gripper, cell, 1.0)
-    assert cell.fingers.width == pytest.approx(width, abs=1e-4)
-    assert width > 0.046
-
-
-def test_a_process_that_ends_in_a_stream_leaves_the_fingers_within_three_steps() -> None:
-    cell = Cell()
-    gripper = connected(cell)
-    for _ in range(50):
-        gripper.set_speed(-0.02)
-        serve(gripper, cell, 0.01)
-    width = cell.fingers.width
-    cell.let_pass(2.0)
-    assert width - cell.fingers.width < 4.0 * gripper.limits.step
-
-
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
     ("fault", "told"),
@@ -333,23 +309,6 @@ def test_a_gripper_that_was_switched_off_is_called_so_and_no_command_activates_i
     assert gripper.settled()
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_held_fruit_that_is_gone_is_called_so_and_the_fingers_stop(way: str) -> None:
-    cell = Cell()
-    gripper = connected(cell, way)
-    cell.fingers.fruit = 0.030
-    move = gripper.move(0.005, 0.05)
-    serve(gripper, cell, 3.0, lambda: move.settled)
-    assert move.state is MotionState.FAILED
-    serve(gripper, cell, 0.5)
-    cell.fingers.fruit = 0.0
-    cell.gripper.object = 0  # the motor goes on
-    serve(gripper, cell, 2.0)
-    with pytest.raises(DeviceFault, match=r"the object between the fingers is gone"):
-        gripper.check()
-    assert cell.fingers.width > 0.012
-
-
 def test_noise_on_the_line_is_repeated_and_only_noise_is_a_loss() -> None:
     cell = Cell()
     gripper = connected(cell)
@@ -406,41 +365,3 @@ def closing(cell: Cell, way: str, to: float = 0.005) -> RobotiqGripper:
     serve(gripper, cell, 0.3)
     assert cell.fingers.speed < 0.0
     return gripper
-
-
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(
-    ("fault", "lasts"), [("hot", 2.0), ("hot", 0.1), ("silent", 0.1), ("silent", 0.4)]
-)
-@pytest.mark.parametrize("stopped", [False, True])
-def test_fingers_that_move_are_stopped_after_a_fault_and_after_a_loss(
-    way: str, fault: str, lasts: float, stopped: bool
-) -> None:
-    if fault == "silent" and way == "urcap" and lasts < 0.3:
-        pytest.skip("too short to be noticed")
-    cell = Cell()
-    gripper = closing(cell, way)
-    cell.gripper.inject_fault(fault)
-    serve(gripper, cell, lasts)
-    if stopped:
-        gripper.safe_stop("an operator's")
-    if fault == "silent":
-        cell.gripper.clear_fault()
-    serve(gripper, cell, 0.1 + RECONNECT)
-    rested = cell.fingers.width
-    serve(gripper, cell, 1.0)
-    assert cell.fingers.width == pytest.approx(rested, abs=1e-4)
-    assert not cell.gripper.written[0] & 8
-    with pytest.raises(DeviceError):
-        gripper.check()
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_closing_the_driver_stops_the_fingers(way: str) -> None:
-    cell = Cell()
-    gripper = closing(cell, way)
-    before = cell.fingers.width
-    gripper.close()
-    cell.let_pass(1.0)
-    assert before - cell.fingers.width < 0.03 * 0.1
-    assert not cell.gripper.written[0] & 8

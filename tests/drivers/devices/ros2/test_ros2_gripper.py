@@ -212,21 +212,6 @@ def test_a_safe_stop_keeps_the_grip_and_lets_nothing_open(setting: Setting) -> N
     assert motion.state is MotionState.DONE
 
 
-def test_paused_it_rests_and_goes_on(setting: Setting) -> None:
-    motion = setting.gripper.move(0.02, 0.03)
-    setting.serve(0.3)
-    setting.gripper.pause()
-    setting.serve(0.5)
-    rested = setting.fingers.width
-    assert setting.gripper.settled()
-    setting.serve(0.5)
-    assert setting.fingers.width == pytest.approx(rested, abs=1e-5)
-    setting.gripper.resume()
-    setting.serve(4.0, lambda: motion.settled)
-    assert motion.state is MotionState.DONE
-    setting.gripper.check()
-
-
 @pytest.mark.parametrize(
     ("wrong", "error", "words"),
     [
@@ -262,25 +247,6 @@ def test_an_impossible_state_fails_the_move_and_stays_latched(
     assert setting.fingers.set_point == said  # it goes no further
     with pytest.raises(MotionRefused, match="not ready"):
         setting.gripper.move(0.05, 0.05)
-
-
-def test_after_a_loss_nothing_moves_until_somebody_acknowledges(setting: Setting) -> None:
-    setting.fingers.silent = True
-    setting.serve(0.5)
-    with pytest.raises(DeviceLost, match="is still lost"):
-        setting.gripper.acknowledge()
-    setting.fingers.silent = False
-    setting.serve(0.5)
-    with pytest.raises(DeviceLost, match="acknowledge the loss before it moves"):
-        setting.gripper.set_speed(-0.02)
-    with pytest.raises(DeviceLost):
-        setting.gripper.check()
-    assert setting.fingers.said == []
-    setting.gripper.acknowledge()
-    setting.gripper.check()
-    motion = setting.gripper.move(0.04, 0.05)
-    setting.serve(2.0, lambda: motion.settled)
-    assert motion.state is MotionState.DONE
 
 
 def test_fingers_that_move_without_a_command_are_a_fault(setting: Setting) -> None:
