@@ -34,6 +34,7 @@ def test_a_new_bias_means_that_the_hand_is_empty() -> None:
     ["", "[]", "{", '{"format": "pomona hand 1"}', '{"format": "other", "held": "", "width": 0.1, "bias": {}}',
      '{"format": "pomona hand 1", "held": "", "width": NaN, "bias": {}}',
      '{"format": "pomona hand 1", "held": "", "width": 0.1, "bias": {"f1": [Infinity]}}',
+     '{"format": "pomona hand 1", "held": "", "width": 0.1, "bias": {}, "opens_to": Infinity}',
      '{"format": "pomona hand 1", "held": "", "width": null, "bias": {}}'],
 )  # fmt: skip
 def test_a_damaged_file_is_no_record(tmp_path: Path, text: str) -> None:

@@ -389,3 +389,26 @@ def test_empty_plain_fingers_may_be_moved_in_a_pause(plain: Plain) -> None:
     plain.watch.note()
     plain.gripper.width = 0.05
     plain.watch.compare()
+
+
+@pytest.mark.parametrize(
+    ("started", "aim", "stands", "said"),
+    [
+        (0.06, 0.1, 0.0601, ""),
+        (0.06, 0.1, 0.085, ""),
+        (0.06, 0.1, 0.1, ""),
+        (0.06, 0.1, 0.055, "stood at 60.0 mm"),
+        (0.06, 0.09, 0.095, "stood at 60.0 mm"),
+        (0.1, 0.06, 0.085, "stood at 100.0 mm"),
+    ],
+)
+def test_empty_fingers_whose_run_was_killed_while_they_opened_are_no_alarm(
+    clock: MockClock, started: float, aim: float, stands: float, said: str
+) -> None:
+    plain = Plain(clock, started, HandRecord("", started))
+    assert plain.watch.in_hand() == NOTHING
+    plain.move(aim, for_=0.02)  # the run is killed here, and the gripper goes on
+    plain.gripper = MockGripper(clock, stands)
+    found = plain.connected().in_hand() or ""
+    assert bool(found) == bool(said)
+    assert said in found

@@ -54,6 +54,7 @@ class HandRecord:
     width: float | None = None
     # voltages without contact [V] by the fingerprint of a finger's calibration
     bias: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    opens_to: float | None = None  # where empty fingers were opening to [m]: they grip nothing
 
 
 class HandMemory:
@@ -79,9 +80,9 @@ class HandMemory:
         """Keep a bias that was just taken, with an empty hand at this width [m]."""
         self._keep(lambda _last: HandRecord("", width, bias))
 
-    def keep_hand(self, held: str, width: float) -> None:
-        """Keep the state of the hand at this width [m]."""
-        self._keep(lambda last: replace(last, held=held, width=width))
+    def keep_hand(self, held: str, width: float, opens_to: float | None = None) -> None:
+        """Keep the state of the hand at this width, from which empty fingers may be opening [m]."""
+        self._keep(lambda last: replace(last, held=held, width=width, opens_to=opens_to))
 
     def _keep(self, change: Callable[[HandRecord], HandRecord]) -> None:
         """A file that cannot be written is removed and reported once: the next connection then knows nothing."""
@@ -110,14 +111,16 @@ def _read(path: Path) -> HandRecord | None:
         if content["format"] != FORMAT:
             return None
         width = float(content["width"])
+        opens_to = content.get("opens_to")
+        opens_to = None if opens_to is None else float(opens_to)
         bias = {
             str(key): tuple(float(volts) for volts in taxels)
             for key, taxels in content["bias"].items()
         }
-        finite = math.isfinite(width) and all(
+        finite = math.isfinite(width + (opens_to or 0.0)) and all(
             math.isfinite(volts) for taxels in bias.values() for volts in taxels
         )
-        return HandRecord(str(content["held"]), width, bias) if finite else None
+        return HandRecord(str(content["held"]), width, bias, opens_to) if finite else None
     except (OSError, ValueError, RecursionError, TypeError, KeyError, AttributeError):
         return None
 
@@ -165,6 +168,13 @@ def may_hold(
     here = f"the fingers stand at {1e3 * state.width:.1f} mm"
     if last is None:
         return f"{here}, and the last state of the hand is unknown"
+    if (
+        not last.held
+        and last.width is not None
+        and last.opens_to is not None
+        and last.width - STOOD <= state.width <= last.opens_to + STOOD
+    ):
+        return ""
     if last.width is not None and not abs(state.width - last.width) <= (
         GIVE if last.held else STOOD
     ):
@@ -354,6 +364,14 @@ class HoldWatch:
         )
         if not same or (not stood and not gripper.moving):
             self._memory.keep_hand(self._hand, gripper.width)
+        elif (
+            last is not None
+            and last.width is not None
+            and gripper.aim is not None
+            and not self._hand
+            and last.width - STOOD <= gripper.width < gripper.aim != last.opens_to
+        ):
+            self._memory.keep_hand("", last.width, gripper.aim)
 
     def _state(self) -> GripperState | None:
         """Of the gripper; None when it is lost, or there is none."""

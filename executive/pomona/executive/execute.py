@@ -19,6 +19,7 @@ from pomona.executive.board import Board
 from pomona.executive.cell import connect
 from pomona.executive.cell.cell import Cell, dry_cell
 from pomona.executive.cell.cell_file import SIMULATED, CellFile
+from pomona.executive.cell.errors import DriverError
 from pomona.executive.errors import UsageError
 from pomona.executive.files import read_text
 from pomona.executive.judging import judge, split_settings
@@ -53,10 +54,10 @@ from pomona.executive.values.yaml_nodes import written
 
 logger = logging.getLogger(__name__)
 
-RECOVERY_SETTINGS = (
+RECOVERY_SETTINGS = {
     "release",
     "home",
-)  # parameters of the tree `recover` that `--set` passes to it
+}  # parameters of the tree `recover` that `--set` passes to it
 
 NO_RECORD = "NO_RECORD"  # failure code of a run whose cell requires a record, and whose record is incomplete
 MOST_SEED = 2**63 - 1  # largest seed: records hold whole numbers of 64 bits
@@ -174,7 +175,7 @@ def execute(
         with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
             if order.tree.resolve() != _recovery():
                 ready = replace(ready, order=admitted(order, ready.cell))
-                _after_cut(ready.order, followers)
+                _after_cut(ready, followers)
             try:
                 return _run_on_cell(ready, followers)
             finally:
@@ -292,6 +293,11 @@ def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
         stack.callback(
             signals.wait
         )  # after any end of the run, closing the cell is not interrupted
+        if (order.cleared or order.recover) and not cell.clock.simulated:
+            try:
+                cell.acknowledge()  # the operator's order: a lost client leaves a gripper in its fast stop
+            except DriverError as error:
+                raise UsageError(f"{error}; nothing has moved") from error
         _refuse_full_hand(order, cell)
         work = _Work(
             order,
@@ -332,11 +338,12 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
         raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{what} {WHAT_TO_DO}")
 
 
-def _after_cut(order: RunOrder, followers: _Followers) -> None:
+def _after_cut(ready: _Ready, followers: _Followers) -> None:
     """If the last run on this cell was cut off: recover if ordered, else refuse a cell that may hold something.
 
     Raises UsageError: it may hold something, or the recovery did not succeed; KeyboardInterrupt: a signal came.
     """
+    order = ready.order
     starting = followers.starting
     past = order.past or order.record
     cut = unfinished(past, order.cell) if past is not None and not order.cleared else None
@@ -346,7 +353,8 @@ def _after_cut(order: RunOrder, followers: _Followers) -> None:
     starting.reach(words)
     if cut is None or order.recover:
         logger.warning("%s: recovering first", words)
-        settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
+        own = ready.document.main.parameters.keys() - RECOVERY_SETTINGS
+        settings = {key: value for key, value in order.settings.items() if key not in own}
         recovery = replace(order, tree=_recovery(), settings=settings, breaks=())
         recovered = _run_on_cell(
             _read(recovery, starting), replace(followers, on_latched=lambda _runner: None)

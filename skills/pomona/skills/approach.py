@@ -35,12 +35,11 @@ from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.live_watch import KnownAround, prepare_watch
+from pomona.skills.shared.live_watch import KnownAround
 from pomona.skills.shared.planning import Clearance, OtherObstacles, ToolAcceleration, usable_field
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import SINKS, Touch, felt, hand_felt, landing_speeds
 from pomona.skills.shared.touch_view import record_landing
-from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 
 # how far the TCP may stand from the pre-grasp [m, rad]
@@ -72,10 +71,6 @@ class Approach(MovingSkill):
         "SENSOR_STALE",
         "MAP_STALE",
     )
-
-    def prepare(self) -> None:
-        prepare_moving(self)
-        prepare_watch(self)
 
     def run(
         self,

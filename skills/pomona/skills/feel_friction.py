@@ -21,7 +21,6 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import show_grip, watch_grip
-from pomona.skills.shared.warm_motion import prepare_moving
 
 # of the slides [m/s²], and time to reach it [s]
 ACCELERATION = 0.4
@@ -58,9 +57,6 @@ class FeelFriction(MovingSkill):
     moves = (Arm, Gripper)
     own_speed = True  # friction is measured at one speed of sliding
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "SENSOR_STALE", "SENSOR_SATURATED")
-
-    def prepare(self) -> None:
-        prepare_moving(self)
 
     def run(
         self,

@@ -14,7 +14,7 @@ from pomona.executive.skill import Work
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
-from pomona.skills.shared.live_watch import KnownAround, prepare_watch
+from pomona.skills.shared.live_watch import KnownAround
 
 START_TOLERANCE = 0.02  # how far a joint may stand from the path's start [rad]
 
@@ -28,9 +28,6 @@ class Follow(MovingSkill):
 
     devices = (Arm,)
     failures = (*MOTION_FAILURES, "BAD_PATH", "NOT_AT_START")
-
-    def prepare(self) -> None:
-        prepare_watch(self)
 
     def run(
         self,

@@ -44,7 +44,6 @@ from pomona.skills.shared.planning import (
 )
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import weighing
-from pomona.skills.shared.warm_motion import prepare_moving
 
 STILL = 1e-4
 STILL_FOR = 0.15
@@ -77,9 +76,6 @@ class Lift(MovingSkill):
         "MAP_STALE",
     )
     renamed_failures: ClassVar = {"NO_WAY_UP": "LIFT_BLOCKED"}
-
-    def prepare(self) -> None:
-        prepare_moving(self)
 
     def run(
         self,

@@ -12,7 +12,6 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.planning.arm_space import arm_space
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 from pomona.skills.shared.planning import Clearance, OtherObstacles, usable_field
-from pomona.skills.shared.warm_motion import prepare_moving
 
 
 class OpenFingers(MovingSkill):
@@ -25,9 +24,6 @@ class OpenFingers(MovingSkill):
     devices = (Arm, Gripper, Workspace)
     moves = (Gripper,)
     failures = (*MOTION_FAILURES, "MAP_STALE")
-
-    def prepare(self) -> None:
-        prepare_moving(self)
 
     def run(
         self,

@@ -21,11 +21,10 @@ from pomona.skills.motion.planning.timing import time_curve
 from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, lower_until_contact
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_between, is_held
-from pomona.skills.shared.live_watch import KnownAround, prepare_watch
+from pomona.skills.shared.live_watch import KnownAround
 from pomona.skills.shared.planning import ToolAcceleration
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import felt, load
-from pomona.skills.shared.warm_motion import prepare_moving
 from pomona.skills.shared.yielding import YieldingFingers
 
 LATERAL_TOLERANCE = 0.015
@@ -60,10 +59,6 @@ class Retreat(MovingSkill):
     failures = (*MOTION_FAILURES, "RETREAT_BLOCKED")
     renamed_failures: ClassVar = {"NO_WAY_BACK": "RETREAT_BLOCKED"}
 
-    def prepare(self) -> None:
-        prepare_moving(self)
-        prepare_watch(self)
-
     def run(
         self,
         grasp: Annotated[Grasp | None, Port(help="the grasp that was attempted")] = None,
@@ -91,9 +86,12 @@ class Retreat(MovingSkill):
         if back.length > AT_GOAL:
             jerk = acceleration / JERK_TIME
             curve = time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk)
-            known = KnownAround(fruit=(grasp.fruit,))
-            rest = YieldingFingers(gripper).rest
-            yield from self.travel(curve, around=known, each_tick=rest, wary=True)
+            yield from self.travel(
+                curve,
+                around=KnownAround(fruit=(grasp.fruit,)),
+                each_tick=YieldingFingers(gripper).rest,
+                wary=True,
+            )
         return None
 
     def _open(self, width: float, held: bool) -> Watching:

@@ -13,6 +13,8 @@ import pytest
 from pomona.executive.cell.cell import Cell
 from pomona.executive.cell.cell_file import CellFile, read_cell_file
 from pomona.executive.cell.connect import connect_cell
+from pomona.executive.cell.errors import DeviceError
+from pomona.executive.errors import UsageError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.files import find_cell
 from pomona.executive.recording.session import RecordingSession
@@ -140,7 +142,6 @@ def test_a_cell_that_is_not_on_the_disk_needs_no_lock(tmp_path: Path) -> None:
         pass
 
 
-@pytest.mark.xfail(strict=True, reason="finding 4.1: the recovery takes the file's own addresses")
 def test_a_recovery_connects_the_devices_that_the_order_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -162,3 +163,32 @@ def test_a_recovery_connects_the_devices_that_the_order_names(
     executed = execute(RunOrder(tree, cell, settings={"hand": there}, recover=True))
     assert executed.result.outcome == "success"
     assert connected == [(there,), (there,)]
+
+
+@pytest.mark.parametrize(
+    ("settings", "times"), [({}, 0), ({"cleared": True}, 1), ({"recover": True}, 2)]
+)
+def test_an_operator_who_starts_it_after_a_cut_run_acknowledges_what_the_devices_report(
+    order: RunOrder, monkeypatch: pytest.MonkeyPatch, settings: dict[str, bool], times: int
+) -> None:
+    order.cell.write_text(CELL.replace("clock: manual\n", ""))
+    recovery = order.tree.with_name("recover.yaml")
+    recovery.write_text(TREE.replace("tree: t", "tree: recover"))
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: recovery.parent)
+    told: list[str] = []
+    monkeypatch.setattr(Cell, "acknowledge", lambda cell: told.append(cell.name))
+    assert execute(replace(order, **settings)).result.outcome == "success"
+    assert told == ["bench"] * times
+
+
+def test_a_device_that_refuses_the_acknowledgement_ends_the_start(
+    order: RunOrder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order.cell.write_text(CELL.replace("clock: manual\n", ""))
+
+    def refuse(_cell: Cell) -> None:
+        raise DeviceError("gripper", "is in fast stop")
+
+    monkeypatch.setattr(Cell, "acknowledge", refuse)
+    with pytest.raises(UsageError, match="is in fast stop; nothing has moved"):
+        execute(replace(order, cleared=True))

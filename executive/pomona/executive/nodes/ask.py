@@ -13,11 +13,10 @@ from pomona.executive.nodes.behaviours import LeafBehaviour, Wrapper
 from pomona.executive.nodes.context import (
     BuildContext,
     CheckContext,
-    FactContext,
     NodeContext,
     OutcomeContext,
 )
-from pomona.executive.nodes.facts import Facts, Outcome
+from pomona.executive.nodes.facts import Outcome
 from pomona.executive.nodes.node_type import Leaf, Modifier, TreeNode
 from pomona.executive.ports import Port
 from pomona.executive.reasons import NoValue
@@ -98,15 +97,13 @@ class ApproveType(Modifier):
     symbol = "✋"
     value = takes.Value(Port(bool), known=True)
     codes = ("NOT_APPROVED", "NOBODY_TO_ASK")
+    faithful = True
 
     def needed(self, at: NodeContext) -> bool:
         return at.literal(self.key) is True
 
     def choices(self, node: TreeNode) -> tuple[str, ...]:
         return Approve.choices
-
-    def known_facts(self, at: FactContext, known: Facts) -> Facts:
-        return at.inside(known)
 
     makes = Approve
 

@@ -222,6 +222,7 @@ class NodeType(ABC):
     gives: ClassVar[tuple[str, ...]] = ()  # what it needs besides: condition, value, now
     codes: ClassVar[tuple[str, ...]] = ()  # with which the word itself may fail
     skips: ClassVar[bool] = False  # whether a modifier may skip its node
+    faithful: ClassVar[bool] = False  # whether a success is that of one start of its node
     ends: ClassVar[
         tuple[str, ...]
     ] = ()  # ends that a test should see: success, failure, skipped, not skipped
@@ -253,12 +254,16 @@ class NodeType(ABC):
         for slot, taken in self.slots.items():
             taken.declare(at, slot, stage)
 
-    def check_layer(self, at: CheckContext) -> None:
-        """Check the values, then everything inside."""
+    def check_values(self, at: CheckContext) -> None:
+        """Check the values of the type's own words."""
         for slot, taken in self.slots.items():
             written = at.written(slot)
             if written is not None and slot not in self.late:
                 taken.check_value(at, slot, written)
+
+    def check_layer(self, at: CheckContext) -> None:
+        """Check the values, then everything inside."""
+        self.check_values(at)
         for index in range(len(at.node.children)):
             at.child(index, self.around(at, index))
 
@@ -334,10 +339,7 @@ class Modifier(NodeType):
 
     def check_layer(self, at: CheckContext) -> None:
         super_around = self.around(at, 0)
-        for slot, taken in self.slots.items():
-            written = at.written(slot)
-            if written is not None and slot not in self.late and not taken.nodes:
-                taken.check_value(at, slot, written)
+        self.check_values(at)
         for slot in at.node.parts:
             if slot in self.fields:
                 at.part(slot, self.around(at, 1))
@@ -353,7 +355,9 @@ class Modifier(NodeType):
         return Ends(success, failure, skipped & before if self.skips else skipped)
 
     def known_facts(self, at: FactContext, known: Facts) -> Facts:
-        """Return the facts after its success; by default it may restart its child, and succeed without it."""
+        """Return the facts after its success; unless `faithful` it may restart its child, and succeed without it."""
+        if self.faithful:
+            return at.inside(known)
         for slot in at.node.parts:
             if slot in self.fields:
                 at.part(slot, at.forget(known))

@@ -13,10 +13,9 @@ from pomona.executive.nodes import takes
 from pomona.executive.nodes.behaviours import Wrapper
 from pomona.executive.nodes.context import (
     CheckContext,
-    FactContext,
     OutcomeContext,
 )
-from pomona.executive.nodes.facts import Facts, Outcome
+from pomona.executive.nodes.facts import Outcome
 from pomona.executive.nodes.node_type import Modifier
 from pomona.executive.ports import RATE, Port
 from pomona.executive.reasons import NoValue, path_of
@@ -196,6 +195,7 @@ class TimeoutType(Modifier):
     symbol = "◷"
     value = takes.duration("for each try")
     codes = ("TIMEOUT",)
+    faithful = True
     other_names = ("Timeout",)
 
     def check_layer(self, at: CheckContext) -> None:
@@ -211,9 +211,6 @@ class TimeoutType(Modifier):
         elif least > limit:
             message = f"{at.node.label} takes {least:g} s at least and is always interrupted after {limit:g} s"
             at.findings.warning(key, "too-short", message)
-
-    def known_facts(self, at: FactContext, known: Facts) -> Facts:
-        return at.inside(known)
 
     makes = Timeout
     gives = ("value", "now")

@@ -242,10 +242,8 @@ class Child(Field):
         return dict(_NODE)
 
 
-class ChildOrCondition(Field):
+class ChildOrCondition(Child):
     """The first child: a node, or an expression, which stands for a node of a type that looks at one."""
-
-    nodes = True
 
     def __init__(self, looks: NodeType, help: str = "") -> None:
         super().__init__(help)
@@ -254,26 +252,15 @@ class ChildOrCondition(Field):
     def take(
         self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode
     ) -> None:
-        child: TreeNode | None
         if isinstance(written, YamlMapping):
-            child = reading.node(written)
-        else:
-            w = written
-            key = YamlScalar(
-                w.source, w.line, w.column, w.end_line, w.end_column, self.looks.key, True
-            )
-            at = YamlMapping(
-                w.source,
-                w.line,
-                w.column,
-                w.end_line,
-                w.end_column,
-                {self.looks.key: (key, written)},
-            )
-            child = TreeNode(self.looks, key, written, at)
-        if child is not None:
-            node.children.append(child)
-            node.leads.append(f"{slot}: ")
+            super().take(reading, node, owner, slot, written)
+            return
+        w = written
+        key = YamlScalar(w.source, w.line, w.column, w.end_line, w.end_column, self.looks.key, True)
+        found = {self.looks.key: (key, written)}
+        at = YamlMapping(w.source, w.line, w.column, w.end_line, w.end_column, found)
+        node.children.append(TreeNode(self.looks, key, written, at))
+        node.leads.append(f"{slot}: ")
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"anyOf": [dict(_CONDITION), dict(_NODE)]}

@@ -198,7 +198,7 @@ class Unfinished:
         """Description for the operator."""
         doing = f" while {' and '.join(self.doing)} was running" if self.doing else ""
         hand = "the content of the gripper is unknown" if self.hand is None else self.hand
-        hand = hand or "nothing was felt in the gripper"
+        hand = hand or "at the end of its record nothing was felt in the gripper"
         cut = f"was cut after {self.time:.1f} s{doing} ({self.why})"
         return f"the last run on this cell, {self.record.name}, {cut}; {hand}"
 

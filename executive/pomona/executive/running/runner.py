@@ -155,7 +155,7 @@ class Runner(Requests):
         self._changed_files, self._takeovers = take_over, dict[str, Takeover]()
         self._refuse_full_speed_only(self.tree)
         self._breakpoints = Breakpoints(self.tree.behaviours)
-        self._attended = self.context.attended = attended
+        self.context.attended = attended
         self._attend(self.tree.breakpoints)
         self._observer = TreeObserver(self.tree, self._emit, lambda: self.progress)
         self._logs = SkillLogs()
@@ -283,8 +283,8 @@ class Runner(Requests):
     def _attend(self, breakpoints: Iterable[tuple[str, Side]]) -> None:
         self.questions = self.tree.questions
         for question in self.questions.values():
-            question.attended = self._attended
-        for path, side in breakpoints if self._attended else ():
+            question.attended = self.context.attended
+        for path, side in breakpoints if self.context.attended else ():
             self._breakpoints.change(path, side, True)
 
     def _loop(self, started: float) -> None:

@@ -10,7 +10,7 @@ from pomona.applications.crates.feeling import FEELING_FAILURES, SETTLE, Feeling
 from pomona.applications.crates.insertion import centred
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import FORCE, LENGTH, Float64, Force, Length, Outputs, Port, Work
-from pomona.skills import prepare_moving, tool_pose
+from pomona.skills import tool_pose
 from pomona.skills.grip import take_over
 from pomona.skills.motion import Grasp
 
@@ -36,9 +36,6 @@ class Centre(FeelingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
     failures = (*FEELING_FAILURES, "ONE_FINGER")
-
-    def prepare(self) -> None:
-        prepare_moving(self)
 
     def run(
         self,

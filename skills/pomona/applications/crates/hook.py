@@ -34,7 +34,7 @@ from pomona.executive import (
     Speed,
     Work,
 )
-from pomona.skills import Manner, follow_way, prepare_moving, tool_pose, vertical_way
+from pomona.skills import Manner, follow_way, tool_pose, vertical_way
 from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
 DOWN = Manner(0.02, GENTLE, 5.0)
@@ -64,9 +64,6 @@ class Hook(FeelingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
     failures = (*OVER_FAILURES, "PULL_BLOCKED", "NOTHING_MOVED")
-
-    def prepare(self) -> None:
-        prepare_moving(self)
 
     def run(
         self,

@@ -17,7 +17,7 @@ from pomona.applications.crates.insertion import OVER, FeltByHand, Insertion
 from pomona.applications.crates.inserts import crowded_side, finger_corners
 from pomona.drivers import Arm, ForceSensor, Gripper, Workspace
 from pomona.executive import FORCE, Float64, Force, Length, Outputs, Port, SkillFailure, Work
-from pomona.skills import Manner, prepare_moving, tool_pose
+from pomona.skills import Manner, tool_pose
 from pomona.skills.motion import Grasp, RobotModel, fruit_points, gripper_shape
 
 DOWN = Manner(0.08, GENTLE, 5.0)
@@ -51,9 +51,6 @@ class Insert(FeelingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
     failures = (*OVER_FAILURES, "FORCE_LIMIT")
-
-    def prepare(self) -> None:
-        prepare_moving(self)
 
     def run(
         self,

@@ -27,8 +27,10 @@ from pomona.skills.shared.live_watch import (
     LiveWatch,
     hand_clear,
     notice_of,
+    prepare_watch,
     watched,
 )
+from pomona.skills.shared.warm_motion import prepare_moving
 
 Watching = Generator["str | None", None, None]
 
@@ -98,6 +100,10 @@ class MovingSkill(Skill):
     optional_devices: ClassVar[tuple[type, ...]] = (Arm, Gripper, Workspace, Cameras, Carrier)
     """The zones and the watched path need them."""
 
+    def prepare(self) -> None:
+        prepare_moving(self)
+        prepare_watch(self)
+
     def travel(
         self,
         trajectory: Trajectory,
@@ -126,9 +132,7 @@ class MovingSkill(Skill):
         entered = zone_entered(self, arm, trajectory, carrying)
         if entered:
             raise self.failure("REFUSED", f"{entered}; nothing has moved", device="zones")
-        if around is None and carrying is not None and notice_of(self.clock).why:
-            around = KnownAround(carrying=carrying)
-        eyes = yield from watched(self, arm, trajectory, around, wary)
+        eyes = yield from watched(self, arm, trajectory, around, wary, carrying)
         if eyes is not None and (slower := eyes.slowed()) is not None:
             trajectory = slower
             yield "slower, beside an unmapped object; if it always stands there, add it to the cell file"

@@ -38,6 +38,7 @@ from pomona.skills.motion.grasp import Grasp
 from pomona.skills.motion.occupancy import OccupancyMap, pose_of_camera
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.watch import Ahead, PathWatch
+from pomona.skills.motion.watch.path_watch import spot
 from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
@@ -227,14 +228,14 @@ class LiveWatch:
 
     def _refuse(self, ahead: Ahead, camera: Camera, frame: Frame) -> None:
         self._refuse_untrue(camera, frame)
-        x, y, z = ahead.point
-        spot = Points3(np.array([ahead.point]), "obstacle", "occupied", 0.04)
+        there = spot(ahead.point)
+        shown = Points3(np.array([ahead.point]), "obstacle", "occupied", 0.04)
         words = "a moving object entered" if ahead.moved else "an unmapped object stands"
         self._skill.publish(
             "blocked",
-            SceneView(points=(spot,), caption=f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m"),
+            SceneView(points=(shown,), caption=f"{words} at {there}"),
         )
-        words += f" at ({x:.2f}, {y:.2f}, {z:.2f}) m, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}"
+        words += f" at {there}, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}"
         at = {
             "point_m": list(ahead.point),
             "distance_m": round(ahead.distance, 4),
@@ -258,7 +259,12 @@ class LiveWatch:
 
 
 def watched(
-    skill: Skill, arm: Arm, path: Trajectory, around: KnownAround | None, wary: bool = False
+    skill: Skill,
+    arm: Arm,
+    path: Trajectory,
+    around: KnownAround | None,
+    wary: bool = False,
+    carrying: Grasp | None = None,
 ) -> Work[LiveWatch | None]:
     """Return the watch of a motion once it may start; None where nothing watches it.
 
@@ -271,7 +277,8 @@ def watched(
     since = skill.context.elapsed()
     if around is None and not notice.why:
         return None
-    eyes = LiveWatch.of(skill, arm, path, around or KnownAround())
+    around = around or KnownAround(carrying=carrying)
+    eyes = LiveWatch.of(skill, arm, path, around)
     if eyes is not None:
         eyes.check_cameras()
     while notice.why or (wary and eyes is not None):
@@ -283,7 +290,7 @@ def watched(
                 notice.why = notice.why or why
                 raise skill.failure(BLOCKED, f"{why}; nothing has moved")
             notice.why = ""
-            return LiveWatch.of(skill, arm, path, around or KnownAround())
+            return LiveWatch.of(skill, arm, path, around)
         yield f"at rest: {why}"
     return eyes
 
@@ -296,8 +303,12 @@ def hand_clear(skill: Skill) -> Work[LiveWatch | None]:
 
 def resting(arm: Arm) -> Trajectory:
     """Return a path on which the arm stays where it is."""
-    q = np.tile(arm.state().q, (2, 1))
-    return Trajectory(np.array([0.0, 0.1]), q, np.zeros_like(q), np.zeros_like(q))
+    return _still(arm.state().q)
+
+
+def _still(q: Float64) -> Trajectory:
+    still = np.zeros((2, len(q)))
+    return Trajectory(np.array([0.0, 0.1]), still + q, still, still)
 
 
 def prepare_watch(skill: Skill) -> None:
@@ -324,13 +335,11 @@ def _warm(description: Path) -> None:
     """Watch a short motion once, with an obstacle on its path."""
     robot = RobotModel.load(description)
     q = (robot.lower + robot.upper) / 2.0
-    still = np.zeros((2, robot.dof))
-    trajectory = Trajectory(np.array([0.0, 0.1]), np.array([q, q]), still, still)
     limits = ArmLimits(robot.lower, robot.upper, *(np.ones(robot.dof),) * 3)
     at = robot.tcp(q)[:3, 3]
     watch = PathWatch(
         RobotShape.of(robot),
-        trajectory,
+        _still(q),
         limits,
         robot.width_max,
         Workspace(None, at - 0.3, at + 0.3),

@@ -76,10 +76,11 @@ class _Empty:
 
 
 def prepare_moving(skill: Skill) -> None:
-    """For `prepare` of a skill that checks collisions."""
-    description = skill.device(Arm).description
-    begin_first(description)
-    warm_checks(description)
+    """For `prepare` of a skill that checks collisions; without an arm nothing is."""
+    arm = skill.optional_device(Arm)
+    if arm is not None:
+        begin_first(arm.description)
+        warm_checks(arm.description)
 
 
 def prepare_planning(skill: Skill) -> None:

@@ -204,10 +204,10 @@ class PathWatch:
         points = self._found[:new]
         moved = self._moved[:new]
         if np.count_nonzero(moved) >= LEAST_MOVED:
-            return f"something has come in at {_spot(points[moved][0])}"
+            return f"something has come in at {spot(points[moved][0])}"
         told = self._nearest(points, 0, len(self._Q), max(CLEAR, self._how.near), 0.0)
         return (
-            "" if told is None else f"an unmapped object stands at {_spot(told[2])}, near the path"
+            "" if told is None else f"an unmapped object stands at {spot(told[2])}, near the path"
         )
 
     def hidden(self, views: Sequence[tuple[Frame, Float64, Float64]]) -> str:
@@ -233,7 +233,7 @@ class PathWatch:
         cells = np.argwhere(binary_erosion(left, np.ones((3, 3, 3))))
         if not len(cells):
             return ""
-        return f"no camera shows {_spot(self._origin + (cells[0] + 0.5) * CELL)}, where the robot would pass"
+        return f"no camera shows {spot(self._origin + (cells[0] + 0.5) * CELL)}, where the robot would pass"
 
     def _spheres(self, q: Float64) -> Float64:
         return np.ascontiguousarray(self._shape.spheres(q, self.width))
@@ -368,7 +368,8 @@ class PathWatch:
         return marked
 
 
-def _spot(point: Sequence[float] | Float64) -> str:
+def spot(point: Sequence[float] | Float64) -> str:
+    """Return a point, shape (3,) [m], for the operator."""
     return f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f}) m"
 
 
