@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import label, minimum_filter
 
 from benchmarks.synthetic_depth import looking_at
 from pomona.skills.geometry import apply, inverse, rotation_about
@@ -128,3 +129,54 @@ def test_holes_part_surfaces():
 def test_nothing_agrees():
     depth, bump, _ = scene()
     assert not connected_to(np.zeros(SHAPE, bool), depth, covered=bump).any()
+
+
+def connected_by_labels(
+    agreeing: np.ndarray, depth: np.ndarray, covered: np.ndarray, stride: int
+) -> np.ndarray:
+    """The same by the labels of all surfaces: 4-connected pixels that are not far behind a neighbour."""
+    valid = np.isfinite(depth) & (depth > 0.0)
+    filled = np.where(valid, depth, np.inf)
+    nearest = minimum_filter(filled, 3, mode="constant", cval=np.inf)
+    with np.errstate(invalid="ignore"):
+        step = 6e-3 * stride * np.maximum(1.0, (nearest / 0.6) ** 2)
+        smooth = valid & (filled - nearest <= step)
+    surfaces, count = label(smooth)
+    chosen = np.zeros(depth.shape, bool)
+    for surface in range(1, count + 1):
+        part = surfaces == surface
+        support = np.count_nonzero(part & agreeing & covered)
+        if support >= 20 / stride**2 and support >= 0.3 * np.count_nonzero(part & covered):
+            chosen |= part
+    return chosen
+
+
+@pytest.mark.parametrize("stride", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(8))
+def test_surfaces_are_those_that_labels_give(seed: int, stride: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, columns = np.indices((18, 23))
+    depth = 0.5 + 0.002 * rows + rng.choice([0.0, 0.03, 0.4], (18, 23), p=[0.9, 0.05, 0.05])
+    depth[:, 11:] += 0.05 * (seed % 3)
+    depth[:, 17:] += 0.4 * (seed % 2)
+    depth[rng.random(depth.shape) < 0.05] = rng.choice([0.0, np.nan, np.inf])
+    covered = columns > 3
+    agreeing = rng.random(depth.shape) < (0.15, 0.3, 0.5)[seed % 3]
+    depth = depth.astype(np.float32)
+    found = connected_to(agreeing, depth, covered, stride)
+    expected = connected_by_labels(agreeing, depth, covered, stride)
+    assert np.array_equal(found, expected)
+
+
+@pytest.mark.parametrize(("support", "kept"), [(19, False), (20, True)])
+def test_a_surface_is_kept_from_twenty_pixels_and_three_tenths_of_what_it_covers(
+    support: int, kept: bool
+) -> None:
+    depth = np.full((8, 10), 0.4, np.float32)
+    agreeing = np.zeros((8, 10), bool)
+    agreeing.flat[:support] = True
+    covered = np.zeros((8, 10), bool)
+    covered.flat[:67] = True  # 20 of 67 are less than three tenths
+    assert connected_to(agreeing, depth, covered).any() is np.False_
+    covered.flat[66] = False
+    assert connected_to(agreeing, depth, covered).all() == kept
