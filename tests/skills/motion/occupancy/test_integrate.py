@@ -23,6 +23,7 @@ from pomona.skills.motion.occupancy import (
     Sensing,
     integrate,
 )
+from pomona.skills.motion.occupancy.integrate import mark_spheres
 
 TABLE_Z, RADIUS = -0.12, 0.04
 LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)
@@ -277,3 +278,24 @@ def test_few_stray_points_do_not_block() -> None:
     assert not (integrate(empty(), frame, FROM_ABOVE, CELL).states == OCCUPIED).any()
     wary = integrate(empty(), frame, FROM_ABOVE, CELL, sensing=Sensing(min_points=1))
     assert (wary.states == OCCUPIED).any()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_cells_whose_centre_lies_in_a_grown_sphere_are_marked(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    origin, resolution, padding = rng.normal(size=3), 0.05, 0.02 * (seed % 3)
+    marked = np.zeros((9, 7, 8), bool)
+    size = resolution * np.array(marked.shape)
+    spheres = np.column_stack(
+        [origin + rng.uniform(-0.1, size + 0.1, (4, 3)), rng.uniform(0.01, 0.12, 4)]
+    )
+    spheres = np.vstack([spheres, [*(origin - 3.0), 0.1]])  # far outside
+    mark_spheres(spheres, padding, origin, resolution, marked)
+    centres = origin + (np.indices(marked.shape).reshape(3, -1).T + 0.5) * resolution
+    apart = np.linalg.norm(centres[:, None] - spheres[None, :, :3], axis=2)
+    expected = (apart < spheres[:, 3] + padding).any(axis=1).reshape(marked.shape)
+    assert np.array_equal(marked, expected)
+    before = rng.random(marked.shape) < 0.2
+    again = before.copy()
+    mark_spheres(spheres, padding, origin, resolution, again)
+    assert np.array_equal(again, expected | before)
