@@ -7,7 +7,17 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear, lfilter
 
-from pomona.skills.grip.observer import DynamicSettings, ObserverSettings
+from pomona.skills.grip.observer import (
+    FASTEST,
+    LEAST_G,
+    STEP,
+    STIFFEST,
+    DynamicSettings,
+    ObserverSettings,
+    answer_slip,
+    observe,
+    steps_in_a_sample,
+)
 from tests.skills.grip.observer_arrays import dynamic_force, observe_slip
 
 SETTINGS = ObserverSettings()
@@ -86,3 +96,55 @@ def test_the_dynamic_term_saturates_and_does_not_wind_up() -> None:
     assert force.max() <= 10.0
     unwound = int(np.argmax(force[2500:] < 1.0))
     assert unwound * 0.002 < 15.0 / (200.0 * 5.0) + 0.01
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_step_is_one_of_the_classical_method_of_fourth_order(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    s, step, g = SETTINGS, 2e-4 * (1 + seed % 3), (0.05, 0.5)[seed % 2]
+    y = float(rng.normal(0.0, 0.05))
+
+    def rates(x: np.ndarray) -> np.ndarray:
+        omega, z = x
+        error = y - s.sigma0 * z - s.beta * omega
+        relaxation = min(s.sigma0 / g * abs(omega), STIFFEST / step)
+        return np.array([error * (1.0 / INERTIA + s.gain), omega - relaxation * z])
+
+    x = np.array([rng.normal(0.0, 0.5), rng.normal(0.0, 1e-3)])
+    found = observe(x[0], x[1], y, g, INERTIA, s, step)
+    stages = [rates(x)]
+    for part in (0.5, 0.5, 1.0):
+        stages.append(rates(x + part * step * stages[-1]))
+    after = x + step * np.dot([1 / 6, 1 / 3, 1 / 3, 1 / 6], stages)
+    assert found == pytest.approx((np.clip(after[0], -FASTEST, FASTEST), after[1]), rel=1e-9)
+
+
+def test_the_speed_is_bounded_and_friction_has_a_least_value() -> None:
+    for sign in (1.0, -1.0):
+        omega, _ = observe(0.0, 0.0, sign * 1e6, 0.05, INERTIA, SETTINGS, 1e-4)
+        assert omega == sign * FASTEST
+    tiny = observe(0.3, 1e-3, 0.05, 0.0, INERTIA, SETTINGS, 1e-4)
+    assert tiny == observe(0.3, 1e-3, 0.05, LEAST_G, INERTIA, SETTINGS, 1e-4)
+    assert tiny != observe(0.3, 1e-3, 0.05, 2.0 * LEAST_G, INERTIA, SETTINGS, 1e-4)
+
+
+@pytest.mark.parametrize("rate", [50.0, 500.0, 1000.0, 1e9])
+def test_a_sample_has_a_whole_number_of_steps(rate: float) -> None:
+    found = steps_in_a_sample(rate)
+    assert found >= 1
+    assert found == 1 or abs(found - 1.0 / (rate * STEP)) <= 0.5
+
+
+def test_the_answer_to_slip_is_a_bounded_leaking_integral_and_a_proportion() -> None:
+    s, step = DynamicSettings(), 0.002
+    leak = 0.5 * step * s.ki / s.kdc
+    integral, force = answer_slip(0.4, 0.1, 0.2, s, step)
+    expected = ((1.0 - leak) * 0.4 + 0.5 * step * s.ki * 0.3) / (1.0 + leak)
+    assert integral == pytest.approx(expected)
+    assert force == pytest.approx(s.kp * 0.2 + expected)
+    assert answer_slip(0.4, -0.1, -0.2, s, step)[1] == pytest.approx(
+        abs(-s.kp * 0.2 + ((1.0 - leak) * 0.4 - 0.5 * step * s.ki * 0.3) / (1.0 + leak))
+    )
+    for sign in (1.0, -1.0):
+        integral, force = answer_slip(sign * 9.99, sign * 1e3, sign * 1e3, s, step)
+        assert (integral, force) == (sign * s.bound, s.bound)
