@@ -302,3 +302,46 @@ def test_a_joint_that_stands_while_the_others_move_does_not_follow():
 
     with pytest.raises(DeviceFault, match="does not follow"):
         rig.run(0.6, held)
+
+
+@pytest.mark.long
+def test_an_hour_of_work_and_rest_has_no_false_alarm():
+    """Joints with the noise of a 17-bit encoder, that sag by a milliradian after each motion and drift with heat."""
+    rng = np.random.default_rng(1)
+    supervisor = MotionSupervisor("arm", LIMITS, Supervision())
+    now, at, moved = 0.0, AT_REST, 0
+
+    def felt(q, qd, sag=0.0):
+        heat = 5e-4 * np.sin(now / 600.0)
+        said = q + rng.normal(0.0, 5e-5, DOF) + heat + 1e-3 * sag
+        supervisor.on_feedback(now, said, qd + rng.normal(0.0, 5e-4, DOF))
+        return said
+
+    while now < 3600.0:
+        path = swing() if moved % 2 == 0 else swing(1.7)
+        way = 1.0 if moved % 2 == 0 else -1.0
+        motion = PathMotion(
+            Trajectory(path.t, at + way * path.q, way * path.qd, way * path.qdd), LIMITS, 0.01
+        )
+        supervisor.end()
+        sent, late = 0, [(at, AT_REST)] * 5
+        while not motion.settled:
+            now += 0.01
+            q, qd = motion.step()
+            sent += 1
+            late.append((q, qd))
+            supervisor.command(now, q)
+            said = felt(*late[-5], sag=np.abs(late[-5][1]).max() / 1.5)
+            supervisor.look(now, motion, sent)
+            if sent % 7 == 0 and motion.progress < 0.5 and moved % 5 == 4:
+                motion.set_speed(0.3 + 0.1 * (sent % 4))
+            if motion.set_point_rests and np.array_equal(late[-5][0], q):
+                motion.look(True, float(np.abs(said - q).max()), now)
+        assert motion.state is MotionState.DONE
+        at, began = late[-1][0], now
+        moved += 1
+        supervisor.end()
+        while now < began + 1.5:
+            now += 0.01
+            supervisor.look_at_rest(felt(at, AT_REST, sag=min(now - began, 1.0)))
+    assert moved > 1000

@@ -197,11 +197,7 @@ class MotomanRig(EmulatedRig):
     """The driver of MotoROS against the emulated controller."""
 
     period = 0.001
-    shares = (
-        1.01,
-        1.5,
-        np.inf,
-    )  # cubics between points that are up to 20 ms apart: their acceleration jumps
+    shares = (1.01, 1.1, 3.0)  # cubics between points that are up to 20 ms apart
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         from tests.drivers.devices.motoman import test_driver
@@ -255,7 +251,7 @@ class UrRig(EmulatedRig):
     """The driver of Universal Robots against the emulated controller, which executes its script."""
 
     period = 0.002
-    shares = (1.01, 1.5, np.inf)  # cubics between knots 20 ms apart: their acceleration jumps
+    shares = (1.01, 1.1, 3.0)  # of cubics between knots 20 ms apart
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         from tests.drivers.devices.universal_robots import test_driver

@@ -217,6 +217,23 @@ def test_an_arm_whose_controller_goes_slower_than_the_computer_is_settled_when_i
     assert (np.array(worst[:2]) <= rig.shares[:2]).all(), worst
 
 
+@pytest.mark.parametrize("wait", [0.0, 0.005, 0.05])
+def test_a_motion_that_goes_on_as_soon_as_the_arm_is_settled_keeps_the_limits(
+    rig: Rig, wait: float
+) -> None:
+    motion = rig.arm.follow(rig.path())
+    rig.serve(0.35)
+    rig.arm.pause()
+    rig.serve(3.0, rig.arm.settled)
+    rested = rig.q
+    rig.serve(wait)
+    assert np.abs(rig.q - rested).max() < 1e-3
+    rig.arm.resume()
+    rig.serve(5.0, lambda: motion.settled)
+    assert (motion.state, problem(rig)) == (MotionState.DONE, "")
+    assert (np.array(rig.worst()) <= (1.01, 1.1, 3.0)).all(), rig.worst()
+
+
 def test_a_motoman_whose_state_is_late_has_no_fault_and_is_settled_when_it_rests(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

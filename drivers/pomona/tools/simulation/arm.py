@@ -164,7 +164,11 @@ class SimArm(FaultyDevice):
             self._motion.set_speed(speed)
 
     def settled(self) -> bool:
-        return self._motion is None or self._motion.at_rest
+        motion = self._motion
+        return motion is None or motion.settled or (motion.at_rest and self._rests())
+
+    def _rests(self) -> bool:
+        return bool(np.abs(self._world.state.qvel[self._qvel]).max() < AT_REST)
 
     def _command(self) -> None:
         motion = self._motion
@@ -239,7 +243,7 @@ class SimArm(FaultyDevice):
         """Bring the arm to rest at a resting set-point, `long` or recent; release a stop's obstacle."""
         state = self._world.state
         beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())
-        resting = bool(np.abs(state.qvel[self._qvel]).max() < AT_REST)
+        resting = self._rests()
         presses = motion.phase is Phase.BRAKING and beside > PRESSES_BEYOND
         motion.look(resting and not presses, beside, float(state.time))
         if presses and long:
