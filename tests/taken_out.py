@@ -52,7 +52,7 @@ def _matcher(words: Iterable[str], files: Iterable[str]) -> re.Pattern[str]:
     )
     return re.compile(
         rf"""["'](?:{word}|{file})["']|\bpomona (?:{word})\b|\b(?:{word}): |driver: (?:{word})\b"""
-        rf"""|\b(?:{file})\.yaml\b|(?:cell|tree|include|subtree):? (?:{file})\b|\b(?:{skill})\b"""
+        rf"""|--\w+ (?:{word}|{file})\b|\b(?:{file})\.yaml\b|(?:cell|tree|include|subtree):? (?:{file})\b|\b(?:{skill})\b"""
     )
 
 

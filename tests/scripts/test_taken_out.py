@@ -42,6 +42,9 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("pomona crane --help", True),
         ('load(CELLS / "yard.yaml")', True),
         ("read('shed')", True),  # includes a cell with the driver
+        ("new cell --lift crane --into DIR", True),
+        ("run tree --cell shed", True),
+        ("run tree --cell hall", False),
         ("only Hoist writes one", True),
         ("Hoisted", False),
         ("read('hall')", False),
