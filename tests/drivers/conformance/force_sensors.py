@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pomona.devices.emulators.motoman import FreeJoints
 from pomona.devices.emulators.pipes import Pipe
+from pomona.devices.emulators.suntouch import SunTouchEmulator
+from pomona.devices.emulators.switches import finger_switch
 from pomona.devices.fingertips.driver import TsfFingertips, TsfSession
 from pomona.devices.laboratory_emulators.ft300 import Ft300Emulator
 from pomona.devices.laboratory_emulators.tsf85 import COUNT, Tsf85Emulator
 from pomona.devices.laboratory_emulators.universal_robots import UrEmulator
+from pomona.devices.suntouch.driver import SunTouchFingers
+from pomona.devices.suntouch.finger import Finger
 from pomona.devices.wrist_sensors.sensor import StreamOptions, WristSensor
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
-from pomona.drivers import FaultSwitch
+from pomona.drivers import FaultSwitch, load_cell
 from pomona.drivers.conformance import ForceBench, Press, Wire
 from pomona.tools.mock import MockClock, MockForceSensor
 from tests.drivers.conformance.grippers import timed
+from tests.drivers.devices.suntouch.test_driver import CALIBRATION
+from tests.drivers.tools.simulation.conftest import SIM
 
 NOT_NOTICED = ("deaf", "half")
 """Of a sensor that streams: it need not hear, and its next packet is whole again."""
@@ -123,9 +130,49 @@ def mock() -> ForceBench:
     return InStep(sensor, clock, press, Lies(sensor), without=("stuck",))  # its ripple is live
 
 
+SEEN = ("lost", "stuck_left", "stuck_right", "stuck", "zero", "late_120")
+"""Faults of the simulated fingers that their stream alone can show."""
+
+
+def sim() -> ForceBench:
+    """The simulated fingers, which nothing touches."""
+    cell = load_cell(SIM, seed=1, overrides={"distractors": "0"})
+    sensor: Any = cell.devices["fingers"]
+    press = Press(cell.clock)
+    others = tuple(fault for fault in sensor.known_faults if fault not in SEEN)
+    bench = InStep(sensor, cell.clock, press, sensor, without=others)
+    press.began = np.inf
+    return bench
+
+
+def suntouch() -> ForceBench:
+    """Two fingers, each on its line; the left one's can be harmed."""
+    clock, time = timed()
+    press = Press(clock)
+    pads = [SunTouchEmulator(press.wrench, seed) for seed in (0, 1)]
+    left = Wire(Pipe(pads[0], time).open, keeps=False)
+    fingers = (
+        Finger(left.open, CALIBRATION, time),
+        Finger(Pipe(pads[1], time).open, replace(CALIBRATION, finger="other"), time),
+    )
+    sensor = SunTouchFingers(*fingers, time)
+    sensor.connect()
+    return ForceBench(
+        sensor,
+        time,
+        press,
+        left,
+        finger_switch(pads[0]),
+        tolerance=2.0,  # its calibration is one of grips: it errs by 40 % under a plain press
+        without=("deaf", "half", "lost", "slow", "noise"),  # its answers have no check sum
+    )
+
+
 BENCHES: dict[str, Callable[[], ForceBench]] = {
     "ft300": ft300,
     "ur_force": ur_force,
     "tsf85": tsf85,
+    "suntouch": suntouch,
+    "sim": sim,
     "mock": mock,
 }

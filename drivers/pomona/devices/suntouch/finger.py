@@ -59,7 +59,7 @@ class Finger:
                 reading = self._assembler.decode(chunk)
                 if reading is not None:
                     return reading
-                if not chunk and self._clock.now() >= due:
+                if not chunk and self._clock.now() >= due - 1e-9:
                     break
         except Malformed:
             pass

@@ -82,6 +82,8 @@ class _End:
         if self._unsent and self._wire.fault not in ("dead", "deaf"):
             self.send(b"")
         chunk = self._unheard + self._link.receive(timeout)
+        if chunk and self._wire.fault in ("mute", "dead"):
+            chunk += self._link.receive(timeout)  # who hears nothing waits for it
         fault = self._wire.fault
         size = len(chunk)
         if fault in ("mute", "dead"):

@@ -279,6 +279,8 @@ class SimFingers(FaultyDevice):
 
     def _pass_on(self) -> None:
         step = self._world.clock.steps
+        if self._lost is not None and self._world.clock.now() - self._lost.stamp > SILENCE:
+            self._passing.leave_out("has sent no sample for 40 ms", certain=True)
         if self._passed == step or self.fault == "lost":
             return
         self._passed = step

@@ -104,6 +104,10 @@ def test_a_lost_stream_is_noticed_within_60_ms(open_cell):
     with pytest.raises(DeviceLost, match="no sample"):
         cell.check()
     fingers.clear_fault()
+    cell.clock.advance(0.02)
+    with pytest.raises(DeviceFault, match="has sent no sample"):
+        cell.check()
+    cell.acknowledge()
     cell.check()
 
 
