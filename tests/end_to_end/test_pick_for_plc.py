@@ -52,7 +52,6 @@ def test_a_fault_while_a_fruit_is_carried_stops_the_arm_and_after_the_reset_it_i
     assert between == ["Wait for the repair"]
 
 
-@pytest.mark.xfail(strict=True, reason="finding 1.4: a level counts as an order")
 def test_an_order_that_stands_before_the_run_begins_starts_nothing() -> None:
     path = find_cell("sim_plc")
     text = path.read_text("utf-8")

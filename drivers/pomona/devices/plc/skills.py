@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
+from weakref import WeakKeyDictionary
 
 from pomona.devices.plc.signals import SignalNames, Signals
 from pomona.drivers import MotionRefused
@@ -19,6 +20,9 @@ from pomona.executive import (
     Work,
     choose,
 )
+
+_OFF: WeakKeyDictionary[object, dict[str, float]] = WeakKeyDictionary()
+"""By the run's clock: when each input was last seen off [s]."""
 
 
 class SignalLook(NamedTuple):
@@ -94,11 +98,18 @@ class SignalSkill(Skill):
         self, look: Callable[[], SignalLook], within: float, late: str, **data: object
     ) -> Work[SignalLook]:
         """Wait until a signal has its wanted value; past the deadline [s] fail with the code `late`."""
+        signals = self.device(Signals)
         began = self.context.elapsed()
-        while not (seen := look()).is_met:
+        off = _OFF.setdefault(self.clock, {})
+        while True:
+            for name in signals.names.inputs:
+                if signals.read(name).value == 0:
+                    off[name] = self.clock.now()
+            if (seen := look()).is_met:
+                return seen
             waited = self.context.elapsed() - began
-            missed = f"'{seen.signal}' was not {seen.wanted} within {within:g} s"
             if waited >= within - 1e-9:
+                missed = f"'{seen.signal}' was not {seen.wanted} within {within:g} s"
                 raise self.failure(
                     late,
                     f"{missed}; it is {_shown(seen.value)}",
@@ -108,7 +119,6 @@ class SignalSkill(Skill):
                     **data,
                 )
             yield f"waiting until '{seen.signal}' is {seen.wanted}"
-        return seen
 
 
 class SeenSignal(Outputs):
@@ -121,6 +131,7 @@ class WaitSignal(SignalSkill):
     """Wait until an input of the PLC is on or off, or a number is within limits.
 
     A value past its deadline is unknown: the skill fails, and it counts as neither on nor off. `within: 0 s` asks once.
+    A switch that is waited for must rise: one that is on already starts nothing, unless `level`.
     """
 
     failures = ("SIGNAL_TIMEOUT", "SIGNAL_UNKNOWN", "NO_SIGNAL")
@@ -132,15 +143,21 @@ class WaitSignal(SignalSkill):
         state: Annotated[bool, Port(help="whether a switch must be on or off")] = True,
         least: Annotated[float | None, Port(help="smallest value of a number")] = None,
         most: Annotated[float | None, Port(help="largest value of a number")] = None,
+        level: Annotated[bool, Port(help="whether a switch that is on already counts")] = False,
         within: Annotated[Time, Port(min="0 s", help="deadline; 0 s asks once")] = TIME("1 min"),
     ) -> Work[SeenSignal]:
         ends = ("at least", least), ("at most", most)
+        # an input that was off so shortly before it was waited for has risen for this wait [s]
+        since = self.clock.now() - 0.5
+        rises = state and within and not level
         limits = [f"{word} {limit:g}" for word, limit in ends if limit is not None]
 
         def look() -> SignalLook:
             value = self.reading(signal)
             if not limits:
-                return SignalLook(signal, _shown(state), value, bool(value) == state)
+                risen = not rises or _OFF[self.clock].get(signal, -1.0) >= since
+                wanted = _shown(state) if risen else "on anew"
+                return SignalLook(signal, wanted, value, risen and bool(value) == state)
             fits = (least is None or value >= least) and (most is None or value <= most)
             return SignalLook(signal, " and ".join(limits), value, fits)
 

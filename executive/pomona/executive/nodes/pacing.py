@@ -23,8 +23,8 @@ from pomona.executive.skill import Skill
 from pomona.executive.speed import SHARE, SpeedRefusedError, checked_speed
 
 
-class Late(Wrapper):
-    """Delays its child's start until a moment on the run's clock. Subclasses choose the moment (`due`)."""
+class Timed(Wrapper):
+    """A wrapper with a duration or a rate, on the run's clock."""
 
     def __init__(
         self, name: str, child: Behaviour, value: Callable[[], float], now: Callable[[], float]
@@ -32,8 +32,13 @@ class Late(Wrapper):
         super().__init__(name, child)
         self._value = value
         self._now = now
-        self._due = 0.0
-        self._started = False
+
+
+class Late(Timed):
+    """Delays its child's start until a moment on the run's clock. Subclasses choose the moment (`due`)."""
+
+    _due = 0.0
+    _started = False
 
     @abstractmethod
     def due(self) -> float:
@@ -157,19 +162,14 @@ class RunOnceType(Modifier):
     makes = RunOnce
 
 
-class Timeout(Wrapper):
+class Timeout(Timed):
     """Interrupts its child when it still runs after a duration on the run's clock."""
 
-    def __init__(
-        self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]
-    ) -> None:
-        super().__init__(name, child)
-        self._duration = duration
-        self._now = now
-        self._limit = self._end = 0.0
+    _limit = 0.0
+    _end = 0.0
 
     def begin(self) -> Status | None:
-        self._limit = self._duration()
+        self._limit = self._value()
         self._end = self._now() + self._limit
         return None
 

@@ -236,15 +236,18 @@ class LiveWatch:
             SceneView(points=(shown,), caption=f"{words} at {there}"),
         )
         words += f" at {there}, {1e3 * ahead.distance:.0f} mm from the path of {ahead.part}"
-        at = {
-            "point_m": list(ahead.point),
-            "distance_m": round(ahead.distance, 4),
-            "after_s": round(ahead.after, 3),
-        }
-        who = {"part": ahead.part, "moved": ahead.moved, "camera": frame.label}
         self._watch.suspect(ahead.point)
         notice_of(self._skill.clock).why = words
-        raise self._skill.failure(BLOCKED, f"{words}: detect again, or clear the path", **at, **who)
+        raise self._skill.failure(
+            BLOCKED,
+            f"{words}: detect again, or clear the path",
+            point_m=list(ahead.point),
+            distance_m=round(ahead.distance, 4),
+            after_s=round(ahead.after, 3),
+            part=ahead.part,
+            moved=ahead.moved,
+            camera=frame.label,
+        )
 
     def _refuse_untrue(self, camera: Camera, frame: Frame) -> None:
         """Depth that is no depth of its frame shows obstacles where nothing is: name the camera instead."""

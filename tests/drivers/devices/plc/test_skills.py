@@ -51,6 +51,29 @@ def test_a_signal_is_waited_for(plc: MockSignals, clock: ManualClock) -> None:
     assert end.duration == pytest.approx(1.0, abs=0.03)
 
 
+def test_a_switch_that_is_on_already_starts_nothing(plc: MockSignals, clock: ManualClock) -> None:
+    plc.values.update(start=True)
+    end = wait(plc, clock, signal="start", within=2.0)
+    assert code(end) == "SIGNAL_TIMEOUT"
+    assert "'start' was not on anew within 2 s; it is on" in end.reason.message
+    again = lambda tick: plc.values.update(start=tick != 50)  # noqa: E731
+    end = wait(plc, clock, again, signal="start", within=2.0)
+    assert end.duration == pytest.approx(1.02, abs=0.03)
+    assert wait(plc, clock, signal="start", level=True, within=2.0).duration == 0.0
+    assert wait(plc, clock, signal="start", within=0.0).status is Status.SUCCESS
+
+
+@pytest.mark.parametrize(("before", "counts"), [(0.1, True), (2.0, False)])
+def test_a_switch_that_rose_just_before_it_was_waited_for_counts(
+    plc: MockSignals, clock: ManualClock, before: float, counts: bool
+) -> None:
+    assert code(wait(plc, clock, signal="taken", within=0.1)) == "SIGNAL_TIMEOUT"
+    plc.values.update(start=True)
+    clock.advance(before)
+    end = wait(plc, clock, signal="start", within=0.1)
+    assert (end.status is Status.SUCCESS) is counts
+
+
 def test_a_number_is_waited_for_within_limits(plc: MockSignals, clock: ManualClock) -> None:
     assert wait(plc, clock, signal="mass", least=1.0, most=2.0).outputs == {"value": 1.5}
     assert code(wait(plc, clock, signal="mass", least=2.0, within=0.1)) == "SIGNAL_TIMEOUT"
