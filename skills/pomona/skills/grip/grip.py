@@ -34,7 +34,7 @@ class GripPhase(Enum):
 
 
 class GripMode(Enum):
-    """State of a grip's one state machine; docs/grip.md has the diagram."""
+    """State of a grip's one state machine; docs/architecture.md has the diagram."""
 
     BIAS = "taking the bias"
     CLOSING = "closing"

@@ -1,8 +1,8 @@
 """Mode of the grip, and the reference of its force: a ramp to the initial force, then static plus dynamic term.
 
-`ForceReference` is the grip's one state machine; `docs/grip.md` has the diagram. Each mode of a held fruit is a class
-with its law of the force and the transitions that it makes by itself. Its other transitions are calls: those of the
-controller and of `Closing` before the fruit is held, and the requests of skills (`slide`, `pivot`).
+`ForceReference` is the grip's one state machine; `docs/architecture.md` has the diagram. Each mode of a held fruit is a
+class with its law of the force and the transitions that it makes by itself. Its other transitions are calls: those of
+the controller and of `Closing` before the fruit is held, and the requests of skills (`slide`, `pivot`).
 
 f_ref = margin * f_ns + f_nd (the paper's eq. slip_avoidance_control_law), through a 50 Hz low-pass. The static part
 rises with the load and falls slowly. Two more parts act for moments only, like the dynamic one: the rise of the load,
