@@ -95,7 +95,10 @@ def needs_taken(item: pytest.Item) -> bool:
                 texts.append(repr(value))
     for each in code:  # grows
         module = inspect.getmodule(each)
-        if module is None or ROOT / "tests" not in Path(module.__file__ or "").parents:
+        if (
+            module is None
+            or ROOT / "tests" not in Path(getattr(module, "__file__", None) or "").parents
+        ):
             continue
         text = inspect.getsource(each)
         texts.append(text)
