@@ -190,7 +190,7 @@ screens: $(STAMP) ## every state and every failure code at four sizes, measured 
 	SCREENS=runs/screens $(BIN)/python -m pytest -p no:xdist tests/executive/tools/dashboard/test_reason.py tests/executive/tools/dashboard/test_states.py
 
 figures: $(STAMP) ## the figures of docs/method.md, from what the code computes, and the pictures whose sources have changed
-	$(BIN)/python scripts/figures.py
+	$(BIN)/python -m scripts.figures
 	$(BIN)/python -m scripts.pictures
 
 notebooks: $(STAMP) ## the tutorials as executed notebooks beside their Markdown (NAMES="first_apple campaign" for some)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from pomona.executive.cli import main
+from pomona.executive.files import find_tree
 
 
 class WrongTree(NamedTuple):
@@ -861,9 +862,13 @@ def test_fix_keeps_line_endings_and_mends_several_mistakes_one_after_the_other(
 
 
 def test_a_tree_for_another_cell_is_checked_but_for_poses_and_fruit(
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["check", "pick_for_plc"]) == 0
+    assert main(["check", "pick_for_plc"]) == 0  # it names its cell
+    assert "no-device" not in capsys.readouterr().out
+    nameless = tmp_path / "t.yaml"
+    nameless.write_text(find_tree("pick_for_plc").read_text("utf-8").replace("cell: sim_plc\n", ""))
+    assert main(["check", str(nameless)]) == 0
     told = capsys.readouterr().out
     assert "warning[no-device]: poses and fruit are not checked on the cell 'sim'" in told
     assert "--cell" in told
