@@ -249,7 +249,8 @@ class FeelingSkill(MovingSkill):
     ) -> Work[bool]:
         def look() -> None:
             self.require_fresh(hand)
-            if hand.outer.pushed(outer) or hand.edges > hand.bears:
+            touches = hand.change > felt or hand.edges > hand.bears
+            if touches or hand.outer.pushed(outer):
                 raise _Pushed
 
         def stop_at_touch(motion: Motion) -> None:
@@ -260,10 +261,6 @@ class FeelingSkill(MovingSkill):
         try:
             yield from follow_way(self, way, manner, look, started=stop_at_touch)
         except _Pushed:
-            return True
-        except SkillFailure as failed:
-            if failed.failure.code != "STOPPED" or hand.change <= felt:
-                raise
             return True
         return False
 

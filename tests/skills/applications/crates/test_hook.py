@@ -12,6 +12,7 @@ from pomona.applications.crates.pull import bears_at_edges, bears_at_pads
 from pomona.drivers.gripper_supervisor import GripperMotion
 from pomona.drivers.interfaces import LoadSensor, MotionState
 from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.shared.live_watch import notice_of
 from pomona.skills.shared.touch import Touch
 from pomona.tools.mock import MockLoadSensor
 from tests.skills.applications.crates.wall_scene import AT_WALL, RollingBall, a_hook
@@ -45,6 +46,7 @@ def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     assert ball.most < bears_at_pads(a_hook()) + 1.0
     assert is_up_again(scene)
     assert outcome.duration < 24.0
+    assert not notice_of(scene.clock).why  # it stopped at touches that it looked for: nobody is near
 
 
 @pytest.mark.slow
