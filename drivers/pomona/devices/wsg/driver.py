@@ -292,9 +292,9 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
         return min(max(self._streamed_at + STREAM_PERIOD - self._clock.now(), 0.0), PATIENCE)
 
     def _watch(self, state: GripperState) -> None:
-        """See whether the move has arrived."""
-        if self._move is not None:
-            self._arrive(self._move)
+        """See whether the move that was sent has arrived."""
+        if self._ordered is not None:
+            self._arrive(self._ordered)
 
     def _arrive(self, move: GripperMotion) -> None:
         """A move is done once the measured width confirms it."""

@@ -151,6 +151,22 @@ def test_a_second_move_ends_the_first(wire: Wire) -> None:
     assert gripper.state().width == pytest.approx(0.040, abs=1e-6)
 
 
+def test_a_move_is_not_judged_by_an_earlier_one_while_a_stop_is_unanswered(wire: Wire) -> None:
+    gripper = connected(wire)
+    gripper.move(0.080, 0.2)
+    serve(gripper, wire, 0.5)
+    serve(gripper, wire, 0.1, renew=-0.01)
+    wire.device.deaf.add(Command.STOP)
+    motion = gripper.move(0.100, 0.2)
+    serve(gripper, wire, 0.01)
+    assert motion.state is MotionState.RUNNING
+    wire.device.deaf.clear()
+    wire.device._reply(Command.STOP)
+    serve(gripper, wire, 0.5)
+    assert motion.state is MotionState.DONE
+    assert gripper.state().width == pytest.approx(0.100, abs=1e-6)
+
+
 def test_a_blocked_move_fails_with_its_place(wire: Wire) -> None:
     gripper = connected(wire)
     wire.fingers.obstacle = 0.020
