@@ -48,6 +48,7 @@ PYTEST = $(BIN)/python -m pytest -n 2 --dist worksteal
 WHOLE = not realtime and not long
 
 test: $(STAMP) ## run the quick tests and one whole pick (three minutes on two quiet cores)
+	@$(BIN)/pomona run trees/pick_apple.yaml --no-record --quiet # compiles the loops once, not once in each process
 	$(PYTEST) -n 3 -m '$(WHOLE) and (not slow or pick)' --durations 5 --durations-min 3
 	@echo "left out: tests of 0.3 s of processor time and more; make test-slow, and make evidence-status for when each ran"
 
