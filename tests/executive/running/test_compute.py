@@ -224,6 +224,7 @@ def test_workers_are_taken_again_while_they_live_and_kept_for_the_next_run_if_th
 ) -> None:
     new = Idle()
     monkeypatch.setattr(compute, "Worker", lambda: new)
+    monkeypatch.setattr(compute, "_spare", None)  # another test may have kept one
     service, dead, alive = Computations(), Idle(False), Idle()
     service._give_back(None)
     assert service._take() is new
@@ -236,7 +237,6 @@ def test_workers_are_taken_again_while_they_live_and_kept_for_the_next_run_if_th
     service.close()
     assert alive.killed
     monkeypatch.setattr(compute.atexit, "register", lambda *_: None)
-    monkeypatch.setattr(compute, "_spare", None)
     compute.keep_workers_warm()
     compute.keep_workers_warm()
     kept, service = Idle(), Computations()
