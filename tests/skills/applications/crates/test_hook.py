@@ -46,7 +46,8 @@ def test_a_finger_draws_the_fruit_from_the_wall_and_rises(radius):
     assert ball.most < bears_at_pads(a_hook()) + 1.0
     assert is_up_again(scene)
     assert outcome.duration < 24.0
-    assert not notice_of(scene.clock).why  # it stopped at touches that it looked for: nobody is near
+    # it stopped at touches that it looked for: nobody is near
+    assert not notice_of(scene.clock).why
 
 
 @pytest.mark.slow
