@@ -874,6 +874,16 @@ def test_a_tree_for_another_cell_is_checked_but_for_poses_and_fruit(
     assert "--cell" in told
 
 
+def test_a_cell_that_the_command_names_stands_for_one_that_the_tree_names_and_nobody_has(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = tmp_path / "t.yaml"
+    tree.write_text("pomona: 1\ntree: t\ncell: nowhere\nroot:\n  succeed: {}\n")
+    assert main(["check", str(tree), "--cell", "sim"]) == 0
+    assert main(["check", str(tree)]) == 2
+    assert "t.yaml:3:7: no cell file 'nowhere'" in capsys.readouterr().err
+
+
 def test_a_file_in_utf_16_is_named_as_such(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

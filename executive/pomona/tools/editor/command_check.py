@@ -108,8 +108,8 @@ def check_file(path: Path, cell: Path | None, settings: dict[str, str]) -> list[
     if kind is None:
         document = read_document(path)
         skills = Registry.installed()
-        usual = usual_cell(document)
-        found = judge(document, skills, settings, cell or usual).findings.sorted()
+        usual = cell or usual_cell(document)
+        found = judge(document, skills, settings, usual).findings.sorted()
         lacking = next((finding for finding in found if finding.code == "no-device"), None)
         if cell is not None or lacking is None:
             return found
