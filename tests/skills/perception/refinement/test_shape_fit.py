@@ -23,9 +23,12 @@ from pomona.skills.perception.refinement.cloud import (
 )
 from pomona.skills.perception.refinement.render import DepthLook, render_depth
 from pomona.skills.perception.refinement.shape_fit import (
+    FEW_POINTS,
     RIGID,
     Form,
     Priors,
+    ShapeFit,
+    covariance_of,
     fit_shape,
     step_until_still,
 )
@@ -143,6 +146,32 @@ def test_no_points_leave_the_start():
     assert np.exp(np.log(fit.stretch).mean()) == pytest.approx(0.9, rel=1e-3)
 
 
+def test_without_points_the_fruit_is_as_uncertain_as_its_priors_say():
+    few = seen(np.full((3, 3), 9.0))
+    covariance = fit_shape(few, APPLE, UPRIGHT, 0.9, at_most=FEW_POINTS).covariance
+    np.testing.assert_allclose(covariance[:3, :3], 0.01**2 * np.eye(3), atol=1e-9)
+    size, aspect, roundness = 0.15**2, 0.12**2, 0.03**2
+    # ln stretch of the size, of height over width, and of one width over the other
+    ways = np.array([[1.0, 1.0, 1.0], [-1 / 3, 2 / 3, -1 / 3], [0.5, 0.0, -0.5]])
+    of_priors = ways.T @ np.diag([size, aspect, roundness]) @ ways
+    np.testing.assert_allclose(covariance[3:, 3:], of_priors, rtol=1e-6, atol=1e-12)
+
+
+def test_the_covariance_adds_form_errors_and_the_common_error_of_depth():
+    fit = ShapeFit(
+        transform(translation=(0.1, 0.0, 0.5)), np.ones(3), np.diag(np.arange(1.0, 7.0)), 1.0, False
+    )
+    sizes = np.array([0.06, 0.08, 0.1])
+    of_fit = 0.75 * np.diag([1.0, 2.0, 3.0, *np.array([4.0, 5.0, 6.0]) * sizes**2])
+    change = [0.1, 0.0, 0.5, 0.06, 0.08, 0.1]
+    for on_support, height in ((False, 0.012), (True, 0.004)):
+        found = covariance_of(replace(fit, on_support=on_support), sizes, 0.02, 0.5, 3e-4)
+        form = 0.08 / 0.5 * np.array([0.01, 0.01, 0.01, 0.003, height, 0.003])
+        form[3:] = np.hypot(form[3:], 3e-4)
+        whole = 0.02**2 * np.outer(change, change)
+        np.testing.assert_allclose(found, of_fit + np.diag(form**2) + whole, rtol=1e-12)
+
+
 def test_a_camera_whose_depth_errs_more_leaves_the_fruit_less_surely_known():
     camera = Intrinsics(610.6, 610.6, 79.5, 59.5, 160, 120)
     at = transform(rot_x(-0.9), (0.0, 0.0, 0.6))
@@ -201,9 +230,14 @@ BALL = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
 
 def test_cuboid_of_a_leaning_fruit_is_higher():
     upright = Form.scaled(BALL, 1.0)
-    leaning = replace(upright, lean=np.array([0.05, 0.0]))
+    leaning = replace(upright, lean=np.array([0.05, 0.02]), stretch=np.array([1.0, 1.1, 0.9]))
     assert upright.cuboid(BALL)[1] == pytest.approx([0.1, 0.1, 0.1], rel=1e-3)
-    assert leaning.cuboid(BALL)[1][1] > 0.1
+    assert upright.cuboid(BALL)[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    x, y, z = BALL.vertices.T
+    placed = np.array([x, 1.1 * y * (1.0 + (0.05 * x + 0.02 * z) / leaning.radius[0]), 0.9 * z])
+    centre, sizes = leaning.cuboid(BALL)
+    np.testing.assert_allclose(sizes, np.ptp(placed, axis=1))
+    np.testing.assert_allclose(centre, 0.5 * (placed.min(axis=1) + placed.max(axis=1)), atol=1e-12)
 
 
 def test_nearly_round_models_are_known(apple):

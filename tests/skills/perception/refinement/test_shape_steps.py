@@ -7,20 +7,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.spatial import cKDTree
 
 from pomona.skills.geometry import rotation_about, transform
 from pomona.skills.perception.fruit import load_fruit
 from pomona.skills.perception.refinement.shape_fit import (
+    RIGID,
     Form,
     PlacedForm,
     Points,
+    Priors,
     Support,
+    _expected,
+    _solve,
+    _unlikeness,
     contact,
     move,
     points_to_surface,
     start_of_walk,
+    step_until_still,
     surface_of,
     walk_to_nearest,
 )
@@ -44,21 +50,91 @@ def placed_apple(about: float, lean: tuple[float, float]) -> PlacedForm:
     )
 
 
-@pytest.mark.slow
-@given(st.floats(-3.0, 3.0), st.tuples(*[st.floats(-0.06, 0.06)] * 2))
+FEW = np.ascontiguousarray(APPLE.vertices[::40])
+
+
+@pytest.mark.parametrize(
+    ("about", "lean"), [(-2.0, (0.05, -0.04)), (0.4, (0.0, 0.06)), (1.9, (-0.03, 0.01))]
+)
 def test_the_gap_to_a_support_is_that_of_the_lowest_vertex_and_changes_as_its_row_says(about, lean):
     placed = placed_apple(about, lean)
     form = Form(placed.stretch, placed.lean, placed.radius)
-    heights = (on_fruit(form, APPLE.vertices) @ placed.R.T + placed.t) @ DOWN.normal + DOWN.offset
-    gap, row = contact(APPLE.vertices, placed, DOWN)
+    heights = (on_fruit(form, FEW) @ placed.R.T + placed.t) @ DOWN.normal + DOWN.offset
+    gap, row = contact(FEW, placed, DOWN)
     assert gap == pytest.approx(heights.min(), abs=1e-12)
     step = 1e-7
     for k in range(11):
         after = PlacedForm(*(part.copy() for part in placed))
         move(after, step * np.eye(11)[k])
-        assert (contact(APPLE.vertices, after, DOWN)[0] - gap) / step == pytest.approx(
-            row[k], abs=1e-5
-        )
+        assert (contact(FEW, after, DOWN)[0] - gap) / step == pytest.approx(row[k], abs=1e-5)
+
+
+def test_a_step_comes_nearer_to_the_priors_by_its_part_in_their_directions():
+    """The directions stand as a matrix and as logarithms and axes: both are one prior."""
+    start = placed_apple(0.7, (0.02, -0.03))
+    priors = Priors(0.02, 0.1, 0.2, 0.05, 0.3, 0.4, 0.5, 0.6, texture=1e-3)
+    expected = _expected(start, Form(start.stretch, start.lean, start.radius), priors)
+    deviations = [0.02] * 3 + [0.5, 0.5, 0.1, 0.2, 0.3, 0.4, 0.4, RIGID.turn]
+    directions = expected.weighted * np.square(deviations)[:, None]
+    np.testing.assert_allclose(expected.likeness, directions.T @ expected.weighted)
+    before = _unlikeness(expected, start)
+    round_ratio = -np.log(start.radius[0] / start.radius[1])
+    at_start = [0.0] * 5 + [0.0, 0.05, round_ratio, -0.02, 0.03, 0.0]
+    np.testing.assert_allclose(before, at_start, atol=1e-12)
+    for k in range(11):
+        after = PlacedForm(*(part.copy() for part in start))
+        move(after, 1e-6 * np.eye(11)[k])
+        came = (before - _unlikeness(expected, after)) / 1e-6
+        np.testing.assert_allclose(came, directions[:, k], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "priors", "turn", "roundness"),
+    [
+        ((0.1, 0.05, 0.08), Priors(), 0.35, 0.0),
+        ((0.1, 0.05, 0.104), Priors(), 1e-4, np.log(1.04)),
+        ((0.1, 0.05, 0.104), RIGID, 1e-4, 0.0),
+    ],
+)
+def test_a_turn_is_free_and_roundness_the_models_own_where_it_is_not_round(
+    sizes, priors, turn, roundness
+):
+    form = Form.scaled(trimesh.creation.box(sizes), 1.0)
+    start = PlacedForm(np.eye(3), np.zeros(3), form.stretch, form.lean, form.radius)
+    expected = _expected(start, form, priors)
+    assert expected.likeness[10, 10] == pytest.approx(turn**-2)
+    assert expected.roundness == pytest.approx(roundness)
+    assert (expected.proportion, expected.texture) == (0.0, 5e-4)
+
+
+def test_the_normal_equations_are_solved():
+    part = np.random.default_rng(2).normal(size=(15, 11))
+    H, b = part.T @ part, part[0]
+    np.testing.assert_allclose(_solve(H, b), np.linalg.solve(H, b), rtol=1e-9)
+
+
+def test_a_step_weighs_points_priors_and_support():
+    thing = Object(np.array([0.02, -0.03, 0.01]), np.array([0.01, -0.02]), transform())
+    points = on_fruit(thing.form, SAMPLES.points[::200])
+    deviation = np.full(len(points), 1e-3)
+    measured = Points(points, np.zeros((len(points), 3)), deviation, deviation)
+    form = Form.scaled(BALL, 1.0)
+    start = PlacedForm(np.eye(3), np.zeros(3), form.stretch, form.lean, form.radius)
+    placed, stepped = (PlacedForm(*(part.copy() for part in start)) for _ in range(2))
+    expected = _expected(start, form, Priors(place=2e-3, size=0.02, proportion=0.01))
+    few = SAMPLES._replace(vertices=np.ascontiguousarray(BALL.vertices[::20]))
+    support = Support(np.array([0.0, -1.0, 0.0]), 0.052, 2e-3)
+    nowhere = np.full(len(points), -1)
+    H, b, share = points_to_surface(measured, few, start, nowhere.copy(), 0.01, 5e-4, 80.0)
+    gap, row = contact(few.vertices, start, support)
+    whole = H + expected.likeness + np.outer(row, row) / 2e-3**2
+    pull = b + _unlikeness(expected, start) @ expected.weighted - gap * row / 2e-3**2
+    move(stepped, np.linalg.solve(whole, pull))
+    found = step_until_still(measured, few, placed, nowhere, expected, support, np.full(1, 0.01))
+    np.testing.assert_allclose(found[0], whole, rtol=1e-9)
+    assert found[1] == share == 1.0
+    for now, calculated in zip(placed, stepped, strict=True):
+        np.testing.assert_allclose(now, calculated, rtol=1e-7, atol=1e-12)
 
 
 def test_a_step_turns_about_the_objects_axes_and_is_limited():
@@ -122,6 +198,7 @@ def felt(thing: Object, point: np.ndarray, nearest: int) -> tuple[np.ndarray, fl
     return jacobian, distance, int(index[0])
 
 
+@settings(max_examples=8)
 @given(
     ln=st.tuples(*[st.floats(-0.4, 0.2)] * 3),
     lean=st.tuples(small, small),
@@ -145,6 +222,7 @@ def test_a_distance_changes_as_its_jacobian_says(ln, lean, about, sample):
         assert (distance - after) / step == pytest.approx(by, abs=2e-4)
 
 
+@settings(max_examples=10)
 @given(
     ln=st.tuples(*[st.floats(-0.4, 0.2)] * 3),
     lean=st.tuples(small, small),
@@ -188,16 +266,18 @@ def test_a_walk_starts_beside_points_far_from_the_model():
 def test_a_point_weighs_the_same_where_the_surface_is_slanted():
     """A grazed surface seems exact along its normal, and which of its points was measured is as unsure as the depth."""
     thing = Object(np.zeros(3), np.zeros(2), transform(translation=(0.0, 0.0, 0.6)))
-    along, deviation, weights = np.array([[0.0, 0.0, 1.0]]), np.full(1, 5e-3), []
-    for slant in (0.0, 0.5, 1.3):
-        point = np.array([[0.05 * np.sin(slant), 0.0, 0.6 - 0.05 * np.cos(slant)]])
-        one = Points(point, along, deviation, 0.0 * deviation)
-        H, _, share = points_to_surface(
-            one, SAMPLES, thing.placed(), np.full(1, -1), 4e-3, 5e-4, 80.0
-        )
-        assert share == 1.0
-        weights.append(np.trace(H[:3, :3]))
-    assert weights == pytest.approx([1.0 / (deviation[0] ** 2 + 5e-4**2)] * 3, rel=0.05)
+    along = np.array([[0.0, 0.0, 1.0]])
+    deviation = np.full(1, 5e-3)
+    for beside in (0.0, 6e-3):
+        for slant in (0.0, 0.5, 1.3):
+            point = np.array([[0.05 * np.sin(slant), 0.0, 0.6 - 0.05 * np.cos(slant)]])
+            one = Points(point, along, deviation, np.full(1, beside))
+            H, _, share = points_to_surface(
+                one, SAMPLES, thing.placed(), np.full(1, -1), 4e-3, 5e-4, 80.0
+            )
+            assert share == 1.0
+            variance = deviation[0] ** 2 + 5e-4**2 + (beside * np.sin(slant)) ** 2
+            assert np.trace(H[:3, :3]) == pytest.approx(1.0 / variance, rel=0.05)
 
 
 def test_points_that_face_away_or_lie_too_far_do_not_count():
