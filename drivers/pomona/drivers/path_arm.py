@@ -97,7 +97,7 @@ class PathArm(Device, ABC):
         self._motion: PathMotion | StreamedMotion | None = None
         self._speed = 1.0
         self._latched: str | None = None
-        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
+        self._problem = DeviceLost(name, "was never connected")
 
     # -------------------------------------------------------------------------------- what a driver says of it
 
@@ -276,17 +276,11 @@ class PathArm(Device, ABC):
 
     # --------------------------------------------------------------------------------------------- the device
 
-    def link(self) -> str:
-        problem = self._problem
-        return "ok" if problem is None else problem.message
-
     def last_seen(self) -> float | None:
         return None if self._state is None else self._state.stamp
 
     def check(self) -> None:
-        problem = self._problem
-        if problem is not None:
-            raise problem
+        super().check()
         self._owner.check()
 
     def safe_stop(self, reason: str) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from pomona.drivers import (
     SILENCE,
     ConnectContext,
+    DeviceError,
     DeviceLost,
     LoadSensor,
     Settings,
@@ -57,12 +58,10 @@ class SimLoadSensor(FaultyDevice):
         now = self._world.clock.now()
         if newest is not None and now - newest.stamp > self._silence and self.fault == "lost":
             raise DeviceLost(self.name, f"no sample for {1e3 * (now - newest.stamp):.0f} ms")
-        if (problem := self._passing.problem(self.name)) is not None:
-            raise problem
+        super().check()
 
-    def link(self) -> str:
-        problem = self._passing.problem(self.name)
-        return super().link() if problem is None else problem.message
+    def _wrong(self) -> DeviceError | None:
+        return self._passing.problem(self.name)
 
     def acknowledge(self) -> None:
         """Acknowledge the fault of the samples. Raises DeviceFault: it persists."""

@@ -56,17 +56,15 @@ class ModbusSignals(Device):
         self._clock = clock
         self._period = period
         self._inputs, self._outputs, self._heartbeat = dict(inputs), dict(outputs), heartbeat
-        self._read_places = {**inputs, BEAT: SignalPlace(heartbeat.input)}
+        self._read_places = {**inputs, **outputs, BEAT: SignalPlace(heartbeat.input)}
         self._write_places = {**outputs, BEAT: SignalPlace(heartbeat.output)}
         self._read_spans = spans_of(self._read_places.values())
-        self._safe: Mapping[str, bool | float] = {
-            one: bool(place.safe) if place.is_bit else place.safe for one, place in outputs.items()
-        }
+        self._safe = {name: place.safe for name, place in outputs.items()}
         self._commanded = dict(self._safe)
-        # value and stamp of all signals
+        self._written: Mapping[str, bool | float] = {}  # to this connection
+        # value and stamp of all signals, as the PLC has them
         self._taken: Mapping[str, tuple[bool | float, float]] = {}
         self._client: ModbusClient | None = None
-        self._problem: DeviceError | None = None
         self._latched = ""
         self._beat, self._beaten_at = False, clock.now()
         self._pulse: bool | float | None = None
@@ -84,7 +82,7 @@ class ModbusSignals(Device):
         """
         client = self._client = self._open_client()
         try:
-            for name, place in {**self._outputs, **self._read_places}.items():
+            for name, place in self._read_places.items():
                 with self._judging(name, place, "read", "does its address count from 0"):
                     client.read(place.span)
             self._require_own(client)
@@ -121,11 +119,8 @@ class ModbusSignals(Device):
             owned = "does a field bus or the PLC's program own it"
             with self._judging(name, place, "written", owned):
                 client.write(place.area, place.span.first, place.encode(values[name]))
+        self._written = self._safe
         self._clock.advance(SCAN)
-        for name, place in self._outputs.items():
-            if client.read(place.span) != place.encode(values[name]):
-                why = "the PLC's program or a field bus writes there; use another address"
-                raise self._unfit(name, place, f"does not keep the value {values[name]:g}: {why}")
 
     def _require_pulse(self, words: str) -> None:
         """Raise DeviceFault if the PLC's heartbeat stands still."""
@@ -162,15 +157,14 @@ class ModbusSignals(Device):
         self._require_pulse("its program has stopped")
 
     def _serve(self, client: ModbusClient) -> None:
-        """Write all outputs and read all inputs."""
+        """Read all signals, and write all outputs. Raises UnfitSignal: another one has written an output."""
         commanded = dict(self._commanded)
+        written = self._written
         now = self._clock.now()
         if now - self._beaten_at >= self._heartbeat.period and now - self._looked_at <= STALL:
             self._beat = not self._beat
             self._beaten_at = now
-        for area, first, values in writes(self._write_places, {**commanded, BEAT: self._beat}):
-            client.write(area, first, values)
-        taken = {name: (value, now) for name, value in commanded.items()}
+        taken: dict[str, tuple[bool | float, float]] = {}
         memory: dict[tuple[str, int], tuple[int, float]] = {}
         for span in self._read_spans:
             stamp = self._clock.now()
@@ -179,10 +173,18 @@ class ModbusSignals(Device):
         for name, place in self._read_places.items():
             words, stamps = zip(*(memory[cell] for cell in place.span.cells), strict=True)
             taken[name] = place.decode(words), stamps[0]
+        for area, first, values in writes(self._write_places, {**commanded, BEAT: self._beat}):
+            client.write(area, first, values)
+        self._written = commanded
         pulse, _stamp = taken.pop(BEAT)
         if pulse != self._pulse:
             self._pulse, self._pulse_at = pulse, self._clock.now()
         self._taken = taken
+        for name, value in written.items():
+            place = self._outputs[name]
+            if taken[name][0] != place.decode(place.encode(value)):
+                why = "the PLC's program or a field bus writes there; use another address"
+                raise self._unfit(name, place, f"does not keep the value {value:g}: {why}")
 
     def _lose(self, error: BaseException) -> None:
         """The outputs are safe from now on; the connection is opened again, and nothing more is written by itself."""
@@ -206,6 +208,7 @@ class ModbusSignals(Device):
     def _leave(self) -> None:
         client = self._client
         self._client = None
+        self._written = {}
         if client is not None:
             client.close()
 
@@ -232,7 +235,7 @@ class ModbusSignals(Device):
         except ValueError as error:
             words = f"the output '{name}' cannot be written: {error}"
             raise MotionRefused(self.name, words) from error
-        self._owner.post(lambda: self._command(name, bool(value) if place.is_bit else value))
+        self._owner.post(lambda: self._command(name, value))
 
     def _command(self, name: str, value: bool | float) -> None:
         if not self._latched and self._problem is None:
@@ -240,13 +243,9 @@ class ModbusSignals(Device):
 
     # ------------------------------------------------------------------------------------------ the device
 
-    def link(self) -> str:
-        return "ok" if self._problem is None else self._problem.message
-
     def check(self) -> None:
         self._looked_at = self._clock.now()
-        if self._problem is not None:
-            raise self._problem
+        super().check()
         self._owner.check()
 
     def safe_stop(self, reason: str) -> None:

@@ -169,10 +169,12 @@ class SimSignals(FaultSwitch, Device):
 
     def check(self) -> None:
         if self._stopped_at is not None and self._clock.now() - self._stopped_at > HEARTBEAT:
-            raise DeviceFault(
-                self.name,
-                f"its heartbeat stands still for {1e3 * HEARTBEAT:.0f} ms: its program has stopped",
+            words = (
+                f"its heartbeat stands still for {1e3 * HEARTBEAT:.0f} ms: its program has stopped"
             )
+            self._problem = DeviceFault(self.name, words)
+            self.safe_stop(words)
+        super().check()
 
     def safe_stop(self, reason: str) -> None:
         """Let all outputs take their safe value, 0."""
@@ -182,6 +184,7 @@ class SimSignals(FaultSwitch, Device):
         self._latched = self._latched or reason
 
     def acknowledge(self) -> None:
+        self._problem = None
         self.check()
         self._latched = ""
 
@@ -192,9 +195,6 @@ class SimSignals(FaultSwitch, Device):
     def clear_fault(self) -> None:
         super().clear_fault()
         self._stopped_at = None
-
-    def link(self) -> str:
-        return "ok" if self.fault is None else self.fault
 
     def close(self) -> None:
         self.safe_stop("closed")

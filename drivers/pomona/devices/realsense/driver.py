@@ -71,7 +71,7 @@ class StreamingCamera(Device):
         self._sequence = 0
         self._last_seen = 0.0
         self._retry_at = 0.0
-        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
+        self._problem = DeviceLost(name, "was never connected")
 
     def connect(self, deadline: float = 5.0) -> None:
         """Open the source and wait for its first images.
@@ -115,13 +115,8 @@ class StreamingCamera(Device):
         frame = self._newest
         return None if frame is None else (frame.colour, frame.stamp)
 
-    def link(self) -> str:
-        return "ok" if self._problem is None else self._problem.message
-
     def check(self) -> None:
-        problem = self._problem
-        if problem is not None:
-            raise problem
+        super().check()
         self._owner.check()
 
     def acknowledge(self) -> None:

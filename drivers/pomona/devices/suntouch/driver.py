@@ -105,7 +105,7 @@ class SunTouchFingers(Device):
         self._retry_at = 0.0
         self._biasing: list[tuple[FingerReading, FingerReading]] | None = None
         self._biases_asked = self._biases_begun = 0
-        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
+        self._problem = DeviceLost(name, "was never connected")
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -347,14 +347,8 @@ class SunTouchFingers(Device):
 
     # ---------------------------------------------------------------------------------------- the device
 
-    def link(self) -> str:
-        problem = self._wrong()
-        return "ok" if problem is None else problem.message
-
     def check(self) -> None:
-        problem = self._wrong()
-        if problem is not None:
-            raise problem
+        super().check()
         self._owner.check()
 
     def acknowledge(self) -> None:

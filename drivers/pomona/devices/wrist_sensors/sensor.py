@@ -76,7 +76,7 @@ class StreamingSensor(Device):
         self._owner = Owner(name, self.step, self._lose, clock)
         self._stream = WrenchStream(clock, options.silence, sides=self.sides)
         self._session: WristSession | None = None
-        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
+        self._problem = DeviceLost(name, "was never connected")
         self._sequence = 0
         self._heard_at = 0.0
         self._retry_at = 0.0
@@ -165,13 +165,8 @@ class StreamingSensor(Device):
 
     # ---------------------------------------------------------------------------------------- the device
 
-    def link(self) -> str:
-        problem = self._wrong()
-        return "ok" if problem is None else problem.message
-
     def check(self) -> None:
-        if (problem := self._wrong()) is not None:
-            raise problem
+        super().check()
         self._owner.check()
 
     def acknowledge(self) -> None:

@@ -126,7 +126,6 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         self._aim: float | None = None
         self._off_target_since = math.inf
         self._latched: str | None = None
-        self._problem: DeviceError | None = None
 
     # ----------------------------------------------------------------------------- methods that a driver implements
 
@@ -476,15 +475,11 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
 
     # ------------------------------------------------------------------------------------------------ the device
 
-    def link(self) -> str:
-        return "ok" if self._problem is None else self._problem.message
-
     def last_seen(self) -> float | None:
         return None if self._state is None else self._state.stamp
 
     def check(self) -> None:
-        if problem := self._problem:
-            raise problem
+        super().check()
         self._owner.check()
 
     def safe_stop(self, reason: str) -> None:

@@ -15,6 +15,7 @@ nobody ordered is noticed, and the force is bounded.
 """
 
 from pomona.drivers.conformance.bench import Bench, BenchClock, Wire
+from pomona.drivers.conformance.camera import CAMERA, CameraBench, Wall, camera_claims
 from pomona.drivers.conformance.claims import Claim, Claims, Finding, judged
 from pomona.drivers.conformance.force_sensor import (
     FORCE_SENSOR,
@@ -28,21 +29,30 @@ from pomona.drivers.conformance.gripper import (
     Hand,
     gripper_claims,
 )
+from pomona.drivers.conformance.signals import SIGNALS, Plc, SignalsBench, signals_claims
 
 __all__ = [
+    "CAMERA",
     "FORCE_SENSOR",
     "GRIPPER",
+    "SIGNALS",
     "Bench",
     "BenchClock",
+    "CameraBench",
     "Claim",
     "Claims",
     "Finding",
     "ForceBench",
     "GripperBench",
     "Hand",
+    "Plc",
     "Press",
+    "SignalsBench",
+    "Wall",
     "Wire",
+    "camera_claims",
     "force_sensor_claims",
     "gripper_claims",
     "judged",
+    "signals_claims",
 ]

@@ -150,9 +150,9 @@ class Bench:
                 switch.clear_fault()
 
     def step(self) -> None:
-        """Let the driver do one step, and some time pass."""
+        """Let the driver do one step, if it has a thread, and the cell look after it; some time passes."""
         before = self.now
-        self.device.step()
+        getattr(self.device, "step", self.problem)()
         if self.now == before:
             self.clock.advance(STEP)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from pomona.drivers.conformance.bench import Bench
+from pomona.drivers.errors import DeviceError
 
 B = TypeVar("B", bound=Bench)
 
@@ -72,6 +74,24 @@ class Claims(Generic[B]):
                 pytest.xfail(f"declared: {declared}")
 
         return test_claim
+
+
+def judge_notice(opened: Callable[[], B], lasts: float) -> None:
+    """Raise Finding: a harm of some length [s] is not reported until that is acknowledged, or does not pass."""
+    for harm in opened().harms:
+        bench = opened()
+        bench.harm(harm, lasts)
+        said = bench.problem()
+        bench.heal()
+        bench.serve(1.5)
+        if not (said and bench.problem()):
+            raise Finding(f"'{harm}' for {lasts:g} s: it says '{said}', then '{bench.problem()}'")
+        with suppress(DeviceError):
+            bench.device.acknowledge()
+        bench.serve(0.5)
+        seen = bench.device.last_seen()
+        if bench.problem() or seen is None or bench.now - seen > 0.3:
+            raise Finding(f"'{harm}', acknowledged: it says '{bench.problem()}', and is not there")
 
 
 def judged(opened: Callable[[], B], claim: Claim[B]) -> str:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
 
 import numpy as np
 
 from pomona.drivers.conformance.bench import Bench
-from pomona.drivers.conformance.claims import Claims, Finding
-from pomona.drivers.errors import DeviceError
+from pomona.drivers.conformance.claims import Claims, Finding, judge_notice
 from pomona.drivers.interfaces import WrenchSample
 from pomona.executive.cell.device import FaultSwitch
 from pomona.executive.clock import Clock
@@ -90,20 +88,7 @@ def force_sensor_claims(**benches: Opened) -> Callable[..., None]:
 @FORCE_SENSOR.essential
 def a_harm_is_noticed(opened: Opened) -> None:
     """A sensor that is silent, or tells what cannot be, is reported, until that is acknowledged."""
-    for harm in opened().harms:
-        bench = opened()
-        bench.harm(harm, LASTS)
-        said = bench.problem()
-        bench.heal()
-        bench.serve(1.2)
-        if not (said and bench.problem()):
-            raise Finding(f"'{harm}' for {LASTS:g} s: it says '{said}', and then nothing")
-        with suppress(DeviceError):
-            bench.device.acknowledge()
-        bench.got.clear()
-        bench.serve(0.5)
-        if bench.problem() or not bench.got:
-            raise Finding(f"'{harm}', acknowledged: it says '{bench.problem()}'")
+    judge_notice(opened, LASTS)
 
 
 @FORCE_SENSOR.essential

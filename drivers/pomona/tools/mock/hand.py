@@ -124,13 +124,8 @@ class MockGripper(DirectGripper):
         self.speeds.append((self._clock.now(), speed))
         super().set_speed(speed)
 
-    def check(self) -> None:
-        if self._error is not None:
-            raise self._error
-        super().check()
-
-    def link(self) -> str:
-        return super().link() if self._error is None else self._error.message
+    def _wrong(self) -> DeviceError | None:
+        return self._error or super()._wrong()
 
     def step(self) -> None:
         """Move the fingers for one period of the clock."""
@@ -221,15 +216,6 @@ class MockForceSensor(Device):
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
         return self._stream.subscribe(listener)
 
-    def check(self) -> None:
-        problem = self._wrong()
-        if problem is not None:
-            raise problem
-
-    def link(self) -> str:
-        problem = self._wrong()
-        return "ok" if problem is None else problem.message
-
     def acknowledge(self) -> None:
         self._stream.acknowledge(self.name)
 
@@ -280,7 +266,6 @@ class MockCamera(Device):
         self._frames = list(frames)
         self._clock = clock
         self.looks = 0
-        self._error: DeviceError | None = None
 
     def show(self, *frames: Frame) -> None:
         """Show these frames from the next look on."""
@@ -288,7 +273,7 @@ class MockCamera(Device):
 
     def fail_check(self, error: DeviceError | None) -> None:
         """Raise this from every `check` from now on; None ends it."""
-        self._error = error
+        self._problem = error
 
     def latest(self) -> Frame | None:
         self.looks += 1
@@ -296,10 +281,3 @@ class MockCamera(Device):
             return None
         frame = self._frames.pop(0) if len(self._frames) > 1 else self._frames[0]
         return frame if self._clock is None else replace(frame, stamp=self._clock.now())
-
-    def check(self) -> None:
-        if self._error is not None:
-            raise self._error
-
-    def link(self) -> str:
-        return "ok" if self._error is None else self._error.message

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.errors import BadTrajectory, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import (
     Arm,
     ArmLimits,
@@ -76,7 +76,6 @@ class SimArm(FaultyDevice):
         self._rests_since = np.inf
         self._latched: str | None = None
         self._supervisor = MotionSupervisor(self.name, self.limits, supervision or Supervision())
-        self._problem: DeviceError | None = None
         self._state = self._measure()
         world.before_step.append(self._command)
         world.after_step.append(self._watch)
@@ -126,8 +125,7 @@ class SimArm(FaultyDevice):
             raise DeviceLost(self.name, "does not answer")
         if self.fault == "alarm":
             raise DeviceFault(self.name, "the controller reports an alarm")
-        if self._problem is not None:
-            raise self._problem
+        super().check()
 
     def inject_fault(self, kind: str) -> None:
         self._state = self._measure()

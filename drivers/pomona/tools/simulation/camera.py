@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.camera_options import scaled
-from pomona.drivers.errors import DeviceLost
+from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.drivers.streams import FrameGuard
 from pomona.executive.clock import Clock
@@ -204,6 +204,17 @@ class SimCamera(FaultyDevice):
             self._shown = time.monotonic()
 
     def check(self) -> None:
+        try:
+            self._look_after()
+        except DeviceError as error:
+            self._problem = self._problem or error
+        super().check()
+
+    def acknowledge(self) -> None:
+        self._problem = None
+        self.check()
+
+    def _look_after(self) -> None:
         if self.fault is None:
             self._take_picture()
         if self.fault in LIES:

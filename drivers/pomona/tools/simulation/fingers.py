@@ -10,7 +10,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from pomona.drivers.errors import DeviceLost
+from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from pomona.drivers.streams import SILENCE, Belief, WrenchStream
 from pomona.executive.values.arrays import Float64
@@ -247,13 +247,10 @@ class SimFingers(FaultyDevice):
                 self.name,
                 f"no sample for {1e3 * (self._world.clock.now() - self._lost.stamp):.0f} ms",
             )
-        problem = self._passing.problem(self.name)
-        if problem is not None:
-            raise problem
+        super().check()
 
-    def link(self) -> str:
-        problem = self._passing.problem(self.name)
-        return super().link() if problem is None else problem.message
+    def _wrong(self) -> DeviceError | None:
+        return self._passing.problem(self.name)
 
     def acknowledge(self) -> None:
         """Acknowledge the fault of the samples. Raises DeviceFault: it persists."""

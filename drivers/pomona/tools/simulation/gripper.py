@@ -121,9 +121,6 @@ class SimGripper(DirectGripper, FaultyDevice):
             self._lose(DeviceLost(self.name, f"has not sent its width for {1e3 * silent:.0f} ms"))
         super().check()
 
-    def link(self) -> str:
-        return FaultyDevice.link(self)
-
     def inject_fault(self, kind: str) -> None:
         self._frozen = self._measure()
         super().inject_fault(kind)

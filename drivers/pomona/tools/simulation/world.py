@@ -172,6 +172,3 @@ class FaultyDevice(Device, FaultSwitch):
     def __init__(self, name: str) -> None:
         Device.__init__(self, name)
         FaultSwitch.__init__(self)
-
-    def link(self) -> str:
-        return "ok" if self.fault is None else self.fault

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_chec
 from pomona.executive.clock import Clock
 
 if TYPE_CHECKING:  # small commands do not load numpy
+    from pomona.executive.cell.errors import DeviceError
     from pomona.executive.cell.owner import Link
     from pomona.executive.values.arrays import UInt8
 
@@ -49,15 +50,21 @@ class Device:
     declared: ClassVar[Mapping[str, str]] = {}
     """Claims of `pomona.drivers.conformance` that it cannot keep, by name: why, with the page of its protocol."""
     distrusted = ""
+    _problem: DeviceError | None = None
     outside_stop: tuple[str, tuple[Any, ...]] | None = None
     """How another process stops the device when this one is gone: the function `module:name` and its arguments."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
+    def _wrong(self) -> DeviceError | None:
+        """Return what is wrong with it, until that is acknowledged; None: nothing."""
+        return self._problem
+
     def link(self) -> str:
         """State of the link: 'ok', or the problem."""
-        return "ok"
+        problem = self._wrong()
+        return "ok" if problem is None else problem.message
 
     def picture(self) -> tuple[UInt8, float] | None:
         """Return the newest colour image (h, w, 3) and its timestamp [s], if it costs nothing. From any thread."""
@@ -83,6 +90,9 @@ class Device:
             DeviceLost: no answer within the device's deadline, or its stream is stale.
             DeviceFault: the device reports a fault.
         """
+        problem = self._wrong()
+        if problem is not None:
+            raise problem
 
     def distrust(self, reason: str) -> None:
         """Mark the device's values as implausible: until `acknowledge` the cell's check raises `DeviceFault` with this.

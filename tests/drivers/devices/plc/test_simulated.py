@@ -98,6 +98,9 @@ def test_a_program_that_stops_makes_values_unknown_and_then_the_device_faulty(
     with pytest.raises(DeviceFault, match="heartbeat stands still"):
         signals.check()
     signals.clear_fault()
+    with pytest.raises(DeviceFault, match="heartbeat stands still"):
+        signals.check()
+    signals.acknowledge()
     signals.check()
     assert signals.read("start").value is False
 
