@@ -299,3 +299,98 @@ def test_cells_whose_centre_lies_in_a_grown_sphere_are_marked(seed: int) -> None
     again = before.copy()
     mark_spheres(spheres, padding, origin, resolution, again)
     assert np.array_equal(again, expected | before)
+
+
+def plainly(
+    before: OccupancyMap, frame: Frame, cell: Workspace, spheres: np.ndarray, ball: Convex
+) -> tuple[np.ndarray, np.ndarray]:
+    """States and last looks after a frame, from the text of `integrate`, cell by cell and pixel by pixel."""
+    how, lens, size = Sensing(), frame.intrinsics, before.resolution
+    T, depth, shape = frame.T_mount_camera, frame.depth, before.states.shape
+    assert depth is not None
+    assert cell.table_z is not None
+    cells = np.indices(shape).reshape(3, -1).T
+    centres = before.origin + (cells + 0.5) * size
+    apart = np.linalg.norm(centres[:, None] - spheres[:, :3], axis=2)
+    own = (apart < spheres[:, 3] + how.robot_padding).any(axis=1).reshape(shape)
+    left_out = [(ball, 0.01)] + [(Convex.of_box(box), how.table) for box in cell.obstacles]
+    count, kind = np.zeros(shape, int), np.full(depth.shape, "nothing", object)
+    for v, u in np.argwhere(depth > 0.0):
+        d = float(depth[v, u])
+        ray = [(u - lens.cx) / lens.fx * d, (v - lens.cy) / lens.fy * d, d]
+        point = T[:3, :3] @ ray + T[:3, 3]
+        at = tuple(np.floor((point - before.origin) / size).astype(int))
+        if point[2] < cell.table_z + how.table:
+            kind[v, u] = "table"
+        elif not all(0 <= a < n for a, n in zip(at, shape, strict=True)):
+            kind[v, u] = "surface"
+        elif own[at]:
+            kind[v, u] = "robot"
+        elif any(
+            one.distance(point[None])[0] < margin
+            and np.linalg.norm(point - one.bound[:3]) < one.bound[3] + margin
+            for one, margin in left_out
+        ):
+            kind[v, u] = "target"
+        else:
+            kind[v, u] = "surface"
+            count[at] += 1
+    states, last = before.states.copy(), before.last_look.copy()
+    look = len(before.stamps)
+    for at, centre in zip(map(tuple, cells), centres, strict=True):
+        x, y, z = T[:3, :3].T @ (centre - T[:3, 3])
+        if centre[2] < cell.table_z or z < 1e-3:
+            continue
+        u, v = np.floor([lens.fx * x / z + lens.cx + 0.5, lens.fy * y / z + lens.cy + 0.5])
+        if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0]):
+            continue
+        d, seen = depth[int(v), int(u)], kind[int(v), int(u)]
+        if seen == "nothing":
+            continue
+        if z < d - size * (0.25 if seen == "table" else how.clear):
+            states[at], last[at] = FREE, look
+        elif seen == "surface" and d < z < d + how.shadow and states[at] != FREE:
+            states[at] = states[at] or HIDDEN
+            last[at] = look
+    states[(count >= how.min_points)] = OCCUPIED
+    last[count >= how.min_points] = look
+    for one, margin in left_out:
+        within = (one.distance(centres) < margin).reshape(shape)
+        states[within & (states >= OCCUPIED)] = UNKNOWN
+    return states, last
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_cells_and_pixels_are_read_as_the_text_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lens = Intrinsics(26.0, 28.0, 13.2, 9.7, 28, 20)
+    T = transform(rot_x(np.pi - 0.2 - 0.1 * seed) @ rot_y(0.2), [0.03, 0.0, 0.34])
+    cell = Workspace(
+        -0.07,
+        np.array([-0.13, -0.1, -0.11]),
+        np.array([0.12, 0.1, 0.12]),
+        obstacles=(Box("post", transform(None, (-0.06, 0.05, -0.03)), (0.02, 0.02, 0.03)),),
+    )
+    v, u = np.mgrid[:20, :28]
+    rays = np.stack([(u - 13.2) / 26.0, (v - 9.7) / 28.0, np.ones_like(u)], axis=-1) @ T[:3, :3].T
+    depth = (-0.07 - T[2, 3]) / rays[..., 2] - rng.choice([-0.01, 0.03, 0.1, 0.2], (5, 7)).repeat(
+        4, axis=0
+    ).repeat(4, axis=1)
+    depth[rng.random(depth.shape) < 0.1] = 0.0
+    colour = np.zeros((20, 28, 3), np.uint8)
+    frame = Frame(3.0, 0, colour, depth.astype(np.float32), lens, None, T)
+    start = OccupancyMap.empty(cell.lower, cell.upper, 0.025)
+    start = replace(
+        start,
+        states=rng.integers(0, 4, start.states.shape).astype(np.uint8),
+        last_look=np.zeros_like(start.last_look),
+        stamps=(1.0,),
+    )
+    spheres = np.array([[0.05, -0.04, 0.0, 0.02], [0.08, 0.06, -0.05, 0.01]])
+    ball = Convex.of_points("ball", [0.0, 0.03, -0.03] + 0.02 * fibonacci_sphere(30))
+    fused = integrate(start, frame, T, cell, robot=spheres, target=ball)
+    states, last = plainly(start, frame, cell, spheres, ball)
+    assert len(np.unique(states)) == 4
+    np.testing.assert_array_equal(fused.states, states)
+    np.testing.assert_array_equal(fused.last_look, last)
+    assert fused.stamps == (1.0, 3.0)
