@@ -160,8 +160,9 @@ class FactsOfGripper:
 
 @pytest.mark.parametrize(
     ("least", "known", "told"),
-    [(20.0, {}, "40 N at least, and 'force' allows 10 N"), (20.0, {"force": 39.0}, "allows 39 N"),
-     (20.0, {"force": 40.0}, ""), (0.0, {"force": 1.0}, ""), (20.0, {"force": None}, "")],
+    [(20.0, {}, "40 N at least, where the fruit bears 23 N and 'force' allows 10 N"),
+     (20.0, {"force": 39.0}, "allows 39 N"), (20.0, {"force": 40.0}, ""), (11.0, {}, ""),
+     (0.0, {"force": 1.0}, ""), (20.0, {"force": None}, "")],
 )  # fmt: skip
 def test_a_gripper_that_always_presses_harder_than_allowed_is_refused_with_numbers(
     least: float, known: dict[str, Any], told: str
@@ -169,6 +170,25 @@ def test_a_gripper_that_always_presses_harder_than_allowed_is_refused_with_numbe
     errors = [p.message for p in Grasp.judge(known, FactsOfGripper(least)) if not p.warning]
     assert len(errors) == bool(told)
     assert all(told in error for error in errors)
+
+
+@pytest.mark.parametrize(("force", "told"), [(40.0, True), (23.0, False)])
+def test_a_force_that_bruises_every_apple_is_told(force: float, told: bool) -> None:
+    said = [p.message for p in Grasp.judge({"force": force}, FactsOfGripper(5.0)) if p.warning]
+    assert (f"{force:g} N bruise an apple, which bears 23 N at most" in said) is told
+
+
+@pytest.mark.parametrize(("least", "refused"), [(6.0, False), (12.0, True)])
+def test_a_hand_presses_with_its_least_force_where_the_measured_fruit_bears_it(
+    least: float, refused: bool
+) -> None:
+    rig = Rig(0.085)
+    gripper = rig.scene.gripper
+    gripper.limits = replace(gripper.limits, force_min=least)
+    outcome = rig.grasp(force=10.0)
+    assert ("REFUSED" in str(outcome.reason)) is refused
+    if not refused:
+        assert gripper.moves[0].force == least
 
 
 def test_the_width_at_which_the_fingers_stopped_is_recorded_with_the_measured_fruit():
@@ -203,6 +223,9 @@ def test_a_gripper_that_presses_harder_than_the_fruit_bears_is_refused_before_it
     rig.scene.gripper.limits = replace(rig.scene.gripper.limits, force_min=10.0)
     outcome = rig.grasp(force=10.0)
     assert outcome.reason.code == "REFUSED"
-    assert "20 N at least, and 'force' allows 10 N" in outcome.reason.message
+    assert (
+        "20 N at least, where the fruit bears 18 N and 'force' allows 10 N"
+        in outcome.reason.message
+    )
     assert rig.scene.gripper.moves == []
     assert rig.grasp(force=20.0).status is Status.SUCCESS

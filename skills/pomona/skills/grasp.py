@@ -5,29 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
-from pomona.drivers.errors import MotionRefused
 from pomona.drivers.interfaces import (
     ForceSensor,
     Gripper,
     GripperLimits,
     GripperState,
-    MotionState,
     PressSensor,
 )
 from pomona.drivers.plain_hand import between, gone
 from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
-from pomona.executive.skill import CellFacts, Work
+from pomona.executive.skill import CellFacts, SkillFailure, Work
 from pomona.executive.values.sections import Problem
 from pomona.skills.grip.closing import PadTouch
 from pomona.skills.grip.hold import take_over
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import (
     MOTION_FAILURES,
-    MotionEnded,
     MovingSkill,
     Watching,
-    follow_motion,
 )
+from pomona.skills.shared.held_fruit import bearable_force
 from pomona.skills.shared.live_watch import hand_clear
 from pomona.skills.shared.touch import pressing_forces, something_between
 from pomona.skills.shared.touch_view import record_touches
@@ -41,8 +38,8 @@ DEFAULT_FORCE = FORCE("10 N")
 CREEP = 2e-3  # change of the width in `settle` after which the fruit may slip out [m]
 
 UNMEASURED = (
-    "the cell has no force sensor: no minimum grip force and no slip detection; the gripper's own force limit and the "
-    "port `force` bound the force on the fruit"
+    "the cell has no force sensor: no minimum grip force and no slip detection; the gripper's own force limit bounds "
+    "the force on the fruit, and the port `force` where the driver obeys it"
 )
 
 PRESSED_ALONE = (
@@ -73,12 +70,19 @@ class Grasp(MovingSkill):
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
-        """Refuse a gripper that always presses harder than `force`; warn without a force sensor."""
-        limits = None if cell is None else cell.known(GripperLimits)
+        """Refuse a gripper that always presses harder than `force` and than any apple bears; warn of what bruises."""
+        if cell is None:
+            return
+        limits = cell.known(GripperLimits)
         force = known.get("force", DEFAULT_FORCE)
-        if limits is not None and force is not None and (words := _too_strong(limits, force)):
-            yield Problem("force", words, "allow it, or take another gripper")
-        if cell is not None and cell.place(ForceSensor) is None:
+        bears = bearable_force(None)
+        if limits is not None and force is not None:
+            if words := _too_strong(limits, force, bears):
+                yield Problem("force", words, "allow bruises by it, or take another gripper")
+            elif force > bears:
+                words = f"{force:g} N bruise an apple, which bears {bears:.0f} N at most"
+                yield Problem("force", words, warning=True)
+        if cell.place(ForceSensor) is None:
             tips = cell.place(PressSensor)
             words, where = (
                 (UNMEASURED, cell.place(Gripper)) if tips is None else (PRESSED_ALONE, tips)
@@ -100,7 +104,8 @@ class Grasp(MovingSkill):
             Port(
                 min="1 N",
                 max="100 N",
-                help="grasp force by the motor's current at which the fingers stop",
+                help="grasp force by the motor's current at which the fingers stop; more, up to what the fruit bears, "
+                "where the gripper always presses harder",
             ),
         ] = DEFAULT_FORCE,
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.2 m/s", help="speed of closing")] = SPEED(
@@ -112,8 +117,10 @@ class Grasp(MovingSkill):
     ) -> Work[None]:
         gripper = self.device(Gripper)
         limits = gripper.limits
-        if too_strong := _too_strong(limits, force):
+        bears = 0.0 if fruit is None else bearable_force(fruit)
+        if too_strong := _too_strong(limits, force, bears):
             raise self.failure("REFUSED", f"{too_strong}; nothing has moved")
+        force = max(force, 2.0 * limits.force_min)
         yield from hand_clear(self)
         take_over(gripper)
         start = gripper.state()
@@ -160,18 +167,13 @@ class Grasp(MovingSkill):
             return f"{1e3 * state.width:.0f} mm"
 
         try:
-            yield from follow_motion(gripper.move(aim, speed, force / 2.0), watch)
-        except MotionRefused as refused:
-            raise self.failure(
-                "REFUSED", f"{refused}; nothing has moved", device=refused.device
-            ) from refused
+            yield from self._carry_out(lambda: gripper.move(aim, speed, force / 2.0), watch)
         except PressedEnough:
             pass
-        except MotionEnded as ended:
-            if ended.state is MotionState.STOPPED:
-                raise self.failure("STOPPED", str(ended)) from ended
-            if not between(gripper.state(), gripper.limits):
-                raise self.failure("MOTION_FAILED", str(ended)) from ended
+        except SkillFailure as ended:
+            blocked = ended.failure.code == "MOTION_FAILED"
+            if not (blocked and between(gripper.state(), gripper.limits)):
+                raise
 
     def _felt(self, tips: PressSensor) -> str:
         """Return the evidence of an object between the fingertips; empty without any."""
@@ -185,9 +187,10 @@ class Grasp(MovingSkill):
         return self.failure(code, message, width_m=round(state.width, 5), **force)
 
 
-def _too_strong(limits: GripperLimits, force: float) -> str:
-    """Return why a gripper cannot press as gently as a force on the fruit [N]; empty if it can."""
+def _too_strong(limits: GripperLimits, force: float, bears: float) -> str:
+    """Return why a gripper cannot press as gently as is allowed or as the fruit bears [N]; empty if it can."""
     least = 2.0 * limits.force_min
-    if least <= force + 1e-6:
+    if least <= max(force, bears) + 1e-6:
         return ""
-    return f"the gripper presses with {least:g} N at least, and 'force' allows {force:g} N on the fruit"
+    allowed = f"the fruit bears {bears:.0f} N and 'force' allows {force:g} N"
+    return f"the gripper presses with {least:g} N at least, where {allowed}"

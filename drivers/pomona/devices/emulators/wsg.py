@@ -253,7 +253,10 @@ class WsgEmulator:
         self._fingers.set_speed(self.runaway)
 
     def _limited(self, speed: float) -> float:
-        """Soft limits hold for streamed speeds too."""
+        """Soft limits and the limit of the force hold for streamed speeds too."""
+        pressing = self._fingers.state().motor_force or 0.0
+        if speed < 0.0 and pressing >= 2.0 * self._settings[Command.SET_FORCE_LIMIT]:
+            return 0.0
         low, high = self._soft_limits or (-1.0, 1.0)
         self._bits &= ~(SystemState.SOFT_LIMIT_MINUS | SystemState.SOFT_LIMIT_PLUS)
         if speed < 0.0 and self._jaw() <= low:

@@ -121,13 +121,11 @@ class StreamingCamera(Device):
 
     def acknowledge(self) -> None:
         """Acknowledge that the camera was lost. Raises DeviceLost: it is still lost."""
-        if self._source is None:
-            raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
         self._owner.ask(self._release)
 
     def _release(self) -> None:
         if self._source is None:
-            raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
+            raise DeviceLost(self.name, f"is still lost: {self.link()}")
         self._problem = None
 
     def close(self) -> None:
@@ -193,7 +191,3 @@ class StreamingCamera(Device):
 def _some_pixels(image: NDArray[Any]) -> bytes:
     some: bytes = image[::PIXELS, ::PIXELS].tobytes()
     return some
-
-
-def _words(problem: DeviceError | None) -> str:
-    return problem.message if problem is not None else "no problem is known"

@@ -354,7 +354,7 @@ class SunTouchFingers(Device):
     def acknowledge(self) -> None:
         """Accept that the stream had been lost. Raises DeviceLost, or another DeviceError: it is lost or faulty."""
         if not self._streaming:
-            raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
+            raise DeviceLost(self.name, f"is still lost: {self.link()}")
         self._owner.ask(self._release)
 
     def _release(self) -> None:
@@ -369,7 +369,3 @@ class SunTouchFingers(Device):
         self._close_lines()
         self._streaming = False
         self._problem = DeviceLost(self.name, "is closed")
-
-
-def _words(problem: DeviceError | None) -> str:
-    return problem.message if problem is not None else "no problem is known"

@@ -229,8 +229,7 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
         self._supervisor.rest(self._clock.now())
         while self._state is None and self._problem is None:
             self.step()
-        if self._problem is not None:
-            raise self._problem
+        super().check()
 
     def start(self) -> None:
         """Serve the gripper in a thread of its own from now on."""
@@ -490,8 +489,6 @@ class ParallelGripper(Device, ABC, Generic[S, C]):
 
     def acknowledge(self) -> None:
         """Release the latch; the fingers stay where they are. Raises DeviceLost: no states come."""
-        if self._lost:
-            raise DeviceLost(self.name, f"is still lost: {self._words()}")
         self._owner.ask(self._release)
 
     def _release(self) -> None:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from pomona.drivers.interfaces import (
@@ -90,14 +89,18 @@ def expected_load(fruit: MeasuredFruit) -> float:
 
 
 def bearable_force(fruit: MeasuredFruit | None) -> float:
-    """Return the force of both fingers that bruises no fruit of this size, less a tenth for overshoot; inf for none."""
-    return math.inf if fruit is None else 1.8 * bruising_force(0.5 * float(fruit.dimensions[0]))
+    """Return the force of both fingers that bruises no fruit of this size, less a tenth for overshoot [N].
+
+    Of an unknown fruit it is that of a large apple: a larger force bruises every one.
+    """
+    return 1.8 * bruising_force(0.5 * (LARGE if fruit is None else float(fruit.dimensions[0])))
 
 
 def _grip(skill: MovingSkill, hold: Hold | None) -> Hold | None:
     return hold if hold is not None and not hold.ended else current_hold(skill.device(Gripper))
 
 
+LARGE = 0.1  # size of a large apple [m]
 TOPIC = "grip"
 
 

@@ -25,6 +25,7 @@ from pomona.executive.cell.owner import Nonsense
 from pomona.executive.clock import ManualClock
 from pomona.executive.skill_testing import drive
 from pomona.skills.grasp import Grasp
+from tests.drivers.conformance.grippers import wsg
 from tests.drivers.device_settings import read_settings
 
 OFFSET = 0.035
@@ -677,3 +678,11 @@ def test_a_grasp_presses_with_its_force_and_with_the_cell_file_s_limit_at_most(
     assert ended.status is Status.SUCCESS
     most = min(force / 2.0, math.inf if limit is None else limit)
     assert 0.8 * most < strongest < 1.15 * most
+
+
+def test_a_streamed_speed_presses_with_the_limit_of_the_force_at_most() -> None:
+    bench = wsg(6.0)
+    bench.put(bench.width - 4e-3)  # no move has told the fingers a force
+    bench.renew = -0.02
+    bench.serve(1.0)
+    assert 4.0 < bench.hand.force < 6.6
