@@ -161,7 +161,7 @@ def test_a_connected_arm_is_made_ready_and_rests(arm: Bench) -> None:
 def test_an_arm_that_cannot_be_made_ready_is_left(arm: Bench) -> None:
     other = Bench()
     other.not_ready = OSError("cut")
-    with pytest.raises(DeviceLost, match=r"^arm: cut$"):
+    with pytest.raises(DeviceLost, match=r"^arm: the connection failed: cut$"):
         other.connect()
     assert other.opened[0].closed == 1
     with pytest.raises(DeviceLost):

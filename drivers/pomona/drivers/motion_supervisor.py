@@ -26,6 +26,7 @@ STANDING, STANDING_AFTER = 0.25, 0.5
 stand, beside the lag [s]: an object in its way held an arm 0.0035 rad off."""
 # distance of resting joints from where they came to rest that nobody ordered [rad]: 0.2°
 STRAYS = 0.004
+JUMPS = 0.05  # joints that something held do not move by more before that is noticed [rad]
 BESIDE, WITHIN = 0.05, 0.1
 """Share of the following error by which an arm may leave its path, wherever along it the arm is, and the time within
 which it does so [s]: joints that are held or come late do not. The simulated arm left it by less than 0.001 rad."""
@@ -63,7 +64,11 @@ class Supervision:
 
 
 class MotionSupervisor:
-    """Watches one arm. All times are the cell's [s], all joints in one order of the caller's choice, shape (dof,)."""
+    """Watches one arm. All times are the cell's [s], all joints in one order of the caller's choice, shape (dof,).
+
+    Attributes:
+        has_come_free: resting joints have just begun to move, so little that no encoder has jumped: they can stay there.
+    """
 
     def __init__(self, device: str, limits: ArmLimits, supervision: Supervision) -> None:
         self._device, self._limits, self._supervision = device, limits, supervision
@@ -78,6 +83,7 @@ class MotionSupervisor:
         self._speed = 1.0
         self._advanced: tuple[float, float] = (0.0, 0.0)
         self._rests_at: Float64 | None = None  # joints where the arm was left
+        self.has_come_free = False
         self.end()
 
     def due(self, now: float) -> bool:
@@ -153,7 +159,10 @@ class MotionSupervisor:
         if self._rests_at is None:
             self._rests_at = q.copy()
         way = np.abs(q - self._rests_at)
-        if way.max() > STRAYS:
+        strayed = float(way.max())
+        self.has_come_free = STRAYS < strayed < JUMPS
+        if strayed > STRAYS:
+            self._rests_at = q * np.nan  # it is told once
             self._accuse(way, "moves without a command of this run")
 
     def look(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
@@ -195,7 +204,7 @@ class MotionSupervisor:
         # jitter of messages over a network [s]: two pushes of 25 ms
         beyond = jump - OVERSPEED * limits.velocity * (stamp - before + 0.05)
         if beyond.max() > 0.0:
-            joint = int(beyond.argmax())
+            joint = beyond.argmax()
             return f"joint {joint + 1} jumped by {np.degrees(jump[joint]):.1f}°"
         return ""
 
@@ -260,13 +269,13 @@ class MotionSupervisor:
             self._refuse(off, "stands")
 
     def _accuse(self, way: Float64, moves: str) -> None:
-        joint = f"joint {int(way.argmax()) + 1} {moves}"
+        joint = f"joint {way.argmax() + 1} {moves}"
         raise DeviceFault(
             self._device, f"{joint}: another program commands the arm, or something pushes it"
         )
 
     def _refuse(self, error: Float64, stands: str) -> None:
-        joint = int(error.argmax())
+        joint = error.argmax()
         away = f"joint {joint + 1} {stands} {np.degrees(error[joint]):.1f}° from its set-point"
         raise DeviceFault(self._device, f"the arm does not follow: {away}")
 

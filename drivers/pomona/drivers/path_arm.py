@@ -157,10 +157,10 @@ class PathArm(Device, ABC):
         """
         before = self._state
         if qd is None:
-            elapsed = 0.0 if before is None else stamp - before.stamp
+            qd = np.zeros_like(q)
             # longest distance in time between positions for a velocity by difference [s]
-            near = before is not None and 0.0 < elapsed < 0.2
-            qd = (q - before.q) / elapsed if before is not None and near else np.zeros_like(q)
+            if before is not None and 0.0 < stamp - before.stamp < 0.2:
+                qd = (q - before.q) / (stamp - before.stamp)
         self._believed = False
         self._supervisor.on_feedback(stamp, q, qd)
         self._believed = True
@@ -188,7 +188,7 @@ class PathArm(Device, ABC):
         if motion is None or motion.settled or state is None:
             self._end_stream()
             self._supervisor.end()
-            if state is not None and self._problem is None and not self._doubted:
+            if state is not None and self._believed:
                 self._judge(lambda: self._supervisor.look_at_rest(state.q))
             return
         resting = self._rests(state, stream)
@@ -321,9 +321,9 @@ class PathArm(Device, ABC):
         if motion is None or motion.settled:
             return True
         state = self._state
-        if not motion.at_rest or stream is None or not stream.played or state is None:
+        if state is None or stream is None:
             return False
-        return self._rests(state, stream)
+        return motion.at_rest and stream.played and self._rests(state, stream)
 
     def close(self) -> None:
         """Come to rest on the path, then leave."""
@@ -399,7 +399,7 @@ class StreamingArm(PathArm, Generic[S, P]):
             self._make_ready(session)
         except (OSError, DeviceError) as error:
             session.close()
-            raise _lost(self.name, "", error) from error
+            raise _lost(self.name, error) from error
         self._session = session
         self._problem = None
 
@@ -416,7 +416,7 @@ class StreamingArm(PathArm, Generic[S, P]):
         except (OSError, DeviceError) as error:
             for link in links:
                 link.close()
-            raise _lost(self.name, "cannot be reached: ", error) from error
+            raise _lost(self.name, error, "cannot be reached") from error
 
     def step(self) -> None:
         now = self._clock.now()
@@ -434,10 +434,7 @@ class StreamingArm(PathArm, Generic[S, P]):
         """Fail the motion and open the session again: it is gone, or the peer is no controller."""
         self._believed = False
         if self._session is not None:
-            what = (
-                "the connection failed: " if isinstance(error, OSError) else "the driver failed: "
-            )
-            self._blame(_lost(self.name, what, error))
+            self._blame(_lost(self.name, error))
             self._abandon(words(self._problem))
             if self._motion is not None:
                 self._motion.settled = True  # its state is unknown
@@ -501,11 +498,12 @@ class StreamingArm(PathArm, Generic[S, P]):
             self._problem = None
 
 
-def _lost(device: str, what: str, error: BaseException) -> DeviceError:
+def _lost(device: str, error: BaseException, what: str = "the connection failed") -> DeviceError:
     """Return an error of a wire or of a driver as one of the device."""
     if isinstance(error, DeviceError):
         return error
-    return DeviceLost(device, f"{what}{error if isinstance(error, OSError) else repr(error)}")
+    is_wire = isinstance(error, OSError)
+    return DeviceLost(device, f"{what}: {error}" if is_wire else f"the driver failed: {error!r}")
 
 
 def words(problem: DeviceError | None) -> str:

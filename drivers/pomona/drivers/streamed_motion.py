@@ -86,14 +86,13 @@ class StreamedMotion(SteppedMotion):
         if not target.shape == moves_on.shape == self._raw.shape or not np.isfinite(numbers).all():
             raise BadTrajectory(f"a set-point must be {self._raw.size} finite numbers", 0)
         outside = np.maximum(self._limits.lower - target, target - self._limits.upper)
-        if outside.max() > 0.0:
-            joint = int(outside.argmax())
+        quick = np.abs(moves_on) - self._limits.velocity
+        joint = int(np.maximum(outside, quick).argmax())
+        if outside[joint] > 0.0:
             span = f"{np.degrees(self._limits.lower[joint]):.1f}° and {np.degrees(self._limits.upper[joint]):.1f}°"
             words = f"joint {joint + 1} would be at {np.degrees(target[joint]):.1f}°, its limits are {span}"
             raise BadTrajectory(words, 0, joint)
-        quick = np.abs(moves_on) - self._limits.velocity
-        if quick.max() > 0.0:
-            joint = int(quick.argmax())
+        if quick[joint] > 0.0:
             most = f"{np.degrees(self._limits.velocity[joint]):.0f}°/s"
             words = f"joint {joint + 1} would move at {np.degrees(moves_on[joint]):.0f}°/s, its limit is {most}"
             raise BadTrajectory(words, 0, joint)

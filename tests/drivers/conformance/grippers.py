@@ -26,7 +26,6 @@ from pomona.tools.kit.pieces import TEMPLATES
 from pomona.tools.mock import MockClock, MockGripper
 from tests.drivers.tools.simulation.conftest import SIM
 
-CLAMP = TEMPLATES / "package" / "tests" / "test_clamp.py"
 STIFFNESS = 6000.0  # of an object, for one finger [N/m]
 
 
@@ -265,13 +264,18 @@ def mock() -> GripperBench:
     return InStep(gripper, clock, MockHand(gripper))
 
 
-def clamp() -> GripperBench:
-    """The driver that `pomona new gripper clamp` writes, as its own test has it."""
+def of_template(test: str) -> object:
+    """Return the bench of a test of the package that `pomona new` writes."""
     sys.path.insert(0, str(TEMPLATES / "package"))
     try:
-        return cast("GripperBench", runpy.run_path(str(CLAMP))["bench"]())
+        return runpy.run_path(str(TEMPLATES / "package" / "tests" / test))["bench"]()
     finally:
         sys.path.pop(0)
+
+
+def clamp() -> GripperBench:
+    """The driver that `pomona new gripper clamp` writes, as its own test has it."""
+    return cast("GripperBench", of_template("test_clamp.py"))
 
 
 BENCHES: dict[str, Callable[[], GripperBench]] = {

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pomona.drivers import Driver
-from pomona.drivers.conformance import CAMERA, FORCE_SENSOR, GRIPPER, SIGNALS, Claims
+from pomona.drivers.conformance import ARM, CAMERA, FORCE_SENSOR, GRIPPER, SIGNALS, Claims
 
 PAGE = Path(__file__).parents[3] / "docs" / "hardware.md"
 
@@ -30,6 +30,6 @@ def test_what_is_declared_stands_on_the_page_of_the_hardware() -> None:
 
 
 def test_what_is_declared_is_a_claim_that_may_be_declared_away() -> None:
-    kinds: tuple[Claims[Any], ...] = (CAMERA, FORCE_SENSOR, GRIPPER, SIGNALS)
+    kinds: tuple[Claims[Any], ...] = (ARM, CAMERA, FORCE_SENSOR, GRIPPER, SIGNALS)
     may = {claim.name for kind in kinds for claim in kind.all if not claim.essential}
     assert {claim for _, claim in declared()} <= may

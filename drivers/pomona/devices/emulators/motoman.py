@@ -189,13 +189,13 @@ class MotomanEmulator(FaultSwitch):
             self._servos_on()
         if now >= self._next_state:
             self._next_state = max(self._next_state + STATE_PERIOD, now)
-            q, qd = self._measured()
+            q, qd = self.measured()
             valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
             self.state.push(JointFeedback(0, valid, now, tuple(q.tolist()), tuple(qd.tolist())))
             if self.fault != "no_status":
                 self.state.push(self._status(qd))
 
-    def _measured(self) -> tuple[Float64, Float64]:
+    def measured(self) -> tuple[Float64, Float64]:
         """Return the reported state of its joints."""
         q, qd = self._joints.measured()
         match self.fault:

@@ -29,6 +29,8 @@ CYCLE = 0.002
 """Control cycle of an e-series [s]."""
 MOST = 40.0
 """Acceleration of a joint under servoj and in a stop [rad/s²]: plausible, not measured."""
+DEVIATES = 0.1
+"""Distance of a joint from its set-point that is a protective stop [rad]: plausible, not measured."""
 LOCKED = 5.0
 """Time for which a protective stop cannot be unlocked [s] (PolyScope's dashboard server)."""
 JUMP = 0.6
@@ -267,6 +269,8 @@ class UrEmulator(FaultSwitch):
             self._brake(MOST)
         if self.fault != "stuck":
             self._joints.drive(self._q, self._qd)
+            if np.abs(self._joints.measured()[0] - self._q).max() > DEVIATES:
+                self._stop_safely(3)
         self.rtde.push()
 
     def _is_over(self, thread: Iterator[None]) -> bool:

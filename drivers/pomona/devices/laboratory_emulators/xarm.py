@@ -35,6 +35,8 @@ MOST = 20.0
 """Acceleration of a joint in a stop and in the queue [rad/s²]: plausible, not measured."""
 JUMP = 0.6
 """Step of the first joint's feedback by the fault `jump` [rad]."""
+DEVIATES = 0.1
+"""Distance of a joint from its set-point that is the error 31 [rad]: plausible, not measured."""
 FAR = 0.2
 """Distance of a set-point in servo mode that is the error 24 [rad]: plausible, not measured."""
 MOVE_JOINT = 23  # register of the queue (mode 0)
@@ -289,6 +291,10 @@ class XArmEmulator(FaultSwitch):
             self.state = 1 if np.abs(self._qd).max() > 1e-4 or self._queue else 2
         if self.fault != "stuck":
             self._joints.drive(self._q, self._qd)
+            q, qd = self._joints.measured()
+            if np.abs(q - self._q).max() > DEVIATES:
+                self.raise_error(31)
+                self._q, self._qd = q, 0.0 * qd
         self._push()
 
     def _towards(self, q: Float64, speed: float) -> Float64:

@@ -7,6 +7,7 @@ the arm is slow, as where it lands: a slow arm that runs out of points stands at
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -21,6 +22,7 @@ from pomona.executive import Clock, Float64
 # period of the controller's own interpolation, and of stepping the path here [s]
 INTERPOLATION = 0.004
 SLOW = 0.05  # speed of each joint up to which the queue is short [rad/s]
+APART = 1.2  # time between points, as a multiple of that of an answer
 GAP = 0.1  # gap between points after which a moving arm rests [s]: going on would be an unrequested start
 
 
@@ -61,7 +63,7 @@ class PointStream(KnotMaker):
         self._slow_lead = options.lead * (SHORT if isinstance(motion, PathMotion) else 1.0)
         self._time = 0.0
         self._began: float | None = None
-        self._resend_at = 0.0
+        self._resend_at = self._sent_at = 0.0
         self._moving = self._quick = False
         self._point: TrajectoryPoint | None = self._make(q_arm, np.zeros_like(q_arm))
 
@@ -115,14 +117,19 @@ class PointStream(KnotMaker):
                 )  # the queue has run dry: at rest, after a pause, or because this came late
                 self.dry += int(moved)
         if self._point is not None and now >= self._resend_at:
+            self._sent_at = now
             session.send(self._point)
 
     def _accepted(self, now: float) -> None:
+        """Points are as far apart as their answers, or the queue would run dry."""
         point = self._point
         self._point = None
         self.sent += 1
+        took = now - self._sent_at
+        self._steps = max(self._steps, math.ceil(APART * took / INTERPOLATION))
+        self._slow_lead = max(self._slow_lead, 2.0 * APART * took)
         if self._began is None:
-            self._began = now
+            self._began = self._sent_at
         if point is not None:
             self._commanded(self._began + point.time, self.q_last)
 

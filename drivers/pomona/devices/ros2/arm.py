@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from pomona.tools.ros2.rosbridge import WAY, open_peer
 from pomona.tools.ros2.types import coder
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+PAGE = "control.ros.org, joint_trajectory_controller"
 PATIENCE = 0.004  # the wire is waited for no longer than this at a time [s]
 REJOIN = 0.05  # time after its arrival at which a stop's first set-point is due [s]: ten times a network's delay
 STEPPED = 0.02  # change between the host's clock and the cell's that counts as a step [s]
@@ -83,6 +85,11 @@ class Ros2ArmFile(ArmFile):
 
 class Ros2Arm(PathArm):
     """The arm. Joints in the order of the robot's description."""
+
+    declared: ClassVar[Mapping[str, str]] = {
+        "a_gap_ends_without_a_jump": f"a new trajectory is sampled at its time, wherever the arm is: {PAGE}",
+        "both_clocks_may_step": f"a trajectory is sampled by the controller's own clock: {PAGE}",
+    }
 
     def __init__(
         self,
@@ -249,11 +256,17 @@ class Ros2Arm(PathArm):
         )
 
     def _halt(self, problem: str) -> None:
-        """Brake from the present set-point within the limits; where the arm truly is, no joint shows."""
+        """Brake from the present set-point within the limits; where the arm truly is, no joint shows.
+
+        Joints that begin to move at rest do show it: something has held them, and they stay there.
+        """
         self._doubted = True
         if self._motion is not None:
             self._motion.fail(problem)
         self._brake()
+        if self._supervisor.has_come_free and self._state is not None:
+            here = SetPoint(self._clock.now() + POINT_PERIOD, self._state.q, 0.0 * self._state.q)
+            self._send([here], 0.0)
 
     def _brake(self) -> None:
         """Brake from the present set-point, and tell the controller at once."""

@@ -14,6 +14,7 @@ Four claims of a device that moves cannot be declared away: a stop is delivered,
 nobody ordered is noticed, and the force is bounded.
 """
 
+from pomona.drivers.conformance.arm import ARM, ArmBench, Body, arm_claims
 from pomona.drivers.conformance.bench import Bench, BenchClock, Wire
 from pomona.drivers.conformance.camera import CAMERA, CameraBench, Wall, camera_claims
 from pomona.drivers.conformance.claims import Claim, Claims, Finding, judged
@@ -32,12 +33,15 @@ from pomona.drivers.conformance.gripper import (
 from pomona.drivers.conformance.signals import SIGNALS, Plc, SignalsBench, signals_claims
 
 __all__ = [
+    "ARM",
     "CAMERA",
     "FORCE_SENSOR",
     "GRIPPER",
     "SIGNALS",
+    "ArmBench",
     "Bench",
     "BenchClock",
+    "Body",
     "CameraBench",
     "Claim",
     "Claims",
@@ -50,6 +54,7 @@ __all__ = [
     "SignalsBench",
     "Wall",
     "Wire",
+    "arm_claims",
     "camera_claims",
     "force_sensor_claims",
     "gripper_claims",

@@ -147,6 +147,8 @@ class MockArm(PathArm):
     def _halt(self, problem: str) -> None:
         if self._motion is not None:
             self._motion.fail(problem)
+        if self._supervisor.has_come_free and self._state is not None:
+            self.q = self._state.q
 
     def _release(self) -> None:
         self._problem, self._doubted = None, False

@@ -105,8 +105,12 @@ class Controller:
         return WALL + self.clock.now() + self.clock_step
 
     def advance(self, seconds: float) -> None:
-        before = self.qd
         self.clock.advance(seconds)
+        self.pass_time(seconds)
+
+    def pass_time(self, seconds: float) -> None:
+        """Do what was due in a time that has passed."""
+        before = self.qd
         if self._plan is not None and not self.stuck:
             self._sample(*self._plan)
         self.fastest = max(self.fastest, np.abs(self.qd).max())
@@ -151,8 +155,8 @@ class Controller:
 
 
 class Setting:
-    def __init__(self, **options: Any) -> None:
-        self.clock, self.host_step = ManualClock(20.0), 0.0
+    def __init__(self, clock: ManualClock | None = None, **options: Any) -> None:
+        self.clock, self.host_step = clock or ManualClock(20.0), 0.0
         self.controller = Controller(self.clock)
         self.arm = Ros2Arm(
             self.controller, self.clock, LIMITS,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -69,6 +70,10 @@ class ReacherOptions:
 
 class Reacher(PathArm):
     """The arm. Its lines: `joints?`, and `path SECONDS Q… SECONDS Q…`, which replaces the last and ends at rest."""
+
+    declared: ClassVar[Mapping[str, str]] = {
+        "a_gap_ends_without_a_jump": "page 12: it goes to where a new path is at its time"
+    }
 
     def __init__(
         self,
@@ -154,6 +159,9 @@ class Reacher(PathArm):
         if self._path is not None and not self._path.braking_now:
             self._path.brake()
             self._told_at = -np.inf
+        elif self._state is not None and self._supervisor.has_come_free:
+            here = " ".join(f"{angle:.6f}" for angle in self._state.q)
+            self._wire.send(f"path {ASK} {here}\n".encode())
 
     def _failed(self, error: BaseException) -> None:
         if not isinstance(error, DeviceError):
@@ -183,7 +191,7 @@ class EmulatedReacher:
     """The other end of the wire: joints that follow the newest path exactly."""
 
     def __init__(self, clock: Clock, joints: int) -> None:
-        self.silent = False
+        self.says: Callable[[Float64], Float64] = lambda q: q
         self._clock = clock
         self._answers = b""
         self._times, self._path = np.zeros(1), np.zeros((1, joints))
@@ -202,8 +210,9 @@ class EmulatedReacher:
                 now = self._clock.now()
                 self._path = np.vstack([self.q, rows[:, 1:]])
                 self._times = np.concatenate([[now], now + rows[:, 0]])
-            elif not self.silent:
-                self._answers += " ".join(f"{angle:.6f}" for angle in self.q).encode() + b"\n"
+            else:
+                said = self.says(self.q)
+                self._answers += " ".join(f"{angle:.6f}" for angle in said).encode() + b"\n"
 
     def receive(self, timeout: float) -> bytes:
         self._clock.advance(timeout)
