@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+import inspect
+from types import ModuleType
+
 import pytest
 
+from pomona.devices.emulators import motoman
+from pomona.devices.laboratory_emulators import universal_robots, xarm
+from pomona.devices.ros2 import arm as module
 from pomona.drivers.conformance import arm_claims
 from tests.drivers.conformance.arms import BENCHES
 
 pytestmark = pytest.mark.landmark
 
+
+@pytest.fixture(autouse=True)
+def no_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver of ROS 2 waits for messages on the host's time."""
+    monkeypatch.setattr(module, "PATIENCE", 0.0)
+
+
 test_claims = arm_claims(**BENCHES)
+
+
+@pytest.mark.parametrize("emulator", [motoman, universal_robots, xarm])
+def test_an_emulated_arm_imports_nothing_of_the_driver_that_it_judges(emulator: ModuleType) -> None:
+    driver = emulator.__name__.rpartition(".")[2]
+    assert f"pomona.devices.{driver}" not in inspect.getsource(emulator)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import struct
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import partial
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,32 +21,64 @@ from pomona.devices.emulators.emulated import (
     world_of,
 )
 from pomona.devices.emulators.server import Peer
-from pomona.devices.motoman.codec import (
-    Body,
-    Communication,
-    Control,
-    JointFeedback,
-    Message,
-    MessageDecoder,
-    MotionControl,
-    MotionReply,
-    Order,
-    Ping,
-    Result,
-    RobotStatus,
-    TrajectoryPoint,
-    Valid,
-    encode,
-)
 from pomona.drivers import Address, Arm, Cell, FaultSwitch
 from pomona.executive import Float64
 
-ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}
+ORDERS = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}
 START_TOLERANCE = 5e-4  # the first point must be this near to the arm [rad]
 OVERSPEED = 1.05
 STATE_PERIOD = 0.025
 SERVO_TIME = 0.2  # time until the servos are on [s]; a real controller takes some seconds
-NEEDED = Valid.TIME | Valid.POSITION | Valid.VELOCITY
+NEEDED = 1 | 2 | 4
+"""Of the fields that mean something: time, positions, velocities."""
+PING, STATUS, POINT, FEEDBACK, CONTROL, REPLY = 1, 13, 14, 15, 2001, 2002
+LAYOUTS = {
+    PING: "",
+    STATUS: "7i",
+    POINT: "3if30f",
+    FEEDBACK: "2if30f",
+    CONTROL: "3i10f",
+    REPLY: "5i10f",
+}
+"""Numbers of the messages of simple_message (ROS-Industrial) by their types."""
+TOLD = 1
+ANSWERED = 3
+"""Role of a message: a topic, a reply."""
+JOINTS = 10
+"""Places for joints in a message."""
+
+
+class Command(IntEnum):
+    """Of MotoROS: in a CONTROL."""
+
+    CHECK_READY = 200101
+    CHECK_QUEUE = 200102
+    STOP = 200111
+    SERVO_ON = 200112
+    SERVO_OFF = 200113
+    RESET_ALARM = 200114
+    START_TRAJECTORY_MODE = 200121
+    STOP_TRAJECTORY_MODE = 200122
+    DISCONNECT = 200130
+
+
+class Result(IntEnum):
+    """Of MotoROS: in a REPLY."""
+
+    SUCCESS = 0
+    BUSY = 1
+    INVALID = 3
+    NOT_READY = 5
+
+
+class Request(NamedTuple):
+    """A CONTROL, whose code is a command, or a POINT, whose code says which numbers mean something."""
+
+    kind: int
+    group: int
+    sequence: int
+    code: int
+    numbers: tuple[float, ...]
 
 
 class Joints(Protocol):
@@ -111,7 +146,7 @@ class MotomanEmulator(FaultSwitch):
         self,
         joints: Joints,
         velocity: Float64,
-        order: Order = "<",
+        order: str = "<",
         buffer: float = 0.8,
         drives_on: bool = False,
     ) -> None:
@@ -131,7 +166,7 @@ class MotomanEmulator(FaultSwitch):
         self._played = 0.0
         self._now = 0.0
         self._servo_due: float | None = None
-        self._servo_request: tuple[Peer, MotionControl] | None = None
+        self._servo_request: tuple[Peer, Request] | None = None
         self._next_state = 0.0
         self._frozen = joints.measured()
 
@@ -190,10 +225,9 @@ class MotomanEmulator(FaultSwitch):
         if now >= self._next_state:
             self._next_state = max(self._next_state + STATE_PERIOD, now)
             q, qd = self.measured()
-            valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
-            self.state.push(JointFeedback(0, valid, now, tuple(q.tolist()), tuple(qd.tolist())))
+            self.state.push(FEEDBACK, 0, NEEDED, now, *_ten(q), *_ten(qd), *_ten(()))
             if self.fault != "no_status":
-                self.state.push(self._status(qd))
+                self.state.push(STATUS, *self._status(qd))
 
     def measured(self) -> tuple[Float64, Float64]:
         """Return the reported state of its joints."""
@@ -211,10 +245,10 @@ class MotomanEmulator(FaultSwitch):
         if self.fault != "stuck":
             self._joints.drive(q, qd)
 
-    def _status(self, qd: Float64) -> RobotStatus:
+    def _status(self, qd: Float64) -> tuple[int, ...]:
         moving = int(bool(self._knots) and (len(self._knots) > 1 or bool(np.abs(qd).max() > 1e-3)))
         ready = int(self._not_ready() == 0)
-        return RobotStatus(
+        return (
             int(self.drives_on),
             int(self.e_stopped),
             self.alarm,
@@ -279,38 +313,38 @@ class MotomanEmulator(FaultSwitch):
         )
         return next((code for applies, code in reasons if applies), 0)
 
-    def command(self, peer: Peer, request: MotionControl) -> None:
-        """A MotionControl."""
-        match request.command:
-            case Control.CHECK_READY:
+    def command(self, peer: Peer, request: Request) -> None:
+        """A command."""
+        match request.code:
+            case Command.CHECK_READY:
                 self._answer(peer, request, *self._readiness())
-            case Control.CHECK_QUEUE:
+            case Command.CHECK_QUEUE:
                 self._answer(peer, request, Result.SUCCESS, len(self._knots))
-            case Control.STOP:
+            case Command.STOP:
                 self._halt()
                 self._answer(peer, request)
-            case Control.SERVO_ON | Control.START_TRAJECTORY_MODE:
+            case Command.SERVO_ON | Command.START_TRAJECTORY_MODE:
                 reason = self._not_ready()
                 if reason in (0, 5006, 5009):
                     self._servo_due = self._now + SERVO_TIME
                     self._servo_request = (peer, request)
                 else:
                     self._answer(peer, request, Result.NOT_READY, reason)
-            case Control.SERVO_OFF:
+            case Command.SERVO_OFF:
                 self._drop_servos()
                 self._answer(peer, request)
-            case Control.STOP_TRAJECTORY_MODE:
+            case Command.STOP_TRAJECTORY_MODE:
                 self.trajectory_mode = False
                 self._answer(peer, request)
-            case Control.RESET_ALARM:
+            case Command.RESET_ALARM:
                 self.alarm = 0
                 self._answer(peer, request)
-            case Control.DISCONNECT:
+            case Command.DISCONNECT:
                 peer.close()
             case _:
                 self._answer(peer, request, Result.INVALID, 3006)
 
-    def point(self, peer: Peer, point: TrajectoryPoint) -> None:
+    def point(self, peer: Peer, point: Request) -> None:
         """A point of a trajectory."""
         result, subcode = self._readiness()
         if result is Result.SUCCESS:
@@ -318,24 +352,27 @@ class MotomanEmulator(FaultSwitch):
         if result is Result.SUCCESS:
             if point.sequence == 0:
                 self._knots.clear()
-                self._played = point.time
+                self._played = point.numbers[0]
             self._sequence = point.sequence
-            dof = self._dof
-            self._knots.append(
-                _Knot(point.time, np.array(point.position[:dof]), np.array(point.velocity[:dof]))
-            )
+            self._knots.append(self._knot(point))
         self._answer(peer, point, result, subcode)
+
+    def _knot(self, point: Request) -> _Knot:
+        time, *joints = point.numbers
+        q, qd = np.array(joints[: 2 * JOINTS]).reshape(2, JOINTS)[:, : self._dof]
+        return _Knot(time, q, qd)
 
     def _readiness(self) -> tuple[Result, int]:
         reason = self._not_ready()
         return (Result.NOT_READY, reason) if reason else (Result.SUCCESS, 0)
 
-    def _judge(self, point: TrajectoryPoint) -> tuple[Result, int]:
-        q = np.array(point.position[: self._dof])
-        qd = np.array(point.velocity[: self._dof])
+    def _judge(self, point: Request) -> tuple[Result, int]:
+        knot = self._knot(point)
+        q = knot.q
+        qd = knot.qd
         if point.group != 0:
             return Result.INVALID, 3004
-        if point.valid & NEEDED != NEEDED:
+        if point.code & NEEDED != NEEDED:
             return Result.INVALID, 3015
         if np.any(np.abs(qd) > OVERSPEED * self._velocity):
             return Result.INVALID, 3013
@@ -347,80 +384,92 @@ class MotomanEmulator(FaultSwitch):
         if not self._knots or point.sequence != self._sequence + 1:
             return Result.INVALID, 3005
         last = self._knots[-1]
-        if point.time <= last.time:
+        if knot.time <= last.time:
             return Result.INVALID, 3016
-        if np.any(
-            np.abs(q - last.q) > OVERSPEED * self._velocity * (point.time - last.time) + 1e-6
-        ):
+        if np.any(np.abs(q - last.q) > OVERSPEED * self._velocity * (knot.time - last.time) + 1e-6):
             return Result.INVALID, 3013
         full = last.time - self._played > self.buffer or self.fault == "busy"
         return (Result.BUSY, 0) if full else (Result.SUCCESS, 0)
 
     def _answer(
-        self,
-        peer: Peer,
-        request: MotionControl | TrajectoryPoint,
-        result: Result = Result.SUCCESS,
-        subcode: int = 0,
+        self, peer: Peer, request: Request, result: Result = Result.SUCCESS, subcode: int = 0
     ) -> None:
-        command = request.command if isinstance(request, MotionControl) else TrajectoryPoint.TYPE
-        reply = MotionReply(request.group, request.sequence, command, int(result), subcode)
-        self.motion.say(
-            peer, Message(reply, Communication.REPLY, 1 if result is Result.SUCCESS else 2)
-        )
+        command = request.code if request.kind == CONTROL else POINT
+        numbers = (request.group, request.sequence, command, result, subcode, *_ten(()))
+        self.motion.say(peer, REPLY, ANSWERED, 1 if result is Result.SUCCESS else 2, *numbers)
+
+
+def _ten(joints: Iterable[float]) -> list[float]:
+    """Return a number for each place of a message."""
+    return [*joints, *([0.0] * JOINTS)][:JOINTS]
 
 
 class _Port:
     """One of the controller's ports."""
 
-    def __init__(self, controller: MotomanEmulator, order: Order) -> None:
+    def __init__(self, controller: MotomanEmulator, order: str) -> None:
         self._controller = controller
-        self._order: Order = order
-        self._peers: dict[int, tuple[Peer, MessageDecoder]] = {}
+        self._order = order
+        self._peers: dict[int, tuple[Peer, bytearray]] = {}
 
     def connected(self, peer: Peer) -> None:
-        self._peers[id(peer)] = (peer, MessageDecoder(self._order))
+        self._peers[id(peer)] = (peer, bytearray())
 
     def disconnected(self, peer: Peer) -> None:
         self._peers.pop(id(peer), None)
 
     def received(self, peer: Peer, chunk: bytes) -> None:
-        if not self._controller.silent and id(peer) in self._peers:
-            for message in self._peers[id(peer)][1].decode(chunk):
-                if isinstance(message.body, Ping):
-                    self.say(peer, Message(Ping(), Communication.REPLY, 1))
-                else:
-                    self.on_message(peer, message.body)
+        if self._controller.silent or id(peer) not in self._peers:
+            return
+        buffer = self._peers[id(peer)][1]
+        buffer += chunk
+        while len(buffer) >= 16:
+            length, kind = struct.unpack_from(self._order + "2i", buffer)
+            layout = self._order + LAYOUTS.get(kind, "")
+            if length != 12 + struct.calcsize(layout):
+                buffer.clear()  # no message: it cannot know where the next one begins
+            if len(buffer) < 4 + length:
+                return
+            numbers = struct.unpack_from(layout, buffer, 16)
+            del buffer[: 4 + length]
+            if kind == PING:
+                self.say(peer, PING, ANSWERED, 1)
+            elif kind in (CONTROL, POINT):
+                group, sequence, code, *rest = numbers
+                self.on_request(peer, Request(kind, group, sequence, code, tuple(rest)))
 
     def advance(self, now: float) -> None:
         """Time belongs to the controller."""
 
-    def on_message(self, peer: Peer, body: Body) -> None:
-        """A message of this port."""
+    def on_request(self, peer: Peer, request: Request) -> None:
+        """A request of this port."""
 
-    def say(self, peer: Peer, message: Message) -> None:
+    def say(self, peer: Peer, kind: int, role: int, reply: int, *numbers: float) -> None:
+        """Send a message."""
+        body = struct.pack(self._order + LAYOUTS[kind], *numbers)
+        head = struct.pack(self._order + "4i", 12 + len(body), kind, role, reply)
         if not self._controller.silent:
-            peer.send(encode(message, self._order))
+            peer.send(head + body)
 
 
 class _MotionPort(_Port):
-    def say(self, peer: Peer, message: Message) -> None:
+    def say(self, peer: Peer, kind: int, role: int, reply: int, *numbers: float) -> None:
         if self._controller.fault == "nonsense":
             peer.send(b"HTTP/1.1 400 Bad Request\r\n\r\n")
         else:
-            super().say(peer, message)
+            super().say(peer, kind, role, reply, *numbers)
 
-    def on_message(self, peer: Peer, body: Body) -> None:
-        if isinstance(body, TrajectoryPoint):
-            self._controller.point(peer, body)
-        elif isinstance(body, MotionControl):
-            self._controller.command(peer, body)
+    def on_request(self, peer: Peer, request: Request) -> None:
+        if request.kind == POINT:
+            self._controller.point(peer, request)
+        else:
+            self._controller.command(peer, request)
 
 
 class _StatePort(_Port):
-    def push(self, body: Body) -> None:
+    def push(self, kind: int, *numbers: float) -> None:
         for peer, _ in tuple(self._peers.values()):
-            self.say(peer, Message(body, Communication.TOPIC))
+            self.say(peer, kind, TOLD, 0, *numbers)
 
 
 def _addresses(address: str) -> tuple[str, ...]:
@@ -428,7 +477,7 @@ def _addresses(address: str) -> tuple[str, ...]:
     return f"{host}:{port}", f"{host}:{port + 1}"
 
 
-def _make(cell: Cell, addresses: tuple[str, ...], order: Order) -> EmulatedDevice:
+def _make(cell: Cell, addresses: tuple[str, ...], order: str) -> EmulatedDevice:
     controller = MotomanEmulator(SimJoints(world_of(cell)), cell.device(Arm).limits.velocity, order)
     wires = (
         EmulatedWire("motion_wire", addresses[0], controller.motion),
