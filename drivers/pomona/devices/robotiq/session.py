@@ -94,6 +94,9 @@ class UrcapSession:
         self._asked = ""
         self._go: bool | None = None  # of the newest command, or as it was read
         self._was_read = False
+        self._is_foreign = (
+            False  # unless its power was off: that shows with the next activation status
+        )
 
     def serve(self, command: RobotiqCommand | None, patience: float) -> RobotiqStatus | None:
         if not self._asked:
@@ -111,6 +114,11 @@ class UrcapSession:
         if name != self._asked or not number.strip().isdigit():
             raise Malformed(line, f"is no answer to GET {self._asked}")
         self._told[QUESTIONS[name]], self._asked = int(number), ""
+        if name == "STA":
+            is_foreign = self._is_foreign
+            self._is_foreign = False
+            if is_foreign and self._told["activation"] == ACTIVE:
+                raise DeviceFault(self._device, FOREIGN)
         if name == "PRE" and self._told["activation"] == ACTIVE:
             self._own(int(number))
         if len(self._told) < len(QUESTIONS):
@@ -122,14 +130,13 @@ class UrcapSession:
         return status
 
     def _own(self, position: int) -> None:
-        """Look whether a requested position is one of ours. Raises DeviceFault: it is not."""
+        """Look whether a requested position is one of ours."""
         ours = [position, *self._ours[1:]] if self._ours[0] is None else self._ours
         self._ours = ours[ours.index(position) :] if position in ours else [position]
-        if position not in ours:
-            raise DeviceFault(self._device, FOREIGN)
+        self._is_foreign |= position not in ours
 
     def _require_go(self, go: bool) -> None:
-        """Send a command again that is not read back. Raises DeviceFault: it was, and is not any more."""
+        """Send a command again that is not read back; one that was, and is not any more, is another program's."""
         was_read = self._was_read
         self._was_read = True
         expected = self._go
@@ -137,7 +144,8 @@ class UrcapSession:
         if expected is None or go is expected:
             return
         if was_read:
-            raise DeviceFault(self._device, FOREIGN)
+            self._is_foreign = True
+            return
         self._sent = None
         self._was_read = False
 

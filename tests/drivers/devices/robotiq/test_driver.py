@@ -21,6 +21,7 @@ from pomona.drivers import (
     MotionState,
 )
 from pomona.executive import ManualClock
+from tests.drivers.conformance.grippers import robotiq
 from tests.drivers.devices.motoman.test_driver import Connection
 
 
@@ -365,3 +366,23 @@ def closing(cell: Cell, way: str, to: float = 0.005) -> RobotiqGripper:
     serve(gripper, cell, 0.3)
     assert cell.fingers.speed < 0.0
     return gripper
+
+
+@pytest.mark.parametrize("way", ["rtu", "urcap"])
+@pytest.mark.parametrize("way_of_fingers", ["rest", "close", "open"])
+@pytest.mark.parametrize("off", [0.0, 0.03])
+def test_a_gripper_that_was_switched_off_and_on_says_so_with_the_remedy(
+    way: str, way_of_fingers: str, off: float
+) -> None:
+    bench = robotiq("hand-e", way)
+    bench.serve(0.5)
+    if way_of_fingers != "rest":
+        bench.begin(way_of_fingers)
+    gripper: Any = bench.harms["hot"]
+    bench.harm("dead", off)
+    gripper.written[:] = bytes(6)
+    gripper.activation = 0
+    bench.heal()
+    bench.serve(0.3)
+    with pytest.raises(DeviceFault, match=r"is not activated, as after its power was off: .*yes"):
+        bench.device.check()
