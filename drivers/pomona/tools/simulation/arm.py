@@ -6,7 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers.errors import BadTrajectory, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.errors import (
+    BadTrajectory,
+    DeviceError,
+    DeviceFault,
+    DeviceLost,
+    MotionRefused,
+)
 from pomona.drivers.interfaces import (
     Arm,
     ArmLimits,
@@ -120,12 +126,12 @@ class SimArm(FaultyDevice):
                 self.name, "still moves; stop the motion and wait until it has settled"
             )
 
-    def check(self) -> None:
+    def _wrong(self) -> DeviceError | None:
         if self.fault == "lost":
-            raise DeviceLost(self.name, "does not answer")
+            return DeviceLost(self.name, "does not answer")
         if self.fault == "alarm":
-            raise DeviceFault(self.name, "the controller reports an alarm")
-        super().check()
+            return DeviceFault(self.name, "the controller reports an alarm")
+        return self._problem
 
     def inject_fault(self, kind: str) -> None:
         self._state = self._measure()

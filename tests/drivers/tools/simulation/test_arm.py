@@ -246,7 +246,7 @@ def test_an_alarm_stops_the_arm_and_is_reported(cell, arm, plan_rest_to_rest):
     arm.inject_fault("alarm")
     with pytest.raises(DeviceFault, match="alarm"):
         cell.check()
-    assert cell.links()["arm"] == "alarm"
+    assert cell.links()["arm"] == "the controller reports an alarm"
     run_out(cell, motion, 1.0)
     assert motion.state is MotionState.FAILED
     assert "alarm" in motion.problem
