@@ -298,3 +298,117 @@ def test_a_sample_that_stands_for_several_counts_as_often_and_never_more_than_wh
     before, after = [0.0, 0.0, -4.0, 0.0, 0.0, 0.0], [0.0, 0.0, -2.0, 0.0, 0.0, 0.0]
     means, _, _ = averaged([before] * 200 + [after], shares, [1] * 200 + [10])
     assert means[:, 0] == pytest.approx([2.0, 4.0 - 0.5 * 2.0, 4.0 - 0.1 * 2.0])
+
+
+# --------------------------------------------------------------------------------------------- limits of slip
+
+SLIPS = SETTINGS.slips
+NEAR = replace(SLIPS, moved_far=0.0)
+FAST_TO_SLOW = 5.0**-0.25 - 5.0**-1.25
+"""Largest difference of two averages after a step, of time constants as 1 to 5, relative to the step."""
+
+
+def slips_after(
+    step: float,
+    speed: float = 0.0,
+    settings: Any = NEAR,
+    noise: float = 0.0,
+    load: float = 0.0,
+    is_carried: bool = False,
+    normal: float = 3.0,
+    until: int = 200,
+) -> bool:
+    """Whether a contact that has rested for 1.2 s and then moves a step [m] or at a speed [m/s] is found to slip.
+
+    `noise` is that of the torques [N m]; `load` comes in the moment of the step [N].
+    """
+    watch = SlipWatch(settings, SETTINGS.rate)
+    still = np.zeros((8, 2, 6))
+    still[::2, 0, 4], still[1::2, 0, 4] = 2.0 * noise, -2.0 * noise
+    still[:, 1, 3] = 9.0  # steady: no noise
+    watch.calibrate(still)
+    watch.start()
+    found = False
+    for k in range(-600, until):
+        place = 0.01 + (k >= 0) * (step + speed * k / SETTINGS.rate)
+        wrench = np.array([load * (k >= 0), 0.0, -normal, 0.0, normal * place, 0.0])
+        found |= watch.check(pressing(unfiltered=wrench), 1, is_carried)
+    return found
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("limit", "given"),
+    [
+        (SLIPS.moved / FAST_TO_SLOW, {}),
+        (SLIPS.moved / FAST_TO_SLOW, {"is_carried": True}),
+        (SLIPS.moved_far, {"settings": SLIPS}),
+        (SLIPS.moved / FAST_TO_SLOW + 2.0 * SLIPS.compliance * 0.5, {"load": 0.5}),
+        (5.5 * 5e-3 / 3.0 * np.sqrt(np.tanh(0.05)) / FAST_TO_SLOW, {"noise": 5e-3}),
+    ],
+)
+def test_a_step_of_the_contact_is_slip_from_its_limit(
+    limit: float, given: dict[str, Any], way: float
+) -> None:
+    assert slips_after(1.03 * way * limit, **given)
+    assert not slips_after(0.97 * way * limit, **given)
+
+
+@pytest.mark.parametrize(("relative", "found"), [(1.1, True), (0.97, False)])
+@pytest.mark.parametrize(
+    ("lag", "is_carried"),
+    [(0.5 - 0.1, True), (0.1 - 0.02, False)],  # an average lags behind by its time constant
+)
+def test_slow_slip_is_found_from_its_limit_and_slower_in_a_carried_fruit(
+    lag: float, is_carried: bool, relative: float, found: bool
+) -> None:
+    speed = relative * SLIPS.moved / lag
+    assert slips_after(0.0, speed, is_carried=is_carried, until=1250) is found
+
+
+def test_a_contact_that_hardly_presses_has_no_place() -> None:
+    assert not slips_after(0.02, normal=0.149)
+    assert slips_after(0.02, normal=0.151)
+
+
+def test_the_slid_distance_counts_from_the_start() -> None:
+    watch = SlipWatch(SLIPS, SETTINGS.rate)
+    for start in (0.0, 5e-3):
+        watch.start()
+        assert watch.slipped == 0.0
+        for place in (start, start + 8e-4):
+            for _ in range(600):
+                wrench = np.array([0.0, 0.0, -3.0, 0.0, 3.0 * place, 0.0])
+                watch.check(pressing(unfiltered=wrench), 1, False)
+            assert watch.slipped == pytest.approx(place - start, abs=1e-5)
+
+
+def turns_after(lever: float, step: float, is_carried: bool = True, **changes: Any) -> bool:
+    """Whether a load whose lever changes by a step [m] after 1.2 s is found to turn."""
+    watch = SlipWatch(SLIPS, SETTINGS.rate)
+    watch.start()
+    wrench = np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0])
+    found = False
+    for k in range(-600, 200):
+        now = pressing(unfiltered=wrench, f_t=2.0)._replace(**changes)
+        arm = lever + (k >= 0) * step
+        found |= watch.check(now._replace(tau_n=now.f_t * arm), 1, is_carried)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("lever", "least", "changes"),
+    [
+        (0.0, SLIPS.lever_moved, {}),
+        (0.0, SLIPS.lever_stds * 1e-4, {"tau_std": 2e-4}),
+        (-0.01, SLIPS.lever_ratio * 0.01, {}),
+    ],
+)
+def test_a_change_of_the_lever_is_turning_from_its_limit(
+    lever: float, least: float, changes: dict[str, float]
+) -> None:
+    limit = least / (15.0 ** (-1 / 14) - 15.0 ** (-15 / 14))
+    assert turns_after(lever, 1.05 * limit, **changes)
+    assert not turns_after(lever, 0.94 * limit, **changes)
+    assert not turns_after(lever, 9.0 * limit, is_carried=False, **changes)
+    assert not turns_after(lever, 9.0 * limit, **changes, f_t=0.299)
