@@ -100,7 +100,7 @@ class PointStream(KnotMaker):
                     now + 0.01
                 )  # wait before a point that was answered BUSY is sent again [s]
             elif reply.result == Result.SUCCESS:
-                self._accepted(now)
+                self._accepted(session.device, now)
             else:
                 raise DeviceFault(session.device, refusal(reply))
         ahead = self.ahead
@@ -120,16 +120,19 @@ class PointStream(KnotMaker):
             self._sent_at = now
             session.send(self._point)
 
-    def _accepted(self, now: float) -> None:
-        """Points are as far apart as their answers, or the queue would run dry."""
+    def _accepted(self, device: str, now: float) -> None:
+        """Points are as far apart as their answers, or the queue would run dry. Raises DeviceFault: these are too late."""
         point = self._point
         self._point = None
         self.sent += 1
         took = now - self._sent_at
-        self._steps = max(self._steps, math.ceil(APART * took / INTERPOLATION))
-        self._slow_lead = max(self._slow_lead, 2.0 * APART * took)
         if self._began is None:
             self._began = self._sent_at
+            if took > self._lead / 2.0:
+                late = f"answers {1e3 * took:.0f} ms late"
+                raise DeviceFault(device, f"{late}: the connection is too slow for `lead`")
+        self._steps = max(self._steps, math.ceil(APART * took / INTERPOLATION))
+        self._slow_lead = max(self._slow_lead, 2.0 * APART * took)
         if point is not None:
             self._commanded(self._began + point.time, self.q_last)
 

@@ -164,6 +164,29 @@ def test_a_trajectory_is_followed_to_its_end_without_a_gap(order: str) -> None:
     assert cell.controller.gaps == 0
 
 
+@pytest.mark.parametrize(
+    ("late", "state", "words"),
+    [
+        (0.02, MotionState.DONE, ""),
+        (0.05, MotionState.DONE, ""),
+        (
+            0.1,
+            MotionState.FAILED,
+            "answers 101 ms late: the connection is too slow for `lead`",
+        ),
+    ],
+)
+def test_points_fit_the_time_of_an_answer_or_the_connection_is_named(
+    late: float, state: MotionState, words: str
+) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    cell.opened[-1].late = late
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 3.0, lambda: motion.settled)
+    assert (motion.state, motion.problem, cell.controller.gaps) == (state, words, 0)
+
+
 def test_a_status_from_before_the_servos_came_on_is_no_fault() -> None:
     cell = Cell()
     off = RobotStatus(
