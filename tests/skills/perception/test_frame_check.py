@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pomona.drivers.interfaces import Frame
-from pomona.skills.geometry import rot_x, rot_y, transform
-from pomona.skills.perception.frame_check import DEPTH_MISMATCH, POSE_MISMATCH, frame_problem
+from pomona.drivers.interfaces import Box, Frame, Workspace
+from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
+from pomona.skills.perception.frame_check import (
+    DEPTH_MISMATCH,
+    POSE_MISMATCH,
+    _beside,
+    _directions,
+    depth_points,
+    frame_problem,
+)
 from tests.skills.perception.test_depth_registration import leaves
 from tests.skills.perception.test_table_view import (
     T_BASE_CAMERA,
@@ -114,3 +123,52 @@ def test_depth_that_is_not_its_colours_is_named_where_no_table_is_known() -> Non
     assert problem is not None
     assert problem.code == DEPTH_MISMATCH
     assert "mirrored left to right against colour" in problem.message
+
+
+@pytest.mark.parametrize(
+    ("at", "beside"),
+    [
+        ((0.119, 0.0, 0.0), False),
+        ((0.121, 0.0, 0.0), True),
+        ((0.0, -0.069, 0.0), False),
+        ((0.0, -0.071, 0.0), True),
+        ((0.0, 0.0, 9.0), False),  # above it
+        ((0.0, 0.0, -0.049), False),
+        ((0.0, 0.0, -0.051), True),
+    ],
+)
+def test_points_near_or_above_a_fixed_thing_are_not_the_tables(
+    at: tuple[float, float, float], beside: bool
+) -> None:
+    middle = np.array([0.3, -0.2, 0.1])
+    T = transform(rot_z(0.5), middle)
+    box = Box("post", T, (0.1, 0.05, 0.03))
+    corners = np.array(
+        [[x, y, z] for x in (-0.1, 0.1) for y in (-0.05, 0.05) for z in (-0.03, 0.03)]
+    )
+    hull = SimpleNamespace(points=corners + middle)
+    far = Box("far", transform(None, (9.0, 0.0, 0.0)), (0.1, 0.1, 0.1))
+    lower, upper = np.full(3, -1.0), np.full(3, 1.0)
+    turned = np.array([T[:3, :3] @ at + T[:3, 3]])
+    for obstacles in ((box,), (box, far), (far, box)):
+        assert _beside(turned, Workspace(0.0, lower, upper, obstacles=obstacles)) == [beside]
+    cell: Any = replace(Workspace(0.0, lower, upper), hulls=(hull,))
+    assert _beside(np.array([at]) + middle, cell) == [beside]
+
+
+def test_points_are_those_of_eighty_columns_with_depth_up_to_two_metres() -> None:
+    frame = looked(plane_depth(T_BASE_CAMERA, TABLE_Z))
+    lens, depth = frame.intrinsics, np.zeros((480, 640), np.float32)
+    lens = replace(lens, width=640, height=480)
+    depth[8, 16], depth[16, 8], depth[7, 16], depth[24, 24] = 1.0, 1.999, 1.0, 2.0
+    expected = [
+        [(16 - lens.cx) / lens.fx, (8 - lens.cy) / lens.fy, 1.0],
+        [(8 - lens.cx) / lens.fx * 1.999, (16 - lens.cy) / lens.fy * 1.999, 1.999],
+    ]
+    np.testing.assert_allclose(depth_points(depth, lens), expected, rtol=1e-6)
+
+
+def test_directions_are_of_twice_the_angle_and_shorter_where_it_is_faint() -> None:
+    x, y = np.array([3.0, -3.0, 0.0, 1.0]), np.array([0.0, 0.0, 2.0, 1.0])
+    found = _directions(x, y, 1.0)
+    np.testing.assert_allclose(found, [0.9, 0.9, -0.8, 2j / 3.0], atol=1e-6)
