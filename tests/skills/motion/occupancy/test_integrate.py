@@ -373,9 +373,9 @@ def test_cells_and_pixels_are_read_as_the_text_says(seed: int) -> None:
     )
     v, u = np.mgrid[:20, :28]
     rays = np.stack([(u - 13.2) / 26.0, (v - 9.7) / 28.0, np.ones_like(u)], axis=-1) @ T[:3, :3].T
-    depth = (-0.07 - T[2, 3]) / rays[..., 2] - rng.choice([-0.01, 0.03, 0.1, 0.2], (5, 7)).repeat(
-        4, axis=0
-    ).repeat(4, axis=1)
+    depth = (-0.07 - T[2, 3]) / rays[..., 2] - rng.choice(
+        [-0.01, 0.004, 0.03, 0.07, 0.2], (5, 7)
+    ).repeat(4, axis=0).repeat(4, axis=1)
     depth[rng.random(depth.shape) < 0.1] = 0.0
     colour = np.zeros((20, 28, 3), np.uint8)
     frame = Frame(3.0, 0, colour, depth.astype(np.float32), lens, None, T)
@@ -387,7 +387,7 @@ def test_cells_and_pixels_are_read_as_the_text_says(seed: int) -> None:
         stamps=(1.0,),
     )
     spheres = np.array([[0.05, -0.04, 0.0, 0.02], [0.08, 0.06, -0.05, 0.01]])
-    ball = Convex.of_points("ball", [0.0, 0.03, -0.03] + 0.02 * fibonacci_sphere(30))
+    ball = Convex.of_points("ball", [0.0, 0.03, -0.03] + 0.045 * fibonacci_sphere(30))
     fused = integrate(start, frame, T, cell, robot=spheres, target=ball)
     states, last = plainly(start, frame, cell, spheres, ball)
     assert len(np.unique(states)) == 4
