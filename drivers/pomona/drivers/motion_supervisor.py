@@ -253,8 +253,8 @@ class MotionSupervisor:
         # A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder
         moved = np.abs(commanded - self._commanded).max() > 0.01
         if moved and same > self._supervision.lag:
-            still = f"its feedback has not changed for {1e3 * same:.0f} ms"
-            raise DeviceLost(self._device, f"{still} although the arm is to move")
+            since = f"for {1e3 * same:.0f} ms although the arm is to move"
+            raise DeviceLost(self._device, f"its feedback has not changed {since}")
 
     def _watch_following(self, stamp: float, q: Float64) -> None:
         passed = [point for due, point in self._set_points if due <= stamp]
@@ -269,15 +269,14 @@ class MotionSupervisor:
             self._refuse(off, "stands")
 
     def _accuse(self, way: Float64, moves: str) -> None:
-        joint = f"joint {way.argmax() + 1} {moves}"
-        raise DeviceFault(
-            self._device, f"{joint}: another program commands the arm, or something pushes it"
-        )
+        who = "another program commands the arm, or something pushes it"
+        raise DeviceFault(self._device, f"joint {way.argmax() + 1} {moves}: {who}")
 
     def _refuse(self, error: Float64, stands: str) -> None:
-        joint = error.argmax()
-        away = f"joint {joint + 1} {stands} {np.degrees(error[joint]):.1f}° from its set-point"
-        raise DeviceFault(self._device, f"the arm does not follow: {away}")
+        away = f"{stands} {np.degrees(error.max()):.1f}° from its set-point"
+        raise DeviceFault(
+            self._device, f"the arm does not follow: joint {error.argmax() + 1} {away}"
+        )
 
 
 def beside(path: Float64, q: Float64) -> Float64:

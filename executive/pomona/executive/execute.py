@@ -283,7 +283,7 @@ def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
-        cell = connect_cell(file, order.seed, order.cleared)
+        cell = connect_cell(file, order)
         supervision = RunSupervision(cell)
         stack.callback(
             supervision.close
@@ -539,14 +539,16 @@ class _Notes(logging.Handler):
             )
 
 
-def connect_cell(file: CellFile, seed: int, cleared: bool = False) -> Cell:
-    """Connect a cell.
+def connect_cell(file: CellFile, order: RunOrder) -> Cell:
+    """Connect a cell as ordered.
 
     Raises:
         UsageError: a device cannot be reached, or refuses.
     """
     try:
-        return connect.connect_cell(file, seed=seed, cleared=cleared)
+        return connect.connect_cell(
+            file, seed=order.seed, cleared=order.cleared, takes_over=order.cleared or order.recover
+        )
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # any error of a driver while it connects: nothing has moved

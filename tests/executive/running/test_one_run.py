@@ -153,9 +153,9 @@ def test_a_recovery_connects_the_devices_that_the_order_names(
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     connected: list[tuple[str, ...]] = []
 
-    def connect_bare(file: CellFile, seed: int, cleared: bool) -> Cell:
+    def connect_bare(file: CellFile, order: RunOrder) -> Cell:
         connected.append(file.wires())
-        return connect_cell(read_cell_file(bare), seed=seed, cleared=cleared)
+        return connect_cell(read_cell_file(bare), seed=order.seed)
 
     monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     monkeypatch.setattr("pomona.executive.execute.connect_cell", connect_bare)

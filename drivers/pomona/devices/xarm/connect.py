@@ -13,6 +13,7 @@ def connect(settings: Settings[XArmFile], context: ConnectContext) -> XArm:
     said = settings.values
     openers = {name: tcp_opener(said.address, port, context.wires) for name, port in PORTS.items()}
     arm = XArm(lambda name: openers[name](), context.clock, said.limits, said)
+    arm.takes_over = context.takes_over
     arm.outside_stop = "pomona.devices.xarm.outside:stop", (said.address, PORTS["command"])
     ports = ", ".join(map(str, PORTS.values()))
     return settings.opened(

@@ -57,6 +57,7 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
         super().__init__(name, clock, options.robot, limits, options.supervision, PERIOD)
         self._open_port = open_port
         self.lag = options.servo_lag
+        self.takes_over = False
         self._next = -np.inf
 
     # ---------------------------------------------------------------------------------------- connection
@@ -88,7 +89,8 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
     def _make_ready(self, session: XArmSession) -> None:
         """Enable the motors where the options allow it, and switch to servo mode; nothing moves.
 
-        Raises DeviceError: it has an error, or another program moves it; OSError.
+        Raises DeviceError: it has an error, or another program moves it, or holds it (not with `takes_over`: a run that
+        was killed leaves it so); OSError.
         """
         error = session.error()
         if error:
@@ -98,7 +100,8 @@ class XArm(StreamingArm[XArmSession, ServoStream]):
                 self.name,
                 "is in manual mode, in which it is guided by hand; end it in UFACTORY Studio",
             )
-        held = not self._starting and session.report.mode == SERVO and session.report.state in READY
+        mine = self._starting or self.takes_over
+        held = not mine and session.report.mode == SERVO and session.report.state in READY
         moves = self._state is not None and float(np.abs(self._state.qd).max()) > MOVES
         if (
             held

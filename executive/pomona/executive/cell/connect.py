@@ -20,7 +20,7 @@ from pomona.executive.cell.device import ConnectContext, Device, World
 from pomona.executive.cell.errors import DriverError
 from pomona.executive.cell.registration import Settings
 from pomona.executive.cell.services import installed_services
-from pomona.executive.clock import Clock, ManualClock, SystemClock
+from pomona.executive.clock import ManualClock, SystemClock
 from pomona.executive.values.documents import with_includes
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.kinds import Schema
@@ -58,6 +58,7 @@ def connect_cell(
     seed: int = 0,
     missing: Callable[[str, DriverError], None] | None = None,
     cleared: bool = False,
+    takes_over: bool = False,
 ) -> Cell:
     """Connect the devices of a cell file without errors; for the arguments see `load_cell` and `ConnectContext`.
 
@@ -66,9 +67,15 @@ def connect_cell(
         DeviceError: a device could not be connected; those connected before are released.
     """
     said = file.section
-    clock: Clock = ManualClock() if said.clock == "manual" else SystemClock()
     services = installed_services()
-    context = services.context(file.path, clock, seed, file.workspace, cleared=cleared)
+    context = services.context(
+        file.path,
+        ManualClock() if said.clock == "manual" else SystemClock(),
+        seed,
+        file.workspace,
+        cleared=cleared,
+        takes_over=takes_over,
+    )
     try:
         world: World | None = None
         if said.world is not None:

@@ -183,6 +183,7 @@ class ConnectContext:
         devices: connected so far, by name; a cell file lists devices before those that build on them.
         wires: for addresses and ports at which this process itself emulates a device, how to connect.
         cleared: an operator has checked that nothing is held: fingers without a reference may find it by moving.
+        takes_over: this, or a recovery, was ordered: what another run seems to hold is taken over.
     """
 
     cell: Path
@@ -192,6 +193,7 @@ class ConnectContext:
     devices: dict[str, Device] = field(default_factory=dict)
     wires: dict[str, Callable[[], Link]] = field(default_factory=dict)
     cleared: bool = False
+    takes_over: bool = False
 
     def find(self, interface: type[T]) -> T | None:
         """Return the device connected before with this interface or of this class, or None."""

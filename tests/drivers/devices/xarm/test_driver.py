@@ -295,7 +295,8 @@ def test_after_a_lost_link_the_arm_rests_and_waits_for_an_acknowledgement(lost: 
     assert_never_resumes(cell, arm)
 
 
-def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
+@pytest.mark.parametrize("ordered", [False, True], ids=["stopped", "recovered"])
+def test_a_process_that_is_killed_leaves_an_arm_at_rest(ordered: bool) -> None:
     cell = Cell()
     arm = connected(cell)
     moving(cell, arm)
@@ -305,8 +306,13 @@ def test_a_process_that_is_killed_leaves_an_arm_at_rest() -> None:
         DeviceFault, match=r"holds it in servo mode.*stop the arm in UFACTORY Studio"
     ):
         arm_of(cell).connect()
-    cell.controller.set_state(4)  # by its supervisor process, or in UFACTORY Studio
-    again = connected(cell)
+    if ordered:
+        again = arm_of(cell)
+        again.takes_over = True
+        again.connect()
+    else:
+        cell.controller.set_state(4)  # by its supervisor process, or in UFACTORY Studio
+        again = connected(cell)
     assert_never_resumes(cell, again)
     assert_moves(cell, again)
 
