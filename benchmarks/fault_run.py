@@ -152,7 +152,7 @@ class CaseWatcher:
             case.kind,
             phase.after,
             phase.node,
-            case.lasts if np.isfinite(case.lasts) else None,
+            case.lasts,
         )
         self._plan = FaultPlan([planned], self.switches)
         begun = self.began_at[phase.node]
@@ -249,7 +249,10 @@ class CaseWatcher:
         if self.case.shows not in SHOWING:
             return self.case.shows in self.began_at
         device = self.cell.device(SHOWING[self.case.shows])
-        return not device.settled()  # every device of a cell has it
+        # of a stream that waits at its target, nothing shows that the arm cannot move
+        target = getattr(getattr(device, "_motion", None), "_target", np.inf)
+        away = np.abs(target - self.world.state.qpos[self._qpos]).max()
+        return not device.settled() and away > STIRRED
 
 
 # --------------------------------------------------------------------------------------------------- judging
@@ -383,7 +386,9 @@ def recover(watcher: CaseWatcher, verdict: CaseVerdict, seed: int) -> None:
 def connect_anew(name: str, world: VirtualWorld, seed: int) -> Cell:
     """Connect the drivers to the devices in their present state, as the next process does."""
     file = read_cell_file(find_cell(name), SETTINGS[name])
-    context = ConnectContext(file.path, world.clock, seed, file.workspace, {"world": world})
+    context = ConnectContext(
+        file.path, world.clock, seed, file.workspace, {"world": world}, takes_over=True
+    )
     world.enter(context)
     for name, settings in file.section.devices.items():
         context.devices[name] = settings.driver(settings, context)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from pomona.tools.simulation import SimWorld
 
 GROUP = "pomona.emulators"
+JUMP = 0.6
+"""Step of the first joint's feedback by the fault `jump` [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +103,65 @@ class OwnTime:
             self._behind += (1.0 - self.rate) * (now - self._then)
         self._then = now
         return now - self._behind
+
+
+class Joints(Protocol):
+    """The arm behind the controller, joints in the wire's order."""
+
+    def measured(self) -> tuple[Float64, Float64]:
+        """Return positions [rad] and velocities [rad/s], shape (dof,)."""
+
+    def drive(self, q: Float64, qd: Float64) -> None:
+        """The set-point of now."""
+
+
+class EmulatedArm(FaultSwitch):
+    """An emulated controller of an arm, with the faults of its joints.
+
+    Faults: `stuck` (the joints stand still while the controller's model moves); `frozen` (reports the same for ever);
+    `nan`, `wild`, `jump` (implausible feedback).
+    """
+
+    known_faults: tuple[str, ...] = ("stuck", "frozen", "nan", "wild", "jump")
+
+    def __init__(self, joints: Joints) -> None:
+        super().__init__()
+        self._joints = joints
+        self._frozen = joints.measured()
+        self._q = self._frozen[0]
+        self._qd = np.zeros_like(self._q)
+
+    def inject_fault(self, kind: str) -> None:
+        super().inject_fault(kind)
+        self._frozen = self._joints.measured()
+
+    def clear_fault(self) -> None:
+        """As the base; freed joints stay where they are."""
+        if self.fault == "stuck":
+            self._halt()
+        super().clear_fault()
+
+    def _halt(self) -> None:
+        """Take the joints where they are for the model."""
+        self._q, self._qd = self._joints.measured()[0], np.zeros_like(self._qd)
+
+    def _drive(self, q: Float64, qd: Float64) -> None:
+        if self.fault != "stuck":
+            self._joints.drive(q, qd)
+
+    def measured(self) -> tuple[Float64, Float64]:
+        """Return the reported positions [rad] and velocities [rad/s], shape (dof,) each."""
+        q, qd = self._joints.measured()
+        match self.fault:
+            case "frozen":
+                return self._frozen
+            case "nan":
+                return np.full_like(q, np.nan), qd
+            case "wild":
+                return np.full_like(q, 1e30), qd
+            case "jump":
+                return q + JUMP * np.eye(len(q))[0], qd
+        return q, qd
 
 
 class SimJoints:

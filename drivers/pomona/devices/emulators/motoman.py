@@ -8,20 +8,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from pomona.devices.emulators.emulated import (
+    EmulatedArm,
     EmulatedDevice,
     EmulatedWire,
     EmulatorKind,
+    Joints,
     OwnTime,
     SimJoints,
     world_of,
 )
 from pomona.devices.emulators.server import Peer
-from pomona.drivers import Address, Arm, Cell, FaultSwitch
+from pomona.drivers import Address, Arm, Cell
 from pomona.executive import Float64
 
 ORDERS = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}
@@ -81,16 +83,6 @@ class Request(NamedTuple):
     numbers: tuple[float, ...]
 
 
-class Joints(Protocol):
-    """The arm behind the controller, joints in the wire's order."""
-
-    def measured(self) -> tuple[Float64, Float64]:
-        """Return positions [rad] and velocities [rad/s], shape (dof,)."""
-
-    def drive(self, q: Float64, qd: Float64) -> None:
-        """The set-point of now."""
-
-
 class FreeJoints:
     """Joints that are where they shall be."""
 
@@ -111,13 +103,12 @@ class _Knot:
     qd: Float64
 
 
-class MotomanEmulator(FaultSwitch):
+class MotomanEmulator(EmulatedArm):
     """The controller; `motion`, `state` and `io` serve its three ports.
 
     Faults: `e_stop`, `teach`, `alarm`, `hold`; `lost` (the cable is pulled); `busy` (accepts no more points, plays the
-    queued ones); `stuck` (the joints stand still while its model moves); `frozen` (pushes the same feedback for ever);
-    `nan`, `wild` (implausible feedback); `no_status` (pushes feedback, but no status); `nonsense` (answers on the
-    motion's connection with bytes outside its protocol).
+    queued ones); `no_status` (pushes feedback, but no status); `nonsense` (answers on the motion's connection with
+    bytes outside its protocol); those of its joints.
 
     Attributes:
         drives_on, e_stopped, teach, alarm, hold, remote: as on the pendant; set them to test the driver.
@@ -128,16 +119,13 @@ class MotomanEmulator(FaultSwitch):
     """
 
     known_faults = (
+        *EmulatedArm.known_faults,
         "e_stop",
         "teach",
         "alarm",
         "hold",
         "lost",
         "busy",
-        "stuck",
-        "frozen",
-        "nan",
-        "wild",
         "no_status",
         "nonsense",
     )
@@ -150,7 +138,7 @@ class MotomanEmulator(FaultSwitch):
         buffer: float = 0.8,
         drives_on: bool = False,
     ) -> None:
-        super().__init__()
+        super().__init__(joints)
         self.drives_on = drives_on
         self.trajectory_mode = drives_on
         self.e_stopped = self.teach = self.hold = self.silent = False
@@ -158,7 +146,6 @@ class MotomanEmulator(FaultSwitch):
         self.alarm = 0
         self.buffer, self.gaps, self.clock = buffer, 0, OwnTime()
         self.motion, self.state = _MotionPort(self, order), _StatePort(self, order)
-        self._joints = joints
         self._velocity = velocity
         self._dof = len(velocity)
         self._knots: deque[_Knot] = deque()
@@ -168,7 +155,6 @@ class MotomanEmulator(FaultSwitch):
         self._servo_due: float | None = None
         self._servo_request: tuple[Peer, Request] | None = None
         self._next_state = 0.0
-        self._frozen = joints.measured()
 
     # ------------------------------------------------------------------------------------------ faults
 
@@ -186,7 +172,6 @@ class MotomanEmulator(FaultSwitch):
                 self._halt()
             case "lost":
                 self.silent = True
-        self._frozen = self._joints.measured()
 
     def clear_fault(self) -> None:
         """Release the button, turn the key back, plug the cable in; an alarm is reset by a command."""
@@ -228,22 +213,6 @@ class MotomanEmulator(FaultSwitch):
             self.state.push(FEEDBACK, 0, NEEDED, now, *_ten(q), *_ten(qd), *_ten(()))
             if self.fault != "no_status":
                 self.state.push(STATUS, *self._status(qd))
-
-    def measured(self) -> tuple[Float64, Float64]:
-        """Return the reported state of its joints."""
-        q, qd = self._joints.measured()
-        match self.fault:
-            case "frozen":
-                return self._frozen
-            case "nan":
-                return np.full_like(q, np.nan), qd
-            case "wild":
-                return np.full_like(q, 1e30), qd
-        return q, qd
-
-    def _drive(self, q: Float64, qd: Float64) -> None:
-        if self.fault != "stuck":
-            self._joints.drive(q, qd)
 
     def _status(self, qd: Float64) -> tuple[int, ...]:
         moving = int(bool(self._knots) and (len(self._knots) > 1 or bool(np.abs(qd).max() > 1e-3)))

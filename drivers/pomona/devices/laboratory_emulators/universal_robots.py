@@ -11,18 +11,19 @@ from typing import Any
 import numpy as np
 
 from pomona.devices.emulators.emulated import (
+    EmulatedArm,
     EmulatedDevice,
     EmulatedWire,
     EmulatorKind,
+    Joints,
     OwnTime,
     SimJoints,
     world_of,
 )
-from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
 from pomona.devices.laboratory_emulators.urscript import compile_script
-from pomona.drivers import Arm, Cell, FaultSwitch, LoadSensor
+from pomona.drivers import Arm, Cell, LoadSensor
 from pomona.executive import Float64
 
 CYCLE = 0.002
@@ -33,8 +34,6 @@ DEVIATES = 0.1
 """Distance of a joint from its set-point that is a protective stop [rad]: plausible, not measured."""
 LOCKED = 5.0
 """Time for which a protective stop cannot be unlocked [s] (PolyScope's dashboard server)."""
-JUMP = 0.6
-"""Step of the first joint's feedback by the fault `jump` [rad]."""
 POWERING = 0.2
 """Time of each of power and brakes [s]; a real arm takes some seconds."""
 WAIT = "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of protective stop before unlocking"
@@ -77,14 +76,14 @@ popup"""
 """Functions of a script that move nothing here."""
 
 
-class UrEmulator(FaultSwitch):
+class UrEmulator(EmulatedArm):
     """The controller; `rtde`, `dashboard` and `script` serve its three ports.
 
     Faults: `protective`, `e_stop`, `safeguard`, `reduced`, `freedrive` (states of the safety system and the arm);
     `slider` (the speed slider at a half), `paused`, `no_script` (at the pendant), `replaced` (another program);
-    `killed` (all connections end), `silent` (no byte at any port), `slow` (a package every 0.1 s); `stuck`, `frozen`,
-    `nan`, `wild`, `jump` (joints and their feedback); `other_model`, `old`, `local`, `owned` (before a connection: a
-    UR10, PolyScope 3.11, local control, a register of a field bus).
+    `killed` (all connections end), `silent` (no byte at any port), `slow` (a package every 0.1 s); those of its joints;
+    `other_model`, `old`, `local`, `owned` (before a connection: a UR10, PolyScope 3.11, local control, a register of a
+    field bus).
 
     Attributes:
         model, version, remote: what the dashboard answers; the version also RTDE.
@@ -97,6 +96,7 @@ class UrEmulator(FaultSwitch):
     """
 
     known_faults = (
+        *EmulatedArm.known_faults,
         *(
             "protective",
             "e_stop",
@@ -112,11 +112,6 @@ class UrEmulator(FaultSwitch):
             "killed",
             "silent",
             "slow",
-            "stuck",
-            "frozen",
-            "nan",
-            "wild",
-            "jump",
             "other_model",
             "old",
             "local",
@@ -125,7 +120,7 @@ class UrEmulator(FaultSwitch):
     )
 
     def __init__(self, joints: Joints, velocity: Float64, model: str = "UR5") -> None:
-        super().__init__()
+        super().__init__(joints)
         self.rtde, self.dashboard, self.script = (
             _RtdePort(self),
             _DashboardPort(self),
@@ -155,16 +150,13 @@ class UrEmulator(FaultSwitch):
         self._written_at: dict[str, float] = {}
         self._watch: tuple[str, float] | None = None
         self._threads: list[Iterator[None]] = []
-        self._joints = joints
         self._velocity = velocity
-        self._q, self._qd, self._moved = joints.measured()[0], np.zeros(len(velocity)), False
-        self._frozen = joints.measured()
+        self._moved = False
 
     # ------------------------------------------------------------------------------------------ faults
 
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
-        self._frozen = self._joints.measured()
         if kind in ("protective", "safeguard", "e_stop"):
             self._stop_safely({"protective": 3, "safeguard": 5, "e_stop": 7}[kind])
         elif kind == "reduced":
@@ -216,7 +208,7 @@ class UrEmulator(FaultSwitch):
         if safety == 7:
             self.mode = 3
         self.end_program()
-        self._q, self._qd = self._joints.measured()[0], np.zeros_like(self._qd)
+        self._halt()
 
     def unlock(self) -> str:
         """Release a protective stop; return the dashboard's answer."""
@@ -267,10 +259,9 @@ class UrEmulator(FaultSwitch):
                     self.end_program()
         if not self._moved:
             self._brake(MOST)
-        if self.fault != "stuck":
-            self._joints.drive(self._q, self._qd)
-            if np.abs(self._joints.measured()[0] - self._q).max() > DEVIATES:
-                self._stop_safely(3)
+        self._drive(self._q, self._qd)
+        if self.fault != "stuck" and np.abs(self._joints.measured()[0] - self._q).max() > DEVIATES:
+            self._stop_safely(3)
         self.rtde.push()
 
     def _is_over(self, thread: Iterator[None]) -> bool:
@@ -295,27 +286,13 @@ class UrEmulator(FaultSwitch):
         self._q = self._q + self._qd * self.cycle
         self._moved = True
 
-    def measured(self) -> tuple[Float64, Float64]:
-        """Return the reported positions [rad] and velocities [rad/s], (6,) each."""
-        q, qd = self._joints.measured()
-        match self.fault:
-            case "frozen":
-                return self._frozen
-            case "nan":
-                return np.full_like(q, np.nan), qd
-            case "wild":
-                return np.full_like(q, 1e30), qd
-            case "jump":
-                return q + JUMP * np.eye(len(q))[0], qd
-        return q, qd
-
     # ------------------------------------------------------------------------------------------ scripts
 
     def load(self, text: str) -> None:
         """Replace the program, where the robot may move and takes programs from outside."""
         if self.safety in (1, 2) and self.mode == 7 and self.remote:
             self.end_program()
-            self._q, self._qd = self._joints.measured()[0], np.zeros_like(self._qd)
+            self._halt()
             try:
                 self.program, space = compile_script(text, self._functions())
             except SyntaxError:

@@ -10,17 +10,18 @@ from collections.abc import Callable
 import numpy as np
 
 from pomona.devices.emulators.emulated import (
+    EmulatedArm,
     EmulatedDevice,
     EmulatedWire,
     EmulatorKind,
+    Joints,
     OwnTime,
     SimJoints,
     world_of,
 )
-from pomona.devices.emulators.motoman import Joints
 from pomona.devices.emulators.server import Peer
 from pomona.devices.laboratory_emulators.ports import ControllerPort
-from pomona.drivers import Arm, Cell, FaultSwitch
+from pomona.drivers import Arm, Cell
 from pomona.executive import Float64
 
 PORTS = {"command": 502, "normal": 30001, "rich": 30002, "report": 30003}
@@ -33,8 +34,6 @@ FILTER = 0.010
 STRAY_SPEED = 0.35  # of the joints that another client moves [rad/s]: 20°/s, the vendor's client without a speed
 MOST = 20.0
 """Acceleration of a joint in a stop and in the queue [rad/s²]: plausible, not measured."""
-JUMP = 0.6
-"""Step of the first joint's feedback by the fault `jump` [rad]."""
 DEVIATES = 0.1
 """Distance of a joint from its set-point that is the error 31 [rad]: plausible, not measured."""
 FAR = 0.2
@@ -49,14 +48,13 @@ PLACES = 7  # joints of each message
 INVALID = 0x08  # flag of the answer to a request that is refused
 
 
-class XArmEmulator(FaultSwitch):
+class XArmEmulator(EmulatedArm):
     """The controller; `command`, `normal`, `rich` and `report` serve its ports.
 
     Faults: `collision`, `e_stop`, `motor` (errors 31, 1, 13); `stopped`, `paused` (in UFACTORY Studio); `replaced`
     (another program sets the queue's mode and moves); `moved` (another client sends set-points); `killed` (all
-    connections end), `silent` (no byte at any port), `no_report`; `stuck`, `frozen`, `nan`, `wild`, `jump` (joints and
-    their feedback); `other_model`, `old`, `by_hand` (before a connection: an arm of another type, firmware 1.8, guided
-    by hand).
+    connections end), `silent` (no byte at any port), `no_report`; those of its joints; `other_model`, `old`, `by_hand`
+    (before a connection: an arm of another type, firmware 1.8, guided by hand).
 
     Attributes:
         axes, kind, firmware: of the answer to VERSION.
@@ -65,6 +63,7 @@ class XArmEmulator(FaultSwitch):
     """
 
     known_faults = (
+        *EmulatedArm.known_faults,
         *(
             "collision",
             "e_stop",
@@ -77,11 +76,11 @@ class XArmEmulator(FaultSwitch):
             "silent",
             "no_report",
         ),
-        *("stuck", "frozen", "nan", "wild", "jump", "other_model", "old", "by_hand"),
+        *("other_model", "old", "by_hand"),
     )
 
     def __init__(self, joints: Joints, velocity: Float64, kind: int = 6) -> None:
-        super().__init__()
+        super().__init__(joints)
         self.command = _CommandPort(self)
         self.normal, self.rich, self.report = (
             ControllerPort(self),
@@ -97,10 +96,7 @@ class XArmEmulator(FaultSwitch):
         self.warning = 0
         self.enabled = self.pressed = False
         self.clock = OwnTime()
-        self._joints = joints
         self._velocity = velocity
-        self._q, self._qd = joints.measured()[0], np.zeros(len(velocity))
-        self._frozen = joints.measured()
         self._target: Float64 | None = None
         self._way: deque[Float64] = deque()
         self._stray = self._q
@@ -114,7 +110,6 @@ class XArmEmulator(FaultSwitch):
 
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
-        self._frozen = self._joints.measured()
         if kind in ("collision", "motor", "e_stop"):
             self.raise_error({"collision": 31, "motor": 13, "e_stop": 1}[kind])
             self.pressed = kind == "e_stop"
@@ -173,6 +168,10 @@ class XArmEmulator(FaultSwitch):
         self._queue.clear()
         self._way.clear()
         self._target, self._speeds = None, np.zeros_like(self._qd)
+
+    def _halt(self) -> None:
+        super()._halt()
+        self._forget()
 
     def clean_error(self) -> None:
         """Clear the error, unless its cause is still there."""
@@ -289,12 +288,10 @@ class XArmEmulator(FaultSwitch):
         self._q = self._q + self._qd * CYCLE
         if self.state in (1, 2):
             self.state = 1 if np.abs(self._qd).max() > 1e-4 or self._queue else 2
-        if self.fault != "stuck":
-            self._joints.drive(self._q, self._qd)
-            q, qd = self._joints.measured()
-            if np.abs(q - self._q).max() > DEVIATES:
-                self.raise_error(31)
-                self._q, self._qd = q, 0.0 * qd
+        self._drive(self._q, self._qd)
+        if self.fault != "stuck" and np.abs(self._joints.measured()[0] - self._q).max() > DEVIATES:
+            self.raise_error(31)
+            self._halt()
         self._push()
 
     def _towards(self, q: Float64, speed: float) -> Float64:
@@ -305,20 +302,6 @@ class XArmEmulator(FaultSwitch):
             self._queue.popleft()
             return np.zeros_like(way)
         return way / far * min(speed, math.sqrt(MOST * far), far / CYCLE)
-
-    def measured(self) -> tuple[Float64, Float64]:
-        """Return the reported positions [rad] and velocities [rad/s], shape (axes,) each."""
-        q, qd = self._joints.measured()
-        match self.fault:
-            case "frozen":
-                return self._frozen
-            case "nan":
-                return np.full_like(q, np.nan), qd
-            case "wild":
-                return np.full_like(q, 1e30), qd
-            case "jump":
-                return q + JUMP * np.eye(len(q))[0], qd
-        return q, qd
 
     # ------------------------------------------------------------------------------------------ reports
 

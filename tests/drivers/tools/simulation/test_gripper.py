@@ -280,6 +280,18 @@ def test_the_spindle_holds_a_push_that_is_stronger_than_the_motor(cell, gripper,
     )
 
 
+@pytest.mark.parametrize("blocked", [0, 1])
+def test_fingers_that_run_away_stop_where_something_holds_one_of_them(cell, gripper, blocked):
+    """The spindle moves both: no finger is dragged through a wall by more than the motor's force."""
+    run_out(cell, gripper.move(0.07, 0.2))
+    finger = cell.devices["world"].state.joint(("finger_left", "finger_right")[blocked])
+    gripper.inject_fault("runaway")
+    for _ in range(200):
+        finger.qfrc_applied[0] = -2.5e4 * max(float(finger.qpos[0]) - 0.0175, 0.0)  # a wall
+        cell.clock.advance(0.002)
+    assert -finger.qfrc_applied[0] < 1.2 * 2.0 * gripper.limits.force_max
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_blocked_fingers_do_not_snap_when_they_come_free(cell, gripper, side):
     run_out(cell, gripper.move(0.07, 0.2))
