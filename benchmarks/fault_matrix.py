@@ -54,13 +54,14 @@ def run(
         words = f"{done}/{planned} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"
         print(words, verdict.reason, file=sys.stderr, flush=True)
 
+    if not alone:
+        prepare_to_fork()  # before a cell is connected: a fork has no threads of the rasteriser
     for case in [case for case in cases if case.ends == "refused"]:
         tell(refuse_case(case, cell, seed))
     cases = [case for case in cases if case.ends != "refused"]
     if not cases:
         return verdicts
     if not alone:
-        prepare_to_fork()
         for tree in dict.fromkeys(case.phase.tree for case in cases):
             branch_cases(
                 [case for case in cases if case.phase.tree == tree], cell, seed, jobs, tell
