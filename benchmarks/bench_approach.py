@@ -30,6 +30,7 @@ from pomona.drivers.interfaces import (
     Gripper,
     Intrinsics,
     LoadSensor,
+    Pads,
     Workspace,
 )
 from pomona.executive.cell.connect import load_cell
@@ -98,13 +99,12 @@ class ApproachTry:
         self.cell = load_cell(path, seed=seed, overrides=settings)
         world = self.cell.devices["world"]
         self.world: Any = getattr(world, "_world", world)
-        kinds = (Arm, Gripper, ForceSensor, LoadSensor, Workspace)
-        found = {
-            kind: self.cell.device(kind) if kind is Workspace else self._device(kind)
-            for kind in kinds
-        }
+        kinds = (Arm, Gripper, ForceSensor, LoadSensor, Pads, Workspace)
         self.devices: dict[type, Any] = {
-            kind: device for kind, device in found.items() if device is not None
+            kind: device
+            for kind in kinds
+            if (device := self.cell.workspace if kind is Workspace else self._device(kind))
+            is not None
         }
         self.robot = RobotModel.load(self.devices[Arm].description)
         self.forces = ForcesOfNodes(self.world)

@@ -31,6 +31,7 @@ from pomona.drivers import (
     DriverError,
     ForceSensor,
     Gripper,
+    Pads,
     StreamedArm,
     Workspace,
     load_cell,
@@ -109,6 +110,7 @@ class Bench:
             Workspace,
             Conveyor,
             Carrier,
+            Pads,
         )
         self.devices: dict[type, object] = {
             interface: self.cell.device(interface) for interface in wanted

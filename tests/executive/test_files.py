@@ -8,6 +8,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.files import default_name, find_cell, find_tree
 from pomona.executive.language.check import read_document, usual_cell
 from pomona.executive.language.model import Document
+from pomona.executive.values.findings import TreeFileError
 from pomona.executive.values.installation import installed_trees
 
 
@@ -80,6 +81,8 @@ def test_a_tree_names_its_cell_by_name_and_by_a_file_beside_it(tmp_path: Path) -
 
 
 def test_a_cell_that_no_file_describes_is_refused_where_the_tree_names_it(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"t.yaml:3:7: no cell file 'sim_crat'; .*sim_crate"):
+    with pytest.raises(
+        TreeFileError, match=r"t.yaml:3:7: error\[no-cell\]: no cell file 'sim_crat'; .*sim_crate"
+    ):
         usual_cell(document(tmp_path, "cell: sim_crat\n"))
     assert [found.code for found in document(tmp_path, "cell: [a]\n").findings] == ["shape"]

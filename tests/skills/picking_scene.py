@@ -16,6 +16,7 @@ from pomona.drivers.interfaces import (
     Gripper,
     Hand,
     Intrinsics,
+    Pads,
     Workspace,
 )
 from pomona.skills.geometry import rot_z, transform
@@ -30,6 +31,7 @@ from pomona.skills.perception.fruit import FruitModel, load_fruit
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.tools.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from pomona.tools.mock.arm import ROBOT
+from tests.skills.finger_pads import finger_pads
 
 TABLE_Z = -0.12
 OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
@@ -126,6 +128,7 @@ class PickingScene:
         self.arm = MockArm(self.clock, self.q)
         self.gripper = MockGripper(self.clock, self.width)
         self.fingers = MockForceSensor(self.clock)
+        self.pads = finger_pads()
 
     @property
     def devices(self) -> dict[type, object]:
@@ -133,6 +136,7 @@ class PickingScene:
             Arm: self.arm,
             Gripper: self.gripper,
             ForceSensor: self.fingers,
+            Pads: self.pads,
             Workspace: self.workspace,
         }
 

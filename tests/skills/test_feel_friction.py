@@ -17,6 +17,7 @@ from pomona.skills.grip.hold import Hold, take_over
 from pomona.skills.grip.pads import MIRROR
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.hand import spring_fruit
+from tests.skills.finger_pads import finger_pads
 from tests.skills.picking_scene import WORKSPACE, PickingScene, a_grasp, q_at_grasp
 
 TOLD = {"mu": 0.6, "mu_uncertainty": 0.15}
@@ -57,7 +58,8 @@ class Standing(PickingScene):
         self.fingers.feel = feel
 
     def grasp(self) -> Hold:
-        outcome = drive(SlipAvoidGrasp(), TOLD, self.devices, clock=self.clock)
+        self.pads = finger_pads(TOLD["mu"], TOLD["mu_uncertainty"])
+        outcome = drive(SlipAvoidGrasp(), {}, self.devices, clock=self.clock)
         assert outcome.status is Status.SUCCESS, outcome.reason
         hold = outcome.outputs["hold"]
         assert isinstance(hold, Hold)

@@ -17,6 +17,7 @@ from pomona.skills.motion.lines import straight_line
 from pomona.skills.shared.touch import something_between
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.hand import spring_fruit
+from tests.skills.finger_pads import finger_pads
 from tests.skills.picking_scene import (
     APPLES,
     ROBOT_MODEL,
@@ -224,7 +225,8 @@ class Standing:
             return wrenches
 
         self.scene.fingers.feel = feel
-        inputs = {"max_force": 8.0, "mu": mu, "mu_uncertainty": 0.0}
+        self.scene.pads = finger_pads(mu, 0.0)
+        inputs = {"max_force": 8.0}
         held = drive(SlipAvoidGrasp(), inputs, self.scene.devices, clock=self.scene.clock)
         hold = held.outputs["hold"]
         assert isinstance(hold, Hold)

@@ -30,7 +30,7 @@ def test_all_candidates_come_best_first_and_the_others_with_a_reason():
 
 def test_every_attempt_takes_the_next_then_samples_more_finely_until_all_are_tried():
     scene, skill, seen, tried, counts = PickingScene(), SampleGrasp(), set(), None, []
-    near = {"thetas": 1, "alphas": 2, "alpha_max": 0.2}
+    near = {"thetas": 1, "alphas": 2}
     while (outcome := sample(skill, scene, tried=tried, **near)).status is Status.SUCCESS:
         candidates = outcome.outputs["candidates"]
         tried = candidates.grasps[0]
@@ -38,7 +38,7 @@ def test_every_attempt_takes_the_next_then_samples_more_finely_until_all_are_tri
         seen.add((tried.theta, tried.alpha))
         counts.append(len(candidates.grasps))
     assert outcome.reason.code == "ALL_TRIED"
-    assert counts == [2, 1, 1, 2, 1]  # 2 of 2, then the 1 new of 3, then the 2 new of 5
+    assert counts == [2, 1, 2, 1, 4, 3, 2, 1]  # 2 of 2, then the 2 new of 4, then the 4 new of 8
 
 
 def test_one_at_a_time_counts_as_tried_by_itself():

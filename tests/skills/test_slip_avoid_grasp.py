@@ -12,7 +12,7 @@ import pytest
 from py_trees.common import Status
 
 from pomona.drivers.errors import DeviceLost
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, WrenchSample
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Pads, WrenchSample
 from pomona.executive.encode import plain
 from pomona.executive.errors import NotOwnerError
 from pomona.executive.skill import Skill, Work
@@ -27,6 +27,7 @@ from pomona.skills.pivot import Pivot
 from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from pomona.tools.mock.arm import MockArm
 from pomona.tools.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
+from tests.skills.finger_pads import finger_pads
 from tests.skills.picking_scene import ROBOT_MODEL, apple_at, q_at_grasp
 
 WIDTH = 0.08
@@ -42,7 +43,11 @@ class Rig:
         self.gripper = MockGripper(self.clock, width=opening)
         self.fingers = MockForceSensor(self.clock)
         self.fingers.feel = spring_fruit(self.gripper, width, stiffness)
-        self.devices: dict[type, object] = {Gripper: self.gripper, ForceSensor: self.fingers}
+        self.devices: dict[type, object] = {
+            Gripper: self.gripper,
+            ForceSensor: self.fingers,
+            Pads: finger_pads(),
+        }
 
     def drive(self, skill: SlipAvoidGrasp | Pivot | None = None, **kwargs: Any) -> SkillEnd:
         inputs = kwargs.pop("inputs", {})
@@ -133,7 +138,7 @@ def test_fingers_that_rest_leave_the_next_command_free_for_when_it_is_needed() -
 def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -> None:
     measured = SimpleNamespace(
         dimensions=np.array([WIDTH, 0.06, WIDTH]),
-        fruit=SimpleNamespace(mass=None),
+        fruit=SimpleNamespace(mass=None, name="apple"),
         covariance=np.eye(6),
     )
     known, unknown = Rig(opening=0.103), Rig(opening=0.103)
@@ -147,7 +152,7 @@ def test_a_small_fruit_is_not_pressed_until_it_bruises() -> None:
     """An apple of 62 mm bruises from 5 N of a finger on; a moment that needs more is a problem of the grip instead."""
     measured = SimpleNamespace(
         dimensions=np.array([0.062, 0.054, 0.062]),
-        fruit=SimpleNamespace(mass=None),
+        fruit=SimpleNamespace(mass=None, name="apple"),
         covariance=np.eye(6),
     )
     rig = Rig(opening=0.074, width=0.062)
@@ -164,7 +169,7 @@ def test_a_small_fruit_is_not_pressed_until_it_bruises() -> None:
 
 
 class _Ungated(SlipAvoidGrasp):
-    """Takes a stand-in for the measured fruit: only its dimensions and its kind's mass are read."""
+    """Takes a stand-in for the measured fruit: only its dimensions, and its kind's mass and name are read."""
 
 
 def test_a_load_raises_the_force_and_the_force_follows_it_down() -> None:

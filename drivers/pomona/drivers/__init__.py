@@ -80,6 +80,8 @@ if TYPE_CHECKING:
         LoadSensor as LoadSensor,
         Motion as Motion,
         MotionState as MotionState,
+        PadContact as PadContact,
+        Pads as Pads,
         PathWatchSettings as PathWatchSettings,
         PressSensor as PressSensor,
         SampleRate as SampleRate,
@@ -169,8 +171,9 @@ PUBLIC = {
     "hold_watch": "HandMemory HandRecord may_hold",
     "interfaces": (
         "Arm ArmLimits ArmState Box Camera Cameras Carrier DepthCamera ForceSensor Frame FrameSequence FruitKinds "
-        "Gripper GripperLimits GripperState HandTask Hands Hull Intrinsics LoadSensor Motion MotionState PressSensor "
-        "PathWatchSettings SampleRate SetPoints StreamedArm Subscription Trajectory Workspace WrenchSample WrenchSensor"
+        "Gripper GripperLimits GripperState HandTask Hands Hull Intrinsics LoadSensor Motion MotionState PadContact "
+        "Pads PathWatchSettings PressSensor SampleRate SetPoints StreamedArm Subscription Trajectory Workspace "
+        "WrenchSample WrenchSensor"
     ),
     "motion_supervisor": "Supervision",
     "path_arm": "AT_REST PathArm SetPointStream StreamingArm words",

@@ -535,6 +535,42 @@ class Workspace(ReadOnly):
     hulls: tuple[Hull, ...] = ()
 
 
+# ------------------------------------------------------------------------------------------------------ pads
+
+
+@dataclass(frozen=True, slots=True)
+class PadContact:
+    """Contact of the fingers' pads with one kind of fruit.
+
+    Attributes:
+        mu: friction coefficient.
+        uncertainty: of mu, relative; covered by more force.
+        delta: radius of a pad's contact at 1 N [m].
+        gamma: exponent of that radius over the force.
+        stiffness: rise of the grip force over the closing of the fingers, two pads in series [N/m].
+    """
+
+    mu: float
+    uncertainty: float
+    delta: float
+    gamma: float
+    stiffness: float
+
+
+OTHER_FRUIT = "any"  # the kind that stands for all that pads do not name
+
+
+@runtime_checkable
+class Pads(Protocol):
+    """The pads of the fingers."""
+
+    def on(self, kind: str) -> PadContact:
+        """Return their contact with a kind of fruit, by its name in the catalogue."""
+
+
+# ----------------------------------------------------------------------------------------------------- facts
+
+
 @dataclass(frozen=True, slots=True)
 class SampleRate:
     """Sample rate of a force sensor [Hz], from the cell file, before any connection."""

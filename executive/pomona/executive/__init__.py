@@ -82,7 +82,6 @@ if TYPE_CHECKING:
         Rate as Rate,
         Ratio as Ratio,
         Speed as Speed,
-        Stiffness as Stiffness,
         Time as Time,
         Torque as Torque,
     )
@@ -218,7 +217,7 @@ PUBLIC = {
     "palette": "OVERLAY",
     "ports": (
         "Acceleration Angle AngularSpeed Force Length Mass Outputs Port Pressure REQUIRED Rate Ratio Speed "
-        "Stiffness Time Torque"
+        "Time Torque"
     ),
     "run_views": "RunView ViewedRun",
     "running.events": (

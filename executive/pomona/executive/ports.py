@@ -25,7 +25,6 @@ from pomona.executive.values.units import (
     RATE,
     RATIO,
     SPEED,
-    STIFFNESS,
     TIME,
     TORQUE,
     Quantity,
@@ -44,7 +43,6 @@ __all__ = [
     "RATIO",
     "REQUIRED",
     "SPEED",
-    "STIFFNESS",
     "TIME",
     "TORQUE",
     "Acceleration",
@@ -62,7 +60,6 @@ __all__ = [
     "Rate",
     "Ratio",
     "Speed",
-    "Stiffness",
     "Time",
     "Torque",
     "type_name",
@@ -84,7 +81,6 @@ Time = Annotated[float, TIME]
 Mass = Annotated[float, MASS]
 Force = Annotated[float, FORCE]
 Torque = Annotated[float, TORQUE]
-Stiffness = Annotated[float, STIFFNESS]
 Pressure = Annotated[float, PRESSURE]
 Speed = Annotated[float, SPEED]
 AngularSpeed = Annotated[float, ANGULAR_SPEED]

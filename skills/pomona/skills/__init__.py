@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     )
     from pomona.skills.shared.frame_trust import require_true_look as require_true_look
     from pomona.skills.shared.grasp_view import fruit_mesh as fruit_mesh, summary as summary
-    from pomona.skills.shared.held_fruit import show_grip as show_grip
+    from pomona.skills.shared.held_fruit import (
+        grip_settings as grip_settings,
+        show_grip as show_grip,
+    )
     from pomona.skills.shared.live_watch import (
         KnownAround as KnownAround,
         LiveWatch as LiveWatch,
@@ -52,7 +55,7 @@ PUBLIC = {
     "shared.following": "MOTION_FAILURES MovingSkill",
     "shared.frame_trust": "require_true_look",
     "shared.grasp_view": "fruit_mesh summary",
-    "shared.held_fruit": "show_grip",
+    "shared.held_fruit": "grip_settings show_grip",
     "shared.live_watch": "KnownAround LiveWatch prepare_watch resting watched",
     "shared.looking": "LOOKING_FAILURES LookingSkill find_in_frame",
     "shared.straight_travel": "Manner follow_way tool_pose vertical_way",

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pomona.drivers.interfaces import Frame
-from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Ratio, Time
+from pomona.executive.ports import LENGTH, Length, Outputs, Port, Ratio
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import ProgressView
@@ -92,9 +92,6 @@ class Detect(LookingSkill):
                 was="unsure",
             ),
         ] = 1.0,
-        max_age: Annotated[
-            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
-        ] = TIME("500 ms"),
         working_width: Annotated[
             object,
             Port(
@@ -129,7 +126,7 @@ class Detect(LookingSkill):
         ] = "close_look",
     ) -> Work[Detected]:
         model = self.fruit_model(fruit, weights, needs_weights=not (boxes and pose_from == "depth"))
-        frame = self.newest_frame(max_age)
+        frame = self.newest_frame()
         T_base_camera = self.camera_pose(frame)
         width = self.search_width(working_width, model, frame, expected_distance or self._distance)
         options: Search = DetectorOptions(working_width=width)

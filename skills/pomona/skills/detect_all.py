@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
+from pomona.executive.ports import Outputs, Port, Ratio
 from pomona.executive.skill import Work
 from pomona.skills.perception.detection.detection import (
     WORKING_WIDTH,
@@ -30,9 +30,6 @@ class DetectAll(LookingSkill):
         self,
         fruit: Annotated[str, Port(help="fruit to detect: a name in the catalogue, or a path")],
         score: Annotated[Ratio, Port(min=0.0, max=1.0, help="minimum detection score")] = 0.6,
-        max_age: Annotated[
-            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
-        ] = TIME("500 ms"),
         working_width: Annotated[object, Port(help=WIDTH_HELP)] = WORKING_WIDTH,
         max_places: Annotated[
             int,
@@ -51,7 +48,7 @@ class DetectAll(LookingSkill):
         ] = 1,
     ) -> Work[AllDetected]:
         model = self.fruit_model(fruit)
-        frame = self.newest_frame(max_age)
+        frame = self.newest_frame()
         T_base_camera = self.camera_pose(frame)
         width = self.search_width(working_width, model, frame, None)
         instances = yield from self.find(

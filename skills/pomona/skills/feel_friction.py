@@ -10,7 +10,7 @@ import numpy as np
 
 from pomona.drivers.errors import DeviceFault
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
-from pomona.executive.ports import FORCE, LENGTH, SPEED, Force, Length, Outputs, Port, Ratio, Speed
+from pomona.executive.ports import FORCE, Force, Outputs, Port, Ratio
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold
@@ -31,6 +31,8 @@ SLIDING = (0.4, 0.92)
 come to rest and creep back."""
 
 RISING = 0.5  # upward path beyond the distance, relative to it: the force rises, the fruit's weight comes on gently
+DISTANCE = 2e-3  # path of the slides [m]
+FEELING_SPEED = 0.02  # of the pads on it [m/s]
 SETTLING = 0.1  # error of the grip force that counts as reached [N]
 
 # of the friction that was felt, relative; the error was 2 % at the median of 15 fruit
@@ -40,8 +42,8 @@ LEAST_UNCERTAINTY = 0.04
 class Felt(Outputs):
     """Outputs of FeelFriction."""
 
-    mu: Ratio
-    mu_uncertainty: Ratio
+    mu: Annotated[Ratio, Port(help="friction of the pads on this fruit")]
+    mu_uncertainty: Annotated[Ratio, Port(help="of it, relative")]
 
 
 class FeelFriction(MovingSkill):
@@ -70,10 +72,6 @@ class FeelFriction(MovingSkill):
                 min="0.6 N", max="10 N", help="grip force afterwards, before the lift", was="then"
             ),
         ] = FORCE("2.2 N"),
-        distance: Annotated[
-            Length, Port(min="0.5 mm", max="5 mm", help="path of the slides")
-        ] = LENGTH("2 mm"),
-        speed: Annotated[Speed, Port(min="1 mm/s", max="30 mm/s")] = SPEED("20 mm/s"),
     ) -> Work[Felt]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held, so no friction can be measured")
@@ -82,7 +80,7 @@ class FeelFriction(MovingSkill):
         slide = Slide(configured.contact.mu, configured.mu_uncertainty, (np.nan, np.nan))
         try:
             try:
-                slide = yield from self._measure(hold, force, force_after, distance, speed)
+                slide = yield from self._measure(hold, force, force_after)
                 slide = replace(slide, uncertainty=max(slide.uncertainty, LEAST_UNCERTAINTY))
                 feedback = f"friction {slide.mu:.2f} ± {slide.uncertainty:.0%}"
                 feedback += ", from the way down only" if slide.came_along else ""
@@ -97,28 +95,26 @@ class FeelFriction(MovingSkill):
         return Felt(mu=slide.mu, mu_uncertainty=slide.uncertainty)
 
     def _measure(
-        self, hold: Hold, force: float, force_after: float, distance: float, speed: float
+        self, hold: Hold, force: float, force_after: float
     ) -> Generator[str | None, None, Slide]:
         """Slide down, and up with the force rising at the end; NoSlideError: blocked, or the pads did not slide."""
         settings = hold.settings
-        down = self._line("down", -distance)
+        down = self._line("down", -DISTANCE)
         hold.slide(force)
         # Down at once: the pads slide also while the force of closing comes down.
-        wrenches_down = yield from self._slide(hold, down, distance, distance, speed)
+        wrenches_down = yield from self._slide(hold, down, DISTANCE)
         load_down = hold.estimate.load
         yield from self._press(hold, force)
         if moves_with_pads(wrenches_down, force, hold.estimate.force_sum, settings.expected_load):
             hold.slide(force_after)
-        more = RISING * distance
-        up = self._line("up", distance + more)
-        wrenches_up = yield from self._slide(
-            hold, up, distance + more, distance, speed, force_after
-        )
+        more = RISING * DISTANCE
+        up = self._line("up", DISTANCE + more)
+        wrenches_up = yield from self._slide(hold, up, DISTANCE + more, force_after)
         yield from self._press(hold, force_after)
         if (
             np.dot(load_down, hold.estimate.load) > 0.0
         ):  # a linkage moves closing pads down: relieve the fruit
-            yield from self._slide(hold, self._line("up", more), more, more, speed)
+            yield from self._slide(hold, self._line("up", more), more)
         return friction_of_slides(
             wrenches_up, wrenches_down, settings.contact, hold.estimate.bias_std, settings.rate
         )
@@ -150,21 +146,15 @@ class FeelFriction(MovingSkill):
             yield f"{hold.tracked_force:.1f} N, on the way to {force:.1f} N"
 
     def _slide(
-        self,
-        hold: Hold,
-        line: Float64,
-        way: float,
-        distance: float,
-        speed: float,
-        then: float | None = None,
+        self, hold: Hold, line: Float64, way: float, then: float | None = None
     ) -> Generator[str | None, None, Float64]:
         """Follow a line of length `way` [m]; return the wrenches of the slide, bias removed, shape (n, 2, 6).
 
-        Beyond the distance the grip force is `then` [N]. DeviceFault: the arm reports an arrival without a motion.
+        Beyond `DISTANCE` the grip force is `then` [N]. DeviceFault: the arm reports an arrival without a motion.
         """
         arm = self.device(Arm)
         trajectory = time_curve(
-            line, way, arm.limits, speed, ACCELERATION, ACCELERATION / JERK_TIME
+            line, way, arm.limits, FEELING_SPEED, ACCELERATION, ACCELERATION / JERK_TIME
         )
         robot = RobotModel.load(arm.description)
         start = robot.tcp(line[0])[:3, 3]
@@ -176,7 +166,9 @@ class FeelFriction(MovingSkill):
             self._watch(hold)
             state = arm.state()
             stamps.append(state.stamp)
-            shares.append(float(np.linalg.norm(robot.tcp(state.q)[:3, 3] - start)) / distance)
+            shares.append(
+                float(np.linalg.norm(robot.tcp(state.q)[:3, 3] - start)) / min(way, DISTANCE)
+            )
             if then is not None and shares[-1] > SLIDING[1]:
                 hold.slide(then)
 
@@ -188,9 +180,7 @@ class FeelFriction(MovingSkill):
         finally:
             subscription.close()
         if max(shares) < SLIDING[0]:
-            moved = (
-                f"moved {1e3 * distance * max(shares):.1f} mm of {1e3 * way:.1f} mm by its joints"
-            )
+            moved = f"moved {1e3 * min(way, DISTANCE) * max(shares):.1f} mm of {1e3 * way:.1f} mm by its joints"
             raise DeviceFault("arm", f"{moved}, but its driver reports its arrival")
         first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
         sliding = [wrenches for stamp, wrenches in samples if first <= stamp <= last]

@@ -13,7 +13,7 @@ from pomona.drivers.interfaces import (
     PressSensor,
 )
 from pomona.drivers.plain_hand import between, gone
-from pomona.executive.ports import FORCE, LENGTH, SPEED, TIME, Force, Length, Port, Speed, Time
+from pomona.executive.ports import FORCE, LENGTH, SPEED, Force, Length, Port, Speed
 from pomona.executive.skill import CellFacts, SkillFailure, Work
 from pomona.executive.values.sections import Problem
 from pomona.skills.grip.closing import PadTouch
@@ -35,7 +35,8 @@ LEAST_WAY = 1e-3  # distance that the fingers must be able to close before they 
 # distance of the aim to the closed gripper [m]: twice that of fingers that hold nothing
 AIMED = 4e-3
 DEFAULT_FORCE = FORCE("10 N")
-CREEP = 2e-3  # change of the width in `settle` after which the fruit may slip out [m]
+SETTLE = 0.3  # time before the grip is verified [s]
+CREEP = 2e-3  # change of the width in that time after which the fruit may slip out [m]
 
 UNMEASURED = (
     "the cell has no force sensor: no minimum grip force and no slip detection; the gripper's own force limit bounds "
@@ -56,7 +57,7 @@ class Grasp(MovingSkill):
     """Close a plain gripper on the fruit until it is stopped or its motor presses with `force`, and verify the grip.
 
     A fruit is gripped if the fingers were stopped before their aim, or the motor presses, and both still hold after
-    `settle`. The force on the fruit is not controlled, and slip is not measured. Fingertips that measure their pressing
+    `SETTLE`. The force on the fruit is not controlled, and slip is not measured. Fingertips that measure their pressing
     force take the motor's place.
     """
 
@@ -111,9 +112,6 @@ class Grasp(MovingSkill):
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.2 m/s", help="speed of closing")] = SPEED(
             "0.02 m/s"
         ),
-        settle: Annotated[
-            Time, Port(min="0 s", max="5 s", help="time before the grip is verified")
-        ] = TIME("0.3 s"),
     ) -> Work[None]:
         gripper = self.device(Gripper)
         limits = gripper.limits
@@ -140,7 +138,7 @@ class Grasp(MovingSkill):
             raise self._fail(
                 "TOO_WIDE", f"the fruit measures {1e3 * float(fruit.dimensions.max()):.0f} mm", met
             )
-        yield from self.wait(settle)
+        yield from self.wait(SETTLE)
         now = gripper.state()
         tips = self.optional_device(PressSensor)
         evidence = between(now, limits) if tips is None else self._felt(tips)

@@ -6,10 +6,13 @@ from collections.abc import Generator
 from typing import Annotated
 
 from pomona.drivers.interfaces import Gripper
-from pomona.executive.ports import LENGTH, TIME, Length, Port, Time
+from pomona.executive.ports import TIME, Port, Time
 from pomona.executive.skill import Skill, Work
 from pomona.skills.grip.hold import Hold
 from pomona.skills.shared.held_fruit import show_grip, watch_grip
+
+# largest distance of the fruit's centre from the vertical through the fingers [m]
+PLUMB = 0.004
 
 
 class Pivot(Skill):
@@ -35,13 +38,6 @@ class Pivot(Skill):
     def run(
         self,
         hold: Hold,
-        plumb: Annotated[
-            Length,
-            Port(
-                min="0.5 mm",
-                help="largest distance of the fruit's centre from the vertical through the fingers",
-            ),
-        ] = LENGTH("4 mm"),
         patience: Annotated[Time, Port(min="0.5 s", help="maximum time")] = TIME("8 s"),
     ) -> Work[None]:
         if not hold.holds:
@@ -53,7 +49,7 @@ class Pivot(Skill):
         finally:
             hold.pivot(False)
         show_grip(self, hold, everything=True)
-        if lever > plumb:
+        if lever > PLUMB:
             message = (
                 f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm off the vertical"
             )

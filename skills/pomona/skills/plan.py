@@ -71,7 +71,6 @@ class Plan(Skill):
             Time, Port(min="1 ms", max="60 s", help="planning time on an unloaded core")
         ] = TIME("200 ms"),
         clearance: Spacing = LENGTH("10 mm"),
-        map_age: Annotated[Time, Port(min="0 s", help="an older map is stale")] = TIME("2 min"),
         direct: Annotated[
             bool, Port(help="try straight joint motions first; the paper does not")
         ] = True,
@@ -79,7 +78,7 @@ class Plan(Skill):
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
         goals = [(grasp, q) for grasp in to.grasps for q in grasp.q_pre_grasp]
-        field = usable_field(self, map, map_age)
+        field = usable_field(self, map)
         target = to.grasps[0].fruit if to.grasps else None
         width = self.device(Gripper).state().width
         space = arm_space(arm, self.device(Workspace), field, width, clearance, target=target)

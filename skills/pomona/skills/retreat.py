@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from pomona.drivers.interfaces import Arm, Gripper, Workspace
-from pomona.executive.ports import ACCELERATION, FORCE, SPEED, Force, Port, Speed
+from pomona.executive.ports import Port
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.geometry import angle_between, inverse
@@ -22,7 +22,6 @@ from pomona.skills.shared.carrying import JERK_TIME, TouchedDown, lower_until_co
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.held_fruit import HAND_DEVICES, is_between, is_held
 from pomona.skills.shared.live_watch import KnownAround
-from pomona.skills.shared.planning import ToolAcceleration
 from pomona.skills.shared.straight_travel import free_line, tool_pose
 from pomona.skills.shared.touch import felt, load
 from pomona.skills.shared.yielding import YieldingFingers
@@ -34,6 +33,11 @@ SUPPORTED = 3e-3  # a fruit that is held this little above where it was taken st
 OPENING_SPEED = 0.05  # of the fingers [m/s]
 AT_GOAL = 5e-3
 """Distance below which the tool is back at the pre-grasp [m]."""
+
+
+BACK = 0.15  # speed of the tool [m/s]
+BRISK = 1.0  # its acceleration [m/s²]
+CONTACT = 0.8  # change of force that shows contact [N]
 
 
 class StoppedAt(Enum):
@@ -62,11 +66,6 @@ class Retreat(MovingSkill):
     def run(
         self,
         grasp: Annotated[Grasp | None, Port(help="the grasp that was attempted")] = None,
-        speed: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s")] = SPEED("0.15 m/s"),
-        acceleration: ToolAcceleration = ACCELERATION("1 m/s²"),
-        contact: Annotated[
-            Force, Port(min="0.2 N", help="change of force that shows contact")
-        ] = FORCE("0.8 N"),
     ) -> Work[None]:
         if grasp is None:
             return None
@@ -77,15 +76,15 @@ class Retreat(MovingSkill):
         if place is StoppedAt.ELSEWHERE or (place is StoppedAt.ABOVE and not held):
             return None
         if held and height > SUPPORTED:
-            yield from self._lower(height, speed, acceleration, contact)
+            yield from self._lower(height)
         open_to = min(max(grasp.width, gripper.state().width), gripper.limits.width_max)
         take_over(gripper)
         if open_to - gripper.state().width > 1e-3:
             yield from self._open(open_to, held)
         back = self._line(grasp.T_base_pre_grasp)
         if back.length > AT_GOAL:
-            jerk = acceleration / JERK_TIME
-            curve = time_curve(back.q, back.length, arm.limits, speed, acceleration, jerk)
+            jerk = BRISK / JERK_TIME
+            curve = time_curve(back.q, back.length, arm.limits, BACK, BRISK, jerk)
             yield from self.travel(
                 curve,
                 around=KnownAround(fruit=(grasp.fruit,)),
@@ -104,13 +103,13 @@ class Retreat(MovingSkill):
             if held or failed.failure.code != "MOTION_FAILED":
                 raise
 
-    def _lower(self, height: float, speed: float, acceleration: float, contact: float) -> Watching:
+    def _lower(self, height: float) -> Watching:
         """Go straight down by the height to which the fruit was lifted, or until it stands on something."""
         T_base_goal = tool_pose(self)
         T_base_goal[2, 3] -= height
         line = self._line(T_base_goal)
         with felt(self, load) as touch:
-            limit = touch.limit(contact, acceleration)
+            limit = touch.limit(CONTACT, BRISK)
 
             def watch() -> None:
                 if touch.change > limit:
@@ -120,7 +119,7 @@ class Retreat(MovingSkill):
                     raise TouchedDown
 
             with suppress(TouchedDown):
-                yield from lower_until_contact(self, line, speed, acceleration, watch)
+                yield from lower_until_contact(self, line, BACK, BRISK, watch)
 
     def _line(self, T_base_goal: Float64) -> StraightLine:
         """Return the straight line to a pose of the tool; fails with RETREAT_BLOCKED, and then nothing has moved."""

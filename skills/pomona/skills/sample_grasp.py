@@ -60,19 +60,10 @@ class SampleGrasp(Skill):
         radius: Annotated[Length, Port(min="20 mm", max="1 m", help="the paper's r_o")] = LENGTH(
             "120 mm"
         ),
-        theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="least tilt")] = ANGLE(
-            "0 deg"
-        ),
         theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg", help="largest tilt")] = ANGLE(
             "45 deg"
         ),
         thetas: Annotated[int, Port(min=1, help="number of tilts")] = 4,
-        alpha_min: Annotated[Angle, Port(help="first azimuth about the world's z")] = ANGLE(
-            "0 deg"
-        ),
-        alpha_max: Annotated[Angle, Port(help="last azimuth about the world's z")] = ANGLE(
-            "360 deg"
-        ),
         alphas: Annotated[int, Port(min=1, help="number of azimuths")] = 12,
         clearance: Spacing = LENGTH("10 mm"),
         sigmas: Annotated[
@@ -96,7 +87,7 @@ class SampleGrasp(Skill):
         robot = RobotModel.load(arm.description)
         field = usable_field(self, map)
         space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
-        sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
+        sphere = Sphere(radius, (0.0, theta_max), tilts=thetas, turns=alphas)
         rules = GraspRules(side=(air, GraspRules().side[1]), sigmas=sigmas, check=check)
         support = support_below(workspace, around.T_base_fruit[:3, 3])
         tried_before = self._tried.directions

@@ -3,42 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Annotated, Any
 
-from pomona.drivers.interfaces import Arm, Cameras, ForceSensor, Gripper, SampleRate, Workspace
-from pomona.executive.ports import (
-    FORCE,
-    LENGTH,
-    STIFFNESS,
-    Force,
-    Length,
-    Outputs,
-    Port,
-    Ratio,
-    Stiffness,
+from pomona.drivers.interfaces import (
+    Arm,
+    Cameras,
+    ForceSensor,
+    Gripper,
+    Pads,
+    SampleRate,
+    Workspace,
 )
+from pomona.executive.ports import FORCE, Force, Outputs, Port, Ratio
 from pomona.executive.skill import CellFacts, Interrupted, Skill, SkillFailure, Work
 from pomona.executive.values.sections import Problem
 from pomona.skills.compiled_code import wait_for_first
 from pomona.skills.grip.controller import GripController, warm_up
 from pomona.skills.grip.grip import GripPhase, UnusableRate
 from pomona.skills.grip.hold import Hold
-from pomona.skills.grip.limit_surface import SoftContact, surface_table
-from pomona.skills.grip.settings import (
-    ForceLaw,
-    ForceLoopSettings,
-    GripSettings,
-    PadStiffness,
-    check_rate,
-)
+from pomona.skills.grip.limit_surface import surface_table
+from pomona.skills.grip.settings import ForceLaw, check_rate
 from pomona.skills.perception.measured_fruit import MeasuredFruit
-from pomona.skills.shared.held_fruit import bearable_force, expected_load, show_grip, watch_grip
+from pomona.skills.shared.held_fruit import grip_settings, show_grip, watch_grip
 from pomona.skills.shared.live_watch import WATCH_FAILURES, hand_clear
 from pomona.skills.shared.touch_view import record_touches
-
-# opening over the fruit at which a finger may touch [m]: it may lie off the centre
-CLEARANCE = 0.008
-NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
 
 
 class Grasped(Outputs):
@@ -50,7 +39,7 @@ class Grasped(Outputs):
 class SlipAvoidGrasp(Skill):
     """Close on the fruit with the minimum force that holds it; the grip continues after this node."""
 
-    devices = (Gripper, ForceSensor)
+    devices = (Gripper, ForceSensor, Pads)
     optional_devices = (Arm, Workspace, Cameras)  # pose and table are recorded with the touches
     moves = (Gripper,)
     failures = (  # found in grip/closing.py until the fruit is held, then in grip/monitors.py
@@ -85,31 +74,12 @@ class SlipAvoidGrasp(Skill):
         fruit: Annotated[
             MeasuredFruit | None, Port(help="measured fruit; beyond its size the fingers move fast")
         ] = None,
-        mu: Annotated[
-            Ratio, Port(min=0.05, max=3.0, help="friction coefficient between pad and fruit")
-        ] = 0.75,
-        mu_uncertainty: Annotated[
-            Ratio, Port(min=0.0, max=0.5, help="relative uncertainty of mu; raises the force")
-        ] = 0.1,
-        delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("4.353 mm"),
-        gamma: Annotated[
-            Ratio, Port(min=0.0, max=1.0, help="exponent of the contact radius over the force")
-        ] = 0.2569,
-        k: Annotated[
-            Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")
-        ] = 4.0,
         margin: Annotated[
             Ratio, Port(min=1.0, max=3.0, help="factor on the minimum grip force")
         ] = 1.125,
         reserve: Annotated[
             Force, Port(min="0 N", max="10 N", help="expected disturbance force")
         ] = FORCE("0 N"),
-        offset: Annotated[
-            Length,
-            Port(
-                min="0 mm", max="50 mm", help="largest distance of the fruit's centre from the grip"
-            ),
-        ] = LENGTH("3 mm"),
         initial_force: Annotated[
             Force, Port(min="0.6 N", max="10 N", help="grasp force before the lift")
         ] = FORCE("2.2 N"),
@@ -121,46 +91,23 @@ class SlipAvoidGrasp(Skill):
                 help="largest grasp force, both fingers; less where `fruit` would bruise",
             ),
         ] = FORCE("14 N"),
-        stiffness: Annotated[
-            Stiffness,
-            Port(
-                min="100 N/m",
-                max="100 kN/m",
-                help="stiffness of the pads: grasp force per closing distance",
-            ),
-        ] = STIFFNESS("2000 N/m"),
         law: Annotated[
             str, Port(choices=tuple(law.value for law in ForceLaw), help="for comparison")
         ] = "slip_avoidance",
     ) -> Work[Grasped]:
-        gripper = self.device(Gripper)
-        sensor = self.device(ForceSensor)
-        contact = SoftContact(mu, delta, gamma, k)
-        yield from self.compute(surface_table, contact)
-        controller = GripController(
-            GripSettings(
-                contact=contact,
-                law=ForceLaw(law),
-                margin=margin,
-                reserve=reserve,
-                expected_load=0.0 if fruit is None else expected_load(fruit),
-                offset=offset,
-                mu_uncertainty=mu_uncertainty,
-                initial_force=initial_force,
-                contact_width=None if fruit is None else float(fruit.dimensions.max()) + CLEARANCE,
-                narrowest=0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min()),
-                loop=ForceLoopSettings(
-                    stiffness=PadStiffness(stiffness),
-                    max_force=min(max_force, 2.0 * gripper.limits.force_max, bearable_force(fruit)),
-                    closing_speed=min(ForceLoopSettings().closing_speed, gripper.limits.speed_max),
-                    step=gripper.limits.step,
-                ),
-                width_min=gripper.limits.width_min,
-                rate=sensor.rate,
-            )
+        settings = replace(
+            grip_settings(self, fruit, max_force),
+            law=ForceLaw(law),
+            margin=margin,
+            reserve=reserve,
+            initial_force=initial_force,
         )
+        yield from self.compute(surface_table, settings.contact)
         yield from hand_clear(self)
-        hold = Hold(gripper, sensor, controller, self.clock.now).under(gripper)
+        gripper = self.device(Gripper)
+        hold = Hold(
+            gripper, self.device(ForceSensor), GripController(settings), self.clock.now
+        ).under(gripper)
         try:
             yield from self._watch(hold, fruit)
         except Interrupted:

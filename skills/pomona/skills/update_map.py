@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Annotated
 
 from pomona.drivers.interfaces import Arm, Camera, Frame, Gripper, Workspace
-from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
+from pomona.executive.ports import LENGTH, Length, Outputs, Port
 from pomona.executive.skill import Skill, Work
 from pomona.executive.values.arrays import Float64
 from pomona.executive.views import Points3, SceneView
@@ -32,6 +32,9 @@ from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import require_true_look
 
 NEIGHBOUR = "neighbour"  # name of fruit measured beside the target, among the obstacles
+
+
+OLDEST = 5.0  # a look that is older is refused [s]
 
 
 class Mapped(Outputs):
@@ -71,7 +74,6 @@ class UpdateMap(Skill):
         resolution: Annotated[
             Length, Port(min="5 mm", max="50 mm", help="edge of a cell")
         ] = LENGTH("10 mm"),
-        max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
     ) -> Work[Mapped]:
         arm = self.device(Arm)
         workspace = self.device(Workspace)
@@ -81,12 +83,12 @@ class UpdateMap(Skill):
         if frame is None:
             raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
         age = self.clock.now() - frame.stamp
-        if age > max_age:
+        if age > OLDEST:
             raise self.failure(
                 "STALE_FRAME",
-                f"the look is {age:.2f} s old, {max_age:.2f} s are allowed",
+                f"the look is {age:.2f} s old, {OLDEST:g} s are allowed",
                 age_s=age,
-                allowed_s=max_age,
+                allowed_s=OLDEST,
             )
         state = arm.state()
         try:

@@ -49,7 +49,7 @@ def test_the_three_cells_share_one_workspace():
     texts = [(CELLS / f"{name}.yaml").read_text() for name in ("sim", "emulated", "lab")]
     assert all("workspace: {include: shared/workspace.yaml}" in text for text in texts)
     file = read_cell_file(CELLS / "sim.yaml")
-    assert list(file.files) == ["sim.yaml", "shared/workspace.yaml"]
+    assert list(file.files) == ["sim.yaml", "shared/workspace.yaml", "shared/pads.yaml"]
     assert file.workspace is not None
     assert "crate_6" in file.workspace.poses
 

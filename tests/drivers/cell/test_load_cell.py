@@ -15,6 +15,7 @@ from pomona.drivers.interfaces import (
     ForceSensor,
     Gripper,
     Hands,
+    Pads,
     StreamedArm,
     Workspace,
 )
@@ -118,6 +119,7 @@ def test_the_shipped_simulated_cell_loads():
         StreamedArm,
         Gripper,
         ForceSensor,
+        Pads,
         Camera,
         Hands,
         Workspace,

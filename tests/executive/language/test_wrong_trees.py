@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import NamedTuple
 
@@ -880,8 +881,14 @@ def test_a_cell_that_the_command_names_stands_for_one_that_the_tree_names_and_no
     tree = tmp_path / "t.yaml"
     tree.write_text("pomona: 1\ntree: t\ncell: nowhere\nroot:\n  succeed: {}\n")
     assert main(["check", str(tree), "--cell", "sim"]) == 0
-    assert main(["check", str(tree)]) == 2
-    assert "t.yaml:3:7: no cell file 'nowhere'" in capsys.readouterr().err
+    tree.write_text("pomona: 1\ntree: t\ncell: nowhere\nroot:\n  Sucked: {}\n")
+    capsys.readouterr()
+    assert main(["check", "--json", str(tree)]) == 2
+    found = json.loads(capsys.readouterr().out)
+    assert [(one["code"], one["line"], one["column"]) for one in found] == [
+        ("no-cell", 3, 7),
+        ("unknown-skill", 5, 3),
+    ]
 
 
 def test_a_file_in_utf_16_is_named_as_such(

@@ -164,8 +164,7 @@ def test_a_map_is_usable_until_it_is_too_old() -> None:
     known: Any = SimpleNamespace(usable_field=field, stamp=12.3456)
     assert planning.usable_field(skill, None) is None
     assert planning.usable_field(skill, known) == "field"
-    assert planning.usable_field(skill, known, 7.0) == "field"
-    assert asked == [(20.0, 120.0), (20.0, 7.0)]
+    assert asked == [(20.0, 120.0)]
     now[0] = 60.0
     for stamp, age in ((12.3456, 47.654), (None, None)):
         known.stamp = stamp

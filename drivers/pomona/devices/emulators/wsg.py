@@ -167,8 +167,6 @@ class WsgEmulator:
             case Plain(Command.CLEAR_SOFT_LIMITS):
                 self._soft_limits = None
                 self._reply(Command.CLEAR_SOFT_LIMITS)
-            case Plain(Command.TARE):
-                self._reply(Command.TARE)
             case Plain(Command.INFO):
                 self._reply(Command.INFO, values=(2, 1, 0x2710, 32001))
             case Plain(Command.LIMITS):

@@ -21,6 +21,8 @@ ORDERS: dict[str, Order] = {
 SEVEN = tuple("SLEURBT")
 SIX = tuple("SLURBT")
 
+POINT_PERIOD = 0.02  # time between points that are sent [s]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotomanFile(ArmFile):
@@ -38,9 +40,6 @@ class MotomanFile(ArmFile):
     )
     group: int = value(Whole(0, 3), 0, "control group of the arm")
     servo_on: bool = value(Flag(), True, "switch the servos on when the run starts")
-    point_period: float = value(
-        Measure(TIME, "8 ms", "200 ms"), "20 ms", "time between points that are sent"
-    )
     lead: float = value(
         Measure(TIME, "30 ms", "700 ms"), "150 ms", "how far ahead of the arm points are sent"
     )
@@ -75,9 +74,7 @@ class MotomanFile(ArmFile):
     @property
     def limits(self) -> ArmLimits:
         """Limits of the joints; the stop of a slow arm takes effect behind the points in the controller's queue."""
-        return replace(
-            read_limits(self.robot, self.dof), reaction=SHORT * self.lead + self.point_period
-        )
+        return replace(read_limits(self.robot, self.dof), reaction=SHORT * self.lead + POINT_PERIOD)
 
     def problems(self) -> Iterator[Problem]:
         if sorted(self.joints) != sorted(self.on_wire):

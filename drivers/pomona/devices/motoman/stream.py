@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pomona.devices.motoman.codec import Result, TrajectoryPoint, Valid
-from pomona.devices.motoman.options import SHORT, MotomanFile
+from pomona.devices.motoman.options import POINT_PERIOD, SHORT, MotomanFile
 from pomona.devices.motoman.session import ControllerSession
 from pomona.devices.motoman.words import refusal
 from pomona.drivers import DeviceFault, KnotMaker, PathMotion, StreamedMotion
@@ -51,7 +51,7 @@ class PointStream(KnotMaker):
 
         `commanded` is called with every accepted point and the time at which the arm shall pass it [s].
         """
-        super().__init__(motion, q_arm, clock, INTERPOLATION, options.point_period, options.lead)
+        super().__init__(motion, q_arm, clock, INTERPOLATION, POINT_PERIOD, options.lead)
         self._commanded = commanded
         self._joint_of_place = np.argsort(options.wire_joints)
         self.sent = 0

@@ -43,6 +43,8 @@ from pomona.executive import (
     value,
 )
 
+POLL = 0.02  # time between two cycles [s]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModbusInputFile(SignalPlace):
@@ -79,7 +81,6 @@ class ModbusSignalsFile:
     outputs: Mapping[str, ModbusOutputFile] = value(
         MappingOf(Section(ModbusOutputFile)), {}, "signals of ours"
     )
-    poll: float = value(Measure(TIME, "5 ms", "1 s"), "20 ms", "time between two cycles")
     silence: float = value(
         Measure(TIME, "20 ms", "500 ms"), "200 ms", "without an answer for this long it is lost"
     )
@@ -134,7 +135,7 @@ def connect(settings: Settings[ModbusSignalsFile], context: ConnectContext) -> M
 
     places = said.places(said.inputs), said.places(said.outputs)
     signals = ModbusSignals(
-        open_client, context.clock, *places, said.heartbeat, said.poll, settings.name
+        open_client, context.clock, *places, said.heartbeat, POLL, settings.name
     )
     signals.outside_stop = f"{client.__name__}:stop", (host, port, said.unit, signals.safe_writes)
     unit = "is it the unit's number (without a gateway often 1 or 255), and does that port speak Modbus TCP?"

@@ -38,6 +38,8 @@ LENGTHS = {
 parameters, which agrees with the centres of mass in that package. None were found of a UR18."""
 MODELS = (*LENGTHS, "ur18")
 
+POINT_PERIOD = 0.02  # time between points that are sent [s]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UrFile(ArmFile):
@@ -48,9 +50,6 @@ class UrFile(ArmFile):
     power_on: bool = value(Flag(), True, "power the arm and release its brakes when the run starts")
     rate: float = value(
         Measure(RATE, "50 Hz", "500 Hz"), "125 Hz", "packages per second from the controller"
-    )
-    point_period: float = value(
-        Measure(TIME, "8 ms", "100 ms"), "20 ms", "time between points that are sent"
     )
     lead: float = value(
         Measure(TIME, "60 ms", "500 ms"), "120 ms", "how far ahead of the arm points are sent"
@@ -66,15 +65,8 @@ class UrFile(ArmFile):
     @property
     def limits(self) -> ArmLimits:
         """Limits of the joints. Raises UnusableRobotFile."""
-        return replace(
-            read_limits(self.robot, self.dof), reaction=SURE + self.point_period + SERVO_LAG
-        )
+        return replace(read_limits(self.robot, self.dof), reaction=SURE + POINT_PERIOD + SERVO_LAG)
 
     def problems(self) -> Iterator[Problem]:
         unusable = list(ArmFile.problems(self))
         yield from unusable or other_model(self.robot, LENGTHS, self.model)
-        if self.lead >= 30 * self.point_period:
-            yield Problem(
-                "lead",
-                "the controller keeps 30 points: a longer 'point_period' or a shorter 'lead' fits",
-            )

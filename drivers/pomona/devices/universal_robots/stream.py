@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pomona.devices.universal_robots.options import SURE, UrFile
+from pomona.devices.universal_robots.options import POINT_PERIOD, SURE, UrFile
 from pomona.drivers import KnotMaker, MotionState, PathFollower, PathMotion, StreamedMotion
 from pomona.executive import Clock, Float64
 
@@ -59,7 +59,7 @@ class KnotStream(KnotMaker):
 
         `commanded` is called with each knot that was taken and the time at which the arm shall pass it [s].
         """
-        super().__init__(motion, q_arm, clock, PERIOD, options.point_period, options.lead)
+        super().__init__(motion, q_arm, clock, PERIOD, POINT_PERIOD, options.lead)
         self.number = number
         self.sent = 0
         self._lead = options.lead

@@ -31,7 +31,6 @@ class Command(IntEnum):
     GET_FORCE_LIMIT = 0x33
     SET_SOFT_LIMITS = 0x34
     CLEAR_SOFT_LIMITS = 0x36
-    TARE = 0x38
     SYSTEM_STATE = 0x40
     WIDTH = 0x43
     SPEED = 0x44
@@ -105,7 +104,7 @@ class SystemState(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Plain:
-    """A request without parameters: STOP, FAST_STOP, ACKNOWLEDGE, DISCONNECT, TARE, INFO, LIMITS, any GET or CLEAR."""
+    """A request without parameters: STOP, FAST_STOP, ACKNOWLEDGE, DISCONNECT, INFO, LIMITS, any GET or CLEAR."""
 
     command: Command
 
@@ -174,7 +173,6 @@ _PLAIN = {
     Command.GET_ACCELERATION,
     Command.GET_FORCE_LIMIT,
     Command.CLEAR_SOFT_LIMITS,
-    Command.TARE,
     Command.INFO,
     Command.LIMITS,
 }

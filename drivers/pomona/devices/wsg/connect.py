@@ -83,7 +83,6 @@ class WsgFile:
         False,
         "home a gripper without a reference in a start with --cleared: the fingers move",
     )
-    tare: bool = value(Flag(), False, "zero the gripper's force sensor when the run starts")
     watchdog: float = value(
         Measure(TIME, "30 ms", "1 s"),
         "100 ms",
@@ -135,7 +134,6 @@ def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper:
         soft_limits=said.soft_limits,
         speed_max=said.speed_max,
         home=said.home and context.cleared,
-        tare=said.tare,
         watchdog=said.watchdog,
         silence=said.silence,
         supervision=said.supervision,

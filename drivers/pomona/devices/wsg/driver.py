@@ -174,12 +174,6 @@ class WsgGripper(ParallelGripper[SystemState, Request]):
                 raise DeviceFault(self.name, FAULTS[SystemState.FAST_STOP])
         super().set_speed(speed)
 
-    def tare(self) -> None:
-        """Tare the gripper's own force sensor; nothing must touch the fingers. Raises DeviceLost: it is lost."""
-        if self._lost:
-            raise DeviceLost(self.name, self._words())
-        self._owner.post(lambda: self._send(Plain(Command.TARE)))
-
     def _refusal(self) -> str:
         if self._bits & SystemState.REFERENCED:
             return ""

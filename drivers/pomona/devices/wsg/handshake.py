@@ -39,7 +39,6 @@ class WsgOptions:
     # find the reference at the first connection; the fingers move and would drop a held object. Never done at a
     # reconnection.
     home: bool = False
-    tare: bool = False  # tare the force sensor at the first connection
     watchdog: float = 0.1  # a streamed speed that is not renewed within this time becomes zero [s]
     silence: float = 0.045  # time without a reply after which the gripper is lost [s]
     period: float = 0.01  # of the automatic updates of state, width and speed [s]
@@ -118,8 +117,6 @@ def shake_hands(
         raise DeviceFault(session.device, f"moves, and refused STOP: {stop.status.name}")
     if options.home and first and not int(bits) & SystemState.REFERENCED:
         demand(Homing(), HOMING)
-    if options.tare and first:
-        demand(Plain(Command.TARE))
     probe = session.ask(Script(Command.SCRIPT_READ), take, ANSWER)
     for command in (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE):
         demand(Observe(command, True, options.period))

@@ -24,6 +24,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.values.findings import (
     Finding,
     Findings,
+    TreeFileError,
     did_you_mean,
     few_hints,
     format_findings,
@@ -363,7 +364,7 @@ def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Documen
 def usual_cell(document: Document) -> Path:
     """Return the cell that a tree names, beside it, by path or by name; the default of the installation without one.
 
-    Raises UsageError: there is no such cell.
+    Raises TreeFileError: no file describes the named cell.
     """
     named = document.main.cell
     if named is None:
@@ -372,8 +373,9 @@ def usual_cell(document: Document) -> Path:
     try:
         return beside if is_file(beside) else find_cell(named.text)
     except UsageError as error:
-        at = f"{named.source.path}:{named.line}:{named.column}"
-        raise UsageError(f"{at}: {error}") from None
+        findings = Findings()
+        findings.error(named, "no-cell", str(error))
+        raise TreeFileError(findings.sorted()) from None
 
 
 def refuse_errors(

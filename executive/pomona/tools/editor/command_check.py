@@ -26,6 +26,7 @@ from pomona.executive.values.findings import (
     Finding,
     Findings,
     Source,
+    TreeFileError,
     format_findings,
     place_of,
     said,
@@ -108,7 +109,10 @@ def check_file(path: Path, cell: Path | None, settings: dict[str, str]) -> list[
     if kind is None:
         document = read_document(path)
         skills = Registry.installed()
-        usual = cell or usual_cell(document)
+        try:
+            usual = cell or usual_cell(document)
+        except TreeFileError as error:
+            return [*error.findings, *judge(document, skills, settings, None).findings.sorted()]
         found = judge(document, skills, settings, usual).findings.sorted()
         lacking = next((finding for finding in found if finding.code == "no-device"), None)
         if cell is not None or lacking is None:

@@ -14,7 +14,7 @@ from pomona.applications.conveyor.catch import Catch, ready_hand, require_grip, 
 from pomona.applications.conveyor.conveyor import Conveyor
 from pomona.applications.conveyor.hand_stream import WATCHDOG, HandStream, end_pick
 from pomona.applications.conveyor.intercepting import FAST, InterceptPlan
-from pomona.applications.conveyor.moving_grip import felt_width, grip_settings
+from pomona.applications.conveyor.moving_grip import felt_width, moving_grip
 from pomona.applications.conveyor.pick_choice import FruitWidth, PickChoice
 from pomona.applications.conveyor.reach_watch import ReachWatch, prepare_reach_watch
 from pomona.applications.conveyor.tracks import FruitTrack
@@ -26,16 +26,16 @@ from pomona.drivers import (
     ForceSensor,
     Gripper,
     MotionRefused,
+    Pads,
     StreamedArm,
     Workspace,
 )
-from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, Ratio, SkillFailure, Work
+from pomona.executive import LENGTH, Interrupted, Length, Outputs, Port, SkillFailure, Work
 from pomona.skills import MOTION_FAILURES, prepare_moving, show_grip
 from pomona.skills.grip import (
     GripController,
     GripPhase,
     Hold,
-    SoftContact,
     surface_table,
     take_over,
     warm_up,
@@ -58,7 +58,7 @@ class Intercept(BeltSkill):
     hand rises from the belt and rests, and so it does after an interruption. A fruit that is held stays held.
     """
 
-    devices = (Camera, Conveyor, Arm, StreamedArm, Gripper, ForceSensor, Workspace)
+    devices = (Camera, Conveyor, Arm, StreamedArm, Gripper, ForceSensor, Pads, Workspace)
     optional_devices: ClassVar[tuple[type, ...]] = (Cameras, Carrier)
     moves = (Arm, StreamedArm, Gripper)
     failures = (
@@ -97,16 +97,8 @@ class Intercept(BeltSkill):
         height: Annotated[
             Length, Port(min="50 mm", max="400 mm", help="height of the lift")
         ] = LENGTH("150 mm"),
-        mu: Annotated[
-            Ratio, Port(min=0.05, max=3.0, help="friction of the pads on this fruit")
-        ] = 0.79,
-        mu_uncertainty: Annotated[
-            Ratio, Port(min=0.0, max=0.5, help="of it, relative; covered by more force")
-        ] = 0.125,
-        delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("6 mm"),
     ) -> Work[Caught]:
-        contact = SoftContact(mu, delta, 0.0, 4.0)
-        yield from self.compute(surface_table, contact)
+        yield from self.compute(surface_table, moving_grip(self, target.measured, 0.0).contact)
         arm = self.device(Arm)
         gripper = self.device(Gripper)
         take_over(gripper)
@@ -123,10 +115,7 @@ class Intercept(BeltSkill):
             tracks.newest_frame = self.clock.now()
             pick, track, width = yield from self._plan(target, tracks, stream, sure, height)
             fast = tracks.travel.speed > FAST
-            sensor = self.device(ForceSensor)
-            settings = grip_settings(
-                contact, mu_uncertainty, target.measured, width, gripper, sensor, fast
-            )
+            settings = moving_grip(self, target.measured, width, fast)
             catch = Catch(pick, track, tracks, stream, self.failure)
             eyes.begin(stream.motion, pick.times, pick.postures)
             while catch.reaches(self.clock.now()):
@@ -134,7 +123,9 @@ class Intercept(BeltSkill):
                 ahead = eyes.look()
                 catch.reach()
                 yield ahead or f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
-            hold = Hold(gripper, sensor, GripController(settings), self.clock.now).under(gripper)
+            hold = Hold(
+                gripper, self.device(ForceSensor), GripController(settings), self.clock.now
+            ).under(gripper)
             try:
                 while hold.phase is not GripPhase.HOLDING:
                     self.look(tracks, search=False)

@@ -12,7 +12,7 @@ from pomona.applications.conveyor.conveyor import FASTEST, Belt, Conveyor
 from pomona.applications.conveyor.drawn_frame import warm_up
 from pomona.applications.conveyor.travel import SAME_SPEED, Travel
 from pomona.drivers import Arm, Camera, Frame
-from pomona.executive import SPEED, TIME, Float64, Outputs, Port, Speed, Time, Work
+from pomona.executive import SPEED, Float64, Outputs, Port, Speed, Work
 from pomona.skills import LOOKING_FAILURES, LookingSkill
 
 # time over which the encoder is watched before its travel is used [s]: 12 mm at 0.05 m/s
@@ -50,13 +50,10 @@ class Track(LookingSkill):
         fastest: Annotated[
             Speed, Port(min="0 m/s", max="2 m/s", help="speed of the belt that the arm can follow")
         ] = (SPEED(f"{FASTEST} m/s")),
-        max_age: Annotated[
-            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
-        ] = TIME("500 ms"),
     ) -> Work[Tracked]:
         model = self.fruit_model(fruit)
         conveyor = self.device(Conveyor)
-        frame = self.newest_frame(max_age)
+        frame = self.newest_frame()
         if frame.depth is None:
             raise self.failure(
                 "NO_DEPTH", "the camera gives no depth, and a place on the belt needs it"

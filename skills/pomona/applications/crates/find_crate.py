@@ -20,13 +20,11 @@ from pomona.drivers import Camera, Workspace
 from pomona.executive import (
     ANGLE,
     LENGTH,
-    TIME,
     Angle,
     CellFacts,
     Length,
     Port,
     Problem,
-    Time,
     Work,
     choose,
 )
@@ -98,9 +96,6 @@ class FindCrate(LookingSkill):
         turn: Annotated[Angle, Port(min="0.2 deg", max="5 deg", help="turn that is none")] = ANGLE(
             "1.5 deg"
         ),
-        max_age: Annotated[
-            Time, Port(min="1 ms", max="60 s", help="older frames are refused")
-        ] = TIME("500 ms"),
     ) -> Work[None]:
         obstacles = self.device(Workspace).obstacles
         crate = crate_named(name or SOURCE, obstacles)
@@ -113,7 +108,7 @@ class FindCrate(LookingSkill):
                 f"the cell file has no crate '{name}', an obstacle with `wall`: {known}",
             )
         words = f"the crate '{name or SOURCE}' ({' × '.join(f'{2e3 * half:.0f}' for half in crate.half)} mm)"
-        frame = self.newest_frame(max_age) if detections is None else detections.frame
+        frame = self.newest_frame() if detections is None else detections.frame
         T_base_camera = self.camera_pose(frame) if detections is None else detections.T_base_camera
         if frame.depth is None:
             raise self.failure(

@@ -6,12 +6,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from pomona.drivers.interfaces import (
+    OTHER_FRUIT,
     ForceSensor,
     Gripper,
     Hand,
     LoadSensor,
+    Pads,
     PressSensor,
     WrenchSensor,
 )
@@ -19,7 +22,8 @@ from pomona.drivers.plain_hand import between, gone
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.grip.limit_surface import bruising_force
+from pomona.skills.grip.limit_surface import SoftContact, bruising_force
+from pomona.skills.grip.settings import ForceLoopSettings, GripSettings, PadStiffness
 from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.following import MovingSkill
@@ -94,6 +98,43 @@ def bearable_force(fruit: MeasuredFruit | None) -> float:
     Of an unknown fruit it is that of a large apple: a larger force bruises every one.
     """
     return 1.8 * bruising_force(0.5 * (LARGE if fruit is None else float(fruit.dimensions[0])))
+
+
+# opening over the fruit at which a finger may touch [m]: it may lie off the centre
+CLEARANCE = 0.008
+NARROWEST = 0.5  # smallest width of a fruit between the fingers, relative to its smallest dimension
+OFF_CENTRE = 0.003  # largest distance of the fruit's centre from the grip [m]
+
+
+def grip_settings(skill: Skill, fruit: MeasuredFruit | None, max_force: float) -> GripSettings:
+    """Return settings of a grip on this fruit with the cell's pads, gripper and force sensor.
+
+    Args:
+        max_force: largest force of both fingers [N]; less where the gripper cannot, or the fruit would bruise.
+    """
+    pair = skill.device(Pads).on(OTHER_FRUIT if fruit is None else fruit.fruit.name)
+    limits = skill.device(Gripper).limits
+    loop = ForceLoopSettings(
+        stiffness=PadStiffness(pair.stiffness),
+        max_force=min(max_force, 2.0 * limits.force_max, bearable_force(fruit)),
+        step=limits.step,
+    )
+    grip = GripSettings(
+        contact=SoftContact(pair.mu, pair.delta, pair.gamma),
+        mu_uncertainty=pair.uncertainty,
+        offset=OFF_CENTRE,
+        loop=replace(loop, closing_speed=min(loop.closing_speed, limits.speed_max)),
+        width_min=limits.width_min,
+        rate=skill.device(ForceSensor).rate,
+    )
+    if fruit is None:
+        return grip
+    return replace(
+        grip,
+        expected_load=expected_load(fruit),
+        contact_width=float(fruit.dimensions.max()) + CLEARANCE,
+        narrowest=NARROWEST * float(fruit.dimensions.min()),
+    )
 
 
 def _grip(skill: MovingSkill, hold: Hold | None) -> Hold | None:

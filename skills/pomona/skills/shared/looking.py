@@ -73,6 +73,9 @@ LOOKING_FAILURES = (
 )  # codes of every skill that looks
 
 
+OLDEST = 0.5  # frames that are older are refused [s]
+
+
 class LookingSkill(Skill):
     """A skill that finds fruit in the camera's newest frame; it must declare `LOOKING_FAILURES`."""
 
@@ -189,8 +192,8 @@ class LookingSkill(Skill):
             )
         return model
 
-    def newest_frame(self, max_age: float) -> Frame:
-        """Return the camera's newest frame, not older than `max_age` [s]; fails with NO_FRAME or STALE_FRAME."""
+    def newest_frame(self) -> Frame:
+        """Return the camera's newest frame, not older than `OLDEST`; fails with NO_FRAME or STALE_FRAME."""
         try:
             frame = self.device(Camera).latest()
         except FrameUnreadable as error:
@@ -198,10 +201,10 @@ class LookingSkill(Skill):
         if frame is None:
             raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
         age = self.clock.now() - frame.stamp
-        if age > max_age:
+        if age > OLDEST:
             raise self.failure(
                 "STALE_FRAME",
-                f"the newest frame is {age:.2f} s old, {max_age:.2f} s are allowed",
+                f"the newest frame is {age:.2f} s old, {OLDEST:g} s are allowed",
                 age_s=age,
             )
         return frame

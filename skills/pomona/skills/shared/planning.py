@@ -84,9 +84,7 @@ def patience(skill: Skill, budget: float) -> float:
 MAP_AGE = 120.0  # an occupancy map whose newest look is older than this is stale [s]
 
 
-def usable_field(
-    skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE
-) -> DistanceField | None:
+def usable_field(skill: Skill, map: OccupancyMap | None) -> DistanceField | None:
     """Return the distance field of a map that may be relied on; None where no map is wired.
 
     `skill` must declare MAP_STALE: it fails with it when the map is empty or too old.
@@ -94,10 +92,10 @@ def usable_field(
     if map is None:
         return None
     try:
-        return map.usable_field(skill.clock.now(), max_age)
+        return map.usable_field(skill.clock.now(), MAP_AGE)
     except OccupancyError as unusable:
         stamp = map.stamp
         age = None if stamp is None else round(skill.clock.now() - stamp, 3)
         raise skill.failure(
-            "MAP_STALE", f"{unusable}: look again", age_s=age, allowed_s=max_age
+            "MAP_STALE", f"{unusable}: look again", age_s=age, allowed_s=MAP_AGE
         ) from unusable

@@ -22,6 +22,7 @@ from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.grip import GripError
 from pomona.skills.grip.limit_surface import SoftContact, least_force
 from pomona.skills.grip.pads import MIRROR, PAD_HALF, loads_of_finger
+from pomona.skills.grip.settings import PadStiffness
 
 
 class TooFewPushes(GripError):
@@ -348,21 +349,20 @@ def _stiffness(squeeze: Push) -> tuple[float | None, float]:
 
 
 def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "") -> None:
-    """Write a calibration as YAML: first the ports of SlipAvoidGrasp, then their quality."""
+    """Write a calibration as YAML: first the cell's pads, then the quality of the values."""
     contact = calibration.contact
+    assumed = PadStiffness().linear
+    stiffness = assumed if calibration.stiffness is None else calibration.stiffness
     uncertainty = min(2.0 * calibration.mu_std / contact.mu + calibration.residual, 0.5)
     lines = [
-        f"# Grip of {fruit or 'a fruit'}: ports of SlipAvoidGrasp, to be put into the tree as they stand.",
-        "ports:",
-        f"  mu: {contact.mu:.4f}",
-        f"  mu_uncertainty: {uncertainty:.3f}",
+        f"# Pads on {fruit or 'a fruit'}; in the cell file: pads: {{include: {path.name}#pads}}",
+        "pads:",
+        "  driver: pads",
         f"  delta: {1e3 * contact.delta:.4f} mm",
         f"  gamma: {contact.gamma:.4f}",
-        f"  k: {contact.k:g}",
-    ]
-    if calibration.stiffness is not None:
-        lines.append(f"  stiffness: {calibration.stiffness:.0f} N/m")
-    lines += [
+        f"  stiffness: {stiffness:.0f} N/m",
+        "  friction:",
+        f"    any: {contact.mu * (1.0 - uncertainty):.4f}..{contact.mu * (1.0 + uncertainty):.4f}",
         "quality:",
         f"  mu_std: {calibration.mu_std:.4f}",
         f"  delta_std_mm: {1e3 * calibration.delta_std:.4f}",

@@ -22,7 +22,6 @@ from pomona.executive.recording.plain_file import refuse_taken
 from pomona.executive.values.kinds import Measure
 from pomona.executive.values.units import FORCE, TIME
 from pomona.skills.grip.grip import GripError
-from pomona.skills.grip.limit_surface import SoftContact
 from pomona.skills.grip.sensor import STALE_AFTER
 from pomona.tools.grip_calibration.calibration import (
     GuidanceEnded,
@@ -184,12 +183,6 @@ def add(kinds: Any) -> None:
     long = Measure(TIME, "100 ms", "2 min")
     grip.add_argument("--time", type=long.option, default=6.0, help="time for one push (6s)")
     grip.add_argument("--keep", type=Path, help="also write the recorded pushes to this .npz file")
-    grip.add_argument(
-        "--k",
-        type=float,
-        default=4.0,
-        help="exponent k of the pressure distribution; not estimated (4)",
-    )
     grip.set_defaults(main=main)
 
 
@@ -198,16 +191,15 @@ def main(options: argparse.Namespace) -> int:
     for file in filter(None, (options.out, options.keep)):
         refuse_taken(file)
     try:
-        start = SoftContact(k=options.k)
         pushes, squeeze = (
             _made_now(options) if options.recording is None else read_recording(options.recording)
         )
-        found = calibrate_grip(pushes, squeeze, start)
+        found = calibrate_grip(pushes, squeeze)
         write_calibration(found, options.out, options.fruit)
     except (GripError, DriverError, OSError, ValueError) as error:
         raise UsageError(f"pomona calibrate grip: {error}") from error
     sys.stdout.write(
-        f"{found}\nwritten to {options.out}: put its ports into the tree's SlipAvoidGrasp node\n"
+        f"{found}\nwritten to {options.out}; in the cell file: pads: {{include: {options.out}#pads}}\n"
     )
     return 0
 

@@ -91,10 +91,6 @@ def test_it_moves_over_tcp_and_is_stopped_from_outside(tmp_path: Path) -> None:
             r":2:10: .*'h:99' is not a host: .*ports are fixed",
         ),
         (f"address: h\nmodel: ur6e\nrobot: {ROBOT}", "did you mean 'ur"),
-        (
-            f"address: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 10 ms\nlead: 400 ms",
-            "keeps 30 points",
-        ),
         ("address: h\nmodel: ur5e\nrobot: nothing.xml", "does not exist"),
         (
             f"address: h\nmodel: ur5e\nrobot: {ROBOT.with_name('sia5f_wsg32.xml')}",
@@ -129,9 +125,7 @@ def test_another_robot_is_refused_at_the_setting_of_its_model(tmp_path: Path) ->
 
 def test_the_limits_tell_how_late_a_stop_begins(tmp_path: Path) -> None:
     path = tmp_path / "cell.yaml"
-    path.write_text(
-        f"driver: universal-robots\naddress: h\nmodel: ur5e\nrobot: {ROBOT}\npoint_period: 40 ms\n"
-    )
+    path.write_text(f"driver: universal-robots\naddress: h\nmodel: ur5e\nrobot: {ROBOT}\n")
     assert read_settings(connect, path).values.limits.reaction == pytest.approx(
-        0.02 + 0.04 + UrArm.lag
+        0.02 + 0.02 + UrArm.lag
     )

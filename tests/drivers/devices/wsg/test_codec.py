@@ -58,7 +58,6 @@ requests = st.one_of(
                 Command.STOP,
                 Command.FAST_STOP,
                 Command.ACKNOWLEDGE,
-                Command.TARE,
                 Command.INFO,
                 Command.LIMITS,
             ]

@@ -79,7 +79,6 @@ def test_calls_of_many_threads_break_nothing_and_the_gripper_works_afterwards() 
                 gripper.link(),
                 gripper.check(),
             ),
-            "tare": lambda rng: gripper.tare(),
         }
     )
     assert wrong == []

@@ -74,7 +74,7 @@ OLD: list[tuple[str, dict[str, str], list[str]]] = [
             'NO_WAY_UP]"   # these': 'LIFT_BLOCKED]"   # these',
             "unsure:": "fallback_score:",
         },
-        ['59:13 "'],
+        ["47:49 mu", "47:61 mu_uncertainty", "47:97 delta", "47:115 gamma", '59:13 "'],
     ),
     (
         "navigate.yaml",  # imported from a tree of Nav2

@@ -24,6 +24,7 @@ from pomona.drivers import (
     Device,
     ForceSensor,
     Gripper,
+    Pads,
     StopFailed,
     StreamedArm,
     Workspace,
@@ -34,6 +35,7 @@ from pomona.skills.motion import RobotModel
 from pomona.skills.perception import MeasuredFruit
 from pomona.tools.mock import MockArm, MockCamera, MockClock, MockForceSensor, MockGripper
 from pomona.tools.mock.arm import ROBOT
+from tests.skills.finger_pads import finger_pads
 from tests.skills.picking_scene import apple_at
 
 SIZE = np.array([0.073, 0.064, 0.073])
@@ -172,7 +174,7 @@ class BeltRig:
         return {
             Arm: self.arm, StreamedArm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers,
             Workspace: workspace(), Conveyor: self.conveyor, Carrier: self.conveyor, Camera: self.camera,
-            Cameras: Cameras((self.camera,)),
+            Cameras: Cameras((self.camera,)), Pads: finger_pads(0.79, 0.125),
         }  # fmt: skip
 
     @property

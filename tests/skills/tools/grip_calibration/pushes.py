@@ -50,3 +50,9 @@ def all_pushes() -> tuple[tuple[Push, ...], Push]:
     ]
     made = [push(lever, force, seed) for seed, (lever, force) in enumerate(tasks)]
     return tuple(p for _, p in made), made[4][0]
+
+
+def middle(span: str) -> float:
+    """Return the middle of a range as a file has it: `0.7..0.9`."""
+    low, high = span.split("..")
+    return 0.5 * (float(low) + float(high))

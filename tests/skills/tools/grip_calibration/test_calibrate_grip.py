@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,15 +10,17 @@ import numpy as np
 import pytest
 import yaml
 
+from pomona.drivers.interfaces import Pads
 from pomona.drivers.services import RobotServices
 from pomona.executive.cell.cell import Cell
+from pomona.executive.cell.connect import load_cell
 from pomona.executive.cli import main as pomona
 from pomona.executive.values.units import STIFFNESS
 from pomona.tools.grip_calibration import command_calibrate_grip as calibrate_grip
 from pomona.tools.grip_calibration.calibration import GuidanceEnded, write_pushes
 from pomona.tools.grip_calibration.command_calibrate_grip import GuidedPushes
 from pomona.tools.mock.hand import MockClock, MockForceSensor, MockGripper, spring_fruit
-from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes
+from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes, middle
 
 MU = 0.5
 
@@ -62,27 +65,27 @@ def test_a_recording_becomes_a_parameter_file(
     assert status == 0
     assert f"written to {out}" in capsys.readouterr().out
     written = yaml.safe_load(out.read_text())
-    assert written["ports"]["mu"] == pytest.approx(TRUE.mu, rel=0.05)
-    assert STIFFNESS.parse(written["ports"]["stiffness"]) == pytest.approx(2000.0, rel=0.03)
+    assert middle(written["pads"]["friction"]["any"]) == pytest.approx(TRUE.mu, rel=0.05)
+    assert STIFFNESS.parse(written["pads"]["stiffness"]) == pytest.approx(2000.0, rel=0.03)
     assert written["quality"]["slides"] == 2 * len(pushes)
 
 
-def test_the_ports_of_the_file_fit_a_tree(
+def test_a_cell_includes_the_file_as_its_pads(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pushes, squeeze = all_pushes()
-    write_pushes(list(pushes), tmp_path / "pushes.npz", squeeze)
+    pushes, _ = all_pushes()
+    write_pushes(list(pushes), tmp_path / "pushes.npz")
     pomona(
         ["calibrate", "grip", str(tmp_path / "pushes.npz"), "--out", str(tmp_path / "grip.yaml")]
     )
-    ports = yaml.safe_load((tmp_path / "grip.yaml").read_text())["ports"]
-    tree = tmp_path / "hold.yaml"
-    tree.write_text(
-        yaml.safe_dump(
-            {"pomona": 1, "tree": "hold", "root": {"SlipAvoidGrasp": ports}}, sort_keys=False
-        )
+    cell = tmp_path / "cell.yaml"
+    cell.write_text(
+        "name: mine\nkind: mock\nworld: {driver: mock}\n"
+        "devices:\n  pads: {include: grip.yaml#pads}\n"
     )
-    assert pomona(["check", str(tree)]) == 0, capsys.readouterr().out
+    assert pomona(["check", str(cell)]) == 0, capsys.readouterr().out
+    with contextlib.closing(load_cell(cell, seed=0)) as connected:
+        assert connected.device(Pads).on("apple").mu == pytest.approx(TRUE.mu, rel=0.05)
 
 
 def test_a_person_is_led_through_pushes_at_a_cell(
@@ -95,8 +98,8 @@ def test_a_person_is_led_through_pushes_at_a_cell(
     arguments = ["--forces", "2N", "5N", "--time", "3s", "--out", str(out), "--keep", str(keep)]
     assert pomona(["calibrate", "grip", "--cell", "mine", *arguments]) == 0, capsys.readouterr().err
     written = yaml.safe_load(out.read_text())
-    assert written["ports"]["mu"] == pytest.approx(MU, rel=0.03)
-    assert STIFFNESS.parse(written["ports"]["stiffness"]) == pytest.approx(2000.0, rel=0.05)
+    assert middle(written["pads"]["friction"]["any"]) == pytest.approx(MU, rel=0.03)
+    assert STIFFNESS.parse(written["pads"]["stiffness"]) == pytest.approx(2000.0, rel=0.05)
     assert "no push twisted the fruit" in written["quality"]["notes"][0]
     assert pomona(["calibrate", "grip", str(keep), "--out", str(tmp_path / "again.yaml")]) == 0
     assert (tmp_path / "again.yaml").read_text() == out.read_text()
@@ -174,7 +177,6 @@ def test_recordings_that_cannot_be_used_are_refused_in_words(
     [
         ((), "name a recording"),
         (("--cell", "nowhere"), "no cell file 'nowhere'"),
-        (("--k", "0.1", "x.npz"), "k of a soft contact"),
         (("no_such_file.npz",), "no_such_file.npz"),
     ],
 )

@@ -19,7 +19,7 @@ from pomona.tools.grip_calibration.calibration import (
     write_calibration,
     write_pushes,
 )
-from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes
+from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes, middle
 
 
 def test_friction_and_stiffness_are_found_again() -> None:
@@ -57,12 +57,12 @@ def test_too_few_pushes_are_refused_in_words() -> None:
         calibrate_grip([Push(np.zeros((500, 2, 6)), np.zeros(500))])
 
 
-def test_the_file_holds_ports_and_quality(tmp_path: Path) -> None:
+def test_the_file_holds_pads_and_quality(tmp_path: Path) -> None:
     pushes, squeeze = all_pushes()
     write_calibration(calibrate_grip(list(pushes), squeeze), tmp_path / "apple.yaml", "apple")
     written = yaml.safe_load((tmp_path / "apple.yaml").read_text())
-    assert written["ports"]["mu"] == pytest.approx(TRUE.mu, rel=0.05)
-    assert written["ports"]["delta"].endswith(" mm")
+    assert middle(written["pads"]["friction"]["any"]) == pytest.approx(TRUE.mu, rel=0.05)
+    assert written["pads"]["delta"].endswith(" mm")
     assert written["quality"]["relative_residual"] < 0.05
     assert written["quality"]["notes"] == []
 
