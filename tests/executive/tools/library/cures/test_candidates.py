@@ -61,7 +61,7 @@ def test_words_have_their_choices_and_a_range_of_an_option_is_left_alone() -> No
 def test_remedies_name_ports_and_directions() -> None:
     found = {name: hint.direction for name, hint in hints("NO_PATH").items()}
     assert found == {"budget": 1, "clearance": -1}
-    assert hints("LOST")["mu"].direction == -1
+    assert hints("SLIPPED")["margin"].direction == 1
     assert hints("NO_SUCH_CODE") == {}
 
 
