@@ -35,7 +35,6 @@ MODULES = {
 EXTRAS = {
     "ros2": ("rosbags", "eclipse-zenoh"),
     "lerobot": ("pyarrow",),
-    "foxglove": ("foxglove-sdk",),
     "realsense": ("pyrealsense2",),
     "torch": ("torch", "onnx"),
     "lsp": ("pygls",),

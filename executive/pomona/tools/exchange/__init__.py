@@ -1,1 +1,1 @@
-"""Runs in other formats: one HTML page, LeRobot, Foxglove. Imported only on request."""
+"""Runs in other formats: one HTML page, LeRobot. Imported only on request."""

@@ -1,4 +1,4 @@
-"""Foxglove as a view of `pomona run`."""
+"""A view of `pomona run` with a sink for the messages of a record, and the export of records for LeRobot."""
 
 from __future__ import annotations
 
@@ -42,24 +42,11 @@ class SinkView(RunView):
         self._live.close()
 
 
-class FoxgloveRunView(SinkView):
-    """The run in Foxglove, and records for LeRobot."""
+class LerobotView(RunView):
+    """Records for LeRobot."""
 
     def exports(self) -> Mapping[str, Export]:
         return {"lerobot": _export_lerobot}
-
-    def add(self, parser: argparse.ArgumentParser) -> None:
-        about = "show the run in Foxglove (default port: 8765)"
-        parser.add_argument("--foxglove", nargs="?", const=0, type=int, metavar="PORT", help=about)
-
-    def sink(self, options: argparse.Namespace, run: ViewedRun) -> Sink | None:
-        if options.foxglove is None:
-            return None
-        from pomona.tools.exchange.foxglove_view import PORT, FoxgloveView
-
-        view = FoxgloveView(options.foxglove or PORT)
-        run.console.print(f"Foxglove: open a connection to {view.link}", soft_wrap=True)
-        return view
 
 
 def _export_lerobot(

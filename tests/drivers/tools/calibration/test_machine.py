@@ -123,7 +123,7 @@ def test_it_lists_installed_extras_and_the_commands_for_the_others(
     found = {line.name: line for line in machine._extras()}
     assert all(line.ok for line in found.values())
     assert found["extra ros2"].found == f"not installed; {install_extra('ros2')}"
-    assert found["extra foxglove"].found == "foxglove-sdk 1.2"
+    assert found["extra lerobot"].found == "pyarrow 1.2"
     project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text("utf-8"))[
         "project"
     ]

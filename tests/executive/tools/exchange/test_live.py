@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
-import struct
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,14 +17,12 @@ from recorded_events import contents, everything, record, started
 
 from pomona.executive.cli import main
 from pomona.executive.encode import encoded
-from pomona.executive.errors import UsageError
 from pomona.executive.recording.schemas import Schema
 from pomona.executive.running.events import NodeChanged, Published
-from pomona.executive.values.installation import install_extra
 from pomona.executive.views import ImageView
 from pomona.tools.exchange import live as live_module
 from pomona.tools.exchange.live import MOST, Live
-from pomona.tools.exchange.run_view import FoxgloveRunView
+from pomona.tools.ros2.run_view import Ros2RunView
 
 BEGAN = 10**18
 
@@ -164,72 +160,12 @@ def test_a_value_that_cannot_be_shown_is_replaced_by_its_reason_and_the_view_goe
     assert len(reasons) == 2 or reasons[1] == "'seen' of a/Look cannot be encoded: no pixels"
 
 
-# ------------------------------------------------------------------------------------------------- Foxglove
-
-
-def test_foxglove_gets_schemas_and_messages_and_a_late_client_the_lasting_ones() -> None:
-    pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
-    from websockets.sync.client import connect
-
-    from pomona.tools.exchange.foxglove_view import FoxgloveView
-
-    view = FoxgloveView(free_port())
-    live = Live(view)
-    try:
-        for event in everything()[:-1]:
-            live.on_event(event)
-        deadline = time.monotonic() + 60.0
-        while live._queue and time.monotonic() < deadline:
-            time.sleep(0.01)
-        with connect(
-            view.link, subprotocols=["foxglove.sdk.v1"]
-        ) as client:  # after everything was said
-            channels: dict[str, Any] = {}
-            while "/scene/path" not in channels or "/images/detection" not in channels:
-                message = client.recv(timeout=60.0)
-                if isinstance(message, str) and json.loads(message)["op"] == "advertise":
-                    channels |= {
-                        channel["topic"]: channel for channel in json.loads(message)["channels"]
-                    }
-            scene = channels["/scene/path"]
-            assert (scene["schemaName"], scene["encoding"]) == ("foxglove.SceneUpdate", "json")
-            assert json.loads(scene["schema"])["title"] == "foxglove.SceneUpdate"
-            wanted = {"op": "subscribe", "subscriptions": [{"id": 7, "channelId": scene["id"]}]}
-            client.send(json.dumps(wanted))
-            while isinstance(message := client.recv(timeout=60.0), str):
-                pass
-            operation, subscription, stamp = struct.unpack_from("<BIQ", message)
-            assert (operation, subscription, stamp) == (1, 7, BEGAN + 400_000_000)
-            assert json.loads(message[13:])["entities"][0]["id"] == "path"
-    finally:
-        live.close()
-
-
-def test_a_taken_port_is_named_without_a_traceback() -> None:
-    pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
-    from pomona.tools.exchange.foxglove_view import FoxgloveView
-
-    view = FoxgloveView(free_port())
-    with pytest.raises(UsageError, match="no live view at"):
-        FoxgloveView(int(view.link.rsplit(":", 1)[1]))
-    view.close()
-
-
-def free_port() -> int:
-    import socket
-
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
-
-
 # ------------------------------------------------------------------------------------------------- commands
 
 OPTIONS = ("exchange", "ros2", "run_view")  # modules of packages whose options `pomona run` lists
 EXTRAS = (
     "rosbags",
     "zenoh",
-    "foxglove",
     "pyarrow",
     "pomona.tools.exchange",
     "pomona.tools.ros2",
@@ -257,19 +193,9 @@ def test_a_run_shows_itself_where_it_is_asked_to(
     shown = Shown()
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
-    monkeypatch.setattr(FoxgloveRunView, "sink", lambda *_asked: shown)
+    monkeypatch.setattr(Ros2RunView, "sink", lambda *_asked: shown)
     assert main(["run", "tree.yaml", "--dry", "--quiet"]) == 0
     names = [
         content["event"] for topic, _schema, content, _stamp in shown.messages if topic == "/events"
     ]
     assert (names[0], names[-1], shown.closed) == ("RunStarted", "RunEnded", True)
-
-
-def test_without_the_extra_a_live_view_names_the_command_to_install_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, "foxglove", None)
-    (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
-    assert main(["run", "tree.yaml", "--dry", "--quiet", "--foxglove"]) == 2
-    assert install_extra("foxglove") in capsys.readouterr().err
