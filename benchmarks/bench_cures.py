@@ -1,4 +1,4 @@
-"""Seeded failures of ten kinds, each given to `pomona why`: how often the right cause comes first, and what it costs.
+"""Seeded failures of nine kinds, each given to `pomona why`: how often the right cause comes first, and what it costs.
 
 python -m benchmarks.bench_cures --each 1 --budget "60 s"
 python -m benchmarks.bench_cures --out cures.jsonl      # started again, it goes on after the failures in the file
@@ -60,13 +60,6 @@ class SeededFailure:
     settings: tuple[tuple[str, str], ...] = ()
 
 
-SWAPPED = """        - Approach: {grasp: "{grasp}", map: "{map}", acceleration: 3 m/s²}
-        - parallel:
-            - OpenFingers: {grasp: "{grasp}", path: "{path}", map: "{map}"}
-            - Follow: {path: "{path}", map: "{map}", grasp: "{grasp}"}
-"""
-ORDERED = "".join(SWAPPED.splitlines(keepends=True)[1:] + SWAPPED.splitlines(keepends=True)[:1])
-
 KINDS = (
     SeededFailure(
         "a timeout",
@@ -102,7 +95,6 @@ KINDS = (
         ("Refine.min_inliers",),
         (('method: "{refine}",', 'method: "{refine}", min_inliers: 1.0,'),),
     ),
-    SeededFailure("an order of children", ("sequence Attempt",), ((ORDERED, SWAPPED),)),
     SeededFailure(
         "an option of the cell", ("mass", "SlipAvoidGrasp.max_force"), (), (("mass", "1.2 kg"),)
     ),

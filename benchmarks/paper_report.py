@@ -22,8 +22,7 @@ from pomona.tools.library.campaign.document import (
     Heading,
     Paragraph,
     ReportPage,
-    Tile,
-    Tiles,
+    Table,
 )
 from pomona.tools.library.campaign.report import by_skill, commits, failures, numbers, percent
 from pomona.tools.library.campaign.run import finished_runs
@@ -62,7 +61,7 @@ def paper_report(cells: Cells, source: Path) -> ReportPage:
     )
     document.add(
         Paragraph(cells.campaign.description),
-        _tiles(cells),
+        _goals(cells),
         Heading("What stands beside what"),
         _differences(),
     )
@@ -81,7 +80,7 @@ def paper_report(cells: Cells, source: Path) -> ReportPage:
 # ----------------------------------------------------------------------------------------------- the head
 
 
-def _tiles(cells: Cells) -> Tiles:
+def _goals(cells: Cells) -> Table:
     runs = cells.arm(REFINED)
     good = len(cells.good(runs))
     low, high = wilson(good, len(runs))
@@ -95,46 +94,52 @@ def _tiles(cells: Cells) -> Tiles:
     size = median(numbers(runs, cells.truth("size_error_mm")))
     paper_size = 1e3 * float(np.median(printed.dimension_errors(printed.REFINED_DIMENSIONS)))
     bruised = sum(peak > NO_BRUISE for peak in peaks)
-    tiles = [
-        Tile(
+    rows = [
+        (
             f"of {len(runs)} picks with refinement succeed",
             percent(good / max(1, len(runs))),
             f"95 %: {percent(low)[:-2]}–{percent(high)}; the paper: {percent(float(printed.REFINED_SUCCESS.mean()))}; "
             f"goal {percent(ALL_GOAL)}",
             bool(runs) and good / len(runs) >= ALL_GOAL,
         ),
-        Tile(
+        (
             f"in the worst of the {len(of_cells)} cells",
             percent(worst),
             f"{sum(r >= CELL_GOAL for r in of_cells)} of {len(of_cells)} reach {percent(CELL_GOAL)}; "
             "the paper's worst: 33 %",
             worst >= CELL_GOAL,
         ),
-        Tile(
+        (
             "of apples 4 and 5 without refinement",
             f"{small_good} of {len(small)}",
             "they must fail: nothing else knows their size; the paper: 0 %",
             small_good == 0,
         ),
-        Tile(
+        (
             "median error of the dimensions",
             f"{size.value:.2f} mm",
             f"the paper's, recomputed: {paper_size:.1f} mm",
+            None,
         ),
-        Tile(
+        (
             "times the minimum grip force, median while held",
             f"{ratio.value:.2f}",
             f"95 %: {ratio.low:.2f}–{ratio.high:.2f}; goal {FORCE_GOAL}",
             ratio.value <= FORCE_GOAL,
         ),
-        Tile(
+        (
             "bruised",
             f"{bruised} of {len(peaks)}",
             f"highest pressure {1e-3 * max(peaks, default=0.0):.0f} kPa, bruises begin at {1e-3 * NO_BRUISE:.0f} kPa",
             bruised == 0,
         ),
     ]
-    return Tiles(tuple(tiles))
+    verdict = {True: "met", False: "missed", None: ""}
+    return Table(
+        ("figure", "found", "beside", "goal"),
+        tuple((name, found, beside, verdict[reached]) for name, found, beside, reached in rows),
+        words=True,
+    )
 
 
 def _differences() -> Bullets:

@@ -11,7 +11,6 @@ Addresses of nodes stand in `written_tree`. Messages, as JSON:
     wrap           node, in (a word that takes nodes, or a modifier), value: of a modifier or a condition
     unwrap, delete, duplicate    node
     rename         node, name: empty takes the name away
-    extract        node, name: the node becomes the subtree `name`, and calls it
     set_port       node, port, value: YAML or null; of a word without ports (check, wait …) the port is the word itself
     set_modifier   node, modifier (also name, description and fields such as retry_if), value: YAML or null
     comment        node, text: empty takes it away
@@ -25,11 +24,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from pomona.executive.registry import Registry
-from pomona.tools.editor.extracting import refuse_errors_of
 from pomona.tools.editor.making import EditedTree, TreeEdit
 from pomona.tools.editor.meaning import TreeContent, content_of
 from pomona.tools.editor.node_table import nodes
@@ -49,7 +45,6 @@ _SHAPES: dict[
     "delete": ({"node": str}, {}),
     "duplicate": ({"node": str}, {}),
     "rename": ({"node": str, "name": str}, {}),
-    "extract": ({"node": str, "name": str}, {}),
     "set_port": ({"node": str, "port": str}, {"value": str}),
     "set_modifier": ({"node": str, "modifier": str}, {"value": str}),
     "comment": ({"node": str, "text": str}, {}),
@@ -80,14 +75,8 @@ def edit_of(message: Mapping[str, object]) -> TreeEdit:
     return TreeEdit(**found)
 
 
-def apply(
-    text: str, edit: TreeEdit, registry: Registry | None = None, path: str | Path = "tree.yaml"
-) -> str:
+def apply(text: str, edit: TreeEdit) -> str:
     """Return the text with an edit; it reads as the tree before with the edit made.
-
-    Args:
-        registry: skills for `extract`, whose wiring depends on their ports; the installed ones when left out.
-        path: of the file; `extract` reads the files that it calls.
 
     Raises EditError: the edit cannot be made, or only with a change of something else.
     """
@@ -113,17 +102,9 @@ def apply(
         raise EditError(where)
     patch = TextPatch(tree)
     meant = TreeContent(tree)
-    getattr(EditedTree(tree, patch, meant, registry, Path(path)), edit.do)(edit)
+    getattr(EditedTree(tree, patch, meant), edit.do)(edit)
     result = patch.result()
     _check(tree, patch, meant, result, edit)
-    if edit.do == "extract":
-        refuse_errors_of(
-            result,
-            Path(path),
-            registry,
-            "the tree with this subtree would have an error",
-            edit.node,
-        )
     return mark + (result.removesuffix(tree.eol) if cut else result)
 
 

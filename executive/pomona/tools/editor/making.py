@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from pomona.executive.language.literals import type_word
@@ -11,10 +10,8 @@ from pomona.executive.language.model import TreeFile
 from pomona.executive.language.read_node import NodeReader
 from pomona.executive.nodes import takes
 from pomona.executive.nodes.node_type import Modifier
-from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
-from pomona.tools.editor.extracting import extract
 from pomona.tools.editor.format import STEP
 from pomona.tools.editor.meaning import TreeContent, content_of
 from pomona.tools.editor.moving import brought, carried, place_to_fill, put, quoted, take_out
@@ -50,8 +47,6 @@ class EditedTree:
     tree: WrittenTree
     patch: TextPatch
     meant: TreeContent
-    registry: Registry | None
-    path: Path  # of the file; others that it calls lie beside it
 
     def insert(self, edit: TreeEdit) -> None:
         """Insert a node that is given as YAML. Raises EditError: it is no node, or may not be there."""
@@ -333,17 +328,6 @@ class EditedTree:
             self.patch.add_entry(top, lines[:2])
         else:
             self.patch.insert_lines(self.patch.entry_rows(*follower)[0], lines)
-
-    def extract(self, edit: TreeEdit) -> None:
-        """Make a subtree of a node, and call it. Raises EditError: one of its inputs cannot be passed."""
-        node = self.tree.node(edit.node)
-        call, face = extract(self.patch, node, edit.name, self.registry, self.path)
-        key = node.type_key.text
-        meant = self.meant
-        body = meant.take((*node.path, key))
-        meant.get(node.path).update(self.content(call))
-        subtree = {**self.content(face), "root": {key: body}}
-        meant.mapping(("subtrees",))[edit.name] = subtree
 
     def content(self, value: str) -> Any:
         """Return the content of a value that is given as YAML. Raises EditError: it is none."""

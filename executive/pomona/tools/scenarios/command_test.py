@@ -9,12 +9,11 @@ from typing import Any
 from rich.markup import escape
 
 from pomona.executive.errors import UsageError
-from pomona.executive.files import read_text, write_text
+from pomona.executive.files import read_text
 from pomona.executive.registry import Registry
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import say, seconds
 from pomona.executive.values.installation import installed_trees
-from pomona.tools.scenarios.junit import junit
 from pomona.tools.scenarios.run_scenario import ScenarioResult, run_scenario
 from pomona.tools.scenarios.scenario import is_scenario, read_scenario
 
@@ -26,8 +25,6 @@ def add(subparsers: Any) -> None:
         help="run scenario files: a tree's logic with mocks; report nodes that were never reached",
     )
     parser.add_argument("paths", nargs="+", type=Path, help="scenario files, or folders of them")
-    about = "also write the results as JUnit's XML, for continuous integration"
-    parser.add_argument("--junit", type=Path, metavar="FILE", help=about)
     parser.set_defaults(main=main)
 
 
@@ -48,8 +45,6 @@ def main(options: argparse.Namespace) -> int:
     cases = [case for result in results.values() for case in result.cases]
     failed = sum(not case.passed for case in cases)
     console.print(f"{len(cases) - failed} passed, {failed} failed")
-    if options.junit is not None:
-        write_text(junit(results.items()).decode(), options.junit, replaces="<?xml")
     return 1 if failed else 0
 
 

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from benchmarks.tree_edits import ODD, disturbed, judge, random_edit, refused, tree_texts
-from pomona.executive.language import check, read
-from pomona.executive.registry import Registry
+from pomona.executive.language import read
 from pomona.tools.editor.edits import EditError, TreeEdit, apply, edit_of, nodes
 
 FOLDER = Path(__file__).resolve().parents[4]
@@ -307,8 +306,6 @@ class TestRefused:
             ({"do": "set_port", "node": "root", "port": "x", "value": "1"}, "has no ports"),
             ({"do": "set_port", "node": "root/0", "port": "x", "value": "a: b: c"}, "no YAML"),
             ({"do": "set_modifier", "node": "root", "modifier": "success_on", "value": "1"}, "no modifier of sequence"),
-            ({"do": "extract", "node": "root", "name": "Upper"}, "no name for a subtree"),
-            ({"do": "extract", "node": "root", "name": "retry"}, "no name for a subtree"),
         ],
     )  # fmt: skip
     def test_an_edit_that_means_nothing_is_refused_with_the_node(self, message, said):
@@ -351,79 +348,6 @@ class TestRefused:
     def test_a_comment_in_braces_is_never_lost(self):
         with pytest.raises(EditError, match="comment"):
             edited(ODD[1], do="delete", node="root/0")
-
-
-class TestExtract:
-    def tree(self) -> str:
-        return (FOLDER / "trees" / "pick_apple.yaml").read_text("utf-8")
-
-    def test_a_subtree_gets_the_names_that_cross_its_border(self):
-        after = apply(
-            self.tree(),
-            edit_of({"do": "extract", "node": "root/1/1", "name": "plan"}),
-            Registry.installed(),
-        )
-        assert (
-            '- plan: {candidates: "{candidates}", map: "{map}", grasp: "{grasp}", path: "{path}"}\n'
-            in after
-        )
-        assert "  plan:\n    in: {candidates: grasp_candidates, map: occupancy_map}\n" in after
-        assert "    out: {grasp: grasp, path: trajectory}\n    root:\n      fallback:\n" in after
-        assert not check(read(after, "tree.yaml"), Registry.installed())
-
-    def test_modifiers_stay_at_the_call(self):
-        after = apply(
-            self.tree(),
-            edit_of({"do": "extract", "node": "perceive:root/1", "name": "find"}),
-            Registry.installed(),
-        )
-        assert '        - find: {detection: "{detection}"}\n          timeout: 5 s\n' in after
-
-    def test_a_name_that_comes_in_and_goes_out_is_refused(self):
-        with pytest.raises(EditError, match="'grasp' is read before it is written here"):
-            apply(
-                self.tree(),
-                edit_of({"do": "extract", "node": "root/1", "name": "attempt"}),
-                Registry.installed(),
-            )
-
-    def test_what_only_its_place_knows_is_refused(self):
-        text = (
-            HEAD
-            + '  fallback:\n    - wait: 1 s\n      timeout: 1 s\n    - check: "failure.code == TIMEOUT"\n'
-        )
-        with pytest.raises(EditError, match="would have an error"):
-            apply(
-                text,
-                edit_of({"do": "extract", "node": "root/1", "name": "late"}),
-                Registry.installed(),
-            )
-
-    @pytest.mark.slow
-    def test_every_node_of_the_shipped_trees_is_extracted_without_an_error_or_refused_with_a_reason(
-        self,
-    ):
-        made = 0
-        for path in sorted((FOLDER / "trees").glob("*.yaml")):
-            text = path.read_text("utf-8")
-            for node in nodes(text)[::3]:
-                try:
-                    after = apply(
-                        text,
-                        TreeEdit("extract", node=node["id"], name="apart"),
-                        Registry.installed(),
-                        path,
-                    )
-                except EditError:
-                    continue
-                errors = [
-                    f
-                    for f in check(read(after, path), Registry.installed())
-                    if f.severity == "error"
-                ]
-                assert not errors, (path, node["id"], errors)
-                made += 1
-        assert made > 30
 
 
 class TestWhatIsLeft:

@@ -72,8 +72,7 @@ def add(subparsers: Any) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Run the campaign; runs with a result are not repeated."""
-    for package in ("matplotlib", "scipy"):
-        need(package, EXTRA, "pomona campaign")
+    need("scipy", EXTRA, "pomona campaign")
     from pomona.tools.library.campaign.report import report
 
     console = Screen()
@@ -166,7 +165,7 @@ class _Shown:
         from pomona.tools.library.campaign.report import (
             failure_code,
             failure_message,
-        )  # over scipy and matplotlib
+        )  # over scipy
 
         good = succeeded(result, self._campaign.conditions)
         self._good += good

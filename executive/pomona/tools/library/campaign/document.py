@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED
+from pomona.executive.palette import GOOD, INK, LINE, MUTED
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,33 +45,7 @@ class Table:
     """Columns hold sentences, not figures: they are set flush left."""
 
 
-@dataclass(frozen=True, slots=True)
-class Tile:
-    """One figure that is seen first: met, missed, or neither."""
-
-    label: str
-    value: str
-    note: str = ""
-    met: bool | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Tiles:
-    """The figures at the head of a report."""
-
-    tiles: tuple[Tile, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class SvgPlot:
-    """A plot as SVG text; `name` becomes its file beside the Markdown."""
-
-    name: str
-    svg: str
-    caption: str
-
-
-Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot
+Block = Heading | Paragraph | Bullets | Table
 
 
 @dataclass(slots=True)
@@ -87,23 +61,20 @@ class ReportPage:
         self.blocks.extend(blocks)
 
     def write(self, folder: Path, name: str = "report") -> tuple[Path, Path]:
-        """Write NAME.md with its pictures beside it, and NAME.html.
+        """Write NAME.md and NAME.html.
 
         Returns:
             both paths.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        for block in self.blocks:
-            if isinstance(block, SvgPlot):
-                (folder / f"{name}_{block.name}.svg").write_text(block.svg, encoding="utf-8")
         markdown = folder / f"{name}.md"
         page = folder / f"{name}.html"
-        markdown.write_text(to_markdown(self, name), encoding="utf-8")
+        markdown.write_text(to_markdown(self), encoding="utf-8")
         page.write_text(to_html(self), encoding="utf-8")
         return markdown, page
 
 
-def to_markdown(document: ReportPage, name: str = "report") -> str:
+def to_markdown(document: ReportPage) -> str:
     """Return the document as Markdown."""
     parts = [f"# {document.title}", document.about]
     for block in document.blocks:
@@ -116,10 +87,6 @@ def to_markdown(document: ReportPage, name: str = "report") -> str:
                 parts.append("\n".join(f"- {item}" for item in items))
             case Table():
                 parts.append(_markdown_table(block))
-            case Tiles(tiles):
-                parts.append(_markdown_tiles(tiles))
-            case SvgPlot():
-                parts.append(f"![{block.caption}]({name}_{block.name}.svg)\n\n{block.caption}")
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -134,14 +101,6 @@ def _markdown_table(table: Table) -> str:
     )
     lines = [line(table.header), rule, *map(line, table.rows)]
     return (f"*{table.caption}*\n\n" if table.caption else "") + "\n".join(lines)
-
-
-def _markdown_tiles(tiles: Sequence[Tile]) -> str:
-    mark = {True: "✓ ", False: "✗ ", None: ""}
-    return "\n".join(
-        f"- {mark[t.met]}**{t.value}** {t.label}" + (f" ({t.note})" if t.note else "")
-        for t in tiles
-    )
 
 
 def to_html(document: ReportPage) -> str:
@@ -162,11 +121,6 @@ def _html(block: Block) -> str:
             return "<ul>" + "".join(f"<li>{_inline(item)}</li>" for item in items) + "</ul>"
         case Table():
             return _html_table(block)
-        case Tiles(tiles):
-            return '<div class="tiles">' + "".join(map(_html_tile, tiles)) + "</div>"
-        case SvgPlot():
-            drawn = block.svg[block.svg.index("<svg") :]
-            return f"<figure>{drawn}<figcaption>{_inline(block.caption)}</figcaption></figure>"
 
 
 def _html_table(table: Table) -> str:
@@ -183,12 +137,6 @@ def _html_table(table: Table) -> str:
     kind = ' class="words"' if table.words else ""
     rows = "".join(map(row, table.rows))
     return f'{caption}<div class="wide"><table{kind}><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
-
-
-def _html_tile(tile: Tile) -> str:
-    kind = {True: "met", False: "missed", None: ""}[tile.met]
-    note = f"<small>{_inline(tile.note)}</small>" if tile.note else ""
-    return f'<div class="tile {kind}"><b>{_inline(tile.value)}</b><span>{_inline(tile.label)}</span>{note}</div>'
 
 
 def _inline(text: str) -> str:
@@ -214,7 +162,9 @@ _PAGE = """<!doctype html>
 </html>
 """
 
-_COLOURS = f":root {{ --ink: {INK}; --soft: {MUTED}; --line: {LINE}; --good: {GOOD}; --bad: {BAD}; --paper: #fbfbf8; }}"
+_COLOURS = (
+    f":root {{ --ink: {INK}; --soft: {MUTED}; --line: {LINE}; --good: {GOOD}; --paper: #fbfbf8; }}"
+)
 _STYLE = (
     f"\n{_COLOURS}"
     """
@@ -226,7 +176,7 @@ h1 { font-size: 2.1rem; line-height: 1.2; margin: 0 0 .4rem; letter-spacing: -.0
 h2 { font-size: 1.4rem; margin: 3rem 0 .6rem; border-bottom: 1px solid var(--line); padding-bottom: .25rem; }
 h3 { font-size: 1.08rem; margin: 2rem 0 .4rem; color: var(--good); }
 p, ul { max-width: 50rem; }
-.about, .note, figcaption, .caption { color: var(--soft); font-size: .88rem; }
+.about, .note, .caption { color: var(--soft); font-size: .88rem; }
 code { background: #eef1ec; border-radius: 3px; padding: .05em .3em; font-size: .88em; overflow-wrap: anywhere; }
 .wide { overflow-x: auto; margin: 0 0 1.4rem; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; background: #fff; }
@@ -237,17 +187,6 @@ tbody th, thead th:first-child { text-align: left; font-weight: 600; }
 tbody tr:hover { background: #f3f7f2; }
 table.words th, table.words td { text-align: left; white-space: normal; vertical-align: top; }
 table.words td { min-width: 6rem; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(18rem, 1fr)); gap: .8rem; margin: 1.5rem 0; }
-.tile { background: #fff; border: 1px solid var(--line); border-left: 4px solid var(--soft); border-radius: 6px;
-  padding: .8rem 1rem; display: flex; flex-direction: column; }
-.tile.met { border-left-color: var(--good); } .tile.missed { border-left-color: var(--bad); }
-.tile b { font-size: 1.55rem; line-height: 1.2; } .tile.met b { color: var(--good); }
-.tile.missed b { color: var(--bad); }
-.tile span { font-size: .92rem; } .tile small { color: var(--soft); }
-figure { margin: 1.5rem 0; } figure img { display: block; max-width: 100%; height: auto; border-radius: 6px; }
-figure svg { width: 100%; height: auto; background: #fff; padding: .8rem;
-  border: 1px solid var(--line);
-  border-radius: 6px; }
-@media print { main { max-width: none; padding: 0; } h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
+@media print { main { max-width: none; padding: 0; } h2 { break-after: avoid; } table { break-inside: avoid; } }
 """
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -13,10 +13,8 @@ from pomona.tools.library.campaign.document import (
     Heading,
     Paragraph,
     ReportPage,
-    SvgPlot,
     Table,
 )
-from pomona.tools.library.campaign.plots import Plot, rate_map, spread
 from pomona.tools.library.campaign.run import succeeded
 from pomona.tools.library.campaign.spec import Campaign
 from pomona.tools.library.campaign.statistics import (
@@ -39,7 +37,6 @@ RUN_FIGURES: Figures = {
         (a["number"] for a in r.get("attempts", []) if a["succeeded"]), default=None
     ),
 }
-MAX_PLOTTED = 4
 
 
 def from_truth(name: str) -> Callable[[Result], Any]:
@@ -120,7 +117,6 @@ def report(campaign: Campaign, results: Sequence[Result], source: str) -> Report
     document.add(*success_maps(campaign, by_arm))
     document.add(
         Heading("Figures of successful runs"),
-        *spreads(campaign, by_arm),
         *figures(campaign, by_arm),
     )
     document.add(
@@ -174,46 +170,12 @@ def _place(run: Result) -> tuple[object, ...]:
     return (*sorted(run["varied"].items()), run.get("number"))
 
 
-def success_maps(
-    campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]
-) -> list[SvgPlot | Table]:
-    """Success over the first two things that vary, as a picture and as tables."""
+def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Table]:
+    """Success over the first two things that vary, a table for each arm."""
     keys = list(campaign.vary)
     if not keys:
         return []
-    blocks: list[SvgPlot | Table] = []
-    if len(keys) >= 2:
-        rows = campaign.vary[keys[0]]
-        columns = campaign.vary[keys[1]]
-        across = min(2, len(by_arm))
-        down = -(-len(by_arm) // across)
-        with Plot(down, across, height=0.6 + down * (0.7 + 0.3 * len(rows))) as plot:
-            for axes, (name, runs) in zip(plot.axes, by_arm.items(), strict=False):
-                rate_map(axes, rate_grid(campaign, runs), rows, columns, name)
-            for axes in plot.axes[len(by_arm) :]:
-                axes.set_visible(False)
-        caption = f"Success in per cent: {keys[0]} down, {keys[1]} across."
-        blocks.append(SvgPlot("success", plot.svg, caption))
-    for name, runs in by_arm.items():
-        blocks.append(_rates(campaign, name, runs, keys))
-    return blocks
-
-
-def rate_grid(campaign: Campaign, runs: Sequence[Result]) -> list[list[float]]:
-    """Success rates over the first two things that vary; NaN where nothing ran."""
-    row_key, column_key = list(campaign.vary)[:2]
-    found: dict[tuple[str, str], list[bool]] = defaultdict(list)
-    for run in runs:
-        found[run["varied"][row_key], run["varied"][column_key]].append(
-            succeeded(run, campaign.conditions)
-        )
-    return [
-        [
-            sum(cell) / len(cell) if (cell := found[row, column]) else math.nan
-            for column in campaign.vary[column_key]
-        ]
-        for row in campaign.vary[row_key]
-    ]
+    return [_rates(campaign, name, runs, keys) for name, runs in by_arm.items()]
 
 
 def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence[str]) -> Table:
@@ -230,29 +192,6 @@ def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence
         rows.append((value, *counts, rate(of_row, conditions) if of_row else "–"))
     corner = f"{keys[0]} \\ {keys[1]}" if len(keys) >= 2 else keys[0]
     return Table((corner, *columns, "all"), tuple(rows), name)
-
-
-def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[SvgPlot]:
-    """Return the first figures, arm beside arm."""
-    good = {name: _good(campaign, runs) for name, runs in by_arm.items()}
-    shown = [
-        (name, groups)
-        for name, pick in figures_of(campaign).items()
-        if any((groups := {arm: numbers(runs, pick) for arm, runs in good.items()}).values())
-    ][:MAX_PLOTTED]
-    if not shown:
-        return []
-    with Plot(1, len(shown), height=2.8) as plot:
-        for axes, (name, groups) in zip(plot.axes, shown, strict=True):
-            spread(axes, groups, name)
-            axes.set_ylim(bottom=min(0.0, *(min(v) for v in groups.values() if v)))
-    return [
-        SvgPlot(
-            "figures",
-            plot.svg,
-            "Each dot a successful run; the line is the median, the box holds the middle half.",
-        )
-    ]
 
 
 def figures(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Table]:

@@ -18,18 +18,15 @@ from pomona.executive.reasons import DEEPEST_CAUSE, failure_codes
 from pomona.tools.library.cures.change import SingleChange
 from pomona.tools.library.cures.evidence import FailedNode, RunEvidence
 from pomona.tools.library.cures.knobs import Knob, Knobs
-from pomona.tools.library.cures.orders import moved
 from pomona.tools.library.cures.other_values import OtherValue, other_values
 
 OWN = 0.6  # a port of the node that failed
 MODIFIER = 1.5  # the modifier that failed itself, such as a timeout
 TRIES = 0.5  # the count of a retry that used all its tries
 WRITER = 0.4  # of a node that wrote an input, relative to the node that read it
-ORDER = 0.3  # another order of children around the failed node
 RAN = 0.04  # any other node that ran
 OPTION = 0.05  # an option of the cell
 REMEDY = 5.0  # factor of a port that the code's remedy names
-EARLIER = 5.0  # factor of an order whose remedy names a step before the node
 GIVEN = 5.0  # factor of a value with which the run was started, in place of the tree's or the cell's own
 UNWRITTEN = 0.4  # factor of a default: a value that somebody wrote is more often wrong
 LEAST = 0.01  # weights below are not followed further
@@ -73,9 +70,6 @@ def candidates(knobs: Knobs, evidence: RunEvidence) -> list[CureCandidate]:
             key = (change.name, change.path, change.line, change.after)
             if key not in found or found[key].likely < candidate.likely:
                 found[key] = candidate
-    found |= {
-        (c.change.name, c.change.path, c.change.line, c.change.after): c for c in search.orders
-    }
     return sorted(
         found.values(),
         key=lambda c: (-round(c.likely, 6), c.change.size, c.change.path, c.change.line),
@@ -143,7 +137,6 @@ class _Search:
     knobs: Knobs
     evidence: RunEvidence
     blamed: dict[tuple[str, str, int, int], _Blame] = field(default_factory=dict)
-    orders: list[CureCandidate] = field(default_factory=list)
     followed: dict[int, float] = field(default_factory=dict)
     calls: dict[int, list[tuple[TreeNode, Resolved]]] = field(
         default_factory=dict
@@ -213,7 +206,6 @@ class _Search:
                 trail, hinted={}
             )  # the remedy is about the modifier: a planner's `budget` is not meant
         self._node(node, trail)
-        self._orders(failed, node)
 
     def _modifier(self, path: str, weight: float, direction: int, why: str) -> None:
         """Blame the words of one modifier, at a path of the record."""
@@ -300,28 +292,6 @@ class _Search:
                 else trail.why
             )
             self.blamed[key] = _Blame(knob, weight, hint.direction, why)
-
-    def _orders(self, failed: FailedNode, node: TreeNode) -> None:
-        """Take other orders of the children around a failed node, the nearest composite first."""
-        known = failure_codes().get(failed.code)
-        earlier = EARLIER if known is not None and " before " in known.remedy else 1.0
-        for above, parent in enumerate(self._above(node)):
-            inside = next(
-                (i for i, child in enumerate(parent.children) if node in child.walk()), None
-            )
-            if inside is None:
-                continue
-            for change, distance in moved(parent, inside):
-                likely = ORDER * failed.weight * earlier * 0.7**above / distance
-                self.orders.append(
-                    CureCandidate(change, likely, f"{node.label} failed with {failed.code}")
-                )
-
-    def _above(self, node: TreeNode) -> list[TreeNode]:
-        """Return the composites around a node in its definition, the nearest first."""
-        definition = self.knobs.owner[id(node)]
-        every = definition.root.walk() if definition.root is not None else ()
-        return [one for one in every if one is not node and node in one.walk()][::-1]
 
 
 def _whole(value: object) -> int:

@@ -1,4 +1,4 @@
-"""One change of a recorded run: a value of the tree or of the cell, or an order of children."""
+"""One change of a recorded run: a value of the tree or of the cell."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class SingleChange:
     """One change: settings of the run, or pieces of one tree file.
 
     Attributes:
-        kind: port, parameter, word, order or option.
+        kind: port, parameter, word or option.
         name: of the changed place: `Detect.score`, `attempts`.
         path, line: where it is written.
         before, after: the texts.
-        size: how much it changes a value, in factors of two; 1 for an order or a word.
+        size: how much it changes a value, in factors of two; 1 for a word.
         settings: values of parameters or options.
         pieces: of the file `path`.
     """

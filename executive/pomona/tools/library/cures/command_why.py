@@ -62,7 +62,7 @@ def add(subparsers: Any) -> None:
         "why",
         help="find the smallest single change with which a failed run succeeds, by repeating it in simulation",
         description="Repeats a failed run from its record in simulation, with one change at a time: a port, a "
-        "parameter, a number of tries, a timeout, an option of the cell, an order of children. A change that succeeds "
+        "parameter, a number of tries, a timeout, an option of the cell. A change that succeeds "
         "is repeated with other seeds. Nothing real is connected, and no file is changed. "
         "Exit status: 0 a cure was found, 1 none within the budget, 2 unusable input.",
     )

@@ -247,13 +247,6 @@ function moveIn() {
   if (editable() && listed(one) && before && holdsNodes(before.type)) drop(one.id, before.id, children(before.id).length);
 }
 
-async function extract() {
-  const one = node();
-  if (!editable() || !one) return;
-  const name = await ask("Extract as a subtree", "The node becomes a subtree of this file, and is called by this name.", "name", (one.name || one.type).toLowerCase().replaceAll(/\W+/g, "_"));
-  if (name) edit({ do: "extract", node: one.id, name }, `extract ${name}`);
-}
-
 async function rename() {
   const one = node();
   if (!editable() || !one) return;
@@ -281,7 +274,6 @@ const ACTIONS = {
   rename: { words: "Rename …", key: "F2", run: rename },
   comment: { words: "Comment …", key: "c", run: comment },
   duplicate: { words: "Duplicate", key: "d", run: simple("duplicate", "duplicate", (one) => `${one.parent}/${one.index + 1}`), fits: listed },
-  extract: { words: "Extract as subtree …", key: "x", run: extract, fits: (one) => Boolean(one.parent), line: true },
   up: { words: "Move up", key: "Alt+↑", run: () => move(-1), fits: listed },
   down: { words: "Move down", key: "Alt+↓", run: () => move(1), fits: listed },
   out: { words: "Move out of its parent", key: "Alt+←", run: moveOut, fits: listed },
@@ -313,7 +305,7 @@ $("ask-cancel").addEventListener("click", () => $("ask").close());
 
 // ------------------------------------------------------------------------------------------------ keys
 
-const KEYS = { i: "insert", Insert: "insert", a: "inside", o: "place", w: "wrap", m: "modifier", u: "unwrap", F2: "rename", c: "comment", d: "duplicate", x: "extract", Delete: "remove", Backspace: "remove" };
+const KEYS = { i: "insert", Insert: "insert", a: "inside", o: "place", w: "wrap", m: "modifier", u: "unwrap", F2: "rename", c: "comment", d: "duplicate", Delete: "remove", Backspace: "remove" };
 
 drawing.root.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) return;

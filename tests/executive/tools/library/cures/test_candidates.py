@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from pomona.executive.execute import RunOrder
 from pomona.executive.language import read
 from pomona.executive.language.check import analyse
@@ -16,12 +14,10 @@ from pomona.executive.reasons import Reason
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import AttemptEnded, NodeChanged, RunEnded
 from pomona.executive.values.documents import Option
-from pomona.executive.values.installation import installed_trees
 from pomona.tools.library.cures.candidates import CureCandidate, candidates, hints
 from pomona.tools.library.cures.change import SingleChange
 from pomona.tools.library.cures.evidence import RunEvidence, gather
 from pomona.tools.library.cures.knobs import Knobs
-from pomona.tools.library.cures.orders import moved, ordered
 from pomona.tools.library.cures.other_values import other_values
 from pomona.tools.library.cures.search import CureSearch
 from pomona.tools.library.cures.trials import OVER_BUDGET, Trial, disagrees
@@ -63,62 +59,6 @@ def test_remedies_name_ports_and_directions() -> None:
     assert found == {"budget": 1, "clearance": -1}
     assert hints("SLIPPED")["margin"].direction == 1
     assert hints("NO_SUCH_CODE") == {}
-
-
-# ------------------------------------------------------------------------------------------------ orders
-
-LINES = """\
-pomona: 1
-tree: t
-root:
-  sequence:
-    # first of all
-    - check: "1 < 2"
-      name: One   # a comment
-    - {succeed: , name: Two}
-    - sequence:
-        - wait: 20 ms
-        - succeed:
-      name: Three
-  name: All
-"""
-
-
-def test_an_order_moves_whole_nodes_with_their_modifiers() -> None:
-    root = read(LINES, "t.yaml").main.main.root
-    change = ordered(root, [2, 0, 1])
-    order = change.applied(RunOrder(Path("t.yaml"), Path("c.yaml"), texts={"t.yaml": LINES}))
-    after = read(order.texts["t.yaml"], "t.yaml")
-    assert not after.findings
-    assert [child.label for child in after.main.main.root.children] == ["Three", "One", "Two"]
-    assert (change.line, change.before, change.after) == (6, "One, Two, Three", "Three, One, Two")
-
-
-@pytest.mark.parametrize(
-    "path", sorted(installed_trees().glob("*.yaml")), ids=lambda path: path.stem
-)
-def test_every_order_of_a_shipped_tree_is_a_file_with_the_same_nodes(path: Path) -> None:
-    text = path.read_text("utf-8")
-    document = read(text, path, tree_folders=[installed_trees()])
-    order = RunOrder(path, Path("c.yaml"), texts={str(path): text})
-    count = 0
-    for definition in document.definitions():
-        if definition.file is not document.main or definition.root is None:
-            continue
-        for parent in definition.root.walk():
-            for change, _ in moved(parent, 0):
-                changed = change.applied(order).texts[str(path)]
-                after = read(changed, path, tree_folders=[installed_trees()])
-                assert sorted(changed) == sorted(text) or changed.split() != text.split()
-                assert _labels(after) == _labels(document), change.sentence
-                count += 1
-    assert count or path.stem in ("recover",)
-
-
-def _labels(document: Any) -> list[str]:
-    return sorted(
-        node.label for one in document.definitions() if one.root for node in one.root.walk()
-    )
 
 
 # ------------------------------------------------------------------------------------------------ candidates
@@ -184,15 +124,6 @@ def test_tries_that_were_used_up_are_a_candidate_and_others_are_not() -> None:
     used = AttemptEnded(0.9, 8, "t:retry", 2, 2, False)
     names = [c.change.name for c in found(TREE, "CONDITION_FALSE", "t/Enough", used)]
     assert "t.retry" in names or "sequence.retry" in names
-
-
-def test_the_order_around_the_failed_node_is_a_candidate() -> None:
-    orders = [
-        c.change for c in found(TREE, "CONDITION_FALSE", "t/Enough") if c.change.kind == "order"
-    ]
-    assert {(change.before, change.after) for change in orders} >= {
-        ("Enough, After", "After, Enough")
-    }
 
 
 def test_each_candidate_is_one_change_and_the_list_is_sorted() -> None:
