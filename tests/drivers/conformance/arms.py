@@ -20,11 +20,11 @@ from pomona.devices.universal_robots.driver import UrArm
 from pomona.devices.universal_robots.options import UrFile
 from pomona.devices.xarm.driver import XArm
 from pomona.devices.xarm.options import XArmFile
-from pomona.drivers import ArmLimits, FaultSwitch, load_cell
+from pomona.drivers import ArmLimits, FaultSwitch
 from pomona.drivers.conformance import ArmBench, Body, Wire
 from pomona.tools.mock import MockArm, MockClock
 from tests.drivers.conformance.grippers import Topics, of_template, timed
-from tests.drivers.tools.simulation.conftest import SIM
+from tests.drivers.conformance.simulated import simulated
 
 ROBOT = Path("robot.xml")
 BEFORE = ("other_model", "old", "local", "owned", "by_hand")
@@ -256,7 +256,7 @@ class SimBody(Body):
 
 def sim() -> ArmBench:
     """The simulated arm."""
-    cell = load_cell(SIM, seed=1, overrides={"distractors": "0"})
+    cell = simulated()
     arm: Any = cell.devices["arm"]
     way = np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9])
     return InStep(

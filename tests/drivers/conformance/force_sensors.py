@@ -20,12 +20,12 @@ from pomona.devices.suntouch.driver import SunTouchFingers
 from pomona.devices.suntouch.finger import Finger
 from pomona.devices.wrist_sensors.sensor import StreamOptions, WristSensor
 from pomona.devices.wrist_sensors.sessions import Ft300Session, UrForceSession
-from pomona.drivers import FaultSwitch, load_cell
+from pomona.drivers import FaultSwitch
 from pomona.drivers.conformance import ForceBench, Press, Wire
 from pomona.tools.mock import MockClock, MockForceSensor
 from tests.drivers.conformance.grippers import timed
+from tests.drivers.conformance.simulated import simulated
 from tests.drivers.devices.suntouch.test_driver import CALIBRATION
-from tests.drivers.tools.simulation.conftest import SIM
 
 NOT_NOTICED = ("deaf", "half")
 """Of a sensor that streams: it need not hear, and its next packet is whole again."""
@@ -136,7 +136,7 @@ SEEN = ("lost", "stuck_left", "stuck_right", "stuck", "zero", "late_120")
 
 def sim() -> ForceBench:
     """The simulated fingers, which nothing touches."""
-    cell = load_cell(SIM, seed=1, overrides={"distractors": "0"})
+    cell = simulated()
     sensor: Any = cell.devices["fingers"]
     press = Press(cell.clock)
     others = tuple(fault for fault in sensor.known_faults if fault not in SEEN)

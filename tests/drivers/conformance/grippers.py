@@ -20,11 +20,11 @@ from pomona.devices.robotiq.options import MODELS, RobotiqFile
 from pomona.devices.robotiq.session import RtuSession, UrcapSession
 from pomona.devices.wsg.driver import WsgGripper
 from pomona.devices.wsg.handshake import WsgOptions
-from pomona.drivers import FaultSwitch, GripperLimits, load_cell
+from pomona.drivers import FaultSwitch, GripperLimits
 from pomona.drivers.conformance import BenchClock, GripperBench, Wire
 from pomona.tools.kit.pieces import TEMPLATES
 from pomona.tools.mock import MockClock, MockGripper
-from tests.drivers.tools.simulation.conftest import SIM
+from tests.drivers.conformance.simulated import simulated
 
 STIFFNESS = 6000.0  # of an object, for one finger [N/m]
 
@@ -224,7 +224,7 @@ class SimHand:
 
 def sim() -> GripperBench:
     """The simulated gripper."""
-    cell = load_cell(SIM, seed=1, overrides={"distractors": "0"})
+    cell = simulated()
     gripper: Any = cell.devices["gripper"]
     hand = SimHand(cell.devices["world"], gripper.limits.width_min)
     return InStep(gripper, cell.clock, hand, gripper, without=("busy", "runaway", "sticks"))
