@@ -97,7 +97,18 @@ OTHERS = {
     "all": "any",
 }
 """Operators, as `ast` names them, and names of functions, each with those that stand for it by mistake."""
-SYMMETRIC = ("min", "max", "minimum", "maximum", "hypot", "isclose", "allclose", "array_equal")
+SYMMETRIC = (
+    "min",
+    "max",
+    "minimum",
+    "maximum",
+    "hypot",
+    "isclose",
+    "allclose",
+    "array_equal",
+    "_dot",
+    "math.dist",
+)
 LOG_LINE = re.compile(r"(\w+\.)*_?(logger|log|getLogger\(.*\))\.\w+\(", re.IGNORECASE)
 WITHOUT_RESULT = (ast.Raise, ast.Assert, ast.JoinedStr)
 FIELDS_WITHOUT_RESULT = ("annotation", "returns", "decorator_list")
@@ -301,7 +312,10 @@ def run_tests(paths: Sequence[str], watch: Watch, *options: str) -> int:
     loaded_before = "-Wignore::pytest.PytestAssertRewriteWarning"
     quick = "-mnot slow and not long and not realtime and not browser"
     # The place of what a signal has interrupted may have no line, and no traceback.
-    return pytest.main(["-q", "--tb=no", *without, loaded_before, quick, *options, *paths], [watch])
+    found = "--hypothesis-profile=found"
+    return pytest.main(
+        ["-q", "--tb=no", found, *without, loaded_before, quick, *options, *paths], [watch]
+    )
 
 
 def fork(work: Callable[[], int], limit: float) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 from tests.taken_out import LEAF_IMPORT, leaves, taken_words
 
@@ -25,6 +25,10 @@ settings.register_profile(
     database=None,
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+# The same without looking for the simplest example: scripts/mutate.py asks only whether there is one.
+settings.register_profile(
+    "found", settings.get_profile("pomona"), phases=[Phase.explicit, Phase.generate]
 )
 settings.load_profile("pomona")
 
@@ -49,6 +53,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """
     if collection_path.suffix != ".py":
         return None
+    if not is_mine(collection_path, config):
+        return True
     text = collection_path.read_text("utf-8")
     if not leaves().issuperset(LEAF_IMPORT.findall(text)):
         return True
@@ -59,6 +65,30 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
         return True if SLOW_FILE.search(text) and "landmark" not in text else None
     name = collection_path.relative_to(ROOT).as_posix()
     return None if "slow" in text or "browser" in text or name in measured_files() else True
+
+
+def is_mine(path: Path, config: pytest.Config) -> bool:
+    """Return False for a file of tests that another worker runs.
+
+    With `--dist each` a worker imports its own files alone. Where each imports all, that takes a third of all time.
+    """
+    run: dict[str, Any] = getattr(config, "workerinput", {"mainargv": ()})
+    if "each" not in run["mainargv"]:
+        return True
+    worker = int(run["workerid"].removeprefix("gw")) % run["workercount"]
+    return shares(run["workercount"]).get(path, worker) == worker
+
+
+@cache
+def shares(workers: int) -> dict[Path, int]:
+    """Return which worker runs a file of tests: the largest first, each to the worker with the least text so far."""
+    sizes = {path: path.stat().st_size for path in (ROOT / "tests").rglob("test_*.py")}
+    share: dict[Path, int] = {}
+    loads = [0] * workers
+    for path in sorted(sizes, key=lambda path: (-sizes[path], path)):
+        share[path] = loads.index(min(loads))
+        loads[share[path]] += sizes[path]
+    return share
 
 
 @cache
