@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from importlib.metadata import EntryPoint
+from itertools import chain
 
 from pomona.executive.ports import QUANTITIES, RATIO, Port, Ports, PortType, Quantity, type_name
 from pomona.executive.skill import Skill
@@ -15,6 +17,8 @@ from pomona.executive.values.installation import entry_points
 from pomona.executive.values.removed import import_problem
 
 GROUP = "pomona.skills"
+Loader = Callable[[], type[Skill] | str]
+"""Loads a skill, or returns why it cannot be used."""
 CHOSEN = "POMONA_SKILLS"  # of the environment, for the run's other processes: `Detect=my_package Plan=other`
 
 
@@ -32,31 +36,50 @@ class SkillListing:
     module: str
 
 
+_TYPES: Mapping[str, PortType] = {
+    "bool": bool,
+    "int": int,
+    "number": float,
+    "text": str,
+    **QUANTITIES,
+}
+
+
 class Registry(Mapping[str, type[Skill]]):
     """Skills by name, and the names of all types that their ports carry."""
 
-    def __init__(
-        self, skills: Mapping[str, type[Skill]], problems: Mapping[str, str] | None = None
-    ) -> None:
+    def __init__(self, skills: Mapping[str, type[Skill] | Loader]) -> None:
+        """`skills` are classes, or are loaded when they are looked up: most trees use few of them."""
         self._skills = dict(skills)
-        self.problems: Mapping[str, str] = dict(problems or {})
+        self._problems: dict[str, str] = {}
+
+    @property
+    def problems(self) -> Mapping[str, str]:
         """Skills that are installed and cannot be used, with the reason."""
-        self.renamed_failures: Mapping[str, str] = {
-            old: new
-            for skill in self._skills.values()
-            for old, new in skill.renamed_failures.items()
-        }
+        len(self)  # loads all
+        return self._problems
+
+    @property
+    def renamed_failures(self) -> Mapping[str, str]:
         """Failure codes of the previous version, each with its present name."""
-        self.types: dict[str, PortType] = {
-            "bool": bool,
-            "int": int,
-            "number": float,
-            "text": str,
-            **QUANTITIES,
-        }
-        for skill in self._skills.values():
+        return {old: new for skill in self.values() for old, new in skill.renamed_failures.items()}
+
+    @property
+    def types(self) -> Mapping[str, PortType]:
+        """Types of ports by name."""
+        return dict(reversed(list(self._types())))
+
+    def type_named(self, name: str) -> PortType | None:
+        """Return a type by its name, of a skill that was looked up rather than of another one."""
+        loaded = Registry({k: v for k, v in self._skills.items() if isinstance(v, type)})
+        types = chain(loaded._types(), self._types())
+        return next((found for known, found in types if known == name), None)
+
+    def _types(self) -> Iterator[tuple[str, PortType]]:
+        yield from _TYPES.items()
+        for skill in self.values():
             for port in (*skill.inputs.values(), *skill.outputs.values()):
-                self.types.setdefault(type_name(port.type), port.type)
+                yield type_name(port.type), port.type
 
     @classmethod
     def installed(cls) -> Registry:
@@ -75,37 +98,36 @@ class Registry(Mapping[str, type[Skill]]):
         looked_up = tuple(said if names is None else names)
         if not looked_up:
             return self
-        skills = dict(self._skills)
-        problems = dict(self.problems)
         offered = _by_name(entry_points(group=GROUP))
-        for name in looked_up:
-            skills.pop(name, None)
-            problems.pop(name, None)
-            found = _loaded(name, offered.get(name, []), {**said, **replacements()})
-            if isinstance(found, str):
-                problems[name] = found
-            else:
-                skills[name] = found
-        return Registry(skills, problems)
+        chosen = {**said, **replacements()}
+        loaders = {
+            name: partial(_loaded, name, offered.get(name, []), chosen) for name in looked_up
+        }
+        return Registry({**self._skills, **loaders})
 
     def declaring(self, ports: Mapping[str, tuple[Sequence[str], Sequence[str]]]) -> Registry:
         """This registry with stand-ins for skills that are not installed: by name their inputs and outputs.
 
         A stand-in takes and gives anything, and cannot be run.
         """
-        missing = {
-            name: _stand_in(name, *both) for name, both in ports.items() if name not in self._skills
-        }
-        return Registry({**self._skills, **missing}, self.problems) if missing else self
+        missing = {name: _stand_in(name, *both) for name, both in ports.items() if name not in self}
+        return Registry({**self._skills, **missing}) if missing else self
 
     def __getitem__(self, name: str) -> type[Skill]:
-        return self._skills[name]
+        found = self._skills[name]
+        if not isinstance(found, type):
+            loaded = found()
+            if isinstance(loaded, str):
+                self._problems[name] = loaded
+                raise KeyError(name)
+            self._skills[name] = found = loaded
+        return found
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._skills)
+        return (name for name in list(self._skills) if name in self)
 
     def __len__(self) -> int:
-        return len(self._skills)
+        return sum(1 for _ in self)
 
     def giving(self, wanted: PortType, there: Collection[object]) -> list[tuple[str, str]]:
         """Skill and port of every output of a type, least lacking inputs first; a skill that lacks this one is none."""
@@ -114,7 +136,7 @@ class Registry(Mapping[str, type[Skill]]):
             for name, skill in self.items()
         }
         lacking = {name: [it for it in types if it not in there] for name, types in needed.items()}
-        writers = [name for name in self._skills if wanted not in lacking[name]]
+        writers = [name for name in self if wanted not in lacking[name]]
         writers.sort(key=lambda name: len(lacking[name]))
         return [
             (name, port)
@@ -125,7 +147,7 @@ class Registry(Mapping[str, type[Skill]]):
 
     def listing(self) -> tuple[SkillListing, ...]:
         """Return all skills, by name."""
-        return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
+        return tuple(_list_skill(name, self[name]) for name in sorted(self))
 
 
 def source_of(name: str) -> str:

@@ -62,7 +62,6 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.runner import Runner
 from pomona.executive.running.tick import EventStream
-from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.output import json_text, visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
@@ -71,6 +70,7 @@ from pomona.tools.dashboard import record_messages
 from pomona.tools.dashboard.choices import Choices
 from pomona.tools.dashboard.command_dashboard import Launcher
 from pomona.tools.dashboard.control_lock import ControlLock
+from pomona.tools.dashboard.explain import explain
 from pomona.tools.dashboard.messages import encode, numbered
 from pomona.tools.dashboard.presses import Presses, object_of
 from pomona.tools.dashboard.record_messages import cloud, image, moment, overview

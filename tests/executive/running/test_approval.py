@@ -9,8 +9,8 @@ from pomona.executive.language.changes import ChangeRefusedError
 from pomona.executive.registry import Registry
 from pomona.executive.running.events import NodeChanged, OperatorActed, RunStarted
 from pomona.executive.running.requests import AnswerRefusedError
-from pomona.executive.terminal.explain import explain
 from pomona.tools.dashboard.control_lock import ControlLock, RefusedError
+from pomona.tools.dashboard.explain import explain
 
 TEXT = """
 pomona: 1

@@ -21,8 +21,8 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.runner import Runner
 from pomona.executive.skill import Interrupted, Skill, Work
-from pomona.executive.terminal.explain import explain
 from pomona.executive.values.sentences import LONGEST, sentence_of
+from pomona.tools.dashboard.explain import explain
 
 RAISED = [
     SystemExit(0),

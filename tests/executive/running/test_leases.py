@@ -22,7 +22,7 @@ from pomona.executive.running.events import (
 )
 from pomona.executive.running.tick import RunContext
 from pomona.executive.skill import Skill, Work
-from pomona.executive.terminal.explain import explain
+from pomona.tools.dashboard.explain import explain
 
 TREE = "pomona: 1\ntree: t\nroot: {sequence: [{Lurk: {}}, {wait: 100 ms}]}"
 

@@ -17,8 +17,8 @@ from pomona.executive.registry import Registry
 from pomona.executive.running.events import Event, Logged, RunEnded, SafeStopped
 from pomona.executive.running.traces import MOST_LOGGED, SkillLogs
 from pomona.executive.skill import POLLED, Interrupted, Skill, Work
-from pomona.executive.terminal.explain import MOST_LINES, explain
 from pomona.executive.values.processes import within
+from pomona.tools.dashboard.explain import MOST_LINES, explain
 from pomona.tools.library.difference import first_difference
 
 log = logging.getLogger("somebody.elses.package")

@@ -8,7 +8,6 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,10 +17,13 @@ from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.drivers.streams import FrameGuard
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive.values.later import Later
 from pomona.tools.simulation.exposure import Moments, Timing
 from pomona.tools.simulation.gl import in_gl_thread, load_mujoco, open_renderer
 from pomona.tools.simulation.stereo_depth import CHANGES, FrameChanger, Stereo, measure_depth
 from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
+
+cv2: Any = Later("cv2")
 
 
 class Delivery:

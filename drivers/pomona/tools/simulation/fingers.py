@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numba
 import numpy as np
 
 from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from pomona.drivers.streams import SILENCE, Belief, WrenchStream
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.tools.simulation.layout import PADS
 from pomona.tools.simulation.scene import TIMESTEP
 from pomona.tools.simulation.world import FaultyDevice, PhysicsWorld
@@ -170,7 +170,7 @@ LEVER = 0.01  # torque errors are the force errors at this lever [m]
 _NOISE_ROWS = 8192
 
 
-@numba.njit(cache=True)
+@kernel()
 def pad_wrench(
     contact: Float64, site_position: Float64, site_rotation: Float64, wrench: Float64
 ) -> None:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +15,12 @@ from pomona.executive.values.arrays import Float64
 from pomona.executive.values.documents import read_value_file
 from pomona.executive.values.findings import Findings, place_of
 from pomona.executive.values.kinds import PathTo
+from pomona.executive.values.later import Later
 from pomona.executive.values.mesh_file import UnreadableMeshError, read_mesh
 from pomona.executive.values.sections import Problem, Section, value
 from pomona.executive.values.yaml_nodes import Refused
+
+cv2: Any = Later("cv2")
 
 Faces = NDArray[np.int32]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pomona.drivers.interfaces import Box
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.later import Later
 from pomona.tools.simulation.fruit_shape import FruitShape, make_fruit
 from pomona.tools.simulation.gl import load_mujoco
 from pomona.tools.simulation.intruder import IntruderSection, add_intruder
@@ -21,6 +21,8 @@ from pomona.tools.simulation.layout import (
     Layout,
     read_robot,
 )
+
+cv2: Any = Later("cv2")
 
 TIMESTEP = 0.002  # step of the physics [s]; contact, sensing and force control share it
 

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import SIMULATED, DepthModel
 from pomona.drivers.interfaces import Frame
 from pomona.executive.values.arrays import Float32, Float64
+from pomona.executive.values.later import Later
+
+cv2: Any = Later("cv2")
 
 SUBPIXEL = 1.0 / 32.0  # disparity is measured in steps of this [px] …
 DEPTH_UNIT = 1e-3  # … and depth is handed out in steps of this [m]

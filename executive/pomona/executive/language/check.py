@@ -115,13 +115,15 @@ class _Checker:
     def run(self, overrides: Mapping[str, str] | Sequence[str]) -> Analysis:
         definitions = list(self.document.definitions())
         for definition in definitions:
+            for node in definition.root.walk() if definition.root is not None else ():
+                if node.type is SUBTREE and node.key.text in definition.file.subtrees:
+                    self.called[id(node)] = definition.file.subtrees[node.key.text]
+                self.skills.get(node.key.text)  # loaded: types of ports are looked up in it first
+        for definition in definitions:
             reader = self.readers.setdefault(
                 id(definition.file), InterfaceReader(self.findings, self.skills)
             )
             self.analysis.interfaces[id(definition)] = reader.interface(definition)
-            for node in definition.root.walk() if definition.root is not None else ():
-                if node.type is SUBTREE and node.key.text in definition.file.subtrees:
-                    self.called[id(node)] = definition.file.subtrees[node.key.text]
         main_reader = self.readers.setdefault(
             id(self.document.main), InterfaceReader(self.findings, self.skills)
         )

@@ -44,12 +44,6 @@ class NodeChecker:
     interfaces: Mapping[int, PortDeclared]
     resolved: dict[tuple[int, str], Resolved]
     named: dict[str, YamlScalar] = field(default_factory=dict)
-    moved: dict[str, tuple[type, ...]] = field(init=False)  # the devices that each skill moves
-
-    def __post_init__(self) -> None:
-        self.moved = {
-            name: claims for name, skill in self.skills.items() if (claims := skill.claims())
-        }
 
     def definition(self, root: TreeNode) -> None:
         """Check all nodes of a definition."""
@@ -164,8 +158,6 @@ class NodeChecker:
     def devices(self, node: TreeNode) -> dict[str, str]:
         """Return devices that a node and all below it move, each with the first node that does."""
         found: dict[str, str] = {}
-        if not self.moved:
-            return found
         stack = [node]
         seen = set()
         while stack:
@@ -176,7 +168,7 @@ class NodeChecker:
                 seen.add(id(called))
                 stack.append(called.root)
             elif skill is not None and below.type.calls:
-                for interface in self.moved.get(below.key.text, ()):
+                for interface in skill.claims():
                     found.setdefault(interface.__name__, below.label)
             stack.extend(reversed(below.below()))
         return found

@@ -39,7 +39,7 @@ class Outcomes:
         self.called = called
         self._known: dict[tuple[int, int], Outcome] = {}
         self._open: set[int] = set()
-        self._skills = {name: Outcome(frozenset(skill.failures)) for name, skill in skills.items()}
+        self._skills = skills
 
     def of(self, node: TreeNode) -> Outcome:
         """Of a node with its modifiers."""
@@ -59,7 +59,8 @@ class Outcomes:
 
     def of_skill(self, name: str) -> Outcome:
         """Of a skill, if there is one of this name."""
-        return self._skills.get(name, _ANYHOW)
+        skill = self._skills.get(name)
+        return _ANYHOW if skill is None else Outcome(frozenset(skill.failures))
 
     def of_definition(self, definition: Definition) -> Outcome:
         """Of a subtree; a subtree that calls itself adds no codes."""

@@ -108,7 +108,7 @@ class InterfaceReader:
 
     def type_named(self, name: YamlScalar) -> PortType | None:
         """Return the type of this name; an unknown one is reported."""
-        found = self.skills.types.get(name.text)
+        found = self.skills.type_named(name.text)
         if found is None:
             there = sorted(self.skills.types)
             meant = _TYPES_ELSEWHERE.get(name.text.lower(), "")

@@ -23,12 +23,18 @@ from pomona.executive.running.events import (
     TreeChanged,
 )
 from pomona.executive.running.starting import Starting, StartingStage
-from pomona.executive.terminal.explain import BLOCKED, did_not_work
 from pomona.executive.terminal.output import visible
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import ICONS, STYLES, say, seconds
 
 PATIENCE = 5.0  # preparation time after which a message is printed even where the display cannot be redrawn [s]
+
+BLOCKED = 0.5  # wait within a tick from which it is reported [s]
+
+
+def did_not_work(overrun: TickOverran) -> bool:
+    """Return True if the tick was late though it had little to compute."""
+    return overrun.worked is not None and overrun.worked < 0.5 * overrun.duration
 
 
 class LiveTree:

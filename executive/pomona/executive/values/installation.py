@@ -26,7 +26,6 @@ from importlib.metadata import (
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
-from urllib.request import url2pathname
 
 from pomona.executive.errors import UsageError
 from pomona.executive.values.sentences import ReportLine
@@ -108,6 +107,8 @@ def _source(name: str, extra: str = "") -> str:
     origin = _origin(name)
     url = str(origin.get("url", ""))
     if url.startswith("file:"):
+        from urllib.request import url2pathname  # takes long to import
+
         place = Path(url2pathname(unquote(urlsplit(url).path)))
         editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
         gone = "" if place.exists() else f"  # {place} is gone: name its new place"

@@ -146,7 +146,7 @@ class Workbench:
         ]
 
     def _units(self, declared: Declared) -> list[str]:
-        kind = self._skills.types.get(declared.type.text) if declared.type is not None else None
+        kind = self._skills.type_named(declared.type.text) if declared.type is not None else None
         return list(kind.units) if isinstance(kind, Quantity) else []
 
     def _called_ports(self, definition: Definition) -> list[Facts]:

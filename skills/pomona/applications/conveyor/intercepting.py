@@ -11,13 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
-import cv2
 import numpy as np
 
 from pomona.drivers import ArmLimits
 from pomona.executive import Float64
+from pomona.executive.values.later import Later
 from pomona.skills.motion import RobotModel, nearest_solution
+
+cv2: Any = Later("cv2")
 
 Place = Callable[[float], tuple[Float64, Float64]]
 """Where a fruit is at a time [s], and its velocity: base frame, shape (3,) each [m], [m/s]."""

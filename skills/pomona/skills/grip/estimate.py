@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.grip.estimate_kernel import (
     calm_load,
     is_contact,
@@ -24,7 +25,6 @@ from pomona.skills.grip.limit_surface import SoftContact, SurfaceTable, surface_
 from pomona.skills.grip.observer import DynamicSettings, ObserverSettings, steps_in_a_sample
 from pomona.skills.grip.pads import MIRROR, smooth
 from pomona.skills.grip.settings import FilterSettings, GripSettings
-from pomona.skills.numba_kernel import kernel
 
 
 class NoiseModel(NamedTuple):

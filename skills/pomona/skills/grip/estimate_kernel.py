@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.grip.limit_surface import least_force_of_finger
 from pomona.skills.grip.observer import answer_slip, observe
 from pomona.skills.grip.pads import LEVER_LOAD, PRESSING, loads_of_finger
-from pomona.skills.numba_kernel import kernel
 
 
 class _FingerLoads(NamedTuple):

@@ -15,14 +15,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import beta, ellipe, ellipkm1, gamma
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.numba_kernel import kernel
+from pomona.executive.values.later import Later
+from pomona.executive.values.numba_kernel import kernel
+
+special: Any = Later("scipy.special")
 
 # nodes of the table, uniform in c_tilde / (1 + c_tilde), within 1e-5 of the exact surface
 NODES = 1025
@@ -66,17 +68,21 @@ class SoftContact:
 
 def xi(k: float) -> float:
     """Peak pressure over mean pressure: p(0) = xi * f_n / (pi * rho**2)."""
-    return float(1.5 * k * gamma(3.0 / k) / (gamma(1.0 / k) * gamma(2.0 / k)))
+    return float(
+        1.5 * k * special.gamma(3.0 / k) / (special.gamma(1.0 / k) * special.gamma(2.0 / k))
+    )
 
 
 def nu(k: float) -> float:
     """Integral of r**2 * (1 - r**k)**(1/k) over 0 … 1."""
-    return float(beta(3.0 / k, 1.0 / k + 1.0) / k)
+    return float(special.beta(3.0 / k, 1.0 / k + 1.0) / k)
 
 
 def xi_nu(k: float) -> float:
     """xi * nu, the factor of tau_max."""
-    return float(0.375 * gamma(3.0 / k) ** 2 / (gamma(2.0 / k) * gamma(4.0 / k)))
+    return float(
+        0.375 * special.gamma(3.0 / k) ** 2 / (special.gamma(2.0 / k) * special.gamma(4.0 / k))
+    )
 
 
 def limit_surface(c_tilde: ArrayLike, k: float = 4.0) -> tuple[Float64, Float64]:
@@ -108,8 +114,8 @@ def _angular(r: Float64, c: Float64) -> tuple[Float64, Float64]:
     with np.errstate(divide="ignore", invalid="ignore"):
         one_minus_m = ((r - c) / (r + c)) ** 2
         m = np.minimum(4.0 * (r / (r + c)) * (c / (r + c)), 1.0)
-        E = ellipe(m)
-        K = ellipkm1(np.maximum(one_minus_m, 1e-300))
+        E = special.ellipe(m)
+        K = special.ellipkm1(np.maximum(one_minus_m, 1e-300))
         difference = np.where(m > 1e-6, E - K, -np.pi / 4.0 * m * (1.0 + 3.0 / 8.0 * m))
         dL_dc = np.where(c > 0.0, 4.0 * E + 2.0 * difference * (r - c) / c, 0.0)
         dL_dr = np.where(r > 0.0, 4.0 * E + 2.0 * difference * (c - r) / r, 0.0)

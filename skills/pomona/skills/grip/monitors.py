@@ -18,12 +18,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import IN_HAND, GripMode, GripProblem
 from pomona.skills.grip.pads import LEVER_LOAD, MIRROR
 from pomona.skills.grip.sensor import GripSample, SensorWatch, Timer
 from pomona.skills.grip.settings import GripSettings, SlipWatchSettings, WatchSettings
-from pomona.skills.numba_kernel import kernel
 
 # mean normal force of the fingers below which the centre of pressure is unknown [N]
 LEAST_FORCE = 0.15

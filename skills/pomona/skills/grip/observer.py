@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pomona.skills.numba_kernel import kernel
+from pomona.executive.values.numba_kernel import kernel
 
 STEP = 5e-4  # step of the integration [s], rounded to a whole number of steps in a sample
 LEAST_G = 1e-3  # lower bound of the friction [N·m]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pomona.skills.numba_kernel import kernel
+from pomona.executive.values.numba_kernel import kernel
 
 PAD_HALF = 0.010  # bound of the distance of a contact from the pad's centre [m]
 PRESSING = 0.2  # normal force below which the contact's place is not computed [N]

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.grip.estimate import GripEstimate
 from pomona.skills.grip.grip import SIDES, UnfitSensor
 from pomona.skills.grip.settings import BiasSettings, GripSettings
-from pomona.skills.numba_kernel import kernel
 
 STALE_AFTER = 0.05
 """A stream without a valid sample for this long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.motion.robot.inverse_kinematics import newton_step
 from pomona.skills.motion.robot.model import compose, forward, jacobian
-from pomona.skills.numba_kernel import kernel
 
 # how tracking ended
 REACHED = 0

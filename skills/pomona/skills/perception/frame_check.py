@@ -20,14 +20,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft2, ifft2, irfft2, rfft2
 
 from pomona.drivers.depth_model import DepthModel
 from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.executive.values.later import Later
+
+fft: Any = Later("scipy.fft")
+
+cv2: Any = Later("cv2")
 
 LARGEST_TILT = np.radians(20.0)  # greatest angle between the expected table and the seen one [rad]
 HEIGHT = 0.010
@@ -325,9 +328,9 @@ def _scores(colour: Complex, depth: Complex) -> tuple[float, float, tuple[int, i
     """Return the score of depth without or with a small shift, the best score, and its shift (right, down) [px]."""
     height, width = colour.shape
     size = 2 * height, 2 * width
-    agree = ifft2(fft2(colour, size) * np.conj(fft2(depth, size))).real
+    agree = fft.ifft2(fft.fft2(colour, size) * np.conj(fft.fft2(depth, size))).real
     ones = np.ones(colour.shape, np.float32)
-    weight = irfft2(rfft2(ones, size) * np.conj(rfft2(np.abs(depth), size)), size)
+    weight = fft.irfft2(fft.rfft2(ones, size) * np.conj(fft.rfft2(np.abs(depth), size)), size)
     # of the depth's edges that a shift must leave in the picture
     there = weight > 0.6 * max(float(np.abs(depth).sum()), 1e-6)
     mean: Float64 = np.where(there, agree / np.sqrt(np.maximum(weight, 1.0)), -np.inf)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.numba_kernel import kernel
+from pomona.executive.values.numba_kernel import kernel
 
 Indices = NDArray[np.int32]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, Int32
-from pomona.skills.numba_kernel import kernel
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.perception.rasteriser import draw, project
 
 NEAR = 0.03  # faces closer to the camera than this are dropped [m]

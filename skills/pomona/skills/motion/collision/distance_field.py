@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pomona.drivers.interfaces import Box, Hull
 from pomona.executive.values.arrays import Float32, Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.executive.values.read_only import ReadOnly
 from pomona.skills.motion.collision.cover import fibonacci_sphere
-from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 _CUBE = np.array(

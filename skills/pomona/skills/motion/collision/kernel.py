@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, Int64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.motion.collision.distance_field import lookup
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.robot.model import forward
-from pomona.skills.numba_kernel import kernel
 
 MAP = 0  # number of the map among the obstacles; convex obstacles follow from 1, then half spaces
 

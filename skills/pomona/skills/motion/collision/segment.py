@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.motion.collision.kernel import (
     WorldArrays,
     evaluate_clearances,
@@ -32,7 +33,6 @@ from pomona.skills.motion.collision.kernel import (
     place,
 )
 from pomona.skills.motion.collision.robot_shape import RobotArrays
-from pomona.skills.numba_kernel import kernel
 
 SLACK = 5e-4  # by how much a margin may be undershot between two looks [m]
 

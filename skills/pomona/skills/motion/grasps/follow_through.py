@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pomona.executive.values.arrays import Float64, Int64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.motion.collision.kernel import WorldArrays, check_states
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
 from pomona.skills.motion.lines import REACHED, track_poses
-from pomona.skills.numba_kernel import kernel
 
 # how far a solution came; GOOD ones came all the way
 GOOD = 3

@@ -11,9 +11,9 @@ from functools import lru_cache
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.geometry import apply, inverse
 from pomona.skills.motion.robot import Geom, RobotModel
-from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 

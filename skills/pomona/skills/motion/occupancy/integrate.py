@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pomona.drivers.interfaces import ArmState, Frame, Intrinsics, Workspace
 from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.geometry import angle_between, inverse
 from pomona.skills.motion.collision.distance_field import Convex
 from pomona.skills.motion.collision.world import standing
@@ -27,7 +28,6 @@ from pomona.skills.motion.occupancy.occupancy_map import (
     OccupancyMap,
 )
 from pomona.skills.motion.robot import RobotModel
-from pomona.skills.numba_kernel import kernel
 
 # between two statements about one pose [m, rad]
 _DISTANCE = 2e-3

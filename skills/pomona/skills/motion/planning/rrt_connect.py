@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pomona.executive.values.arrays import Float64, Int64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.motion.collision.kernel import (
     WorldArrays,
     evaluate_clearances,
@@ -22,7 +23,6 @@ from pomona.skills.motion.collision.kernel import (
 )
 from pomona.skills.motion.collision.robot_shape import RobotArrays
 from pomona.skills.motion.collision.segment import check_segment
-from pomona.skills.numba_kernel import kernel
 
 PROBED = 0.2
 """Segments with a larger step of any joint are first looked at in a few places [rad]: most that collide do so there,

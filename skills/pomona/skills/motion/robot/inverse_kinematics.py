@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.motion.robot.model import RobotModel, checked_pose, compose, forward, jacobian
 from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
-from pomona.skills.numba_kernel import kernel
 
 
 def descend(model: RobotModel, T_base_tcp: Float64, starts: Float64) -> Float64:

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.executive.values.read_only import ReadOnly
 from pomona.executive.values.rotations import is_rigid
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.description import Body, Description, Geom, read_description
 from pomona.skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose
-from pomona.skills.numba_kernel import kernel
 
 
 @kernel(nogil=True)

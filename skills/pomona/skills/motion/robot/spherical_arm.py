@@ -17,9 +17,9 @@ from math import acos, atan2, cos, floor, hypot, pi, sin, sqrt
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.geometry import inverse
 from pomona.skills.motion.robot.model import RobotModel
-from pomona.skills.numba_kernel import kernel
 
 Vector = tuple[float, float, float]
 Rows = tuple[Vector, Vector, Vector]

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64, Int64, UInt8
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.motion.collision.kernel import make_scratch, place, place_spheres
 from pomona.skills.motion.collision.robot_shape import RobotArrays
-from pomona.skills.numba_kernel import kernel
 
 # state of a cell: never seen, seen empty, or occupied when it was first seen
 UNSEEN = 0

@@ -13,16 +13,17 @@ import copy
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, minimum_filter1d, uniform_filter1d
 
 from pomona.drivers.errors import BadTrajectory
 from pomona.drivers.interfaces import ArmLimits, Frame, PathWatchSettings, Trajectory, Workspace
 from pomona.drivers.path_motion import PathFollower
 from pomona.drivers.trajectory import check_trajectory
 from pomona.executive.values.arrays import Float64, UInt8
+from pomona.executive.values.later import Later
 from pomona.skills.motion.collision import Convex, RobotShape
 from pomona.skills.motion.collision.world import standing
 from pomona.skills.motion.occupancy import OccupancyMap
@@ -36,6 +37,8 @@ from pomona.skills.motion.watch.kernel import (
     nearest_ahead,
     see,
 )
+
+ndimage: Any = Later("scipy.ndimage")
 
 PERIOD = 0.005  # of the trial's steps [s]; drivers step finer (a test compares)
 
@@ -230,7 +233,7 @@ class PathWatch:
         mark_spheres(self._spheres(self._Q[0]), self._how.padding + CELL, self._origin, CELL, now)
         left &= ~(now | self._known)
         left[:, :, : max(int((self._lowest - self._origin[2]) / CELL), 0)] = False
-        cells = np.argwhere(binary_erosion(left, np.ones((3, 3, 3))))
+        cells = np.argwhere(ndimage.binary_erosion(left, np.ones((3, 3, 3))))
         if not len(cells):
             return ""
         return f"no camera shows {spot(self._origin + (cells[0] + 0.5) * CELL)}, where the robot would pass"
@@ -378,11 +381,11 @@ def _at_paces(path: Trajectory, times: Float64, paces: Float64, window: float) -
     grid = np.arange(-window, path.duration + window, PERIOD)
     wanted = paces[np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(paces) - 1)]
     half = max(int(window / PERIOD) // 2, 1)
-    lowest = minimum_filter1d(
+    lowest = ndimage.minimum_filter1d(
         wanted, 2 * half + 1, mode="nearest"
     )  # so the means are slow enough everywhere
-    smooth = uniform_filter1d(
-        uniform_filter1d(lowest, half + 1, mode="nearest"), half + 1, mode="nearest"
+    smooth = ndimage.uniform_filter1d(
+        ndimage.uniform_filter1d(lowest, half + 1, mode="nearest"), half + 1, mode="nearest"
     )
     rate = np.interp(path.t, grid, smooth)
     change = np.interp(path.t, grid, np.gradient(smooth, PERIOD))

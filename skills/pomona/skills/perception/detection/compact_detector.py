@@ -6,12 +6,13 @@ import copy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 
 from pomona.executive.values.arrays import Float32, Float64, UInt8
 from pomona.executive.values.installation import entry_points
+from pomona.executive.values.later import Later
 from pomona.executive.values.trial import trial
 from pomona.skills.perception.detection.close_look import (
     AXIS,
@@ -56,6 +57,8 @@ from pomona.skills.perception.detection.weights_file import (
     Score,
     read_weights,
 )
+
+cv2: Any = Later("cv2")
 
 MIRROR = np.ones(CLOSE_LOOK_OUTPUTS)
 MIRROR[[CENTRE.start, AXIS.start]] = -1.0

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float32, Float64
+from pomona.executive.values.later import Later
 from pomona.skills.perception.detection.close_look import (
     FINDER_STRIDE,
     HEAT,
@@ -22,6 +23,8 @@ from pomona.skills.perception.detection.close_look import (
     SIZE_OF_BOX,
 )
 from pomona.skills.perception.detection.errors import BadMaps
+
+cv2: Any = Later("cv2")
 
 STEPS = (64, 96, 128, 160, 224, 320, 448, 640, 896, 1280, 1792, 2560, 3584)
 """Longer sides of the finder's input [px]. With steps of 2 instead of about 1.4, recall at precision 0.90 on orchard

@@ -317,10 +317,16 @@ def _load_mesh(path: Path, _changed: int) -> Mesh:
 @lru_cache(maxsize=8)
 def _surface(mesh: Mesh) -> tuple[bool, bool]:
     """Return True if a mesh is closed, and whether all its normals point outwards."""
-    import trimesh
-
-    body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
-    return bool(body.is_watertight), bool(body.is_winding_consistent and body.volume > 0.0)
+    _, same = np.unique(np.round(mesh.vertices, 8), axis=0, return_inverse=True)  # seams are joined
+    corners = same.ravel()[mesh.faces].astype(np.int64)
+    following = np.roll(corners, -1, axis=1)
+    edges = corners * len(mesh.vertices) + following
+    back = following * len(mesh.vertices) + corners
+    _, shared = np.unique(np.minimum(edges, back), return_counts=True)
+    _, directed = np.unique(edges, return_counts=True)
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c))
+    return bool((shared == 2).all()), bool((directed == 1).all() and volume > 0.0)
 
 
 def find_weights(folder: Path, name: str | None) -> Path | None:

@@ -8,16 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.spatial import cKDTree
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.later import Later
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.geometry import apply, inverse
-from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.refinement.errors import RenderFailed, TooFewInliers
 from pomona.skills.perception.refinement.render import (
     DepthImage,
@@ -27,6 +26,10 @@ from pomona.skills.perception.refinement.render import (
     Triangles,
     winding,
 )
+
+spatial: Any = Later("scipy.spatial")
+
+ndimage: Any = Later("scipy.ndimage")
 
 _BAND = 4e-3
 _LEAST_SHARE = 0.3
@@ -403,7 +406,7 @@ def surface_of(mesh: Triangles) -> Samples:
     root = np.sqrt(along)
     weights = np.column_stack([1.0 - root, root * (1.0 - across), root * across])
     points = np.einsum("nc,nci->ni", weights, corners[face])
-    tree = cKDTree(points)
+    tree = spatial.cKDTree(points)
     neighbours = np.ascontiguousarray(tree.query(points, _NEIGHBOURS + 1)[1][:, 1:], dtype=np.int32)
     low = points.min(axis=0)
     high = points.max(axis=0)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.numba_kernel import kernel
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.perception.refinement.cloud import connected_to
 from pomona.skills.perception.refinement.render import DepthImage
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
-import cv2
 import numpy as np
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.later import Later
 from pomona.skills.geometry import inverse, rotation_about
 from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.measured_fruit import MeasuredFruit
@@ -60,6 +61,8 @@ from pomona.skills.perception.refinement.shape_fit import (
     covariance_of,
     fit_shape,
 )
+
+cv2: Any = Later("cv2")
 
 
 def size_deviation(detection: Detection) -> float:

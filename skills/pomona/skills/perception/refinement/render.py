@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from pomona.drivers.depth_model import D4XX, DepthModel
 from pomona.drivers.interfaces import Intrinsics
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.executive.values.rotations import is_rigid
-from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.fruit import Mesh
 from pomona.skills.perception.rasteriser import draw, project
 from pomona.skills.perception.refinement.errors import BadDepth, BadMesh, BadPose, RenderFailed

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from pomona.executive.values.arrays import Float64
-from pomona.skills.numba_kernel import kernel
+from pomona.executive.values.later import Later
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.perception.fruit.sizes import KindSizes
 from pomona.skills.perception.refinement.cloud import Plane, gather
 from pomona.skills.perception.refinement.errors import (
@@ -40,6 +41,8 @@ from pomona.skills.perception.refinement.render import (
     extents,
 )
 from pomona.skills.perception.refinement.shape_fit import FEW_POINTS, RIGID, Priors, fit_shape
+
+optimize: Any = Later("scipy.optimize")
 
 MIN_PIXELS = 30  # fewer valid pixels than this are no measurement
 MIN_VALID = 0.05  # a smaller share of the model's pixels than this is no measurement
@@ -228,7 +231,7 @@ def fit_scale_by_rendering(
 
     p_hat = T_camera_object[:3, 3]
     bound = sigma_bound(p_hat)
-    search = minimize_scalar(
+    search = optimize.minimize_scalar(
         objective, bounds=(-bound, bound), method="bounded", options={"xatol": 1e-5}
     )
     sigma = float(search.x)

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.executive.values.arrays import Float64
+from pomona.executive.values.numba_kernel import kernel
 from pomona.skills.geometry import transform
-from pomona.skills.numba_kernel import kernel
 from pomona.skills.perception.refinement.cloud import Cloud, Plane, Samples, surface_of
 from pomona.skills.perception.refinement.render import Triangles, extents
 

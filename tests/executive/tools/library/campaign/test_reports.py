@@ -20,10 +20,10 @@ from pomona.executive.running.events import (
     SafeStopped,
     TickOverran,
 )
-from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import figure, row_of
+from pomona.tools.dashboard.explain import explain
 from pomona.tools.library.campaign.report import title
 
 NODES = (

@@ -22,8 +22,8 @@ from pomona.executive.running.events import (
     RunEnded,
     RunStarted,
 )
-from pomona.executive.terminal.explain import explain
 from pomona.executive.views import TableView
+from pomona.tools.dashboard.explain import explain
 
 WEIGH = '''"""A third party's skill."""
 

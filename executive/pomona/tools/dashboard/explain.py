@@ -25,6 +25,7 @@ from pomona.executive.running.events import (
     TickOverran,
 )
 from pomona.executive.speed import words_of
+from pomona.executive.terminal.live import BLOCKED, did_not_work
 from pomona.executive.terminal.summary import Summary
 from pomona.executive.terminal.words import at_place, figure, headline, seconds
 
@@ -45,14 +46,6 @@ STOPPED = (
     "INTERRUPTED",
     "STOPPED",
 )  # codes of a run that was stopped from outside its nodes
-BLOCKED = 0.5  # wait within a tick from which it is reported [s]
-
-
-def did_not_work(overrun: TickOverran) -> bool:
-    """Return True if the tick was late though it had little to compute."""
-    return overrun.worked is not None and overrun.worked < 0.5 * overrun.duration
-
-
 MOST_LINES = 20  # of the lines that nodes logged, the last ones are listed
 LONGEST_ACCOUNT = 700  # letters: a crate may leave twenty fruit, each with its reason
 MOST_ATTEMPTS = 4  # maximum number of attempts to list; of more, the first and the last are listed

@@ -12,9 +12,9 @@ from pomona.executive.recording.digest import trusted
 from pomona.executive.recording.folder import events_file, find_record, is_being_written
 from pomona.executive.recording.read import read_events
 from pomona.executive.run_views import RunViews
-from pomona.executive.terminal.explain import explain
 from pomona.executive.terminal.screen import Screen
 from pomona.executive.terminal.words import UNCHECKED
+from pomona.tools.dashboard.explain import explain
 
 
 def add(subparsers: Any) -> None:
