@@ -472,9 +472,8 @@ class TestStructure:
         from pomona.executive.language import check, read
         from pomona.executive.registry import Registry
 
-        broken = Registry(
-            dict(skills), {"Weigh": "scale:Weigh cannot be imported: ImportError: no scale"}
-        )
+        problem = "scale:Weigh cannot be imported: ImportError: no scale"
+        broken = Registry({**skills, "Weigh": lambda: problem})
         found = check(read("pomona: 1\ntree: t\nroot: {Weigh: {}}", "t.yaml"), broken)
         assert "no scale" in only(found, "broken-skill").message
 

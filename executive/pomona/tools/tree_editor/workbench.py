@@ -59,7 +59,7 @@ class Workbench:
         if not text.strip() and said.get("do") == "insert":
             after = self._first_node(said)
         else:
-            after = apply(text, edit_of(said), self._skills)
+            after = apply(text, edit_of(said))
         with self._lock:
             return {"text": after, **self._state(after)}
 
