@@ -25,6 +25,16 @@ def test_each_format_gives_vertices_and_triangles(tmp_path: Path, suffix: str) -
     assert faces.shape == (12, 3)
 
 
+def test_a_plain_binary_ply_file_reads_as_trimesh_reads_it(tmp_path: Path) -> None:
+    path = tmp_path / "ball.ply"
+    trimesh.creation.icosphere(subdivisions=2, radius=0.04).export(path)
+    plain = mesh_file._plain_ply(path)
+    expected = trimesh.load_mesh(path, process=False)
+    assert plain is not None
+    assert np.array_equal(plain[0], expected.vertices)
+    assert np.array_equal(plain[1], expected.faces)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [

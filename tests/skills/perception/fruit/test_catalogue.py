@@ -183,21 +183,39 @@ def test_weights_and_meshes_are_looked_through_once_until_they_change(
 ) -> None:
     folder, looked = tmp_path / "apple", []
     shutil.copytree(CATALOGUE / "apple", folder)
-    weights, mesh = tmp_path / "w.pt", trimesh.Trimesh
+    weights, read = tmp_path / "w.pt", catalogue.read_mesh
     with ZipFile(weights, "w") as archive:
         archive.writestr("data", b"0")
-    monkeypatch.setattr(
-        trimesh, "Trimesh", lambda *args, **more: looked.append("mesh") or mesh(*args, **more)
-    )
+    monkeypatch.setattr(catalogue, "read_mesh", lambda path: looked.append("mesh") or read(path))
     monkeypatch.setattr(
         catalogue, "open_archive", lambda path, _: looked.append("weights") or ZipFile(path)
     )
     for _ in range(3):
         assert load_fruit(folder).name == "apple"
         assert damage(weights) == ""
-    assert sorted(looked) == ["mesh", "weights"]
+    assert sorted(looked) == ["mesh", "mesh", "weights"]  # fruit and stem
     weights.write_text("no weights")
     assert damage(weights)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_surface_is_judged_as_trimesh_judges_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    whole = trimesh.creation.icosphere(subdivisions=1)
+    faces = whole.faces.copy()
+    if seed % 2:
+        faces = np.delete(faces, rng.integers(len(faces)), axis=0)
+    if seed % 4 > 1:
+        flipped = rng.integers(len(faces))
+        faces[flipped] = faces[flipped][::-1].copy()
+    if seed > 3:
+        faces = faces[:, ::-1]
+    seam = whole.vertices[faces].reshape(-1, 3)  # each face with corners of its own
+    for vertices, corners in ((whole.vertices, faces), (seam, np.arange(len(seam)).reshape(-1, 3))):
+        body = trimesh.Trimesh(vertices, corners, process=True)
+        expected = body.is_watertight, body.is_winding_consistent and body.volume > 0.0
+        mesh = catalogue.Mesh(np.asarray(vertices), corners.astype(np.int32))
+        assert catalogue._surface(mesh) == expected
 
 
 @settings(max_examples=150)
