@@ -28,7 +28,11 @@ class FaultPlan:
     """Turns switches when it is time; call `step` with every step of the world, or as often as faults may come."""
 
     def __init__(self, faults: Sequence[PlannedFault], switches: Mapping[str, FaultSwitch]) -> None:
-        self._switches = dict(switches)
+        """Raises ValueError: a fault has a switch that is not there."""
+        for fault in faults:
+            if fault.switch not in switches:
+                raise ValueError(f"'{fault.switch}' is no switch; take one of {sorted(switches)}")
+        self._switches = switches
         self._waiting = [fault for fault in faults if fault.phase is not None]
         self._due = [(fault.after, fault) for fault in faults if fault.phase is None]
         self._clearing: list[tuple[float, PlannedFault]] = []

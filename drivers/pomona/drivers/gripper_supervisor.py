@@ -98,9 +98,8 @@ class GripperSupervisor:
         self._supervision = supervision or GripperSupervision()
         self._due = math.inf
         self._target = math.inf  # width of the newest move; none after a streamed speed
-        self._free_until = (
-            -math.inf
-        )  # until then they may move within the way of a move, or come to rest from it
+        # until then they may move within the way of a move, or come to rest from it
+        self._free_until = -math.inf
         self._way = -math.inf, math.inf
         self._speed = self._opening = self._closing = (
             0.0  # commanded now; and the fastest either way lately
@@ -192,9 +191,8 @@ class GripperSupervisor:
         if abs(speed) > FASTER * limits.speed_max:
             return f"reports a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
         most = STRONGER * 2.0 * limits.force_max
-        if (
-            state.motor_force is not None and not abs(state.motor_force) <= most
-        ):  # this form is True also for NaN
+        # this form is True also for NaN
+        if state.motor_force is not None and not abs(state.motor_force) <= most:
             return f"reports {state.motor_force:g} N of its motor, which presses with {most:.0f} N at most"
         if self._last is not None:
             way = abs(width - self._last.width)

@@ -206,9 +206,8 @@ class HoldWatch:
         self._unfelt = HARDLY
         self._held_at: float | None = None
         self._begun = False
-        self._stood = (
-            math.inf
-        )  # widest opening since the empty fingers last reached the width of a move [m]
+        # widest opening since the empty fingers last reached the width of a move [m]
+        self._stood = math.inf
         # of a hand without force sensor that holds something
         self._noted: GripperState | None = None
 

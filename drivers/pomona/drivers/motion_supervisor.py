@@ -107,9 +107,8 @@ class MotionSupervisor:
         problem = self._implausible(stamp, q, qd)
         if problem:
             raise DeviceLost(self._device, f"its feedback is implausible: {problem}")
-        while len(self._set_points) > 1 and self._set_points[1][0] <= (
-            stamp - self._supervision.lag
-        ):
+        oldest = stamp - self._supervision.lag
+        while len(self._set_points) > 1 and self._set_points[1][0] <= oldest:
             self._set_points.popleft()  # but one before the lag
         if not self._lately or not np.array_equal(q, self._lately[-1][1]):
             passed = [commanded for due, commanded in self._set_points if due <= stamp]
@@ -188,9 +187,8 @@ class MotionSupervisor:
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             return "its joints are not finite numbers"
         outside = np.maximum(limits.lower - q, q - limits.upper)
-        if (
-            outside.max() > 0.1
-        ):  # mechanical stops keep every joint within this distance of its range [rad]
+        # mechanical stops keep every joint within this distance of its range [rad]
+        if outside.max() > 0.1:
             return f"joint {outside.argmax() + 1} at {q[outside.argmax()]:.4g} rad, far outside its range"
         speed = np.abs(qd) / limits.velocity
         if speed.max() > OVERSPEED:

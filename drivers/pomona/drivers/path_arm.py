@@ -86,9 +86,8 @@ class PathArm(Device, ABC):
         self.limits = limits
         self._clock = clock
         self._period = period
-        self._lock = (
-            threading.Lock()
-        )  # guards latched, problem and motion; never held while waiting
+        # guards latched, problem and motion; never held while waiting
+        self._lock = threading.Lock()
         self._owner = Owner(name, self.step, self._failed, clock)
         self._supervisor = MotionSupervisor(name, limits, supervision)
         self._state: ArmState | None = None
@@ -193,9 +192,8 @@ class PathArm(Device, ABC):
             return
         resting = self._rests(state, stream)
         if stream is None:
-            motion.settled = (
-                resting and motion.state is MotionState.FAILED
-            )  # else it has not begun yet
+            # else it has not begun yet
+            motion.settled = resting and motion.state in (MotionState.FAILED, MotionState.STOPPED)
             return
         now = self._clock.now()
         if motion.set_point_rests and stream.played:
@@ -205,11 +203,13 @@ class PathArm(Device, ABC):
             self._judge(lambda: self._supervisor.look(now, motion, stream.sent))
 
     def _judge(self, look: Callable[[], None]) -> None:
-        """Let the supervisor look; the arm brakes on its path without feedback, and stops at once for a fault."""
+        """Let the supervisor look; the arm stops at once for a fault, and brakes on its path without feedback if it must."""
         try:
             look()
         except DeviceLost as error:
             self._doubt(error)
+            if self.stops_when_told:
+                self._halt(error.message)
         except DeviceFault as error:
             self._condemn(error)
 
@@ -328,9 +328,8 @@ class PathArm(Device, ABC):
     def close(self) -> None:
         """Come to rest on the path, then leave."""
         self.safe_stop("closed")
-        end = (
-            self._clock.now() + 2.0
-        )  # an arm comes to rest on its path within this time when its driver is closed [s]
+        # an arm comes to rest on its path within this time when its driver is closed [s]
+        end = self._clock.now() + 2.0
         while not self.settled() and self._clock.now() < end:
             self._clock.advance(0.02)
         self._owner.close()

@@ -138,9 +138,8 @@ class WrenchStream:
         self._left_out, self._believed_at = 0, self._clock.now()
         if sample.stamp - self._delivered > 0.5 * self._silence:
             self._note_gap(sample.stamp - self._delivered, sample.stamp)
-        self._delivered = (
-            sample.stamp if self._listeners else math.nan
-        )  # who only asks now and then misses nothing
+        # who only asks now and then misses nothing
+        self._delivered = sample.stamp if self._listeners else math.nan
         self.hand_on(sample)
 
     def _note_gap(self, gap: float, until: float) -> None:

@@ -1,5 +1,7 @@
 """A plan of faults turns its switches when it is time, once."""
 
+import pytest
+
 from benchmarks.fault_plan import FaultPlan, PlannedFault
 from pomona.executive.cell.device import FaultSwitch
 
@@ -35,3 +37,8 @@ def test_faults_of_a_phase_wait_for_its_first_beginning():
     plan.step(110.0)
     assert lamp.fault is None
     assert [(now, fault.kind) for now, fault in plan.injected] == [(101.2, "flickers")]
+
+
+def test_a_plan_with_a_switch_that_no_device_has_is_refused_with_those_that_there_are():
+    with pytest.raises(ValueError, match=r"'lamb' is no switch; take one of \['lamp'\]"):
+        FaultPlan([PlannedFault("lamb", "dark")], {"lamp": Lamp()})

@@ -77,9 +77,8 @@ def _directory_size(stream: BinaryIO) -> int:
     return max(stated if stated != 0xFFFFFFFF else 0, int(struct.unpack_from("<Q", record, 40)[0]))
 
 
-MOST_BYTES = (
-    1 << 30
-)  # of all arrays of one file, unpacked: an hour of two fingers at 500 Hz is 0.4 of it
+# of all arrays of one file, unpacked: an hour of two fingers at 500 Hz is 0.4 of it
+MOST_BYTES = 1 << 30
 
 
 class UnreadableArraysError(ValueError):

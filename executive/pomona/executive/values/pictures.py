@@ -172,9 +172,8 @@ def _header(content: bytes) -> tuple[int, int, int]:
 
 def _is_picture(header: Any, frame: int) -> bool:
     header.seek(frame)
-    return (
-        not getattr(header, "tag_v2", {}).get(254, 0) & 0b101
-    )  # in a TIFF: a preview, or a mask of another page
+    # in a TIFF: a preview, or a mask of another page
+    return not getattr(header, "tag_v2", {}).get(254, 0) & 0b101
 
 
 def _orientation(content: bytes) -> int:

@@ -7,9 +7,8 @@ import errno
 from collections.abc import Sequence
 from pathlib import Path
 
-MOST_BYTES = (
-    16 * 1024 * 1024
-)  # of a file: four for each character of a Groot2 project of 4 Mi characters
+# of a file: four for each character of a Groot2 project of 4 Mi characters
+MOST_BYTES = 16 * 1024 * 1024
 
 
 class NotUtf8Error(UnicodeDecodeError):

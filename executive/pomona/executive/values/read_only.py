@@ -98,9 +98,8 @@ def _array(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         array.setflags(write=False)
         return array
     owner: Any = array.base
-    if (
-        isinstance(owner, bytes) and not array.flags.writeable
-    ):  # pickle gives writable arrays over bytes
+    # pickle gives writable arrays over bytes
+    if isinstance(owner, bytes) and not array.flags.writeable:
         return array
     import numpy as np
 

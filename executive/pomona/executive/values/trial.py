@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 PROCESSOR_S = 4  # limit of a trial; the shipped networks take 0.5 s for loading and one picture [s]
-MEMORY = (
-    512 << 20
-)  # limit beyond that of the imported libraries; the shipped networks take 0.2 of it [byte]
+# limit beyond that of the imported libraries; the shipped networks take 0.2 of it [byte]
+MEMORY = 512 << 20
 WALL_S = 120.0  # on a busy machine; it only ends a process that waits [s]
 _NO_MEMORY = (
     "bad_alloc",

@@ -258,9 +258,8 @@ class Hold:
                 state = self._gripper.state()
                 controller.width = state.width
                 controller.motor_force = state.motor_force
-            if (
-                sample.stamp > self._now() + EARLIEST
-            ):  # else all later samples would be out of order
+            # else all later samples would be out of order
+            if sample.stamp > self._now() + EARLIEST:
                 self._report_sensor_fault()
                 return
             if self._floor is not None and np.isfinite(sample.wrenches).all():

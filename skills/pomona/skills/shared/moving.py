@@ -98,9 +98,8 @@ def move_to_pose(
             "UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}"
         ) from None
     q = arm.state().q
-    if (
-        np.abs(q_goal - q).max() < 1e-3
-    ):  # an arm this near to the pose in every joint is there [rad]
+    # an arm this near to the pose in every joint is there [rad]
+    if np.abs(q_goal - q).max() < 1e-3:
         return
     field = usable_field(skill, map)
     width = skill.device(Gripper).state().width

@@ -204,6 +204,21 @@ def test_a_fault_is_noticed_within_60_ms_and_the_arm_rests_within_600(fault: str
         arm.follow(swing(START[:6], CHANGE[:6]))
 
 
+@pytest.mark.parametrize("fault", ["stuck", "frozen"])
+def test_the_target_of_joints_that_do_not_report_a_motion_is_replaced_by_a_stop(fault: str) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    moving(cell, arm)
+    cell.controller.inject_fault(fault)
+    began = cell.clock.now()
+    serve(arm, cell, 1.0, lambda: arm._problem is not None)
+    with pytest.raises(DeviceLost, match="feedback has not changed"):
+        arm.check()
+    assert cell.clock.now() - began <= 0.3
+    serve(arm, cell, 0.3)
+    assert cell.controller.state == 4
+
+
 def test_joints_that_another_client_moves_are_stopped() -> None:
     cell = Cell()
     arm = connected(cell)

@@ -107,9 +107,8 @@ def check_segment(
                     robot.bounds[outer, 3],
                 )
                 motion = min(rates[n] * rest, (speeds[n] + 0.5 * bends[n] * rest) * rest)
-                wanted[n] = (
-                    min(motion, 0.15) + 1e-9
-                )  # clearances beyond this are not resolved further while moving [m]
+                # clearances beyond this are not resolved further while moving [m]
+                wanted[n] = min(motion, 0.15) + 1e-9
         worst = evaluate_clearances(
             robot, world, width, active, wanted, np.inf, scratch, found, which
         )

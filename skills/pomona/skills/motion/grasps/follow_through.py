@@ -79,9 +79,8 @@ def follow_through(
         if ended != REACHED:
             continue
         check_states(robot, world, line[-1:], width, 0.0, clearances, closest)
-        if (
-            clearances[0] < 0.0
-        ):  # most that fail fail at the grasp itself, which is judged far more quickly than the way
+        # most that fail fail at the grasp itself, which is judged far more quickly than the way
+        if clearances[0] < 0.0:
             verdicts[n] = LINE_BLOCKED
             for j in range(line.shape[1]):
                 witnesses[n, j] = line[-1, j]

@@ -118,9 +118,8 @@ def outline(geom: Geom) -> tuple[Float64, float]:
             (around * np.cos(a), around * np.sin(a), z) for z in (-size[1], size[1]) for a in angle
         ]
         return np.array(ends), 0.0
-    signs = (
-        np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    )  # a box, or around an ellipsoid
+    # a box, or around an ellipsoid
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
     corners: Float64 = signs * size[:3]
     return corners, 0.0
 
@@ -164,14 +163,12 @@ def fruit_section(
     ) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
     centre[1] = (low + high) / 2.0
     sliding = R_base_tcp[:, 1]
-    in_object = (
-        measured.T_base_fruit[:3, :3].T @ sliding
-    )  # the width is a mix of the three dimensions
+    # the width is a mix of the three dimensions
+    in_object = measured.T_base_fruit[:3, :3].T @ sliding
     half = measured.dimensions * in_object
     mix = half * in_object / max(float(np.linalg.norm(half)), 1e-9)
-    touched = (
-        measured.dimensions * half
-    )  # points from the ellipsoid's centre to where a pad meets it
+    # points from the ellipsoid's centre to where a pad meets it
+    touched = measured.dimensions * half
     oblique = np.arctan2(np.linalg.norm(np.cross(in_object, touched)), in_object @ touched)
     position = measured.covariance[:3, :3]
     size = measured.covariance[3:, 3:]

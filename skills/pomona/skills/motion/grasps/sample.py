@@ -268,9 +268,8 @@ def _approachable(
         raise _why_not(space, verdicts, witnesses)
     closed = space.at_width(closed_width)
     q_grasp = lines[good[0], -1]
-    if (
-        closed.clearances(q_grasp[None])[0] < -closed.world.margins.fingers
-    ):  # in something, not only near it
+    # in something, not only near it
+    if closed.clearances(q_grasp[None])[0] < -closed.world.margins.fingers:
         raise CandidateRejected(
             "IN_COLLISION", f"as the fingers close {closed.explain(q_grasp)[0]}"
         )

@@ -64,9 +64,8 @@ def check_camera_pose(
     if frame.q is None or arm.moving or abs(arm.stamp - frame.stamp) > 0.05:  # [s]
         return
     off = float(np.max(np.abs(model.checked(frame.q) - arm.q)))
-    if (
-        not off <= 0.02
-    ):  # between the joints at the exposure and those of an arm that stands still [rad]
+    # between the joints at the exposure and those of an arm that stands still [rad]
+    if not off <= 0.02:
         raise CameraPoseMismatch(
             f"the frame's joints are {off:.3f} rad from those of the resting arm"
         )

@@ -188,9 +188,8 @@ def time_curve(
     qd = first * s1
     qdd = second * s1**2 + first * s2
     qddd = third * s1**3 + 3.0 * second * s1 * s2 + first * s3
-    jerk_between = (
-        np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]
-    )  # as a controller interpolates the samples
+    # as a controller interpolates the samples
+    jerk_between = np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]
     stretch = max(
         1.0,
         float((np.abs(qd) / limits.velocity).max()),

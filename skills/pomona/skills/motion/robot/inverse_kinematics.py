@@ -153,9 +153,8 @@ def _descend(
                 met[k] = q[k] != wanted
         forward(steps, sliding, q, links)
         compose(links[dof], T_link_tcp, T)
-        if (
-            _pose_error(T, target, error) < 1e-9**2
-        ):  # accepted error when rounding stops the descent earlier
+        # accepted error when rounding stops the descent earlier
+        if _pose_error(T, target, error) < 1e-9**2:
             for i in range(q.shape[0]):
                 solutions[count, i] = q[i]
             count += 1

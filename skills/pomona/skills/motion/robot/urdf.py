@@ -41,9 +41,8 @@ def read_urdf(path: Path) -> ElementTree.Element | None:
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, OSError, ValueError) as error:
-        if (
-            path.is_file() and b"<robot" in path.read_bytes()
-        ):  # MuJoCo may read it, and nothing here would be judged
+        # MuJoCo may read it, and nothing here would be judged
+        if path.is_file() and b"<robot" in path.read_bytes():
             raise BadRobotFile(path, f"cannot be read as XML: {error}") from error
         return None  # MuJoCo gives the reason
     space = root.tag.removesuffix("robot")  # MuJoCo reads no namespaces
@@ -160,9 +159,8 @@ def _found(urdf: Path, name: str) -> Path:
         raise BadRobotFile(
             urdf, f"the mesh '{name}' is not found (looked in {looked or 'no folder'}): {remedy}"
         )
-    if (
-        found.suffix.lower() not in READ
-    ):  # Kinova's package has the same shape beside it, in a format that is read
+    # Kinova's package has the same shape beside it, in a format that is read
+    if found.suffix.lower() not in READ:
         beside = [path for path in sorted(found.parent.glob("*")) if path.suffix.lower() in READ]
         found = next((path for path in beside if path.stem == found.stem), found)
     if found.suffix.lower() not in READ:

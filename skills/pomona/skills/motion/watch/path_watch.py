@@ -279,9 +279,8 @@ class PathWatch:
     def _pace(self, points: Float64, path_time: float, age: float) -> float:
         """Return the largest of `PACES` at which the arm rests in time from here, else the last."""
         how = self._how
-        has_begun = (
-            path_time >= FRAME_INTERVAL + how.delay + STEP
-        )  # the motion's first frame counts by then
+        # the motion's first frame counts by then
+        has_begun = path_time >= FRAME_INTERVAL + how.delay + STEP
         way = UNNOTICED if has_begun else max(UNNOTICED, how.speed * age)
         for pace in PACES:
             stopping = FRAME_INTERVAL + how.delay + self._braking.time(path_time, pace)

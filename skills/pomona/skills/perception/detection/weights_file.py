@@ -135,9 +135,8 @@ ENDING = ".weights"
 
 MOST_BYTES = 64 << 20  # of all members, unpacked; the largest shipped file has 11 MB [byte]
 
-Score = (
-    FusedScore | PowerScore
-)  # from the answers of both networks to the ratio of such detections that are fruit
+# from the answers of both networks to the ratio of such detections that are fruit
+Score = FusedScore | PowerScore
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of each member: equal weights give equal files
 
 
