@@ -203,7 +203,7 @@ class PathArm(Device, ABC):
             self._judge(lambda: self._supervisor.look(now, motion, stream.sent))
 
     def _judge(self, look: Callable[[], None]) -> None:
-        """Let the supervisor look; the arm stops at once for a fault, and brakes on its path without feedback if it must."""
+        """Let the supervisor look; a fault stops the arm at once, and so does missing feedback where a command can."""
         try:
             look()
         except DeviceLost as error:
