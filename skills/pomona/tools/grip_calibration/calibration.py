@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +16,6 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
 from pomona.drivers.interfaces import WrenchSample
-from pomona.executive.values.archives import UnreadableArraysError, read_plain_arrays
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.grip import GripError
 from pomona.skills.grip.limit_surface import SoftContact, least_force
@@ -34,10 +32,6 @@ class TooFewPushes(GripError):
             f"only {found} usable slides were found, at least 3 are needed: hold the fruit with a steady force of more"
             " than 0.6 N and pull or twist it until it slides, at two forces or more"
         )
-
-
-class UnusablePushes(GripError):
-    """The file of pushes cannot be read."""
 
 
 class GuidanceEnded(GripError):
@@ -373,58 +367,3 @@ def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "")
         f"  notes: [{', '.join(repr(note) for note in calibration.notes)}]",
     ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def read_recording(path: Path) -> tuple[list[Push], Push | None]:
-    """Read the pushes and, where there is one, the squeeze from a .npz file of `write_pushes`.
-
-    Arrays: `wrenches_0` (n, 2, 6) and `width_0` (n,), `wrenches_1` …; of the squeeze `squeeze_wrenches`,
-    `squeeze_width`. Unknown widths may be left out.
-
-    Raises:
-        UnusablePushes: the file is of another kind, or an array has a wrong shape or values that are not finite.
-        TooFewPushes: the file holds no pushes.
-    """
-    try:
-        arrays = read_plain_arrays(path)
-    except UnreadableArraysError as error:
-        raise UnusablePushes(f"{path}: not a readable .npz file of pushes ({error})") from error
-    count = sum(name.startswith("wrenches_") for name in arrays)
-    pushes = [_push_of(arrays, f"wrenches_{i}", f"width_{i}", path) for i in range(count)]
-    if not pushes:
-        raise TooFewPushes(0)
-    squeezed = "squeeze_wrenches" in arrays
-    return pushes, _push_of(arrays, "squeeze_wrenches", "squeeze_width", path) if squeezed else None
-
-
-def _push_of(
-    arrays: dict[str, np.ndarray[Any, Any]], wrenches: str, width: str, path: Path
-) -> Push:
-    if wrenches not in arrays:
-        raise UnusablePushes(f"{path}: there is no '{wrenches}': number the pushes 0, 1, 2 …")
-    both = arrays[wrenches]
-    if (
-        both.dtype.kind not in "fiu"
-        or both.ndim != 3
-        or both.shape[1:] != (2, 6)
-        or not np.isfinite(both).all()
-    ):
-        raise UnusablePushes(
-            f"{path}: '{wrenches}' must hold finite numbers of shape (n, 2, 6), not {both.shape}"
-        )
-    opening = arrays.get(width, np.full(len(both), np.nan))
-    if opening.dtype.kind not in "fiu" or opening.shape != (len(both),):
-        raise UnusablePushes(
-            f"{path}: '{width}' must hold numbers of shape ({len(both)},), not {opening.shape}"
-        )
-    return Push(np.asarray(both, np.float64), np.asarray(opening, np.float64))
-
-
-def write_pushes(pushes: list[Push], path: Path, squeeze: Push | None = None) -> None:
-    """Write pushes, and perhaps a squeeze, to a .npz file."""
-    arrays: dict[str, Float64] = {}
-    for i, push in enumerate(pushes):
-        arrays[f"wrenches_{i}"], arrays[f"width_{i}"] = push.wrenches, push.width
-    if squeeze is not None:
-        arrays["squeeze_wrenches"], arrays["squeeze_width"] = squeeze.wrenches, squeeze.width
-    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]

@@ -1,6 +1,6 @@
-"""`pomona calibrate grip`: friction and stiffness of a grip from pushes, recorded or made at a cell now.
+"""`pomona calibrate grip`: friction and stiffness of a grip from guided pushes at a cell.
 
-Guided pushes: the fingers press in steps, the operator pulls and twists the fruit until it slides.
+The fingers press in steps, the operator pulls and twists the fruit until it slides.
 """
 
 from __future__ import annotations
@@ -28,9 +28,7 @@ from pomona.tools.grip_calibration.calibration import (
     Push,
     PushRecorder,
     calibrate_grip,
-    read_recording,
     write_calibration,
-    write_pushes,
 )
 
 SQUEEZE_SPEED = 0.004  # closing speed on the fruit [m/s]
@@ -158,17 +156,9 @@ GRASP_FORCE = Measure(FORCE, "0.6 N", "15 N")  # at which pushes may be made
 def add(kinds: Any) -> None:
     """Register `grip` among the kinds of `pomona calibrate`."""
     grip = kinds.add_parser(
-        "grip", help="estimate friction and stiffness of a grip from recorded or guided pushes"
+        "grip", help="estimate friction and stiffness of a grip from guided pushes"
     )
-    grip.add_argument(
-        "recording",
-        type=Path,
-        nargs="?",
-        help=".npz of pushes; without it they are recorded at --cell",
-    )
-    grip.add_argument(
-        "--cell", help="cell file, or the name of an installed cell, for guided pushes"
-    )
+    grip.add_argument("--cell", required=True, help="cell file, or the name of an installed cell")
     grip.add_argument("--out", type=Path, required=True, help="the parameter file to write")
     grip.add_argument("--fruit", default="", help="name of the fruit, for the report")
     about = "grasp forces (2N 4N 7N)"
@@ -182,18 +172,14 @@ def add(kinds: Any) -> None:
     )
     long = Measure(TIME, "100 ms", "2 min")
     grip.add_argument("--time", type=long.option, default=6.0, help="time for one push (6s)")
-    grip.add_argument("--keep", type=Path, help="also write the recorded pushes to this .npz file")
     grip.set_defaults(main=main)
 
 
 def main(options: argparse.Namespace) -> int:
     """Calibrate. Raises UsageError: the pushes cannot be used, or a file is there already."""
-    for file in filter(None, (options.out, options.keep)):
-        refuse_taken(file)
+    refuse_taken(options.out)
     try:
-        pushes, squeeze = (
-            _made_now(options) if options.recording is None else read_recording(options.recording)
-        )
+        pushes, squeeze = _made_now(options)
         found = calibrate_grip(pushes, squeeze)
         write_calibration(found, options.out, options.fruit)
     except (GripError, DriverError, OSError, ValueError) as error:
@@ -204,10 +190,8 @@ def main(options: argparse.Namespace) -> int:
     return 0
 
 
-def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
+def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push]:
     forces = sorted(options.forces)
-    if options.cell is None:
-        raise GuidanceEnded("name a recording of pushes, or --cell to make them now")
     with contextlib.closing(_cell(options.cell)) as cell:
         clock = cell.clock
         wait = clock.advance if clock.simulated else time.sleep
@@ -217,10 +201,7 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
         except KeyError as missing:
             raise GuidanceEnded(str(missing.args[0])) from missing
         guide = GuidedPushes(gripper, sensor, clock.now, wait, _tell, _who_is_asked(cell))
-        pushes, squeeze = guide.record(forces, options.time)
-    if options.keep is not None:
-        write_pushes(pushes, options.keep, squeeze)
-    return pushes, squeeze
+        return guide.record(forces, options.time)
 
 
 def _cell(name: str) -> Any:

@@ -15,9 +15,7 @@ from pomona.tools.grip_calibration.calibration import (
     PushRecorder,
     TooFewPushes,
     calibrate_grip,
-    read_recording,
     write_calibration,
-    write_pushes,
 )
 from tests.skills.tools.grip_calibration.pushes import TRUE, all_pushes, middle
 
@@ -65,17 +63,6 @@ def test_the_file_holds_pads_and_quality(tmp_path: Path) -> None:
     assert written["pads"]["delta"].endswith(" mm")
     assert written["quality"]["relative_residual"] < 0.05
     assert written["quality"]["notes"] == []
-
-
-def test_pushes_survive_a_file(tmp_path: Path) -> None:
-    pushes, _ = all_pushes()
-    write_pushes(list(pushes[:2]), tmp_path / "pushes.npz")
-    again, squeeze = read_recording(tmp_path / "pushes.npz")
-    assert (len(again), squeeze) == (2, None)
-    assert np.array_equal(again[1].wrenches, pushes[1].wrenches)
-    write_pushes([], tmp_path / "none.npz")
-    with pytest.raises(TooFewPushes):
-        read_recording(tmp_path / "none.npz")
 
 
 def test_a_live_stream_becomes_a_push_without_its_bias() -> None:
