@@ -148,6 +148,7 @@ class UrEmulator(EmulatedArm):
         self._next: float | None = None
         self._mode_due: list[tuple[float, int]] = []
         self._written_at: dict[str, float] = {}
+        self._readers: dict[str, Callable[[], Any]] = {}
         self._watch: tuple[str, float] | None = None
         self._threads: list[Iterator[None]] = []
         self._velocity = velocity
@@ -274,7 +275,7 @@ class UrEmulator(EmulatedArm):
 
     def _go(self, wanted: Float64, acceleration: float) -> None:
         most = acceleration * self.cycle
-        self._qd = self._qd + np.clip(wanted - self._qd, -most, most)
+        self._qd = self._qd + np.minimum(np.maximum(wanted - self._qd, -most), most)
         self._q = self._q + self._qd * self.cycle
         self._moved = True
 
@@ -307,7 +308,8 @@ class UrEmulator(EmulatedArm):
         if np.any(np.abs(wanted) > 2.0 * self._velocity):
             self._stop_safely(3)
         else:
-            self._go(np.clip(wanted, -1.2 * self._velocity, 1.2 * self._velocity), 2.0 * MOST)
+            most = 1.2 * self._velocity
+            self._go(np.minimum(np.maximum(wanted, -most), most), 2.0 * MOST)
 
     def _functions(self) -> dict[str, Any]:
         """Return the functions of a script; those that take time are generators."""
@@ -393,7 +395,7 @@ class UrEmulator(EmulatedArm):
             "run": run,
             "kill": kill,
             "halt": self.end_program,
-            "norm": lambda v: float(np.linalg.norm(v)),
+            "norm": lambda v: math.hypot(*v) if isinstance(v, list) else abs(v),
             "length": len,
             "pose": list,
             **{name: getattr(math, name) for name in ("sqrt", "ceil", "floor")},
@@ -429,28 +431,36 @@ class UrEmulator(EmulatedArm):
 
     def read(self, name: str) -> Any:
         """Return the value of an output field; zero where the emulator has none."""
+        if name not in self._readers:
+            self._readers[name] = self._reader(name)
+        return self._readers[name]()
+
+    def _reader(self, name: str) -> Callable[[], Any]:
         register = re.fullmatch(r"output_(int|double)_register_(\d+)", name)
         if register:
-            return (self.out_int if register[1] == "int" else self.out_float)[int(register[2])]
-        known: Mapping[str, Any] = {
-            "timestamp": self.now,
-            **dict.fromkeys(("target_q", "target_qd"), self._q),
-            "target_qd": self._qd,
-            "robot_mode": self.mode,
-            "safety_mode": self.safety,
-            "runtime_state": self.runtime,
-            "robot_status_bits": self.status | (2 if self.program else 0),
-            "safety_status_bits": 1 << {1: 0, 2: 1, 3: 2, 5: 4, 7: 6}.get(self.safety, 9),
-            "speed_scaling": self.slider * self.scaling,
-            "target_speed_fraction": self.slider,
-            "joint_mode": [253] * 6,
-            "actual_TCP_force": self.tcp_force(),
-            "actual_TCP_pose": self.tcp_pose,
-        }
-        if name in ("actual_q", "actual_qd"):
-            return self.measured()[name == "actual_qd"]
+            registers: list[Any] = self.out_int if register[1] == "int" else self.out_float
+            number = int(register[2])
+            return lambda: registers[number]
         size = {"VECTOR6D": 6, "VECTOR6INT32": 6, "VECTOR3D": 3}.get(TYPES[name], 0)
-        return known.get(name, [0] * size if size else 0)
+        safety = {1: 0, 2: 1, 3: 2, 5: 4, 7: 6}
+        known: Mapping[str, Callable[[], Any]] = {
+            "actual_q": lambda: self.measured()[0].tolist(),
+            "actual_qd": lambda: self.measured()[1].tolist(),
+            "timestamp": lambda: self.now,
+            "target_q": lambda: self._q.tolist(),
+            "target_qd": lambda: self._qd.tolist(),
+            "robot_mode": lambda: self.mode,
+            "safety_mode": lambda: self.safety,
+            "runtime_state": lambda: self.runtime,
+            "robot_status_bits": lambda: self.status | (2 if self.program else 0),
+            "safety_status_bits": lambda: 1 << safety.get(self.safety, 9),
+            "speed_scaling": lambda: self.slider * self.scaling,
+            "target_speed_fraction": lambda: self.slider,
+            "joint_mode": lambda: [253] * 6,
+            "actual_TCP_force": lambda: self.tcp_force(),
+            "actual_TCP_pose": lambda: self.tcp_pose,
+        }
+        return known.get(name, lambda: [0] * size if size else 0)
 
 
 def _six(numbers: Any) -> Float64:
@@ -577,7 +587,7 @@ class _RtdePort(ControllerPort):
                 values: list[Any] = []
                 for name in client.outputs:
                     found = self._robot.read(name)
-                    values.extend(found) if np.ndim(found) else values.append(found)
+                    values += found if isinstance(found, list) else [found]
                 client.say(b"U", client.layout.pack(1, *values))
 
     def on_bytes(self, peer: Peer, buffer: bytearray) -> None:

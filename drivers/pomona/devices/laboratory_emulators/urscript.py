@@ -9,6 +9,8 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterable, Mapping
+from functools import cache
+from types import CodeType
 from typing import Any
 
 _TAKE_TIME = "movej movel movep movec servoj servoc speedj speedl stopj stopl sync sleep join_thread stop_wait"
@@ -114,6 +116,14 @@ def compile_script(text: str, functions: Mapping[str, Any]) -> tuple[str, dict[s
 
     Raises SyntaxError: it is no program.
     """
+    name, code = _translated(text)
+    space: dict[str, Any] = dict(functions)
+    exec(code, space)
+    return name, space
+
+
+@cache
+def _translated(text: str) -> tuple[str, CodeType]:
     tree = ast.parse(to_python(text))
     program = tree.body[0]
     if not isinstance(program, ast.FunctionDef):
@@ -135,6 +145,4 @@ def compile_script(text: str, functions: Mapping[str, Any]) -> tuple[str, dict[s
     assert isinstance(entry, ast.FunctionDef)
     entry.body = [*([ast.Global(names=sorted(shared))] if shared else []), *main, *entry.body]
     module = ast.fix_missing_locations(ast.Module(body=[*inner, entry], type_ignores=[]))
-    space: dict[str, Any] = dict(functions)
-    exec(compile(module, f"<{program.name}>", "exec"), space)
-    return program.name, space
+    return program.name, compile(module, f"<{program.name}>", "exec")

@@ -282,8 +282,10 @@ class XArmEmulator(EmulatedArm):
                 wanted = self._towards(*self._queue[0])
             elif self.mode == 4 and now < self._speeds_end:
                 wanted = self._speeds
-        wanted = np.clip(wanted, -1.2 * self._velocity, 1.2 * self._velocity)
-        self._qd = self._qd + np.clip(wanted - self._qd, -most * CYCLE, most * CYCLE)
+        quickest = 1.2 * self._velocity
+        wanted = np.minimum(np.maximum(wanted, -quickest), quickest)
+        change = np.minimum(np.maximum(wanted - self._qd, -most * CYCLE), most * CYCLE)
+        self._qd = self._qd + change
         self._qd[np.abs(self._qd) < 1e-9] = 0.0
         self._q = self._q + self._qd * CYCLE
         if self.state in (1, 2):
@@ -338,8 +340,7 @@ class XArmEmulator(EmulatedArm):
 
 
 def _wire(values: Float64) -> bytes:
-    with np.errstate(over="ignore"):
-        return np.concatenate([values, np.zeros(PLACES - len(values))]).astype("<f4").tobytes()
+    return struct.pack(f"<{len(values)}f", *values).ljust(4 * PLACES, b"\0")
 
 
 def _framed(body: bytes) -> bytes:
