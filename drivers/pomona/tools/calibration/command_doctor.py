@@ -9,7 +9,9 @@ from typing import Any
 
 from pomona.executive.files import find_cell
 from pomona.executive.language.interface import parse_settings
+from pomona.executive.values.kinds import Measure
 from pomona.executive.values.sentences import ReportLine
+from pomona.executive.values.units import LENGTH
 from pomona.tools.calibration.machine import examine_machine
 
 
@@ -30,6 +32,12 @@ def add(subparsers: Any) -> None:
         default=Path("runs"),
         metavar="DIR",
         help="folder of records (default: runs)",
+    )
+    parser.add_argument(
+        "--gauge",
+        type=Measure(LENGTH, "0 mm", "1 m").option,
+        metavar="WIDTH",
+        help="of what the pads hold now, as calipers show it: the gripper must report the same opening",
     )
     parser.set_defaults(main=main)
 
@@ -57,4 +65,4 @@ def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterato
     except ImportError as error:
         yield ReportLine("cell", False, f"not examined, since a requirement is missing: {error}")
     else:
-        yield from examine(find_cell(options.cell), overrides, options.record)
+        yield from examine(find_cell(options.cell), overrides, options.record, options.gauge)

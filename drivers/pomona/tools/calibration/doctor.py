@@ -34,19 +34,24 @@ ENOUGH = 0.95  # ratio of the measured rate to the nominal one below which it is
 FELT = (ForceSensor, PressSensor, LoadSensor)  # interfaces of sensors that stream wrenches
 FREE = 0.5  # largest force of a pad that nothing touches [N]
 GRAVITY = 9.81  # [m/s²]
+OFF_GAUGE = 1.5e-3  # largest error of a reported opening [m]: as the conformance of grippers allows
 # rates that a camera and an arm should have at least [Hz]
 SLOWEST_CAMERA = 2.0
 SLOWEST_ARM = 20.0
 
 
 def examine(
-    path: Path, overrides: Mapping[str, str] | None = None, records: Path | None = None
+    path: Path,
+    overrides: Mapping[str, str] | None = None,
+    records: Path | None = None,
+    gauge: float | None = None,
 ) -> Iterator[ReportLine]:
     """Look over a cell: its file, every device, rates, intrinsics. Nothing moves; servos and streams are switched on.
 
     Args:
         overrides: values of the file's options.
         records: folder of records; those of this cell show how well it is calibrated.
+        gauge: true opening between the pads [m].
     """
     missing: dict[str, DriverError] = {}
     try:
@@ -69,6 +74,8 @@ def examine(
         rates = _watch(cell)
         for name, device in cell.devices.items():
             yield from _device(name, device, rates.get(name, _Watched()), cell)
+            if gauge is not None and Gripper in device.interfaces and isinstance(device, Gripper):
+                yield compared_with_gauge(name, device, gauge)
         if records is not None and (found := sorted(path.parent for path in records_in(records))):
             yield from further_checks(found, cell.name)
     finally:
@@ -171,6 +178,21 @@ def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterato
             yield from _wrenches(name, device, watched)
     except DriverError as error:
         yield ReportLine(name, False, str(error))
+
+
+def compared_with_gauge(name: str, gripper: Gripper, gauge: float) -> ReportLine:
+    """Compare the opening that a gripper reports with a gauge between its pads [m]."""
+    try:
+        width = gripper.state().width
+    except DriverError as error:
+        return ReportLine(f"{name} gauge", False, str(error))
+    words = f"it reports {1e3 * width:.1f} mm, the gauge has {1e3 * gauge:.1f} mm"
+    return ReportLine(
+        f"{name} gauge",
+        abs(width - gauge) <= OFF_GAUGE,
+        words,
+        "compare a second width: a constant error is 'finger_offset', another one 'scale' or its sign",
+    )
 
 
 def _camera(name: str, frame: Frame | None, watched: _Watched, cell: Cell) -> Iterator[ReportLine]:

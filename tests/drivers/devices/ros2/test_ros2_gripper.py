@@ -19,6 +19,7 @@ from pomona.devices.ros2.joints import JOINT_STATE
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.interfaces import Gripper, GripperLimits, MotionState
 from pomona.executive.clock import ManualClock
+from pomona.tools.calibration.doctor import compared_with_gauge
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 LIMITS = GripperLimits(0.01, 0.08, 0.1, 20.0)
@@ -273,3 +274,24 @@ def test_closed_it_leaves_the_fingers_where_they_are(setting: Setting) -> None:
     assert setting.fingers.closed
     with pytest.raises(DeviceLost, match="is closed"):
         setting.gripper.check()
+
+
+@pytest.mark.parametrize(("scale", "right"), [(2.0, True), (1.0, False), (-2.0, False)])
+def test_a_gauge_between_the_pads_shows_a_gripper_whose_scale_is_wrong(
+    scale: float, right: bool
+) -> None:
+    clock = ManualClock(20.0)
+    fingers = Fingers(clock)  # open by 62 mm
+    options = Ros2GripperOptions("finger", scale, 0.002)
+    gripper = Ros2Gripper(
+        fingers, clock, GripperLimits(-0.1, 0.1, 0.1, 20.0), options, host_time=lambda: fingers.wall
+    )
+    fingers.advance(0.005)
+    gripper.connect()
+    line = compared_with_gauge("gripper", gripper, 0.0625)
+    assert line.ok is right
+    assert "the gauge has 62.5 mm" in line.found
+    fingers.silent = True
+    clock.advance(1.0)
+    gripper.step()
+    assert not compared_with_gauge("gripper", gripper, 0.0625).ok

@@ -83,6 +83,23 @@ def test_a_doubtful_value_of_the_cell_file_is_reported_with_its_place(tmp_path: 
     assert "both must agree" in doubts[0].advice
 
 
+def test_the_command_takes_the_width_of_a_gauge(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text(
+        "kind: mock\nworld: {driver: mock}\ndevices:\n  gripper: {driver: mock-gripper}\n"
+    )
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers())
+    for gauge, sign in (("100 mm", "✓"), ("20 mm", "✗")):
+        words = ["doctor", "--cell", str(path), "--record", str(tmp_path), "--gauge", gauge]
+        options = parser.parse_args(words)
+        options.main(options)
+        (line,) = [one for one in capsys.readouterr().out.splitlines() if "gripper gauge" in one]
+        assert line.startswith(sign)
+
+
 def test_an_unusable_cell_file_is_one_line_with_its_place(tmp_path: Path) -> None:
     path = tmp_path / "cell.yaml"
     path.write_text("kind: real\ndevices:\n  gripper: {driver: wgs}\n")
