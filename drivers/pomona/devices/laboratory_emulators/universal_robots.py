@@ -148,7 +148,6 @@ class UrEmulator(EmulatedArm):
         self._next: float | None = None
         self._mode_due: list[tuple[float, int]] = []
         self._written_at: dict[str, float] = {}
-        self._readers: dict[str, Callable[[], Any]] = {}
         self._watch: tuple[str, float] | None = None
         self._threads: list[Iterator[None]] = []
         self._velocity = velocity
@@ -429,13 +428,8 @@ class UrEmulator(EmulatedArm):
         self.inputs[name] = number
         self._written_at[name] = self.now
 
-    def read(self, name: str) -> Any:
-        """Return the value of an output field; zero where the emulator has none."""
-        if name not in self._readers:
-            self._readers[name] = self._reader(name)
-        return self._readers[name]()
-
-    def _reader(self, name: str) -> Callable[[], Any]:
+    def reader(self, name: str) -> Callable[[], Any]:
+        """Return what reads an output field; zero where the emulator has none."""
         register = re.fullmatch(r"output_(int|double)_register_(\d+)", name)
         if register:
             registers: list[Any] = self.out_int if register[1] == "int" else self.out_float
@@ -554,7 +548,7 @@ class _Client:
         self.peer = peer
         self.started = False
         self.every = 1
-        self.outputs: list[str] = []
+        self.outputs: list[Callable[[], Any]] = []
         self.layout = struct.Struct(">B")
         self.inputs: dict[int, tuple[list[str], struct.Struct]] = {}
 
@@ -585,8 +579,8 @@ class _RtdePort(ControllerPort):
         for client in tuple(self._clients.values()):
             if client.started and (self._count % client.every == 0 or self._robot.fault == "slow"):
                 values: list[Any] = []
-                for name in client.outputs:
-                    found = self._robot.read(name)
+                for read in client.outputs:
+                    found = read()
                     values += found if isinstance(found, list) else [found]
                 client.say(b"U", client.layout.pack(1, *values))
 
@@ -627,7 +621,8 @@ class _RtdePort(ControllerPort):
         names = [name for name in body[8:].decode().split(",") if name]
         kinds = [_kind(name, "output") for name in names]
         client.every = max(round(1.0 / self._robot.cycle / struct.unpack_from(">d", body)[0]), 1)
-        client.outputs = [name for name, kind in zip(names, kinds, strict=True) if kind]
+        known = [name for name, kind in zip(names, kinds, strict=True) if kind]
+        client.outputs = [self._robot.reader(name) for name in known]
         client.layout = struct.Struct(">B" + "".join(LAYOUTS[kind] for kind in kinds if kind))
         client.say(b"O", b"\x01" + ",".join(kind or "NOT_FOUND" for kind in kinds).encode())
 
