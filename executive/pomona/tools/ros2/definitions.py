@@ -1,7 +1,7 @@
 """Definitions of the messages that no distribution of ROS 2 contains, in ROS 2's own language.
 
-`pomona_msgs` belongs to Pomona: interop.md has every field with its unit. `py_trees_ros_interfaces` and
-`octomap_msgs` are copied as published, without the comments.
+`pomona_msgs` belongs to Pomona: interop.md has every field with its unit. `py_trees_ros_interfaces` is
+copied as published, without the comments.
 """
 
 from __future__ import annotations
@@ -125,5 +125,4 @@ int64 tick
 builtin_interfaces/Time stamp
 py_trees_ros_interfaces/Behaviour[] behaviours
 """,
-    "octomap_msgs/msg/Octomap": "std_msgs/Header header\nbool binary\nstring id\nfloat64 resolution\nint8[] data\n",
 }

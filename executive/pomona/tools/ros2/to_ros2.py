@@ -18,7 +18,6 @@ from pomona.executive.encode import encoded
 from pomona.executive.errors import PomonaError
 from pomona.executive.recording.folder import DEVICES, EVENTS
 from pomona.executive.recording.well_known import DEPTH, IMAGES, INTERVENTIONS, SERIES_TOPIC
-from pomona.tools.ros2.octomap import octomap
 
 SECOND = 1_000_000_000
 
@@ -108,7 +107,6 @@ class ToRos2:
                 isinstance(event["value"], Mapping) and event["value"].get("type") == "SceneView"
             ):
                 yield from _lines(event["topic"], event["value"]["lines"], at)
-                yield from _maps(event["topic"], event["value"]["points"], at)
             case "RunEnded":
                 yield from self.rest(stamp)
 
@@ -187,19 +185,6 @@ def _lines(topic: str, lines: Any, at: int) -> Iterator[RosMessage]:
         yield _path(
             f"/pomona/path/{ros_name(topic)}/{label}", [(at, point) for point in points], at
         )
-
-
-def _maps(topic: str, clouds: Any, at: int) -> Iterator[RosMessage]:
-    """Occupied voxels as an octree, in addition to the point cloud."""
-    for cloud in clouds:
-        if cloud["style"] == "occupied" and cloud["size"] > 0.0:
-            fields = {
-                "header": header(at, "base"),
-                **octomap(cloud["points"], float(cloud["size"])),
-            }
-            yield RosMessage(
-                f"/pomona/octomap/{ros_name(topic)}", "octomap_msgs/msg/Octomap", at, fields
-            )
 
 
 def diagnostics(at: int, states: Mapping[str, str]) -> RosMessage:

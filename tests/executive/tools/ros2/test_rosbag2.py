@@ -26,10 +26,7 @@ from pomona.executive.errors import UsageError
 from pomona.executive.recording.folder import DEVICES, EVENTS_FILE
 from pomona.executive.recording.read import decode_image
 from pomona.executive.values.installation import install_extra
-from pomona.skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
-from pomona.tools.ros2 import octree
 from pomona.tools.ros2.definitions import ACTIONS, POMONA, SERVICES
-from pomona.tools.ros2.octomap import octomap
 from pomona.tools.ros2.rosbag2 import export_rosbag2
 from pomona.tools.ros2.to_ros2 import RosMessage, ToRos2
 from pomona.tools.ros2.types import coder, typestore
@@ -253,17 +250,6 @@ def test_our_messages_are_those_that_the_docs_define() -> None:
         ),
     }
     assert definitions() == ours
-
-
-def test_an_octree_has_the_bytes_of_the_map_whose_points_were_recorded() -> None:
-    map = OccupancyMap.empty(np.array([-0.2, -0.2, 0.0]), np.array([0.2, 0.2, 0.3]), 0.01)
-    rng = np.random.default_rng(3)
-    map.states[...] = np.where(rng.random(map.states.shape) < 0.1, OCCUPIED, UNKNOWN)
-    map.states[:16, :16, :16] = OCCUPIED  # a block that the tree holds as one leaf
-    cells = np.argwhere(map.states == OCCUPIED) + np.round(map.origin / 0.01).astype(np.int64)
-    expected, _ = octree.octree(cells, np.full(len(cells), octree.OCCUPIED, np.uint8))
-    assert octomap(map.centres(OCCUPIED), 0.01)["data"].tobytes() == expected
-    assert octomap(np.empty((0, 3)), 0.01)["data"].tobytes() == b""
 
 
 def test_a_field_left_out_of_a_message_is_zero_and_an_unknown_one_is_refused() -> None:
