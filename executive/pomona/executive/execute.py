@@ -49,7 +49,6 @@ from pomona.executive.values.installation import (
     distribution,
     installed_trees,
 )
-from pomona.executive.values.later import import_all
 from pomona.executive.values.sentences import sentence_of
 from pomona.executive.values.yaml_nodes import written
 
@@ -284,7 +283,6 @@ def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
-        import_all()
         cell = connect_cell(file, order)
         supervision = RunSupervision(cell)
         stack.callback(

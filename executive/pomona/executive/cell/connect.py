@@ -24,6 +24,7 @@ from pomona.executive.clock import ManualClock, SystemClock
 from pomona.executive.values.documents import with_includes
 from pomona.executive.values.findings import Findings
 from pomona.executive.values.kinds import Schema
+from pomona.executive.values.later import import_all
 
 
 def load_cell(
@@ -66,6 +67,7 @@ def connect_cell(
         CellFileError: a value is wrong on use: for example an address without a device.
         DeviceError: a device could not be connected; those connected before are released.
     """
+    import_all()
     said = file.section
     services = installed_services()
     context = services.context(

@@ -20,6 +20,6 @@ class Later:
 
 
 def import_all() -> None:
-    """Import all of them: no tick of a run may wait for one."""
+    """Import all of them, before a cell is connected: no tick and no driver may wait for one."""
     for name in _names:
         import_module(name)
