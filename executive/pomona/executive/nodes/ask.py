@@ -42,6 +42,13 @@ class Question(Behaviour):
         self.starts += 1
         self._given = None
 
+    def renew(self) -> None:
+        """Ask again, since what was shown may have changed; a node that has started goes on."""
+        if self.status is Status.RUNNING and all(
+            child.status is not Status.RUNNING for child in self.children
+        ):
+            self.ask()
+
     @property
     def given(self) -> str | None:
         """Answer to the newest question; None while there is none."""

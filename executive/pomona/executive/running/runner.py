@@ -379,10 +379,13 @@ class Runner(Requests):
                 self.questions[path].answer(number, choice)
             elif action == "fail":
                 self._switch(detail)
-            elif action == "change":
-                change_input(self.tree, detail)
-            elif action == "reload":
-                self._take_over(who, detail)
+            elif action in ("change", "reload"):
+                if action == "change":
+                    change_input(self.tree, detail)
+                else:
+                    self._take_over(who, detail)
+                for question in self.questions.values():
+                    question.renew()
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
 

@@ -23,7 +23,7 @@ from pomona.executive.values.findings import Findings, did_you_mean
 from pomona.executive.values.installation import installed_trees
 from pomona.tools.assistants.bounded import Answer, Commands
 from pomona.tools.assistants.work_folder import WorkFolder
-from pomona.tools.dashboard.approvals import Approvals, version_of
+from pomona.tools.dashboard.approvals import STARTED_BY, Approvals, version_of
 
 QUICK = 60.0  # limit of a command that starts no run [s]; on a loaded computer a check takes 8 s
 # settings of a command, characters of a value
@@ -31,7 +31,6 @@ MOST_SETTINGS = 30
 MOST_VALUE = 200
 MOST_FINDINGS = 100  # in an answer
 MOST_ANSWER = 60_000  # characters of a text in an answer: a drawing of 1 000 nodes has 50 000
-STARTED_BY = "assistant.json"  # beside the record of a run that the door has started
 _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 call_number: ContextVar[int] = ContextVar("call_number", default=0)
@@ -290,7 +289,7 @@ class Door:
     ) -> str:
         """Ask the operator to run a tree on a cell that is not simulated. Nothing is started.
 
-        The operator reads tree, difference to the last version that ran, cell and reason, and starts the run.
+        The operator reads what has changed in tree and cell since a person ran them, and the reason, and starts the run.
 
         Raises UsageError: the cell is simulated, or the tree has errors on it.
         """

@@ -200,11 +200,11 @@ class WorkFolder:
             raise UsageError(f"'{name}' is not written: only regular files that end with .yaml are")
         if len(text.encode(errors="replace")) > MOST_TEXT:
             raise UsageError(f"the text is larger than {MOST_TEXT // 1024} KiB")
-        kind = kind_of(text)
-        if kind not in WRITTEN:
-            raise UsageError(
-                f"this text is {kind}: only trees ('root:'), scenarios ('cases:') and mocks are written"
-            )
+        for found in (text, *([self.read(path)] if path.exists() else ())):
+            if (kind := kind_of(found)) not in WRITTEN:
+                raise UsageError(
+                    f"{kind} is not written: only trees ('root:'), scenarios ('cases:') and mocks are"
+                )
         return path
 
 

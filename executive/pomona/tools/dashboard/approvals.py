@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
+import os
 import shlex
 import shutil
 from collections.abc import Iterator, Mapping
@@ -13,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.cell.cell_file import outline_cell
+from pomona.executive.cell.cell_file import SHIPPED, outline_cell
 from pomona.executive.errors import UsageError
 from pomona.executive.files import find_cell, find_tree, read_text
 from pomona.executive.language.check import read_document
@@ -22,11 +23,13 @@ from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.read import read_events
 from pomona.executive.running.events import RunStarted
 from pomona.executive.terminal.output import json_text
+from pomona.executive.values.documents import read_value_file
 from pomona.executive.values.findings import Findings
 
 PLACE = "approvals"  # folder of the requests, in the folder of records
 REQUEST = "request.json"
 DIFFERENCE = "difference.patch"
+STARTED_BY = "assistant.json"  # beside the record of a run that the door has started
 MOST_OPEN = 20  # requests that wait; more would hide each other
 MOST_REASON = 1000  # characters
 
@@ -45,7 +48,7 @@ class RunRequest:
     difference_to: str
     difference: str
     text: str
-    version: str  # of all files of the request
+    version: str  # of all files of the request, and of those that its run reads
 
 
 class Approvals:
@@ -84,11 +87,12 @@ class Approvals:
         document = read_document(path)
         request = self._new_place(document.main.name)
         copied = _copy(document, path, request / "tree")
-        against, difference = self._difference(document)
+        cell_file = self._root / cell if cell.startswith("./") else find_cell(cell)
+        against, difference = self._difference(document.main.name, _texts(path, cell_file))
         (request / DIFFERENCE).write_text(difference, encoding="utf-8")
         about = {
             "tree": str(copied.relative_to(request)),
-            "cell": str(self._root / cell if cell.startswith("./") else find_cell(cell)),
+            "cell": str(cell_file),
             "seed": seed, "settings": dict(settings), "reason": reason, "difference_to": against,
             "asked": datetime.now(UTC).isoformat(timespec="seconds"), "call": call,
         }  # fmt: skip
@@ -101,16 +105,46 @@ class Approvals:
         place.mkdir(parents=True)
         return place
 
-    def _difference(self, document: Document) -> tuple[str, str]:
-        """Return the last run of a tree of this name, or nothing, and the lines that have changed since then."""
-        name = document.main.name
+    def _difference(self, name: str, texts: Mapping[str, str]) -> tuple[str, str]:
+        """Return the last run of a tree of this name that a person started, or nothing, and the changes since then."""
+        against, old = "", dict[str, str]()
         for run in RunIndex(self._records).read():
-            if run.tree == name and run.state in ("ended", "cut off"):
-                events = read_events(self._records / run.run)
-                started = next((event for event in events if isinstance(event, RunStarted)), None)
+            folder = self._records / run.run
+            if (
+                run.tree == name
+                and run.state in ("ended", "cut off")
+                and not (folder / STARTED_BY).exists()
+            ):
+                started = next((e for e in read_events(folder) if isinstance(e, RunStarted)), None)
                 if started is not None:
-                    return run.run, _patch(started.tree_text, document.text, run.run, name)
-        return "", _patch("", document.text, "never run", name)
+                    against = run.run
+                    base = os.path.dirname(started.tree_path)
+                    read = {**started.tree_files, started.tree_path: started.tree_text}
+                    old = {os.path.relpath(path, base): text for path, text in read.items()}
+                    old |= {f"cell/{path}": text for path, text in started.cell_files.items()}
+                    old[f"cell/{os.path.basename(started.cell_path)}"] = started.cell_text
+                    break
+        lines = (
+            line
+            for path in dict.fromkeys((*texts, *old))
+            for line in difflib.unified_diff(
+                old.get(path, "").splitlines(),
+                texts.get(path, "").splitlines(),
+                f"{against or 'never run'}/{path}",
+                path,
+                lineterm="",
+            )
+        )
+        return against, "".join(f"{line}\n" for line in lines)
+
+
+def _texts(tree: Path, cell: Path) -> dict[str, str]:
+    """Return the texts of all files that a run of a tree on a cell reads, by their paths from these two."""
+    files = read_document(tree).files
+    found = {os.path.relpath(file.source.path, tree.parent): file.source.text for file in files}
+    written = read_value_file(cell, Findings(), "a cell file", overrides={}, shipped=SHIPPED)
+    texts = {cell.name: read_text(cell)} if written is None else written.files
+    return found | {f"cell/{path}": text for path, text in texts.items()}
 
 
 def _copy(document: Document, path: Path, place: Path) -> Path:
@@ -123,13 +157,6 @@ def _copy(document: Document, path: Path, place: Path) -> Path:
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(file.source.text, encoding="utf-8")
     return place / path.resolve().name
-
-
-def _patch(old: str, new: str, old_name: str, new_name: str) -> str:
-    lines = difflib.unified_diff(
-        old.splitlines(), new.splitlines(), old_name, new_name, lineterm=""
-    )
-    return "".join(f"{line}\n" for line in lines)
 
 
 def requests_in(records: Path) -> list[Path]:
@@ -148,7 +175,7 @@ def read_request(place: Path) -> RunRequest:
         return RunRequest(
             place.name, tree, Path(about["cell"]), int(about["seed"]), settings, str(about["reason"]),
             str(about["asked"]), str(about["difference_to"]), read_text(place / DIFFERENCE), read_text(tree),
-            _version(place),
+            _version(place, _texts(tree, Path(about["cell"]))),
         )  # fmt: skip
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{place}: no request: {error}") from None
@@ -190,10 +217,11 @@ def version_of(text: str) -> str:
     return hashlib.sha256(text.encode(errors="replace")).hexdigest()[:16]
 
 
-def _version(place: Path) -> str:
-    """Return the short name of the contents of all files of a request."""
+def _version(place: Path, read: Mapping[str, str]) -> str:
+    """Return the short name of the contents of all files of a request, and of those that its run reads."""
     files = sorted(path for path in place.rglob("*") if path.is_file())
-    return version_of("".join(f"{path.relative_to(place)}\0{read_text(path)}\0" for path in files))
+    texts = {str(path.relative_to(place)): read_text(path) for path in files} | read
+    return version_of("".join(f"{path}\0{text}\0" for path, text in texts.items()))
 
 
 def described(request: RunRequest, records: Path) -> Iterator[str]:
@@ -204,7 +232,7 @@ def described(request: RunRequest, records: Path) -> Iterator[str]:
     yield (
         f"difference to the run {known}:"
         if known
-        else "no tree of this name has run; the whole tree:"
+        else "no person has run a tree of this name; all that it reads:"
     )
     yield request.difference.rstrip() or "none"
     sets = [f"--set={key}={value}" for key, value in request.settings.items()]

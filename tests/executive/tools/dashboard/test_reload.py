@@ -482,7 +482,6 @@ def test_a_question_of_the_changed_file_is_asked():
     assert asked == ["", "turn/Ask"]
 
 
-@pytest.mark.xfail(strict=True, reason="finding 4.2: an answer binds the node, not what was shown")
 @pytest.mark.parametrize("how", ["reload", "change"])
 def test_an_approval_holds_for_the_inputs_that_it_was_given_for(how: str):
     text = changed("      name: First\n", "      name: First\n      approve: true\n")

@@ -51,11 +51,11 @@ def main(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     trusted(record)
     console = Screen()
-    started, speeds, remarks = _beginning(record)
+    started, acts, remarks = _beginning(record)
     if options.set:
-        return _changed(order_of(started, speeds, None), options.set, console)
+        return _changed(order_of(started, acts, None), options.set, console)
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
-        order = order_of(started, speeds, Path(folder))
+        order = order_of(started, acts, Path(folder))
         if not order.dry:
             judged_order(order).refuse_errors()
         with contextlib.closing(LiveTree(console)) as live:
@@ -93,8 +93,8 @@ def _changed(order: RunOrder, texts: Sequence[str], console: Screen) -> int:
     return 0 if executed.result.outcome == "success" else 1
 
 
-def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], list[str]]:
-    """Return the start of the recorded run, its changes of speed, and the parts that cannot be repeated."""
+def _beginning(record: Path) -> tuple[RunStarted, list[OperatorActed], list[str]]:
+    """Return the start of the recorded run, the operator's acts, and the parts that cannot be repeated."""
     found = gather(read_events(record))
     started = found.started
     if started is None:
@@ -111,7 +111,7 @@ def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], lis
     ]
     if found.ended is None:
         remarks.append("the record was cut off: the repetition goes on where it ends")
-    return started, found.speeds, remarks
+    return started, found.acts, remarks
 
 
 def _versions_differ(started: RunStarted) -> list[str]:

@@ -167,7 +167,7 @@ def _own(started: RunStarted, evidence: RunEvidence, cell: str | None) -> RunOrd
         raise UsageError(
             f"--cell is for runs on a real cell: this one is repeated on its own cell, {started.cell}"
         )
-    return order_of(started, evidence.speeds, None)
+    return order_of(started, evidence.acts, None)
 
 
 def _simulated(started: RunStarted, cell: str | None) -> RunOrder:

@@ -43,11 +43,6 @@ class RunEvidence:
     failures: Counter[tuple[str, str]] = field(default_factory=Counter)  # by path and code
     messages: dict[tuple[str, str], str] = field(default_factory=dict)  # the last message of each
 
-    @property
-    def speeds(self) -> tuple[OperatorActed, ...]:
-        """The operator's changes of speed."""
-        return tuple(act for act in self.acts if act.action == "speed")
-
     def failed(self) -> list[FailedNode]:
         """Return the failed nodes: the last one first, then the others by the number of their failures."""
         reason = self.ended.reason if self.ended is not None else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from pomona.executive.errors import UsageError
@@ -17,17 +18,21 @@ from pomona.executive.values.installation import installed_trees
 REPEATABLE = ("simulated", "frames", "mock")  # kinds of cells on which a run can be repeated
 
 
-def order_of(
-    started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path | None
-) -> RunOrder:
+def order_of(started: RunStarted, acts: Sequence[OperatorActed], folder: Path | None) -> RunOrder:
     """Return the order of the recorded run, with the file contents of that time.
 
     Args:
-        speeds: changes of the arm's speed by the operator.
-        folder: of the repetition's record; None for none.
+        acts: of the operator; changes of the arm's speed are repeated.
+        folder: of the repetition's record; None for one that is not compared with the run.
 
-    Raises UsageError: the record names an impossible speed, or a folder that does not exist here.
+    Raises UsageError: the record names an impossible speed, or a folder that does not exist here; the operator changed
+    what ran, and nothing would show the difference.
     """
+    speeds = tuple(act for act in acts if act.action == "speed")
+    for act in acts:
+        if folder is None and act.action in ("change", "reload"):
+            words = f"{act.who} did {act.action} at {act.t:.2f} s, which is not repeated"
+            raise UsageError(f"{words}: run the tree as it is now, and repeat that run")
     try:
         speed = checked_speed(started.speed)
         for act in speeds:

@@ -87,7 +87,6 @@ def test_a_change_that_cannot_be_made_is_refused_with_the_reason(
     assert why in rerun(capsys, text, status=2)
 
 
-@pytest.mark.xfail(strict=True, reason="finding 4.7: the tree of the start runs, without a remark")
 def test_a_run_that_reloaded_its_tree_is_repeated_as_it_ran_or_the_answer_names_the_change(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
