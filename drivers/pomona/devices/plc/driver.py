@@ -129,7 +129,7 @@ class ModbusSignals(Device):
             still = (
                 f"its heartbeat ({self._heartbeat.input}) stands still for {1e3 * silent:.0f} ms"
             )
-            raise DeviceFault(self.name, f"{still}: {words}")
+            raise DeviceFault(self.name, f"{still}: {words}; or raise heartbeat.deadline")
 
     def start(self) -> None:
         """Let the device's own thread serve it from now on."""

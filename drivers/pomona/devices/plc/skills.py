@@ -137,13 +137,30 @@ class WaitSignal(SignalSkill):
     failures = ("SIGNAL_TIMEOUT", "SIGNAL_UNKNOWN", "NO_SIGNAL")
     input_ports = ("signal",)
 
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """Let the author say whether a switch that is on already counts."""
+        yield from super().judge(known, cell)
+        number = known.get("least") is not None or known.get("most") is not None
+        if (
+            known.get("state")
+            and known.get("within")
+            and not number
+            and known.get("level", 1) is None
+        ):
+            words = "a switch that is on already is waited for in vain, a fault as well"
+            hint = "write `level: false` for an order, `level: true` for a fault"
+            yield Problem("", words, hint, warning=True)
+
     def run(
         self,
         signal: Annotated[str, Port(help="name of an input in the cell file")],
         state: Annotated[bool, Port(help="whether a switch must be on or off")] = True,
         least: Annotated[float | None, Port(help="smallest value of a number")] = None,
         most: Annotated[float | None, Port(help="largest value of a number")] = None,
-        level: Annotated[bool, Port(help="whether a switch that is on already counts")] = False,
+        level: Annotated[
+            bool | None, Port(help="whether a switch that is on already counts; false if omitted")
+        ] = None,
         within: Annotated[Time, Port(min="0 s", help="deadline; 0 s asks once")] = TIME("1 min"),
     ) -> Work[SeenSignal]:
         ends = ("at least", least), ("at most", most)

@@ -136,6 +136,15 @@ def test_a_wrong_name_is_found_before_the_run_with_a_hint() -> None:
     assert tuple(Handshake.offers("done", PlcCell())) == ("start", "taken")
 
 
+def test_an_author_says_whether_a_switch_that_is_on_already_counts() -> None:
+    wait = {"signal": "start", "state": True, "within": 5.0, "level": None}
+    (problem,) = WaitSignal.judge(wait, None)
+    assert problem.warning
+    assert "level: true" in problem.hint
+    for said in ({"level": False}, {"state": False}, {"within": 0.0}, {"least": 1.0}):
+        assert list(WaitSignal.judge({**wait, **said}, None)) == []
+
+
 def test_an_output_is_set_and_stays(plc: MockSignals, clock: ManualClock) -> None:
     assert (
         drive(SetSignal(), {"signal": "busy"}, {Signals: plc}, clock=clock).status is Status.SUCCESS
