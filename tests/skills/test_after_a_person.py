@@ -128,6 +128,24 @@ def test_while_the_hand_stays_the_arm_rests_and_the_next_motion_fails(stopped: S
     np.testing.assert_array_equal(scene.arm.q, q)
 
 
+def test_a_hand_that_only_some_frames_show_lets_nothing_move(
+    stopped: Stopped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pomona.skills.shared.live_watch.PATIENCE", 2.0)
+    scene, devices, above = stopped
+    hand = above.balls
+    q = scene.arm.q.copy()
+    back = time_polyline(np.array([q, OBSERVE]), scene.arm.limits)
+
+    def flicker(tick: int) -> None:
+        above.balls = hand if tick % 20 < 3 else ()
+
+    end = drive(Follow(), {"path": back}, devices, clock=scene.clock, each_tick=flicker)
+    assert end.reason is not None
+    assert end.reason.code == "PATH_BLOCKED"
+    np.testing.assert_array_equal(scene.arm.q, q)
+
+
 def test_a_way_that_no_camera_shows_is_not_taken(
     stopped: Stopped, monkeypatch: pytest.MonkeyPatch
 ) -> None:

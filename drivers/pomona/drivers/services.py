@@ -170,6 +170,24 @@ COUNTS_MOST = (
 """Quantities that come first in a world's score: a summary shows the first five figures that are not 0."""
 
 
+def unseen_people(cell: Any) -> str:
+    """Say that no camera of a cell with an arm sees a person beside it; empty if one may.
+
+    A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file, an
+    emulated one always.
+    """
+    arm = False
+    fixed = False
+    for said in cell.devices.values():
+        offered = said.driver.device.interfaces
+        arm |= Arm in offered
+        apart = hasattr(said.values, "hand_eye") and not arm
+        fixed |= Camera in offered and bool(getattr(said.values, "fixed", apart))
+    if not arm or (fixed and cell.workspace is not None and cell.workspace.watch is not None):
+        return ""
+    return "no fixed camera watches the paths: nobody beside, behind or above the arm is noticed"
+
+
 class RobotServices(Services):
     """Follows the hand of a cell, and gives skills its workspace and cameras."""
 
@@ -191,11 +209,14 @@ class RobotServices(Services):
 
     @classmethod
     def judge(cls, placed: Placed[Any], facts: Iterable[object], findings: Findings) -> None:
-        """Named poses must be reachable by the cell's arm, as far as its limits are known, and differ in a series."""
+        """Judge named poses by the arm's limits and each other; note that no camera can see a person."""
         limits = next((fact for fact in facts if isinstance(fact, ArmLimits)), None)
         node = placed.node.get("workspace")
         poses = node.get("poses") if isinstance(node, YamlMapping) else None
         workspace = placed.values.workspace
+        if words := unseen_people(placed.values):
+            remedy = "`workspace.watch`, and a camera with `fixed` or, a real one, above the arm in the file"
+            findings.note(placed.place("workspace"), "unseen", words, remedy)
         if workspace is None or not isinstance(poses, YamlMapping):
             return
         for name, other in itertools.combinations(workspace.poses, 2):

@@ -25,7 +25,7 @@ from pomona.skills.shared.following import (
     Watching,
 )
 from pomona.skills.shared.held_fruit import bearable_force
-from pomona.skills.shared.live_watch import hand_clear
+from pomona.skills.shared.live_watch import LiveWatch, hand_clear
 from pomona.skills.shared.touch import pressing_forces, something_between
 from pomona.skills.shared.touch_view import record_touches
 
@@ -119,7 +119,7 @@ class Grasp(MovingSkill):
         if too_strong := _too_strong(limits, force, bears):
             raise self.failure("REFUSED", f"{too_strong}; nothing has moved")
         force = max(force, 2.0 * limits.force_min)
-        yield from hand_clear(self)
+        eyes = yield from hand_clear(self)
         take_over(gripper)
         start = gripper.state()
         narrowest = 0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min())
@@ -128,7 +128,7 @@ class Grasp(MovingSkill):
             raise self._fail(
                 "NO_CONTACT", f"the fingers stand at {1e3 * start.width:.1f} mm already", start
             )
-        yield from self._close(aim, min(speed, limits.speed_max), force)
+        yield from self._close(aim, min(speed, limits.speed_max), force, eyes)
         met = gripper.state()
         if start.width - met.width < LEAST_WAY:
             raise self._fail(
@@ -152,7 +152,7 @@ class Grasp(MovingSkill):
         yield evidence
         return None
 
-    def _close(self, aim: float, speed: float, force: float) -> Watching:
+    def _close(self, aim: float, speed: float, force: float, eyes: LiveWatch | None) -> Watching:
         """Close until the fingers are at their aim, are stopped by something, or press with a force [N]."""
         gripper = self.device(Gripper)
         tips = self.optional_device(PressSensor)
@@ -165,7 +165,9 @@ class Grasp(MovingSkill):
             return f"{1e3 * state.width:.0f} mm"
 
         try:
-            yield from self._carry_out(lambda: gripper.move(aim, speed, force / 2.0), watch)
+            yield from self._carry_out(
+                lambda: gripper.move(aim, speed, force / 2.0), watch, eyes=eyes
+            )
         except PressedEnough:
             pass
         except SkillFailure as ended:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from pomona.drivers.interfaces import (
     Arm,
     Cameras,
+    Carrier,
     ForceSensor,
     Gripper,
     Pads,
@@ -26,7 +27,7 @@ from pomona.skills.grip.limit_surface import surface_table
 from pomona.skills.grip.settings import ForceLaw, check_rate
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.held_fruit import grip_settings, show_grip, watch_grip
-from pomona.skills.shared.live_watch import WATCH_FAILURES, hand_clear
+from pomona.skills.shared.live_watch import WATCH_FAILURES, LiveWatch, hand_clear
 from pomona.skills.shared.touch_view import record_touches
 
 
@@ -40,7 +41,12 @@ class SlipAvoidGrasp(Skill):
     """Close on the fruit with the minimum force that holds it; the grip continues after this node."""
 
     devices = (Gripper, ForceSensor, Pads)
-    optional_devices = (Arm, Workspace, Cameras)  # pose and table are recorded with the touches
+    optional_devices = (
+        Arm,
+        Workspace,
+        Cameras,
+        Carrier,
+    )  # pose and table are recorded with the touches
     moves = (Gripper,)
     failures = (  # found in grip/closing.py until the fruit is held, then in grip/monitors.py
         "NO_CONTACT",
@@ -103,13 +109,13 @@ class SlipAvoidGrasp(Skill):
             initial_force=initial_force,
         )
         yield from self.compute(surface_table, settings.contact)
-        yield from hand_clear(self)
+        eyes = yield from hand_clear(self)
         gripper = self.device(Gripper)
         hold = Hold(
             gripper, self.device(ForceSensor), GripController(settings), self.clock.now
         ).under(gripper)
         try:
-            yield from self._watch(hold, fruit)
+            yield from self._watch(hold, fruit, eyes)
         except Interrupted:
             if hold.phase not in (GripPhase.RAMP, GripPhase.HOLDING):
                 hold.take_over()
@@ -120,10 +126,12 @@ class SlipAvoidGrasp(Skill):
         show_grip(self, hold, everything=True)
         return Grasped(hold)
 
-    def _watch(self, hold: Hold, fruit: MeasuredFruit | None) -> Work[None]:
+    def _watch(self, hold: Hold, fruit: MeasuredFruit | None, eyes: LiveWatch | None) -> Work[None]:
         try:
             while hold.phase is not GripPhase.HOLDING:
                 watch_grip(self, hold)
+                if eyes is not None:
+                    eyes.look()
                 if hold.ended:
                     raise self.failure(
                         "LOST", "another node took the fingers over before the fruit was held"

@@ -30,6 +30,7 @@ from pomona.skills.perception.detection.detection import Detection
 from pomona.skills.perception.frame_check import MISMATCHES
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import require_true_look
+from pomona.skills.shared.looking import require_fresh
 
 NEIGHBOUR = "neighbour"  # name of fruit measured beside the target, among the obstacles
 
@@ -79,17 +80,9 @@ class UpdateMap(Skill):
         workspace = self.device(Workspace)
         model = RobotModel.load(arm.description)
         look = measured or detection
-        frame = look.frame if look is not None else self.device(Camera).latest()
-        if frame is None:
-            raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
-        age = self.clock.now() - frame.stamp
-        if age > OLDEST:
-            raise self.failure(
-                "STALE_FRAME",
-                f"the look is {age:.2f} s old, {OLDEST:g} s are allowed",
-                age_s=age,
-                allowed_s=OLDEST,
-            )
+        frame = require_fresh(
+            self, look.frame if look is not None else self.device(Camera).latest(), OLDEST
+        )
         state = arm.state()
         try:
             T_base_camera = look.T_base_camera if look is not None else pose_of_camera(frame, model)

@@ -28,7 +28,7 @@ from pomona.executive.language.expression import (
     Unary,
     references,
 )
-from pomona.executive.nodes.facts import MAX_CASES, Case, Fact, Plain, Possible
+from pomona.executive.nodes.facts import MAX_CASES, Case, Fact, Plain, Possible, merged
 from pomona.executive.reasons import NoValue
 from pomona.executive.values.findings import Located
 
@@ -293,7 +293,7 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
                 )
             if len(left) * len(right) > MAX_CASES:
                 return _ANYTHING
-            return tuple(_merged(one, other) for one in left for other in right)
+            return tuple(merged(one, other) for one in left for other in right)
         case Binary() if expression.operator in _NEGATED:
             return _comparison(expression, wanted, known)
         case Reference() | Member() | Index():
@@ -352,13 +352,6 @@ def _natural(about: Expression) -> Possible:
 def _word(value: Plain) -> Plain:
     """A member of an enum may be written by its name or its value: RRT_CONNECT is RRTConnect."""
     return re.sub(r"[\W_]", "", value).casefold() if isinstance(value, str) else value
-
-
-def _merged(one: Case, other: Case) -> Case:
-    both = dict(one)
-    for about, possible in other.items():
-        both[about] = both[about].and_also(possible) if about in both else possible
-    return both
 
 
 def _fold(expression: Expression, known: Mapping[str, Any]) -> Any:

@@ -26,7 +26,7 @@ from pomona.executive.nodes.takes import Value
 from pomona.executive.ports import Quantity
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Findings
-from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+from pomona.executive.values.yaml_nodes import YamlScalar
 
 _ANYHOW = Outcome(frozenset({UNKNOWN}))
 
@@ -73,7 +73,7 @@ class Outcomes:
 
 
 @dataclass(slots=True, eq=False)
-class LayerOutcome:
+class LayerOutcome(OfLayer):
     """One layer of a node, asked how it can end (an `OutcomeContext`)."""
 
     outcomes: Outcomes
@@ -81,13 +81,9 @@ class LayerOutcome:
     index: int
 
     @property
-    def layer(self) -> NodeType:
+    def layer(self) -> NodeType:  # type: ignore[override]
         """The node type of this layer."""
         return self.node.layers[self.index]
-
-    def written(self, slot: str) -> YamlNode | None:
-        entry = self.node.entry(self.layer, slot)
-        return None if entry is None else entry[1]
 
     def literal(self, slot: str) -> Any:
         taken = self.layer.slots.get(slot)

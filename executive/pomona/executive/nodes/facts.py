@@ -119,14 +119,18 @@ class Facts:
         return None
 
 
-def _joined(one: Case, other: Case) -> Case | None:
-    """Return both together, or None when they exclude each other."""
+def merged(one: Case, other: Case) -> Case:
+    """Return both together."""
     both = dict(one)
     for about, possible in other.items():
         both[about] = both[about].and_also(possible) if about in both else possible
-        if both[about].none:
-            return None
     return both
+
+
+def _joined(one: Case, other: Case) -> Case | None:
+    """Return both together, or None when they exclude each other."""
+    both = merged(one, other)
+    return None if any(possible.none for possible in both.values()) else both
 
 
 Codes = frozenset[str]

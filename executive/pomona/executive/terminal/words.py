@@ -102,7 +102,7 @@ def row_of(name: str, value: Any) -> tuple[str, str | None]:
     title = f"{term(words)} [{UNITS[unit]}]" if unit else term(words)
     if isinstance(value, bool):
         return title, "yes" if value else "no"
-    is_shown = isinstance(value, str) or _is_number(value)
+    is_shown = isinstance(value, str) or is_number(value)
     return title, _number(value, RESOLUTION.get(unit, 0.0)) if is_shown else None
 
 
@@ -120,7 +120,7 @@ def headline(truth: Mapping[str, Any]) -> list[str]:
     The world orders them by importance.
     """
     kept = {
-        name: value for name, value in truth.items() if isinstance(value, bool) or _is_number(value)
+        name: value for name, value in truth.items() if isinstance(value, bool) or is_number(value)
     }
     return [
         said
@@ -129,12 +129,13 @@ def headline(truth: Mapping[str, Any]) -> list[str]:
     ][:MOST_FIGURES]
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Return True for a finite number."""
     return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def _number(value: Any, resolution: float) -> str:
-    if _is_number(value) and not isinstance(value, bool):
+    if is_number(value) and not isinstance(value, bool):
         return "0" if abs(value) < resolution / 2 or value == 0 else f"{value:.4g}"
     if isinstance(value, list):
         return "(" + ", ".join(_number(item, resolution) for item in value) + ")"

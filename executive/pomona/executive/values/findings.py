@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, Protocol
 
 from pomona.executive.errors import UsageError
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
 
 
 class Edit(NamedTuple):
@@ -155,6 +155,10 @@ class Findings:
     def warning(self, where: Located, code: str, message: str, hint: str = "") -> None:
         """Report a warning: the file can be used, but a mistake is likely."""
         self._add(where, "warning", code, message, hint)
+
+    def note(self, where: Located, code: str, message: str, hint: str = "") -> None:
+        """Report what the file cannot do; nothing is wrong."""
+        self._add(where, "note", code, message, hint)
 
     def add(self, finding: Finding) -> None:
         """Keep a finding, once."""
@@ -304,14 +308,12 @@ def format_finding(finding: Finding) -> str:
 
 def format_findings(findings: Sequence[Finding]) -> str:
     """Return all findings and their count."""
-    errors = sum(f.severity == "error" for f in findings)
-    warnings = len(findings) - errors
     counts = [
         f"{n} {word}{'s' if n > 1 else ''}"
-        for n, word in ((errors, "error"), (warnings, "warning"))
-        if n
+        for word in ("error", "warning")
+        if (n := sum(f.severity == word for f in findings))
     ]
     shown = [*map(format_finding, findings[:MAX_SHOWN])]
     if len(findings) > MAX_SHOWN:
         shown.append(f"… and {len(findings) - MAX_SHOWN} more that are not shown")
-    return "\n".join([*shown, " and ".join(counts) + "."] if findings else [])
+    return "\n".join([*shown, *([" and ".join(counts) + "."] if counts else [])])

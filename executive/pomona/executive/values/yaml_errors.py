@@ -13,6 +13,7 @@ TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
 _FLOW = re.compile(
     r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]"""
 )
+_DEEPER = {"[": 1, "{": 1, "]": -1, "}": -1}
 """A quoted scalar (closed or not), a comment, or a bracket of a flow collection."""
 _CLOSING = {"{": "}", "[": "]"}
 _KEY = re.compile(r"""("[^"]*"|'[^']*'|[^\s\-"'#\[\]{}][^:#]*?)\s*:(?=\s|$)""")
@@ -305,9 +306,7 @@ def _open_blocks(source: Source, line: int) -> list[_Block]:
             continue
         verbatim = 0
         inside = brackets > 0
-        brackets += sum(
-            {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0) for match in _FLOW.finditer(text)
-        )
+        brackets += sum(_DEEPER.get(match[0], 0) for match in _FLOW.finditer(text))
         if inside:
             continue
         at = indent
@@ -344,7 +343,7 @@ def _too_deep_at(text: str) -> tuple[int, int] | None:
     """
     depth = 0
     for match in _FLOW.finditer(text):
-        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0)
+        depth += _DEEPER.get(match[0], 0)
         if depth > MAX_DEPTH:
             line_start = text.rfind("\n", 0, match.start()) + 1
             return text.count("\n", 0, line_start) + 1, match.start() - line_start + 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,7 +26,7 @@ from pomona.executive.running.events import (
 from pomona.executive.speed import words_of
 from pomona.executive.terminal.live import BLOCKED, did_not_work
 from pomona.executive.terminal.summary import Summary
-from pomona.executive.terminal.words import at_place, figure, headline, seconds
+from pomona.executive.terminal.words import at_place, figure, headline, is_number, seconds
 
 ORDINALS = (
     "first",
@@ -411,13 +410,9 @@ def _raised(error: ErrorRaised, node: str) -> str:
     return f"during {error.during}{of}, {error.error} was raised{place}: {error.message}"
 
 
-def _is_figure(value: Any) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
-
-
 def _figures(data: Mapping[str, Any]) -> str:
     parts = [
-        figure(name, v) for name, v in data.items() if _is_figure(v) and not isinstance(v, bool)
+        figure(name, v) for name, v in data.items() if is_number(v) and not isinstance(v, bool)
     ]
     return f"Figures: {', '.join(parts)}." if parts else ""
 

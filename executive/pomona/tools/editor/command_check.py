@@ -70,9 +70,10 @@ def main(options: argparse.Namespace) -> int:
         found += _fix(path, cell, settings) if options.fix else check_file(path, cell, settings)
     if options.json:
         write_json([dataclasses.asdict(finding) for finding in found])
-    elif found:
+        return 2 if any(finding.severity == "error" for finding in found) else 0
+    if found:
         sys.stdout.write(format_findings(found) + "\n")
-    else:
+    if all(finding.severity == "note" for finding in found):
         sys.stdout.write(
             f"{len(options.files)} file{'s' if len(options.files) > 1 else ''}: nothing is wrong\n"
         )

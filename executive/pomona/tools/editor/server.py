@@ -254,11 +254,7 @@ def _diagnostic(finding: Finding) -> lsp.Diagnostic:
     line = finding.excerpt
     start = lsp.Position(row, _units(line, finding.column - 1))
     end = lsp.Position(row, _units(line, finding.column - 1 + finding.length))
-    severity = (
-        lsp.DiagnosticSeverity.Error
-        if finding.severity == "error"
-        else lsp.DiagnosticSeverity.Warning
-    )
+    severity = lsp.DiagnosticSeverity(("error", "warning", "note").index(finding.severity) + 1)
     message = f"{finding.message}\n{finding.hint}" if finding.hint else finding.message
     return lsp.Diagnostic(lsp.Range(start, end), message, severity, finding.code, source="pomona")
 

@@ -79,41 +79,21 @@ class ReachWatch:
 
 
 def unseen_people(around: Surroundings, belt: Belt) -> Iterator[Problem]:
-    """Yield a warning of a cell that watches its paths by cameras on the hand alone.
+    """Yield a warning of a cell that watches its paths, and whose fixed cameras all look past the belt.
 
-    A simulated camera rides on the hand unless it is `fixed`, another one if the arm stands above it in the file, an
-    emulated one always. One that is `fixed` counts if a part of the belt is in its picture.
+    A cell without one has a note of its own: see `pomona.drivers.services.unseen_people`.
     """
     if around.workspace is None or around.workspace.watch is None:
         return
-    on_hand = list[str]()
-    away = list[str]()
-    others = 0
-    arm = False
-    for name, said in around.options.items():
-        arm |= name in around.above and Arm in around.above[name].interfaces
-        fixed = getattr(said, "fixed", None)
-        camera = hasattr(said, "hand_eye") or hasattr(said, "depth_model")
-        if (
-            fixed is not None
-            and belt.pictured(said.intrinsics.intrinsics(), fixed.pose())[2].mean() < IN_PICTURE
-        ):
-            away.append(name)
-        elif (
-            camera
-            and fixed is None
-            and (arm or hasattr(said, "fixed") or not hasattr(said, "hand_eye"))
-        ):
-            on_hand.append(name)
-        else:
-            others += camera
-    if on_hand and not others:
-        words = f"paths are watched by the hand's camera '{on_hand[0]}' alone, which sees no person beside or above it"
-        words += " while the fingers close and the hand rises" + (
-            f"; '{away[0]}' looks past the belt" if away else ""
-        )
-        remedy = "fix a camera over the belt: a simulated one by `fixed`, a real one stands above the arm in the file"
-        yield Problem("driver", words, remedy, warning=True)
+    fixed = {n: said for n, said in around.options.items() if getattr(said, "fixed", None)}
+    away = [
+        name
+        for name, said in fixed.items()
+        if belt.pictured(said.intrinsics.intrinsics(), said.fixed.pose())[2].mean() < IN_PICTURE
+    ]
+    if away and len(away) == len(fixed):
+        words = f"'{away[0]}' looks past the belt: no camera sees a person beside or above it while the hand is there"
+        yield Problem("driver", words, "fix a camera over the belt", warning=True)
 
 
 def prepare_reach_watch(skill: Skill) -> None:

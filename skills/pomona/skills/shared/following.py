@@ -64,7 +64,7 @@ def follow_motion(
 
     Raises MotionEnded: it was stopped from outside, or failed.
     """
-    each_tick = each_tick or _nothing
+    each_tick = each_tick or (lambda: None)
     try:
         while motion.state in (MotionState.RUNNING, MotionState.PAUSED):
             each_tick()
@@ -87,10 +87,6 @@ def follow_motion(
         watch()  # a touch may have stopped it, in its sensor's own loop
     if motion.state is not MotionState.DONE:
         raise MotionEnded(motion.state, motion.problem)
-
-
-def _nothing() -> None:
-    """For a motion beside which nothing else is done."""
 
 
 class MovingSkill(Skill):

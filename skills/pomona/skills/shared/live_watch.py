@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,7 +16,6 @@ from pomona.drivers.depth_model import DepthModel
 from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.interfaces import (
     Arm,
-    ArmLimits,
     ArmState,
     Camera,
     Cameras,
@@ -42,6 +42,7 @@ from pomona.skills.motion.watch.path_watch import spot
 from pomona.skills.perception.frame_check import MISMATCHES, frame_problem
 from pomona.skills.perception.measured_fruit import MeasuredFruit
 from pomona.skills.shared.frame_trust import earlier_poses, mismatch, note_pose, require_sound_pose
+from pomona.skills.shared.warm_motion import warm_checks
 
 # failure code of a motion that was stopped by an obstacle in a camera's view
 BLOCKED = "PATH_BLOCKED"
@@ -63,6 +64,7 @@ class KnownAround:
 
 
 PATIENCE = 10.0  # wait for a person to leave, before the operator is asked [s]
+UNSEEN = 1.0  # nobody has been seen for so long when a motion starts [s]: a hand beside the robot shows in some frames only
 
 
 @dataclass(slots=True)
@@ -277,7 +279,7 @@ def watched(
     Raises SkillFailure: PATH_BLOCKED, POSE_MISMATCH or DEPTH_MISMATCH; nothing has moved.
     """
     notice = notice_of(skill.clock)
-    since = skill.context.elapsed()
+    since = seen = skill.context.elapsed()
     if around is None and not notice.why:
         return None
     around = around or KnownAround(carrying=carrying)
@@ -286,22 +288,37 @@ def watched(
         eyes.check_cameras()
     while notice.why or (wary and eyes is not None):
         why = "no camera watches the way" if eyes is None else (yield from eyes.obstructed())
-        if not why:
+        now = skill.context.elapsed()
+        if why:
+            seen = now
+        elif not notice.why or now - seen >= UNSEEN:
             break
-        if eyes is None or not notice.why or skill.context.elapsed() - since > PATIENCE:
+        if why and (eyes is None or not notice.why or now - since > PATIENCE):
             if not (yield from skill.confirm(f"{why}; is nobody near the arm?")):
                 notice.why = notice.why or why
                 raise skill.failure(BLOCKED, f"{why}; nothing has moved")
             notice.why = ""
             return LiveWatch.of(skill, arm, path, around)
-        yield f"at rest: {why}"
+        yield f"at rest: {why or 'nobody is seen'}"
     return eyes
 
 
+class Fingers:
+    """Fingers under force control as a motion: a failure of their skill stops them."""
+
+    state = MotionState.RUNNING
+    progress = 0.0
+
+    def stop(self) -> None: ...
+
+
 def hand_clear(skill: Skill) -> Work[LiveWatch | None]:
-    """Return the watch of the fingers' next motion, as `watched`; the arm rests."""
+    """Return the begun watch of the fingers' next motion, as `watched`; the arm rests."""
     arm = skill.optional_device(Arm)
-    return None if arm is None else (yield from watched(skill, arm, resting(arm), None))
+    eyes = None if arm is None else (yield from watched(skill, arm, resting(arm), None))
+    if eyes is not None:
+        eyes.begin(cast(Motion, Fingers()))
+    return eyes
 
 
 def resting(arm: Arm) -> Trajectory:
@@ -336,9 +353,7 @@ def _watching(skill: Skill) -> tuple[Camera, ...]:
 @lru_cache(maxsize=8)
 def _warm(description: Path) -> None:
     """Watch a short motion once, with an obstacle on its path."""
-    robot = RobotModel.load(description)
-    q = (robot.lower + robot.upper) / 2.0
-    limits = ArmLimits(robot.lower, robot.upper, *(np.ones(robot.dof),) * 3)
+    robot, q, _space, limits = warm_checks(description)
     at = robot.tcp(q)[:3, 3]
     watch = PathWatch(
         RobotShape.of(robot),

@@ -198,16 +198,7 @@ class LookingSkill(Skill):
             frame = self.device(Camera).latest()
         except FrameUnreadable as error:
             raise self.failure("NO_FRAME", error.message) from error
-        if frame is None:
-            raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
-        age = self.clock.now() - frame.stamp
-        if age > OLDEST:
-            raise self.failure(
-                "STALE_FRAME",
-                f"the newest frame is {age:.2f} s old, {OLDEST:g} s are allowed",
-                age_s=age,
-            )
-        return frame
+        return require_fresh(self, frame, OLDEST)
 
     def search_width(
         self, width: object, fruit: FruitModel, frame: Frame, distance: float | None
@@ -383,3 +374,14 @@ def _training(fruit: str, model: FruitModel) -> str:
     """Return the command that makes weights for a fruit of this name or path, and the port that takes them."""
     weights = f"{model.name}{ENDING}"
     return f"pomona train detect --fruit {fruit} --out {weights}, then wire 'weights: {weights}' beside 'fruit'"
+
+
+def require_fresh(skill: Skill, frame: Frame | None, oldest: float) -> Frame:
+    """Return a frame that is not older than `oldest` [s]; fails with NO_FRAME or STALE_FRAME."""
+    if frame is None:
+        raise skill.failure("NO_FRAME", "the camera has not delivered a frame yet")
+    age = skill.clock.now() - frame.stamp
+    if age > oldest:
+        words = f"the newest frame is {age:.2f} s old, {oldest:g} s are allowed"
+        raise skill.failure("STALE_FRAME", words, age_s=age)
+    return frame

@@ -10,6 +10,7 @@ import numpy as np
 from pomona.drivers.interfaces import Arm, Gripper
 from pomona.executive.values.arrays import Float64, Int32
 from pomona.executive.views import BodiesView, Mesh3, PosesView
+from pomona.skills.motion.collision.cover import BOX_CORNERS
 from pomona.skills.motion.robot.description import Geom
 from pomona.skills.motion.robot.model import RobotModel
 
@@ -43,10 +44,7 @@ def _points(geom: Geom) -> Float64:
     if geom.kind == "mesh":
         return geom.vertices
     if geom.kind == "box":
-        corners = np.array(
-            [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
-        )
-        return corners * size[:3]
+        return BOX_CORNERS * size[:3]
     if geom.kind == "cylinder":
         return np.vstack([_ring(float(size[0]), z) for z in (-float(size[1]), float(size[1]))])
     if geom.kind == "ellipsoid":

@@ -9,6 +9,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Arm, ArmLimits
 from pomona.executive.skill import Skill
+from pomona.executive.values.arrays import Float64
 from pomona.skills.compiled_code import begin_first
 from pomona.skills.geometry import angle_between, rot_z, transform
 from pomona.skills.motion.collision import CollisionWorld
@@ -20,8 +21,8 @@ from pomona.skills.motion.robot import RobotModel
 
 
 @lru_cache(maxsize=8)
-def warm_checks(description: Path) -> None:
-    """Compile what skills compute in this process; once for each robot."""
+def warm_checks(description: Path) -> tuple[RobotModel, Float64, ArmSpace, ArmLimits]:
+    """Compile what skills compute in this process; once for each robot. Return what it was tried with."""
     robot = RobotModel.load(description)
     q = (robot.lower + robot.upper) / 2.0
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
@@ -35,17 +36,14 @@ def warm_checks(description: Path) -> None:
     unit = np.ones(robot.dof)
     limits = ArmLimits(robot.lower, robot.upper, unit, 10.0 * unit, 100.0 * unit)
     time_curve(np.tile(line.q[:1], (4, 1)), 1e-3, limits, 0.1, 1.0, 10.0)
+    return robot, q, space, limits
 
 
 @lru_cache(maxsize=8)
 def warm_planner(description: Path) -> None:
     """The same, and OMPL, for the process that plans: it plans once where nothing is in the way."""
-    warm_checks(description)
-    robot = RobotModel.load(description)
-    q = (robot.lower + robot.upper) / 2.0
-    unit = np.ones(robot.dof)
-    limits = ArmLimits(robot.lower, robot.upper, unit, 10.0 * unit, 100.0 * unit)
-    ArmSpace(CollisionWorld.build(robot), robot.width_max).connect(q, q[None] + 0.1, 1, 0)
+    robot, q, space, limits = warm_checks(description)
+    space.connect(q, q[None] + 0.1, 1, 0)
     plan(PlanRequest(_Empty(robot), q, q[None] + 0.1, limits, direct=False, budget=0.01))
 
 

@@ -52,7 +52,7 @@ def judged(folder: Path, text: str, alone: bool = False) -> list[tuple[str, str,
     return [
         (each.severity, lines[each.line - 1].strip(), f"{each.message}; {each.hint}")
         for each in findings.sorted()
-        if alone or "watched by the hand's camera" not in each.message
+        if alone or "no fixed camera" not in each.message
     ]
 
 
@@ -182,15 +182,18 @@ def test_a_fixed_camera_counts_if_it_sees_the_belt(tmp_path: Path, at: str, warn
     for text in (edited("  fruits:", PERSON), TEXT):
         found = judged(tmp_path, text + camera, alone=True)
         assert [severity for severity, _, _ in found] == ["warning"] * warned
-        assert all("; 'above' looks past the belt" in words for _, _, words in found)
+        assert all("'above' looks past the belt" in words for _, _, words in found)
 
 
-def test_an_emulated_camera_rides_on_the_hand(tmp_path: Path) -> None:
+def test_a_cell_says_always_that_it_sees_no_person_beside_the_arm(tmp_path: Path) -> None:
     robot = f"{SHIPPED.parent.parent}/robots/sia5f_wsg32.xml"
     camera = f"  camera:\n    driver: emulated-camera\n    address: 127.0.0.1:50001\n    robot: {robot}\n"
-    ((severity, _, words),) = judged(tmp_path, SIGNALS + camera, alone=True)
-    assert severity == "warning"
-    assert "watched by the hand's camera 'camera' alone" in words
+    arm = f"  arm: {{driver: motoman, address: 127.0.0.1:1, controller: fs100, robot: {robot}, joints: S L E U R B T}}\n"
+    for text in (TEXT, SIGNALS + arm + camera, SIGNALS + camera + arm):
+        ((severity, _, words),) = judged(tmp_path, text, alone=True)
+        assert severity == "note"
+        assert words.startswith("no fixed camera watches the paths")
+    assert judged(tmp_path, SIGNALS, alone=True) == []  # a cell without an arm
 
 
 @pytest.mark.parametrize(

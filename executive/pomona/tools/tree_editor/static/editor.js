@@ -52,7 +52,7 @@ function show(state) {
   pane.update();
   $("stale").hidden = !page.old;
   $("stale").textContent = page.old ? `The text cannot be read, so the drawing shows the last one that could: ${page.state.problem || "correct the error"}` : "";
-  const found = page.state.findings.filter(({ severity }) => severity === "error").length, warnings = page.state.findings.length - found;
+  const found = page.state.findings.filter(({ severity }) => severity === "error").length, warnings = page.state.findings.filter(({ severity }) => severity === "warning").length;
   const errors = found || (page.old ? 1 : 0);
   $("problems").textContent = [errors && `${errors} error${errors > 1 ? "s" : ""}`, warnings && `${warnings} warning${warnings > 1 ? "s" : ""}`].filter(Boolean).join(", ") || "no findings";
   $("problems").className = `quiet ${errors ? "bad" : warnings ? "warn" : "good"}`;

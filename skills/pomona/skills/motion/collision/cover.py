@@ -17,7 +17,7 @@ from pomona.skills.motion.robot import Geom
 
 Depth = Callable[[Float64], Float64]
 
-_BOX_CORNER = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 _CELLS = 1500
 _HALVINGS = 3
 _RIM = 16
@@ -116,11 +116,10 @@ def _cover_box(half: Float64) -> Cover:
         np.sqrt(3.0) - 1.0
     )  # half-edge of a cube whose sphere protrudes by this distance
     counts = np.ceil(half / tile).astype(int)
-    axes = [(np.arange(n) + 0.5) * 2.0 * h / n - h for n, h in zip(counts, half, strict=True)]
-    centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    centres = _middles(half, counts)
     radius = float(np.linalg.norm(half / counts))
     spheres = np.column_stack((centres, np.full(len(centres), radius)))
-    return Cover(spheres, (half - np.abs(centres)).min(axis=1), _BOX_CORNER * half, 0.0)
+    return Cover(spheres, (half - np.abs(centres)).min(axis=1), BOX_CORNERS * half, 0.0)
 
 
 def _cover_cylinder(radius: float, half: float) -> Cover:
@@ -170,6 +169,12 @@ def _cover_of(spheres: Float64, depth: Depth, support: Float64) -> Cover:
     return Cover(spheres, np.maximum(depth(spheres[:, :3]), 0.0), support, 0.0)
 
 
+def _middles(half: Float64, counts: NDArray[np.int_]) -> Float64:
+    """Return the middles of the parts, so many along each axis, of a box about the origin, shape (n, 3)."""
+    axes = [(np.arange(n) + 0.5) * 2.0 * h / n - h for n, h in zip(counts, half, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
 def _cover_greedily(half: Float64, centre: Float64, depth: Depth) -> Float64:
     """Spheres, shape (n, 4), that cover the part of a convex shape that lies in a box; `depth` is below its surface.
 
@@ -178,15 +183,18 @@ def _cover_greedily(half: Float64, centre: Float64, depth: Depth) -> Float64:
     edge = float(np.cbrt(np.prod(2.0 * half) / _CELLS))
     counts = np.ceil(2.0 * half / edge).astype(int)
     cell = half / counts  # half-extents of a cell
-    axes = [(np.arange(n) + 0.5) * 2.0 * h / n - h for n, h in zip(counts, half, strict=True)]
-    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) + centre
+    cells = _middles(half, counts) + centre
     deep = depth(cells)
     candidates = cells[deep >= 0.0]
     radii = deep[deep >= 0.0] + max(min(0.6 * float(half.min()), 12e-3), 3.0 * float(cell.max()))
     chosen: list[int] = []
+
+    def uncovered() -> Float64:
+        inside = cells[depth(cells) > -np.linalg.norm(cell)]
+        return inside[~_holds(inside, cell, candidates[chosen], radii[chosen]).any(axis=1)]
+
     for _ in range(_HALVINGS):
-        cells = cells[depth(cells) > -np.linalg.norm(cell)]
-        cells = cells[~_holds(cells, cell, candidates[chosen], radii[chosen]).any(axis=1)]
+        cells = uncovered()
         holds = _holds(cells, cell, candidates, radii)
         left = np.ones(len(cells), dtype=bool)
         gains = holds.sum(axis=0)
@@ -196,9 +204,8 @@ def _cover_greedily(half: Float64, centre: Float64, depth: Depth) -> Float64:
             left &= ~newly
             gains -= holds[newly].sum(axis=0)
         cell = cell / 2.0
-        cells = (cells[left][:, None] + _BOX_CORNER * cell).reshape(-1, 3)
-    cells = cells[depth(cells) > -np.linalg.norm(cell)]
-    cells = cells[~_holds(cells, cell, candidates[chosen], radii[chosen]).any(axis=1)]
+        cells = (cells[left][:, None] + BOX_CORNERS * cell).reshape(-1, 3)
+    cells = uncovered()
     return np.vstack(
         (
             np.column_stack((candidates[chosen], radii[chosen])),

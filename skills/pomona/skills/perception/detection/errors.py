@@ -19,22 +19,25 @@ class DetectError(Exception):
     """Root of this package's errors."""
 
 
-class BadFrame(DetectError):
+class _Unfit(DetectError):
+    words = ""
+
+    def __init__(self, expected: str, got: str) -> None:
+        self.expected = expected
+        self.got = got
+        super().__init__(self.words.format(expected, got))
+
+
+class BadFrame(_Unfit):
     """A picture of another shape or type than the detector takes."""
 
-    def __init__(self, expected: str, got: str) -> None:
-        self.expected = expected
-        self.got = got
-        super().__init__(f"a picture must be {expected}; this one is {got}")
+    words = "a picture must be {}; this one is {}"
 
 
-class BadMaps(DetectError):
+class BadMaps(_Unfit):
     """Maps of another shape than the decoder takes."""
 
-    def __init__(self, expected: str, got: str) -> None:
-        self.expected = expected
-        self.got = got
-        super().__init__(f"maps must be {expected}; these are {got}")
+    words = "maps must be {}; these are {}"
 
 
 class _BadFile(DetectError):

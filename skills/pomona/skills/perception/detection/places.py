@@ -175,12 +175,8 @@ def merge(
 
 def shared_part(a: Float64, b: Float64) -> Float64:
     """Part of the smaller box that lies in the other one, of each of `a` (n, 4) with each of `b` (m, 4); (n, m)."""
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
-    smaller = np.minimum(a[:, None, 2:].prod(axis=2), b[None, :, 2:].prod(axis=2))
-    return np.asarray(
-        np.clip(high - low, 0.0, None).prod(axis=2) / np.maximum(smaller, 1e-12), np.float64
-    )
+    shared, area_a, area_b = _areas(a, b)
+    return np.asarray(shared / np.maximum(np.minimum(area_a, area_b), 1e-12), np.float64)
 
 
 def _nearness(sizes: Float64) -> Float64:
@@ -292,8 +288,13 @@ def distinct(boxes: Float64) -> list[int]:
 
 def iou(a: Float64, b: Float64) -> Float64:
     """Intersection over union of each box of `a` (n, 4) with each of `b` (m, 4), x, y, w, h; (n, m)."""
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
-    shared = np.clip(high - low, 0.0, None).prod(axis=2)
-    union = a[:, None, 2:].prod(axis=2) + b[None, :, 2:].prod(axis=2) - shared
-    return np.asarray(shared / np.maximum(union, 1e-12), np.float64)
+    shared, area_a, area_b = _areas(a, b)
+    return np.asarray(shared / np.maximum(area_a + area_b - shared, 1e-12), np.float64)
+
+
+def _areas(a: Float64, b: Float64) -> tuple[Float64, Float64, Float64]:
+    """Return the shared area of each box of `a` (n, 4) with each of `b` (m, 4), (n, m), and their own areas."""
+    a, b = a[:, None], b[None]
+    ends = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
+    shared = np.clip(ends - np.maximum(a[..., :2], b[..., :2]), 0.0, None).prod(axis=2)
+    return shared, a[..., 2:].prod(axis=2), b[..., 2:].prod(axis=2)
