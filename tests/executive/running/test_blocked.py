@@ -11,7 +11,7 @@ from pomona.executive.registry import Registry
 from pomona.executive.running import runner as module
 from pomona.executive.running.events import RunStarted, TickOverran
 from pomona.executive.skill import Skill, Work
-from pomona.executive.terminal import explain as words
+from pomona.tools.dashboard import explain as words
 
 
 class Block(Skill):
