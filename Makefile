@@ -251,6 +251,9 @@ soak: $(STAMP) ## 1 000 simulated picks in one process: memory, handles, threads
 kill-points: $(STAMP) ## 1 000 runs ended at random points with every signal (an hour or two)
 	$(BIN)/python -m benchmarks.kill_points --points $(or $(POINTS),1000)
 
+persons: $(STAMP) ## a person's hand at the tool: each phase, three ways, stays of 1, 3 and 8 s (half an hour)
+	$(BIN)/python -m pytest -q -n 2 -m "" tests/end_to_end/test_after_a_person.py
+
 sbom: $(STAMP) ## a bill of materials (CycloneDX) of what is installed in .venv, in sbom.cdx.json
 	$(BIN)/python scripts/sbom.py sbom.cdx.json
 
