@@ -192,7 +192,6 @@ def measure(
         _say(f"{seeded.kind}, seed {seed}: {error}")
         return CureResult(seeded.kind, seed, SUCCEEDED, "none", False, 0, 0.0, 0.0)
     processor, wall = _processor(), time.monotonic()
-    assert case.conditions == ("lifted",)
     answer = CureSearch(
         case.order, case.candidates, usable, options.seeds, 1, options.budget, _progress
     ).run(pool)

@@ -290,7 +290,7 @@ def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> Non
         if result.outcome == "success" and truth.claimed is not True and not truth.may_end_empty:
             wrong.append("FALSE SUCCESS: no claim was true")
     elif case.ends == "success":
-        if result.outcome != "success" or truth.claimed is not True:
+        if result.outcome not in ("success", "partial") or truth.claimed is not True:
             wrong.append(f"ended as {result.outcome}")
         named = any(
             isinstance(event, ErrorRaised) and event.error == "NotOwnerError"
@@ -648,7 +648,10 @@ def branch_cases(
     forks.finish()
     for case in waiting:
         tell(CaseVerdict(case, wrong=["its phase never began"]))
-    if executed.result.outcome != "success" or watchers[0].truth.claimed is not True:
+    if (
+        executed.result.outcome not in ("success", "partial")
+        or watchers[0].truth.claimed is not True
+    ):
         verdict.case, verdict.wrong = (
             Case("none", "none", cases[0].phase, "success", np.inf),
             ["the pick without a fault"],

@@ -45,7 +45,7 @@ class Cells:
         ]
 
     def good(self, runs: Sequence[Result]) -> list[Result]:
-        return [run for run in runs if succeeded(run, self.campaign.conditions)]
+        return [run for run in runs if succeeded(run)]
 
     def rate(self, arm: str, fruit: str | None, place: str) -> float:
         """Success rate of a cell; NaN when nothing ran."""

@@ -36,10 +36,10 @@ def success(cells: Cells) -> list[Table | Paragraph]:
                     name,
                     *each,
                     f"{100 * paper[i].mean():.1f} %",
-                    rate(runs, cells.campaign.conditions),
+                    rate(runs),
                 )
             )
-        everything = rate(cells.arm(arm), cells.campaign.conditions)
+        everything = rate(cells.arm(arm))
         columns = [f"{_percent(cells.rate(arm, None, place))}" for place in PLACES]
         of_paper = [f"{100 * paper[:, j].mean():.0f}" for j in range(5)]
         means = [f"{a} / **{b}**" for a, b in zip(of_paper, columns, strict=True)]

@@ -245,7 +245,6 @@ def test_ctrl_c_closes_a_readable_record_and_exits_with_130(tmp_path: Path) -> N
     assert events[-1].outcome == "stopped"
 
 
-@pytest.mark.xfail(strict=True, reason="finding 3.7: a thing at the picture's edge is a lemon")
 def test_a_pick_of_a_fruit_that_is_not_there_is_no_success() -> None:
     executed = pick(3, kind="lemon")
     assert executed.result.outcome == "failure"

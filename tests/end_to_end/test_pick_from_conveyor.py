@@ -37,7 +37,6 @@ def test_an_apple_is_picked_from_the_running_belt_and_put_into_a_crate() -> None
 
 
 @pytest.mark.long
-@pytest.mark.xfail(strict=True, reason="finding 3.6: fruit are bruised on a hard floor")
 def test_a_fruit_of_the_belt_is_put_down_without_a_bruise() -> None:
     settings = {"most": "1", "belt": "0.15 m/s", "fruit": "apple_4"}
     executed = execute(

@@ -96,12 +96,28 @@ def test_the_detection_holds_all_about_its_fruit(scripted: list[Instance]) -> No
     assert [line.style for line in view.lines] == ["muted", "found"]
 
 
+def test_a_fruit_that_the_picture_s_edge_cuts_is_looked_at_from_elsewhere(
+    scripted: list[Instance],
+) -> None:
+    scripted += [instance(0.25, 0.5)]
+    skill = Detect()
+    outcome = look(skill)
+    assert outcome.reason is not None
+    assert outcome.reason.code == "LOW_CONFIDENCE"
+    lacking = next(value for topic, value in outcome.published if topic == "account")
+    assert "edge cuts" in lacking.words  # type: ignore[attr-defined]
+    scripted[:] = [instance(0.0, 0.5)]
+    found = look(skill)
+    withdrawn = next(value for topic, value in found.published if topic == "account")
+    assert (found.status, withdrawn.words) == (Status.SUCCESS, "")  # type: ignore[attr-defined]
+
+
 @pytest.mark.parametrize(
     ("policy", "expected"),
     [("nearest", 1), ("largest", 2), ("most_visible", 0), ("surest", 0), ("index", 2)],
 )
 def test_policies_choose(scripted: list[Instance], policy: str, expected: int) -> None:
-    wide = instance(0.2, 0.55)
+    wide = instance(0.15, 0.55)
     wide = replace(wide, keypoints=(wide.keypoints - wide.keypoints[8]) * 2 + wide.keypoints[8])
     scripted += [
         instance(0.1, 0.6, 0.95, 1.0),

@@ -1,7 +1,7 @@
 """`pomona`: the command line.
 
 Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped in the safe state (also by SIGTERM and
-SIGHUP), 130 interrupted; 129 and 143 ended by SIGHUP and SIGTERM before anything moved.
+SIGHUP), 4 done in part, or unverified, 130 interrupted; 129 and 143 ended by SIGHUP and SIGTERM before anything moved.
 """
 
 from __future__ import annotations

@@ -469,7 +469,9 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         signals.wait()
         runner.close()
         problem = session.close()
-    if result.outcome in ("success", "failure") and (breach := session.breach(result.outcome)):
+    if result.outcome in ("success", "partial", "failure") and (
+        breach := session.breach(result.outcome)
+    ):
         problem = breach
         cell.safe_stop(problem)
         result = replace(result, outcome="error", reason=Reason("", NO_RECORD, problem))

@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
 import py_trees
 from py_trees.common import Status
 
+from pomona.executive.account import AccountEntry
 from pomona.executive.clock import Clock
 from pomona.executive.errors import SkillError
 from pomona.executive.ports import Outputs, Ports
@@ -356,6 +357,10 @@ class Skill(py_trees.behaviour.Behaviour):
     def publish(self, topic: str, value: object) -> None:
         """Show a value (an image, a path, a number) to the operator, and record it."""
         self.context.publish(self.path, topic, value)
+
+    def account(self, about: str, words: str, press: float = 0.0) -> None:
+        """Add a measurement to the account of the task: see `AccountEntry`."""
+        self.publish("account", AccountEntry(about, words, press))
 
     def compute(
         self, function: Callable[..., T], *arguments: Any, isolated: bool = False

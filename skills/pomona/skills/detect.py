@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pomona.drivers.interfaces import Frame
+from pomona.executive.account import NOTHING_LEFT
 from pomona.executive.ports import LENGTH, Length, Outputs, Port, Ratio
 from pomona.executive.skill import SkillFailure, Work
 from pomona.executive.values.arrays import Float64
@@ -56,6 +57,7 @@ class Detect(LookingSkill):
         self._chosen: list[Float64] = []
         self._fruit: list[Float64] = []  # where each fruit was that has been chosen, once for each
         self._looks = 0
+        self._was_cut = False  # whether the picture's edge has cut the only find of the last look
         self._distance: float | None = None  # of the fruit of the last look [m]
 
     def run(
@@ -215,6 +217,8 @@ class Detect(LookingSkill):
 
         def none(code: str, sentence: str) -> SkillFailure:
             best = max((instance.score for instance in instances), default=0.0)
+            if code == "NOTHING_FOUND":
+                self.account(NOTHING_LEFT, f"picture: {sentence}")
             return self.failure(code, sentence, found=len(instances), best=best)
 
         if not instances:
@@ -229,11 +233,20 @@ class Detect(LookingSkill):
         posed = [k for k in sure if instances[k].T_camera_object is not None]
         if not posed:
             raise none("POSE_UNSOLVED", f"{instances[sure[0]].problem}")
-        order = [posed[k] for k in rank([instances[k] for k in posed], target, index)]
+        whole = [k for k in posed if not _is_cut(instances[k], frame)]
+        words = (
+            "" if whole else "the picture's edge cuts the fruit that was found; look from elsewhere"
+        )
+        if words or self._was_cut:
+            self.account("a find at the picture's edge", words)
+        self._was_cut = bool(words)
+        if words:
+            raise none("LOW_CONFIDENCE", words)
+        order = [whole[k] for k in rank([instances[k] for k in whole], target, index)]
         if not order:
             raise none(
                 "NOTHING_FOUND",
-                f"there are {len(posed)} fruit in the frame, number {index} was requested",
+                f"there are {len(whole)} whole fruit in the frame, number {index} was requested",
             )
         if reselect == "freely" or target == "index":
             return order[0]
@@ -277,6 +290,17 @@ class Detect(LookingSkill):
                 np.linalg.norm(np.cross(ray, other[:3] - eye)) < SAME_FRUIT
             )
         return count
+
+
+def _is_cut(instance: Instance, frame: Frame) -> bool:
+    """Return True if the picture ends within half of the fruit: its kind and size are guesses then."""
+    assert instance.T_camera_object is not None
+    optics = frame.intrinsics
+    x, y, z = instance.T_camera_object[:3, 3]
+    u, v = optics.fx * x / z + optics.cx, optics.fy * y / z + optics.cy
+    corners = instance.keypoints[:8]
+    half = 0.5 * float(np.min(np.nanmax(corners, axis=0) - np.nanmin(corners, axis=0)))
+    return not (half <= u <= optics.width - half and half <= v <= optics.height - half)
 
 
 def _place(instance: Instance, frame: Frame, T_base_camera: Float64) -> Float64:

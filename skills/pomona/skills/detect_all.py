@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from pomona.executive.account import NOTHING_LEFT
 from pomona.executive.ports import Outputs, Port, Ratio
 from pomona.executive.skill import Work
 from pomona.skills.perception.detection.detection import (
@@ -60,6 +61,7 @@ class DetectAll(LookingSkill):
             words = f"{len(sure) or 'no'} fruit in {frame.label or 'the frame'}" + (
                 f", not {least}" if least > 1 else ""
             )
+            self.account(NOTHING_LEFT, f"picture: {words}")
             raise self.failure("NOTHING_FOUND", words, found=len(instances))
         detections = tuple(
             Detection(

@@ -34,7 +34,13 @@ from pomona.skills.shared.carrying import (
 )
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from pomona.skills.shared.grasp_view import TAKEN
-from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, show_grip, watch_fruit
+from pomona.skills.shared.held_fruit import (
+    HAND_DEVICES,
+    is_held,
+    note_held,
+    show_grip,
+    watch_fruit,
+)
 from pomona.skills.shared.planning import (
     Clearance,
     HeldGrasp,
@@ -187,6 +193,7 @@ class Lift(MovingSkill):
             raise grip_failure(self, "LOST", f"the fruit was not lifted: {missing}", hold)
         if hold is not None:
             show_grip(self, hold, everything=True)
+        note_held(self, hold, None if grasp is None else grasp.fruit)
         return None
 
     def _settle(self, hold: Hold, within: float, watch: Callable[[], None]) -> Watching:

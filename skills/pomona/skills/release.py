@@ -9,6 +9,7 @@ import numpy as np
 
 from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.plain_hand import between
+from pomona.executive.account import PUT_AWAY
 from pomona.executive.ports import (
     ANGLE,
     FORCE,
@@ -31,7 +32,7 @@ from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
 from pomona.skills.motion.robot import RobotModel
 from pomona.skills.shared.contact_check import Jolted, Leg, lower_to_support
 from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
-from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held
+from pomona.skills.shared.held_fruit import HAND_DEVICES, is_held, note_press
 from pomona.skills.shared.moving import CARRIED_ACCELERATION, POSE_FAILURES, PoseSkill, move_to_pose
 from pomona.skills.shared.planning import Clearance, HeldGrasp, Obstacles, Tilt, usable_field
 from pomona.skills.shared.straight_travel import Manner, follow_way, tool_pose, vertical_way
@@ -178,6 +179,8 @@ class Release(PoseSkill):
         )
         yield from self._lower(legs, depth, space, hold, grasp, contact, ends_on)
         width = self._opening(map, clearance)
+        if hold is not None:
+            note_press(self, "the pads", hold.pressed, None if grasp is None else grasp.fruit)
         take_over(gripper)
         yield from self._open(width)
         unfelt = self.optional_device(ForceSensor) is None
@@ -185,6 +188,10 @@ class Release(PoseSkill):
             raise self.failure(
                 "HAND_UNCLEAR", f"after the fingers opened, {left}; the fruit may still be held"
             )
+        if into is not None:
+            by = "width over a known support" if ends_on else "pads or wrist, a support carries it"
+            opened = 1e3 * gripper.state().width
+            self.account(PUT_AWAY, f"{by}; the fingers are open, {opened:.0f} mm")
         way_up = vertical_way(self, before - tool_pose(self)[2, 3], "LOWERING_BLOCKED")
         yield from follow_way(self, way_up, RISING)
         return None

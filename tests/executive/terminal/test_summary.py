@@ -101,6 +101,7 @@ def test_the_last_line_holds_the_run_its_attempts_and_the_leaves_times() -> None
         "robot_time_s": {"Look": 1.0, "Lift": 1.99},
         "compute_s": {"Look": 0.5, "elsewhere": 2.0},
         "values": {"fruit": {"n": 3}},
+        "account": None,
         "truth": {"lifted": False},
     }
     bare = summary(ended("success")).as_json(None)

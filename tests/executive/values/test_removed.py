@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from pomona.executive.cell.services import Score
 from pomona.executive.cli import main
 from pomona.executive.commands.command_line import children, command_names, make_parser
 from pomona.executive.nodes.catalogue import NodeTypes
@@ -23,6 +24,7 @@ from pomona.executive.values.removed import (
     removals,
     removed,
 )
+from pomona.executive.values.sections import declared
 
 ROOT = Path(__file__).resolve().parents[3]
 PARTS = ("executive", "skills", "drivers")
@@ -62,6 +64,9 @@ def is_there(kind: str, word: str) -> bool:
             return command in command_names()
         parser = next(p for name, _, p in children(make_parser([command])) if name == command)
         return word in words_of(parser)
+    if kind == "setting":
+        section, name = word.split(".")
+        return name in {entry.name for entry in declared({"score": Score}[section])}
     if kind == "group":
         sources = [path for part in PARTS for path in (ROOT / part / "pomona").rglob("*.py")]
         return any(f'"{word}"' in path.read_text("utf-8") for path in sources)

@@ -114,16 +114,12 @@ class WorkspaceKind(Kind[Any]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Quantities of the world's truth that count: conditions for a success, and figures for reports."""
+    """Quantities of the world's truth for reports."""
 
-    success: tuple[str, ...] | None = value(
-        Words(), None, "conditions that the world must report in addition to the tree's success"
-    )
     figures: tuple[str, ...] = value(Words(), (), "numbers of the world's truth, for reports")
 
     def over(self, cells: Score | None) -> Score:
         """Return this score, completed by the cell's; the cell's figures come first."""
         if cells is None:
             return self
-        success = cells.success if self.success is None else self.success
-        return Score(success=success, figures=tuple(dict.fromkeys((*self.figures, *cells.figures))))
+        return Score(figures=tuple(dict.fromkeys((*self.figures, *cells.figures))))

@@ -65,8 +65,8 @@ ELSEWHERE = (
 """Subcommands of the distribution `pomona` that the executive alone lacks."""
 
 EPILOG = """Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped
-in the safe state (also by SIGTERM and SIGHUP), 130 interrupted; 129 and 143
-ended by SIGHUP and SIGTERM before anything moved.
+in the safe state (also by SIGTERM and SIGHUP), 4 done in part or unverified,
+130 interrupted; 129 and 143 ended by SIGHUP and SIGTERM before anything moved.
 
 `pomona COMMAND --help` has examples; `pomona completion` completes commands in
 bash, zsh and fish."""

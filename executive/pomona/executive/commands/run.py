@@ -24,7 +24,7 @@ from pomona.executive.terminal.live import LiveTree
 from pomona.executive.terminal.output import write_json
 from pomona.executive.terminal.screen import Screen
 
-EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}
+EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3, "partial": 4}
 
 
 def add(subparsers: Any) -> None:

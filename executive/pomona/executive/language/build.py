@@ -90,6 +90,7 @@ def build(
         tuple(builder.breakpoints),
         document,
         builder.around,
+        "" if document.main.success is None else document.main.success.text,
     )
 
 

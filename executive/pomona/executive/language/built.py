@@ -74,6 +74,7 @@ class BuiltTree:
     document: Document | None = None  # of which it was built; None without a file
     # counters and failures that the nodes inside a node see, by its path and their name
     around: Mapping[tuple[str, str], Any] = field(default_factory=dict)
+    success: str = ""  # word of the measured success; empty: the tree's end
 
     def find(self, name: str) -> tuple[str, ...]:
         """Return the paths of the nodes with a name: a path, the end of one, or a node's name or type.

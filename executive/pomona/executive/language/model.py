@@ -48,7 +48,7 @@ class TreeFile:
     `declared_skills` are the names of inputs and outputs of skills that need not be installed: a tree with them can be
     checked, drawn, run dry and exported.
 
-    `cell` is the name or path of the cell that it is for, empty where none is written.
+    `cell` is the name or path of the cell that it is for, `success` the word that says when its task is done.
 
     `unread` are names of subtrees whose files hold no tree that could be read, which is a finding of its own.
     """
@@ -58,6 +58,7 @@ class TreeFile:
     description: str = ""
     main: Definition | None = None
     cell: YamlScalar | None = None
+    success: YamlScalar | None = None
     parameters: dict[str, Declared] = field(default_factory=dict)
     constants: dict[str, Declared] = field(default_factory=dict)
     skills: dict[str, YamlScalar] = field(default_factory=dict)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from pomona.executive.account import SUCCESSES
 from pomona.executive.language.expression import SPECIAL
 from pomona.executive.language.literals import type_word
 from pomona.executive.language.model import Declared, Definition, Document, TreeFile
@@ -31,6 +32,7 @@ _TOP = (
     "tree",
     "description",
     "cell",
+    "success",
     "skills",
     "parameters",
     "constants",
@@ -156,6 +158,11 @@ class _Reader:
         described = shape.text(top.get("description"))
         file.description = described.text if described is not None else _header(source, top)
         file.cell = shape.text(top.get("cell"))
+        file.success = shape.text(top.get("success"))
+        if file.success is not None and file.success.text not in SUCCESSES:
+            words = f"'{file.success.text}' is no success that is measured"
+            hint = "; ".join(f"{word}: {what}" for word, what in SUCCESSES.items())
+            self.findings.error(file.success, "bad-value", words, hint)
         for key, value in shape.entries(top.get("skills"), "skills", "'Skill: package' for each"):
             if isinstance(value, YamlMapping):
                 shape.known_keys(value, ("in", "out"), "a declared skill")

@@ -192,7 +192,11 @@ class ErrorRaised(Event):
 
 @dataclass(frozen=True, slots=True)
 class RunEnded(Event):
-    """The run is over. `outcome` is success, failure, stopped or error; `truth` is the simulated world's score."""
+    """The run is over.
+
+    `outcome` is success, partial (done in part, or unverified), failure, stopped or error. `account` is the robot's own
+    (`account.Account.report`), `truth` the simulated world's score.
+    """
 
     outcome: str
     reason: Reason | None
@@ -200,6 +204,7 @@ class RunEnded(Event):
     time: float
     wall: float
     truth: Mapping[str, Any] | None
+    account: Mapping[str, Any] | None = None
 
 
 Listener = Callable[[Event], None]

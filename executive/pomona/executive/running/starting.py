@@ -90,18 +90,27 @@ class RunState(Enum):
 class RunResult:
     """How a run ended."""
 
-    outcome: str  # success, failure, stopped or error
-    reason: Reason | None  # why it did not succeed
+    outcome: str  # success, partial, failure, stopped or error
+    reason: Reason | None  # why it did not succeed, or not wholly
     ticks: int  # number of ticks
     time: float  # time, wall: seconds on the run's clock (pauses left out) and really
     wall: float
     truth: Mapping[str, Any] | None  # the simulated world's score
+    account: Mapping[str, Any] | None = None  # the robot's own: `Account.report`
     interrupted: bool = False  # it was ended by Ctrl-C
 
     def event(self, t: float, tick: int) -> RunEnded:
         """Return the event of it, at a time of the run [s] and in a tick."""
         return RunEnded(
-            t, tick, self.outcome, self.reason, self.ticks, self.time, self.wall, self.truth
+            t,
+            tick,
+            self.outcome,
+            self.reason,
+            self.ticks,
+            self.time,
+            self.wall,
+            self.truth,
+            self.account,
         )
 
 

@@ -24,7 +24,15 @@ from pomona.executive.running.events import (
     TreeChanged,
 )
 from pomona.executive.terminal.screen import Screen
-from pomona.executive.terminal.words import figure, headline, say, seconds
+from pomona.executive.terminal.words import (
+    MARKS,
+    end_words,
+    felt_words,
+    figure,
+    headline,
+    say,
+    seconds,
+)
 from pomona.executive.views import TableView
 
 # of a table that are printed; an export has all
@@ -129,6 +137,7 @@ class Summary:
             "robot_time_s": {name: round(value, 3) for name, value in self.robot_time.items()},
             "compute_s": {name: round(value, 3) for name, value in self.compute_time.items()},
             "values": plain(self.facts),
+            "account": plain(self.ended.account),
             "truth": plain(self.ended.truth),
         }
 
@@ -138,17 +147,19 @@ class Summary:
         """The summary in the terminal; of the world's score all when `whole`, else the first five figures."""
         assert self.started is not None
         assert self.ended is not None
-        sign, style = {"success": ("✓", "bold green"), "failure": ("✗", "bold red")}.get(
-            self.ended.outcome, ("■", "bold red")
-        )
+        sign, style = MARKS[self.ended.outcome]
         took = f"{self.times()}, seed {self.started.seed}"
         console.print(
             Text.assemble(
-                (f"{sign} {self.started.tree}", style), f"  {self._headline()}   ", (took, "dim")
+                (f"{sign} {self.started.tree}", f"bold {style}"),
+                f"  {self._headline()}   ",
+                (took, "dim"),
             ),
         )
         for name, sentence in self.notes.items():
             _row(console, name, sentence)
+        if felt := felt_words(self.ended.account or {}):
+            _row(console, "felt", felt)
         for attempt, within in zip(self.attempts, self.within(), strict=True):
             if attempt.succeeded and attempt.number == 1:
                 continue  # success at the first try: nothing to report
@@ -215,10 +226,7 @@ class Summary:
                 if last and last.of > 1
                 else "succeeded"
             )
-        word = {"failure": "failed", "stopped": "stopped"}.get(
-            self.ended.outcome, "ended in the safe state"
-        )
-        return f"{word}: {say(self.ended.reason)}"
+        return f"{end_words(self.ended).removeprefix('was ')}: {say(self.ended.reason)}"
 
     def last_attempt(self) -> AttemptEnded | None:
         """Return the newest attempt that succeeded of a retry that no other retry surrounds."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pomona.executive.reasons import Reason
+from pomona.executive.running.events import RunEnded
 
 ICONS = {"SUCCESS": "✓", "FAILURE": "✗", "RUNNING": "▶", "INVALID": "·"}
 STYLES = {"SUCCESS": "green", "FAILURE": "red", "RUNNING": "bold cyan", "INVALID": "dim"}
@@ -15,6 +16,7 @@ STYLES = {"SUCCESS": "green", "FAILURE": "red", "RUNNING": "bold cyan", "INVALID
 MARKS = {
     "success": ("✓", "green"),
     "failure": ("✗", "red"),
+    "partial": ("◐", "yellow"),
     "stopped": ("■", "yellow"),
     "error": ("■", "red"),
     "running": ("▶", "bold cyan"),
@@ -26,6 +28,21 @@ MARKS = {
 """By outcome, or by state for a run without one."""
 
 UNCHECKED = "This record was written without checksums: later changes cannot be detected."
+
+
+def end_words(ended: RunEnded) -> str:
+    """`failed`, `done in part` …, of a run that did not succeed."""
+    code = "" if ended.reason is None else ended.reason.code
+    word = "was not verified" if code == "UNVERIFIED" else "was done in part"
+    words = {"partial": word, "failure": "failed", "stopped": "was stopped"}
+    return words.get(ended.outcome, "ended in the safe state")
+
+
+def felt_words(account: Mapping[str, Any]) -> str:
+    """Return the evidence of a run's success, and the largest press on a fruit; empty without either."""
+    press = account.get("press")
+    pressed = f"largest press {press:.2f} of the limit, by {account['pressed_by']}" if press else ""
+    return ", ".join(filter(None, (account.get("evidence"), pressed)))
 
 
 def seconds(value: float) -> str:

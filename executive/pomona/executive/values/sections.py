@@ -19,6 +19,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkabl
 
 from pomona.executive.values.findings import Located, did_you_mean
 from pomona.executive.values.kinds import Kind, ScalarKind, Schema
+from pomona.executive.values.removed import report_removed
 from pomona.executive.values.yaml_nodes import (
     Reader,
     Refused,
@@ -181,7 +182,11 @@ class Section(Kind[S]):
     ) -> Refused | None:
         refused = None
         for key, _ in node.entries.values():
-            if key.text not in known:
+            if key.text in known:
+                continue
+            if report_removed(reader.findings, key, "setting", f"{what}.{key.text}"):
+                refused = Refused(key.text)
+            else:
                 hint = (
                     did_you_mean(key.text, known)
                     or f"{what} has {', '.join(known) or 'no settings'}"

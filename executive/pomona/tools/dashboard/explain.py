@@ -26,7 +26,15 @@ from pomona.executive.running.events import (
 from pomona.executive.speed import words_of
 from pomona.executive.terminal.live import BLOCKED, did_not_work
 from pomona.executive.terminal.summary import Summary
-from pomona.executive.terminal.words import at_place, figure, headline, is_number, seconds
+from pomona.executive.terminal.words import (
+    at_place,
+    end_words,
+    felt_words,
+    figure,
+    headline,
+    is_number,
+    seconds,
+)
 
 ORDINALS = (
     "first",
@@ -158,6 +166,8 @@ class _Story:
         yield " ".join(
             _sentence(_cut(note)) for note in self.summary.notes.values() if note in accounts
         )
+        felt = felt_words(ended.account or {}) if ended is not None else ""
+        yield f"The robot measured: {felt}." if felt else ""
         code = (
             "EXCEPTION" if self.errors else latest_leaf(reason).code if reason is not None else ""
         )
@@ -211,10 +221,7 @@ class _Story:
             most = self.summary.last_attempt()
             which = "" if most is None else f", on the {_ordinal(most.number)} attempt of {most.of}"
             return f"It succeeded after {seconds(ended.time)}{which if most and most.number > 1 else ''}."
-        word = {"failure": "failed", "stopped": "was stopped"}.get(
-            ended.outcome, "ended in the safe state"
-        )
-        return f"It {word} after {seconds(ended.time)}."
+        return f"It {end_words(ended)} after {seconds(ended.time)}."
 
     def _why(self, reason: Reason) -> str:
         leaf = latest_leaf(reason)

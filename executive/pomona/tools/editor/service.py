@@ -42,6 +42,7 @@ TOP = {
     "tree": "the tree's name",
     "description": "purpose of the tree",
     "cell": "the cell that it is for",
+    "success": "what the robot must have measured at the end",
     "parameters": "values that --set changes",
     "skills": "which package's skill to use where several offer it",
     "constants": "named values",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
+from pomona.executive.account import SUCCESSES
 from pomona.executive.language.value_types import fields_of, is_array
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.nodes.node_type import NodeType
@@ -52,6 +53,7 @@ def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
                 "type": "string",
                 "description": "the cell that it is for, where none is given",
             },
+            "success": {"enum": [*SUCCESSES], "description": "what the robot must have measured"},
             "parameters": {**ports, "description": "values that --set changes"},
             "skills": {"type": ["object", "null"], "additionalProperties": {"type": "string"}},
             "constants": {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}},

@@ -74,6 +74,13 @@ class AwaitFruit(BeltSkill):
                 for track in tracks.tracks.tracks
                 if track.rests
             ]
+            tracks.passed |= {
+                track.number
+                for x, track in coming
+                if until <= x < np.inf and track.number not in tracks.tried
+            }
+            if passed := len(tracks.passed):
+                self.account("passed", f"{passed} fruit passed the hand untried")
             ready = [
                 (x, track) for x, track in coming if x < until and track.number not in tracks.tried
             ]
@@ -92,6 +99,10 @@ class AwaitFruit(BeltSkill):
                 )
                 if tracks.tracks.encoder and abs(speed := tracks.travel.speed) < AT_REST:
                     words += f": the belt stands still, at {speed:.3f} m/s; start it, or check its encoder"
+                self.account(
+                    "fruit on the belt", f"{seen} fruit on the belt not tried" if seen else ""
+                )
+                self.account("nothing_left", f"picture: {words}")
                 raise self.failure("NOTHING_COMES", words, seen=seen)
             yield tracks.sentence
 

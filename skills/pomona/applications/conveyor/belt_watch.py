@@ -34,7 +34,7 @@ class BeltWatch:
     Attributes:
         tracks: as of the newest frame.
         travel: of the belt.
-        tried: numbers of fruit that were tried already.
+        tried, passed: numbers of fruit that were tried, and of fruit that passed the hand before that.
         newest_frame, shown_at: stamp of the newest frame, and when the belt was shown to the operator [s].
     """
 
@@ -42,6 +42,7 @@ class BeltWatch:
         self.tracks = Tracks(model, belt, encoder)
         self.travel = Travel()
         self.tried: set[int] = set()
+        self.passed: set[int] = set()
         self.newest_frame = self.shown_at = -1.0
         self._pending: Computation | None = None
         self._sequence = -1

@@ -53,6 +53,11 @@ class KeepTally(Skill):
         felt = min(widths) if len(widths) == len(touches) > 0 else None
         entry = TalliedFruit(p_base, size, outcome, why, number=number, felt=felt)
         tally = (so_far or Tally()).with_entry(entry, 0 if detection is None else detection.found)
+        before = () if so_far is None else so_far.entries
+        for k, kept in enumerate(tally.entries):
+            if k >= len(before) or kept is not before[k]:
+                why = "" if kept.outcome == DONE else f"{kept.outcome} at {kept.place}: {kept.why}"
+                self.account(f"fruit {k + 1}", why)
         rows = tuple(
             (
                 str(number + 1),

@@ -9,10 +9,11 @@ from pomona.drivers.interfaces import Gripper, Motion
 from pomona.executive.skill import Work
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.hold import Hold, current_hold
+from pomona.skills.grip.limit_surface import EDGE_MODULUS
 from pomona.skills.motion.grasp import Grasp
 from pomona.skills.shared.carrying import RESTING, TouchedDown, rest_on_contact
 from pomona.skills.shared.following import MovingSkill
-from pomona.skills.shared.held_fruit import is_pressed, show_grip, watch_fruit
+from pomona.skills.shared.held_fruit import is_pressed, note_press, show_grip, watch_fruit
 from pomona.skills.shared.straight_travel import Manner, follow_way, vertical_way
 from pomona.skills.shared.touch import Touch, felt, hand_felt, load
 
@@ -106,7 +107,11 @@ def lower_to_support(
                 rest_on_contact(skill, limit)
                 yield from follow_way(skill, leg.way, leg.manner, watch, grasp, stop_at_touch)
         except TouchedDown:
-            return (yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code))
+            doubt = yield from contact_doubt(skill, touch, touch.limit(contact, 0.0), code)
+            if not doubt:
+                fruit = None if grasp is None else grasp.fruit
+                note_press(skill, "its support", touch.pressed, fruit, EDGE_MODULUS)
+            return doubt
     return "" if ends_on else "the fruit met nothing"
 
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from pomona.drivers.interfaces import (
@@ -19,10 +19,11 @@ from pomona.drivers.interfaces import (
     WrenchSensor,
 )
 from pomona.drivers.plain_hand import between, gone
+from pomona.executive.account import HELD
 from pomona.executive.skill import Skill
 from pomona.executive.views import SeriesView
 from pomona.skills.grip.hold import Hold, current_hold
-from pomona.skills.grip.limit_surface import SoftContact, bruising_force
+from pomona.skills.grip.limit_surface import PAD_MODULUS, SoftContact, bruising_force
 from pomona.skills.grip.settings import ForceLoopSettings, GripSettings, PadStiffness
 from pomona.skills.perception.fruit.catalogue import mass_of
 from pomona.skills.perception.measured_fruit import MeasuredFruit
@@ -85,6 +86,34 @@ def watch_fruit(skill: MovingSkill, hold: Hold | None = None) -> Callable[[], st
     return lambda: "" if is_held(skill, hold) else "it presses on neither finger"
 
 
+def note_held(skill: MovingSkill, hold: Hold | None, fruit: MeasuredFruit | None) -> None:
+    """Add what pads, weight and width show of the held fruit to the account of the task, and what contradicts it."""
+    gripper = skill.device(Gripper)
+    sensor = pressed_fingers(skill)
+    width = gripper.state().width
+    found = [f"width {1e3 * width:.0f} mm"]
+    if hold is not None and not hold.ended:
+        reading = hold.reading
+        found += [f"pads {reading.f_n:.1f} N", f"weight {reading.f_t:.1f} N"]
+        note_press(skill, "the pads", hold.pressed, fruit)
+        if fruit is not None:
+            contradictions = _contradictions(width, reading.f_t, fruit)
+            skill.account("the held fruit", "; ".join(contradictions))
+    elif sensor is not None:
+        found.append(f"pads {sum(pressing_forces(sensor)):.1f} N")
+    skill.account(HELD, ", ".join(found))
+
+
+def _contradictions(width: float, load: float, fruit: MeasuredFruit) -> Iterator[str]:
+    """Yield where width [m] and weight [N] in the fingers differ from the fruit that the camera measured."""
+    least, most = NARROWEST * float(fruit.dimensions.min()), float(fruit.dimensions.max())
+    if not least <= width <= most + CLEARANCE:
+        yield f"the pads are {1e3 * width:.0f} mm apart at a fruit of {1e3 * most:.0f} mm"
+    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
+    if known is not None and load < (least := 0.5 * GRAVITY * (known[0] - 2.0 * known[1])):
+        yield f"the held fruit weighs {load:.1f} N, {least:.1f} N at least for its size"
+
+
 def expected_load(fruit: MeasuredFruit) -> float:
     """Return the largest expected load of a fruit of this size in a lift [N]; 0 where it is unknown."""
     known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
@@ -92,12 +121,25 @@ def expected_load(fruit: MeasuredFruit) -> float:
     return 0.0 if known is None else 1.1 * GRAVITY * (known[0] + 2.0 * known[1])
 
 
-def bearable_force(fruit: MeasuredFruit | None) -> float:
-    """Return the force of both fingers that bruises no fruit of this size, less a tenth for overshoot [N].
+def bruising(fruit: MeasuredFruit | None, modulus: float = PAD_MODULUS) -> float:
+    """Return the force of one contact that bruises a fruit of this size [N].
 
     Of an unknown fruit it is that of a large apple: a larger force bruises every one.
     """
-    return 1.8 * bruising_force(0.5 * (LARGE if fruit is None else float(fruit.dimensions[0])))
+    return bruising_force(0.5 * (LARGE if fruit is None else float(fruit.dimensions[0])), modulus)
+
+
+def bearable_force(fruit: MeasuredFruit | None) -> float:
+    """Return the force of both fingers that bruises no fruit of this size, less a tenth for overshoot [N]."""
+    return 1.8 * bruising(fruit)
+
+
+def note_press(
+    skill: Skill, by: str, force: float, fruit: MeasuredFruit | None, modulus: float = PAD_MODULUS
+) -> None:
+    """Add a measured force on a fruit [N] to the account of the task, as a share of the one that bruises it."""
+    share = force / bruising(fruit, modulus)
+    skill.account(by, f"{by} pressed a fruit with {force:.1f} N, {share:.2f} of its limit", share)
 
 
 # opening over the fruit at which a finger may touch [m]: it may lie off the centre

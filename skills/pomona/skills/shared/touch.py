@@ -27,6 +27,7 @@ from pomona.skills.motion.grasps.gripper_shape import GripperShape
 STALE_AFTER = 0.1
 SPIKE = 3  # number of successive samples that confirm a change of force: one sample may be a spike
 
+PRESSING = 0.05  # time over which a press on a fruit is averaged: shorter ones bruise none [s]
 # pressing force of each finger that shows something between them [N]; noise: 0.2 N
 HELD_FORCE = 0.25
 FINE = 1.0  # smallest change that a load sensor must show to feel a support [N]: a fruit is pressed no harder
@@ -105,6 +106,7 @@ class Touch:
 
     Attributes:
         change: largest lasting change so far [N].
+        pressed: largest mean change over `PRESSING` so far [N].
         finger: the finger with the change: left or right; empty before any, and when there is one force.
     """
 
@@ -127,7 +129,8 @@ class Touch:
         self._first = round(
             0.01 * rate
         )  # samples whose mean is the reference: one sample has the noise of one
-        self.change = 0.0
+        self.change = self.pressed = self._press = 0.0
+        self._weight = 1.0 / (PRESSING * rate)
         self.finger = ""
         self._limit = np.inf
         self._act = _nothing
@@ -204,6 +207,8 @@ class Touch:
         if len(self._felt) <= self._first or self._reference is None:
             self._reference = np.mean(self._felt, axis=0)
         self._recent.append(np.linalg.norm(felt - self._reference, axis=1))
+        self._press += self._weight * (float(self._recent[-1].max()) - self._press)
+        self.pressed = max(self.pressed, self._press)
         if len(self._recent) == SPIKE:
             lasting = np.min(self._recent, axis=0)
             if lasting.max() > self.change:

@@ -4,7 +4,7 @@ import { hasNoEnd, holdsControl, page, say } from "./page.js";
 import { isClosed, isStale, link, press } from "./link.js";
 import { drawQuestions } from "./questions.js";
 
-export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌", "no end": "■" };
+export const STATUS_WORD = { success: "✓", failure: "✗", partial: "◐", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌", "no end": "■" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
 const BEHIND = 2; // seconds by which a simulated run must lag the wall clock for both to be shown
 const NARROW = 1500; // px of the window below which devices that answer share one entry

@@ -167,7 +167,7 @@ class _Shown:
             failure_message,
         )  # over scipy
 
-        good = succeeded(result, self._campaign.conditions)
+        good = succeeded(result)
         self._good += good
         self._ended += 1
         self._bar.update(
@@ -178,9 +178,7 @@ class _Shown:
         left = (time.monotonic() - self._started) / self._ended * (of - done) / 60.0
         line = f"{'✓' if good else '✗'} {result['name']}"
         if not good:
-            line += (
-                f"  {failure_code(result, self._campaign.conditions)}: {failure_message(result)}"
-            )
+            line += f"  {failure_code(result)}: {failure_message(result)}"
         if not self._console.is_terminal:
             line = (
                 f"[{done}/{of}] {line}   {self._good}/{self._ended} succeeded, {left:.0f} min left"

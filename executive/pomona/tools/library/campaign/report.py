@@ -15,7 +15,7 @@ from pomona.tools.library.campaign.document import (
     ReportPage,
     Table,
 )
-from pomona.tools.library.campaign.run import succeeded
+from pomona.tools.library.campaign.run import differs, succeeded
 from pomona.tools.library.campaign.spec import Campaign
 from pomona.tools.library.campaign.statistics import (
     FEWEST,
@@ -68,9 +68,9 @@ def percent(rate: float) -> str:
     return f"{text.removesuffix('.0')} %"
 
 
-def rate(results: Sequence[Result], conditions: tuple[str, ...]) -> str:
+def rate(results: Sequence[Result]) -> str:
     """`24/25 = 96 % (80–99)`."""
-    good = sum(succeeded(result, conditions) for result in results)
+    good = sum(succeeded(result) for result in results)
     low, high = wilson(good, len(results))
     share = percent(good / max(1, len(results)))
     return f"{good}/{len(results)} = {share} ({percent(low)[:-2]}–{percent(high)[:-2]})"
@@ -140,7 +140,7 @@ def overview(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> Tabl
     for name, runs in by_arm.items():
         times = median(numbers(runs, RUN_FIGURES["robot time [s]"]))
         walls = median(numbers(runs, RUN_FIGURES["wall time [s]"]))
-        rows.append((name, rate(runs, campaign.conditions), say(times), say(walls)))
+        rows.append((name, rate(runs), say(times), say(walls)))
     return Table(("arm", "success", "robot time, median [s]", "wall time, median [s]"), tuple(rows))
 
 
@@ -149,10 +149,7 @@ def comparison(
 ) -> list[Paragraph | Bullets]:
     """Return each arm beside the first, on the same seeds of the same combinations."""
     first, *others = by_arm
-    good = {
-        name: {_place(run): succeeded(run, campaign.conditions) for run in runs}
-        for name, runs in by_arm.items()
-    }
+    good = {name: {_place(run): succeeded(run) for run in runs} for name, runs in by_arm.items()}
     lines = []
     for other in others:
         shared = good[first].keys() & good[other].keys()
@@ -179,17 +176,15 @@ def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> 
 
 
 def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence[str]) -> Table:
-    conditions = campaign.conditions
     columns = campaign.vary[keys[1]] if len(keys) >= 2 else ()
     rows = []
     for value in campaign.vary[keys[0]]:
         of_row = [r for r in runs if r["varied"][keys[0]] == value]
         cells = [[r for r in of_row if r["varied"][keys[1]] == column] for column in columns]
         counts = [
-            f"{sum(succeeded(r, conditions) for r in cell)}/{len(cell)}" if cell else "–"
-            for cell in cells
+            f"{sum(succeeded(r) for r in cell)}/{len(cell)}" if cell else "–" for cell in cells
         ]
-        rows.append((value, *counts, rate(of_row, conditions) if of_row else "–"))
+        rows.append((value, *counts, rate(of_row) if of_row else "–"))
     corner = f"{keys[0]} \\ {keys[1]}" if len(keys) >= 2 else keys[0]
     return Table((corner, *columns, "all"), tuple(rows), name)
 
@@ -236,38 +231,30 @@ def by_skill(campaign: Campaign, arm: str, runs: Sequence[Result]) -> Table:
 def failures(campaign: Campaign, results: Sequence[Result]) -> list[Table | Paragraph]:
     """Failures by arm and code, each with an instance and the command that repeats it."""
     orders = {run.name: run.order for run in campaign.runs}
-    bad = [run for run in results if not succeeded(run, campaign.conditions)]
+    apart = Counter(words.partition(":")[0] for words in map(differs, results) if words)
+    said = ", ".join(f"{number} × {word}" for word, number in apart.items()) or "none"
+    beside = Paragraph(f"Runs whose world contradicts the robot's result: {said}.")
+    bad = [run for run in results if not succeeded(run)]
     if not bad:
-        return [Paragraph("None.")]
-
-    def code_of(run: Result) -> str:
-        return failure_code(run, campaign.conditions)
-
+        return [Paragraph("None."), beside]
     rows = []
-    for (arm, code), count in Counter((run["arm"], code_of(run)) for run in bad).most_common():
-        example = next(run for run in bad if run["arm"] == arm and code_of(run) == code)
+    for (arm, code), count in Counter((run["arm"], failure_code(run)) for run in bad).most_common():
+        example = next(run for run in bad if run["arm"] == arm and failure_code(run) == code)
         rows.append((code, str(count), arm, failure_message(example), _command(example, orders)))
     header = ("code", "runs", "arm", "for instance", "to see it")
-    return [Table(header, tuple(rows), words=True)]
+    return [Table(header, tuple(rows), words=True), beside]
 
 
-def failure_code(run: Result, conditions: tuple[str, ...]) -> str:
-    """Return the failure code. If only the ground truth denies the success: NOT_ and its name, as in NOT_LIFTED."""
+def failure_code(run: Result) -> str:
+    """Return the failure code; FALSE_SUCCESS if only the world denies the success."""
     reason = run.get("reason")
-    if reason:
-        return str(reason.get("code"))
-    truth = run.get("truth") or {}
-    return f"NOT_{next((name for name in conditions if not truth.get(name)), 'CONFIRMED').upper()}"
+    return str(reason.get("code")) if reason else differs(run).partition(":")[0]
 
 
 def failure_message(run: Result) -> str:
     """Return the reason as a sentence."""
     reason = run.get("reason")
-    return (
-        str(reason.get("message"))
-        if reason
-        else "the tree succeeded, the simulated world reports a failure"
-    )
+    return str(reason.get("message")) if reason else differs(run)
 
 
 def _command(run: Result, orders: Mapping[str, Any]) -> str:
@@ -279,4 +266,4 @@ def _command(run: Result, orders: Mapping[str, Any]) -> str:
 
 
 def _good(campaign: Campaign, runs: Sequence[Result]) -> list[Result]:
-    return [run for run in runs if succeeded(run, campaign.conditions)]
+    return [run for run in runs if succeeded(run)]

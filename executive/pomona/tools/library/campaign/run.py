@@ -13,6 +13,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
+from pomona.executive.account import disagreement
 from pomona.executive.encode import encoded
 from pomona.executive.errors import PomonaError, UsageError
 from pomona.executive.execute import RunOrder, execute
@@ -217,9 +218,11 @@ def _append(path: Path) -> Iterator[FileIO]:
         yield stream
 
 
-def succeeded(result: Mapping[str, Any], conditions: tuple[str, ...]) -> bool:
-    """The tree succeeded and, where there is a simulated world, the world agrees."""
-    truth = result.get("truth")
-    return result.get("outcome") == "success" and (
-        not truth or all(bool(truth.get(name)) for name in conditions)
-    )
+def differs(result: Mapping[str, Any]) -> str:
+    """Return how the world's truth contradicts the robot's result of a run: see `disagreement`."""
+    return disagreement(result.get("outcome"), result.get("account"), result.get("truth"))
+
+
+def succeeded(result: Mapping[str, Any]) -> bool:
+    """The robot's result is a success and, where there is a simulated world, the world agrees."""
+    return result.get("outcome") == "success" and not differs(result)

@@ -54,11 +54,6 @@ class Campaign:
     runs: tuple[CampaignRun, ...]
     score: Score = field(default_factory=Score)
 
-    @property
-    def conditions(self) -> tuple[str, ...]:
-        """Names of the ground truth that a success needs."""
-        return self.score.success or ()
-
     def only(self, runs: Sequence[CampaignRun]) -> Campaign:
         """Return the same campaign with some of its runs."""
         return Campaign(self.name, self.description, self.vary, self.arms, tuple(runs), self.score)

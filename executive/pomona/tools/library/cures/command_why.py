@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.table import Table
 
-from pomona.executive.cell.cell_file import CellFile
+from pomona.executive.account import disagreement
 from pomona.executive.commands.command_line import RUN, add_records_folder
 from pomona.executive.encode import plain
 from pomona.executive.errors import UsageError
@@ -32,7 +32,7 @@ from pomona.tools.library.cures.evidence import RunEvidence, gather
 from pomona.tools.library.cures.knobs import Knobs
 from pomona.tools.library.cures.repetition import REPEATABLE, first_error, judged_order, order_of
 from pomona.tools.library.cures.search import CureAnswer, CureSearch, TriedChange
-from pomona.tools.library.cures.trials import Trial, TrialPool, disagrees, force_of, run_trial
+from pomona.tools.library.cures.trials import Trial, TrialPool, force_of, run_trial
 
 SIMULATION = "This is a simulation of a run on a real cell: only changes of the tree and its ports are tried."
 
@@ -45,14 +45,12 @@ class FailedRun:
         evidence: of its record.
         order: the run again, on a cell that cannot move anything real.
         candidates: the most likely first.
-        conditions: of the world's score, for a success.
         simulated: the run was on another cell than the search.
     """
 
     evidence: RunEvidence
     order: RunOrder
     candidates: Sequence[CureCandidate]
-    conditions: tuple[str, ...]
     simulated: bool
 
 
@@ -107,7 +105,7 @@ def main(options: argparse.Namespace) -> int:
     console.print(
         f"{len(case.candidates)} single changes may cure it; budget {seconds(options.budget)}"
     )
-    with contextlib.closing(TrialPool(options.jobs, run_trial, case.conditions)) as pool:
+    with contextlib.closing(TrialPool(options.jobs, run_trial)) as pool:
         search = CureSearch(
             case.order,
             case.candidates,
@@ -151,15 +149,14 @@ def read_case(record: Path, cell: str | None = None) -> FailedRun:
     judged = judged_order(order)
     if wrong := first_error(judged):
         raise UsageError(f"{record}: its tree cannot be rebuilt here: {wrong}")
-    conditions = _conditions(judged.cell)
     if ended.outcome == "success" and (
-        simulated or not disagrees("success", plain(ended.truth), conditions)
+        simulated or not disagreement("success", plain(ended.account), plain(ended.truth))
     ):
         raise UsageError(f"{record}: the run succeeded: there is nothing to cure")
     options = () if simulated or judged.cell is None else judged.cell.options
     text = order.texts.get(str(order.cell), "")
     knobs = Knobs(judged.analysis, order.settings, options, str(order.cell), text)
-    return FailedRun(evidence, order, candidates(knobs, evidence), conditions, simulated)
+    return FailedRun(evidence, order, candidates(knobs, evidence), simulated)
 
 
 def _own(started: RunStarted, evidence: RunEvidence, cell: str | None) -> RunOrder:
@@ -180,10 +177,6 @@ def _simulated(started: RunStarted, cell: str | None) -> RunOrder:
     judged = judged_order(replace(order, settings={}))
     for_tree, _ = split_settings(judged.analysis.document, order.settings)
     return replace(order, settings=for_tree)
-
-
-def _conditions(cell: CellFile | None) -> tuple[str, ...]:
-    return (cell.score.success or ()) if cell is not None and cell.score is not None else ()
 
 
 def usable(order: RunOrder) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from pomona.executive.account import disagreement
 from pomona.executive.errors import PomonaError
 from pomona.executive.execute import RunOrder, execute
 from pomona.executive.running.compute import keep_workers_warm
@@ -26,7 +27,7 @@ class Trial:
 
     Attributes:
         outcome: success, failure, stopped, error; `unusable` if the run could not start, `lost` if its process died or
-            took too long, `false` if the tree succeeded and the world's score does not agree.
+            took too long, `false` if the run succeeded and the world's truth contradicts it.
         code, message: why it did not succeed.
         time: on the run's clock [s].
         force: largest force of the world's score [N]; None without one.
@@ -42,7 +43,7 @@ class Trial:
 
     @property
     def succeeded(self) -> bool:
-        """Whether the tree succeeded and the world's score agrees."""
+        """Whether the run succeeded and the world's truth agrees."""
         return self.outcome == "success"
 
 
@@ -55,15 +56,8 @@ def force_of(truth: Any) -> float | None:
     )
 
 
-def disagrees(outcome: str | None, truth: Any, conditions: tuple[str, ...]) -> str:
-    """Return the first condition of a score that a run did not fulfil though its tree succeeded; else an empty text."""
-    if outcome != "success" or not isinstance(truth, dict) or not truth:
-        return ""
-    return next((name for name in conditions if not truth.get(name)), "")
-
-
-def run_trial(order: RunOrder, conditions: tuple[str, ...]) -> Trial:
-    """Repeat a run in this process. `conditions` of the world's score must hold for a success."""
+def run_trial(order: RunOrder) -> Trial:
+    """Repeat a run in this process."""
     keep_workers_warm()
     begun = time.monotonic()
     try:
@@ -76,11 +70,10 @@ def run_trial(order: RunOrder, conditions: tuple[str, ...]) -> Trial:
     outcome = told["outcome"]
     code = reason.get("code", "")
     message = reason.get("message", "")
-    missed = disagrees(outcome, truth, conditions)
-    if missed:
+    missed = disagreement(outcome, told["account"], truth)
+    if missed and outcome == "success":
         outcome = "false"
-        code = "NOT_SCORED"
-        message = f"the tree succeeded, the world's score has '{missed}' not true"
+        code, _, message = missed.partition(": ")
     return Trial(outcome, code, message, told["time_s"], force_of(truth), time.monotonic() - begun)
 
 

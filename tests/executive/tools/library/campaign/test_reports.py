@@ -283,7 +283,8 @@ def test_every_failure_code_that_can_occur_has_a_meaning_and_a_remedy() -> None:
         for code in skill.failures
     }
     of_the_language = {
-        "BAD_VALUE", "CONDITION_FALSE", "EXCEPTION", "FAILED", "FORCED", "INTERRUPTED", "INVERTED", "NOBODY_TO_ASK",
+        "BAD_VALUE", "CONDITION_FALSE", "DONE_IN_PART", "UNVERIFIED", "EXCEPTION", "FAILED", "FORCED", "INTERRUPTED",
+        "INVERTED", "NOBODY_TO_ASK",
         "NOT_APPROVED", "NO_ANSWER", "NO_RECORD", "SAFE_STOP", "STOPPED", "TIMEOUT",
     }  # fmt: skip
     of_shipped_trees = {"NO_ORDER", "PLC_FAULT"}  # `fail` of pick_for_plc

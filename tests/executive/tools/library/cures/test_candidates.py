@@ -20,7 +20,7 @@ from pomona.tools.library.cures.evidence import RunEvidence, gather
 from pomona.tools.library.cures.knobs import Knobs
 from pomona.tools.library.cures.other_values import other_values
 from pomona.tools.library.cures.search import CureSearch
-from pomona.tools.library.cures.trials import OVER_BUDGET, Trial, disagrees
+from pomona.tools.library.cures.trials import OVER_BUDGET, Trial
 
 # ------------------------------------------------------------------------------------------------ values
 
@@ -265,13 +265,6 @@ def test_a_change_that_the_check_refuses_is_not_run() -> None:
     answer, trials = search(lambda n, seed: False, usable=lambda order: order.settings["n"] == "2")
     assert [n for n, _ in trials.started] == ["", "2"]
     assert (answer.refused, answer.untried) == (3, 0)
-
-
-def test_a_tree_s_success_counts_only_if_the_world_agrees() -> None:
-    assert disagrees("success", {"lifted": None}, ("lifted",)) == "lifted"
-    assert disagrees("success", {"lifted": True}, ("lifted",)) == ""
-    assert disagrees("success", None, ("lifted",)) == ""
-    assert disagrees("failure", {"lifted": None}, ("lifted",)) == ""
 
 
 def test_the_original_is_repeated_once_with_each_seed_though_another_change_ends_later() -> None:

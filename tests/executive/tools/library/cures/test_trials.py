@@ -36,7 +36,7 @@ def ends(work: object, *about: object, limit: float = 120.0) -> list[Trial]:
 
 @pytest.mark.slow
 def test_a_run_is_repeated_in_another_process() -> None:
-    (trial,) = ends(run_trial, ())
+    (trial,) = ends(run_trial)
     assert trial.succeeded
     assert trial.time == pytest.approx(1.0, abs=0.05)
 
@@ -61,7 +61,7 @@ def test_a_repetition_that_is_given_up_is_no_result_of_the_next_search() -> None
 
 def test_a_run_that_cannot_start_is_unusable_and_nothing_else_ends() -> None:
     order = RunOrder(Path("t.yaml"), Path("none.yaml"), dry=True, texts={"t.yaml": "pomona: 1\n"})
-    assert run_trial(order, ()).outcome == "unusable"
+    assert run_trial(order).outcome == "unusable"
 
 
 @pytest.mark.long

@@ -61,9 +61,8 @@ NEVER = "pomona: 1\ntree: never\nroot: {fail: }\n"
 class Here:
     """Trials in this process, one after another."""
 
-    def __init__(self, _jobs: int, _work: Any, conditions: tuple[str, ...]) -> None:
+    def __init__(self, _jobs: int, _work: Any) -> None:
         self._waiting: list[tuple[Any, RunOrder]] = []
-        self._conditions = conditions
 
     @property
     def free(self) -> bool:
@@ -76,7 +75,7 @@ class Here:
     def ended(self) -> Iterator[tuple[Any, Trial]]:
         for key, order in self._waiting:
             self._waiting = []
-            yield key, run_trial(order, self._conditions)
+            yield key, run_trial(order)
 
     def close(self) -> None:
         self._waiting = []
