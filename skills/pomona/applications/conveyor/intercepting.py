@@ -11,16 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from pomona.drivers import ArmLimits
 from pomona.executive import Float64
-from pomona.executive.values.later import Later
 from pomona.skills.motion import RobotModel, nearest_solution
-
-cv2: Any = Later("cv2")
 
 Place = Callable[[float], tuple[Float64, Float64]]
 """Where a fruit is at a time [s], and its velocity: base frame, shape (3,) each [m], [m/s]."""
@@ -93,6 +89,8 @@ class InterceptPlan:
 
     def pose(self, t: float, place: Place) -> Float64:
         """T_base_tcp at a time, shape (4, 4)."""
+        import cv2  # takes a moment; a run has it since its cell was connected
+
         s = max(t - self.t0, 0.0)
         T = np.eye(4)
         if s < self.reach:
@@ -296,6 +294,8 @@ def _pick(
     reach: float,
     descent: float,
 ) -> InterceptPlan:
+    import cv2
+
     p, v = place(now)
     axis, _ = cv2.Rodrigues(T_base_tcp[:3, :3].T @ R_base_grasp)
     sinks = np.array([-SINKING * ABOVE / descent])
