@@ -412,3 +412,44 @@ def test_a_change_of_the_lever_is_turning_from_its_limit(
     assert not turns_after(lever, 0.94 * limit, **changes)
     assert not turns_after(lever, 9.0 * limit, is_carried=False, **changes)
     assert not turns_after(lever, 9.0 * limit, **changes, f_t=0.299)
+
+
+def test_after_a_slip_the_distance_goes_on_from_where_it_was_found() -> None:
+    watch = SlipWatch(NEAR, SETTINGS.rate)
+    watch.calibrate(np.zeros((8, 2, 6)))
+    watch.start()
+    found = []
+    for k in range(1800):
+        wrench = np.array([0.0, 0.0, -3.0, 0.0, 3.0 * (2e-3 if k >= 600 else 0.0), 0.0])
+        if watch.check(pressing(unfiltered=wrench), 1, False):
+            found.append(k)
+    assert found
+    assert all(later - earlier > 1 for earlier, later in pairwise(found))
+    assert found[-1] < 700
+    assert watch.slipped == pytest.approx(2e-3, rel=0.02)
+
+
+def test_a_turn_that_was_found_is_not_found_again() -> None:
+    watch = SlipWatch(SLIPS, SETTINGS.rate)
+    watch.start()
+    wrench = np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0])
+    found = []
+    for k in range(1800):
+        arm = 1.3 * SLIPS.lever_moved * (k >= 600) / (15.0 ** (-1 / 14) - 15.0 ** (-15 / 14))
+        now = pressing(unfiltered=wrench, f_t=2.0)._replace(tau_n=2.0 * arm)
+        if watch.check(now, 1, True):
+            found.append(k)
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize(("second", "expected"), [(-1.0, 1e-2), (1.0, 0.0), (0.0, 5e-3)])
+def test_noise_of_the_torques_is_that_of_both_pads_which_face_each_other(
+    second: float, expected: float
+) -> None:
+    """A torque about x of the second pad counts with the other sign, in the frame of the first one."""
+    readings = np.zeros((4, 2, 6))
+    readings[::2, 0, 3], readings[1::2, 0, 3] = 1e-2, -1e-2
+    readings[:, 1, 3] = second * readings[:, 0, 3]
+    watch = SlipWatch(NEAR, SETTINGS.rate)
+    watch.calibrate(readings)
+    assert watch._torque_std == pytest.approx(expected)
