@@ -112,7 +112,11 @@ class SlipAvoidGrasp(Skill):
         eyes = yield from hand_clear(self)
         gripper = self.device(Gripper)
         hold = Hold(
-            gripper, self.device(ForceSensor), GripController(settings), self.clock.now
+            gripper,
+            self.device(ForceSensor),
+            GripController(settings),
+            self.clock.now,
+            self.optional_device(Arm),
         ).under(gripper)
         try:
             yield from self._watch(hold, fruit, eyes)

@@ -1,11 +1,19 @@
-"""Whether something else carries a held fruit, by the load along the pads."""
+"""Whether something else carries a held fruit, by the load along the pads; and whether the hand accelerates."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import cast
 
-from pomona.skills.grip.hold import FloorWatch
+import numpy as np
+import pytest
+
+from pomona.drivers.errors import DeviceLost
+from pomona.drivers.interfaces import Arm, ArmState
+from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.hold import FloorWatch, Hold
 from pomona.skills.grip.pads import MIRROR
+from pomona.skills.grip.settings import GripSettings
+from pomona.tools.mock import MockClock, MockForceSensor, MockGripper
 
 
 def wrenches(*load: float) -> np.ndarray:
@@ -45,3 +53,33 @@ def test_a_fruit_without_weight_is_carried_by_any_contact() -> None:
     watch = FloorWatch(0.35)
     look(watch, 0.0, 0.0)
     assert look(watch, 0.0, -0.5)
+
+
+class Swung:
+    """An arm whose joints speed up, then move on."""
+
+    def __init__(self, clock: MockClock) -> None:
+        self.clock, self.is_lost = clock, False
+
+    def state(self) -> ArmState:
+        if self.is_lost:
+            raise DeviceLost("arm", "does not answer")
+        now = self.clock.now()
+        speed = 4.0 * min(now, 0.5)
+        return ArmState(now, np.zeros(2), np.array([speed, -0.5 * speed]), True)
+
+
+def test_the_acceleration_of_the_hand_is_bounded_by_that_of_the_joints() -> None:
+    clock = MockClock()
+    arm = Swung(clock)
+    controller = GripController(GripSettings())
+    sensor = MockForceSensor(clock, lambda _now: np.zeros((2, 6)))
+    hold = Hold(MockGripper(clock), sensor, controller, clock.now, cast(Arm, arm))
+    clock.advance(0.3)
+    assert controller.acceleration == pytest.approx(0.1 * (4.0 + 2.0))
+    clock.advance(0.3)
+    assert controller.acceleration == pytest.approx(0.0)
+    arm.is_lost = True
+    clock.advance(0.1)
+    assert controller.acceleration == 0.0
+    hold.take_over()

@@ -124,7 +124,7 @@ class Intercept(BeltSkill):
                 catch.reach()
                 yield ahead or f"reaching, {pick.arrival - self.clock.now():.1f} s to the fruit"
             hold = Hold(
-                gripper, self.device(ForceSensor), GripController(settings), self.clock.now
+                gripper, self.device(ForceSensor), GripController(settings), self.clock.now, arm
             ).under(gripper)
             try:
                 while hold.phase is not GripPhase.HOLDING:

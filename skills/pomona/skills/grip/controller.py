@@ -59,6 +59,7 @@ class GripController:
         speed: rate of the opening that was commanded last [m/s].
         friction_share: estimated over configured friction coefficient.
         rests: set by the caller while something else carries the fruit: fingers and reference stay as they are.
+        acceleration: of the hand, as a multiple of gravity, set by the caller.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class GripController:
         self.motor_force: float | None = None
         self.friction_share = 1.0
         self.rests = False
+        self.acceleration = 0.0
         self._told = settings.contact
         self._learned_at = -math.inf
         self._guard = StreamGuard(settings.period)
@@ -312,7 +314,8 @@ class GripController:
         now = self._now(sample)
         force_rate = self._tracker.moving * slope(s.loop.stiffness, estimate.f_n)
         # A support that carries the fruit may press on one finger alone.
-        self._sensors.check(sample, estimate, is_carried and not self.rests, force_rate)
+        hangs = is_carried and not self.rests
+        self._sensors.check(sample, estimate, hangs, force_rate, self.acceleration)
         if in_hand:
             self._watch_hold(now)
         elif self.mode is not GripMode.FAILED and self._sensors.reason:

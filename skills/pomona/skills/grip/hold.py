@@ -23,7 +23,14 @@ from threading import RLock
 import numpy as np
 
 from pomona.drivers.errors import DeviceError
-from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
+from pomona.drivers.interfaces import (
+    Arm,
+    ArmState,
+    ForceSensor,
+    Gripper,
+    Subscription,
+    WrenchSample,
+)
 from pomona.executive.lease import command, give_up, identity, keep, lend
 from pomona.executive.values.arrays import Float64
 from pomona.skills.grip.closing import PadTouch, TouchRecorder
@@ -58,6 +65,7 @@ class Hold:
         sensor: ForceSensor,
         controller: GripController,
         now: Callable[[], float],
+        arm: Arm | None = None,
     ) -> None:
         """Take the fingers over from an earlier grip session and start with the next sample.
 
@@ -66,12 +74,15 @@ class Hold:
             sensor: its stream steps the controller.
             controller: in its first phase.
             now: the cell's clock, for the detection of a stale stream.
+            arm: moves the hand; its acceleration shows on the pads.
         """
         take_over(gripper)
         self._gripper = keep(gripper, "the grip")
         self._controller = controller
         self._now, self._started = now, now()
         self._sensor = sensor
+        self._arm = arm
+        self._joints: ArmState | None = None
         self._lock = RLock()
         self._ended = False
         self._device_problem: GripProblem | None = None
@@ -260,6 +271,7 @@ class Hold:
                 state = self._gripper.state()
                 controller.width = state.width
                 controller.motor_force = state.motor_force
+                controller.acceleration = self._acceleration()
             # else all later samples would be out of order
             if sample.stamp > self._now() + EARLIEST:
                 self._report_sensor_fault()
@@ -281,6 +293,22 @@ class Hold:
             if self._seen % self._record_every == 0:
                 self._samples[self._written % KEPT] = controller.row()
                 self._written += 1
+
+    def _acceleration(self) -> float:
+        """Bound the acceleration of the hand by that of the arm's joints, as a multiple of gravity."""
+        if self._arm is None:
+            return 0.0
+        try:
+            state = self._arm.state()
+        except DeviceError:
+            return 0.0  # the arm is lost, and reports that
+        before = self._joints or state
+        passed = state.stamp - before.stamp
+        if passed > 0.0 or self._joints is None:
+            self._joints = state
+        # each joint moves the hand by 1 m/rad at most, and gravity is 9.81 m/s²
+        way = 0.1 * float(np.abs(state.qd - before.qd).sum())
+        return way / passed if passed > 0.0 else self._controller.acceleration
 
     def _rest(self, rests: bool) -> None:
         """Stop the fingers at once where they begin to rest."""

@@ -244,7 +244,7 @@ class SensorWatch:
         self._runs = np.zeros((2, 6))
         self._last = np.full((2, 6), np.nan)
         self._apart, self._against_motor, self._held = Timer(), Timer(), Timer()
-        self._load = self._force_rate = self._swings_for = 0.0
+        self._load = self._force_rate = self._swings_for = self._acceleration = 0.0
         self._motor, self._fingers = (
             LowPass(settings.sensors.motor_lag),
             LowPass(settings.sensors.motor_lag),
@@ -264,7 +264,12 @@ class SensorWatch:
                 )
 
     def check(
-        self, sample: GripSample, estimate: GripEstimate, is_carried: bool, force_rate: float
+        self,
+        sample: GripSample,
+        estimate: GripEstimate,
+        is_carried: bool,
+        force_rate: float,
+        acceleration: float = 0.0,
     ) -> None:
         """Check one sample.
 
@@ -272,6 +277,8 @@ class SensorWatch:
             estimate: after it.
             is_carried: the fruit hangs in the fingers.
             force_rate: change of the grip force by the fingers' own motion [N/s].
+            acceleration: of the hand, in any direction, as a multiple of gravity: one pad brakes the fruit, the other
+                is relieved.
         """
         s = self._settings
         elapsed = sample.elapsed
@@ -285,9 +292,9 @@ class SensorWatch:
                 f"the {side} finger's {kind} {channel} repeats one value although it is noisy",
                 no_signal=True,
             )
-        self._force_rate = max(
-            abs(force_rate), self._force_rate * math.exp(-elapsed / s.own_motion_memory)
-        )
+        fading = math.exp(-elapsed / s.own_motion_memory)
+        self._force_rate = max(abs(force_rate), self._force_rate * fading)
+        self._acceleration = max(acceleration, self._acceleration * fading)
         if is_carried:
             self.has_pressed_alone = self.has_pressed_alone or estimate.one_presses_more
             if estimate.shear_jump > self._filters.jump:
@@ -297,7 +304,8 @@ class SensorWatch:
             return
         self._check_jumps(estimate, elapsed)
         self._load = max(estimate.f_t, self._load * math.exp(-elapsed / s.load_memory))
-        most = max(s.apart, s.apart_ratio * estimate.f_t) + estimate.f_n_band
+        inertia = self._load * self._acceleration
+        most = max(s.apart, s.apart_ratio * estimate.f_t) + estimate.f_n_band + inertia
         is_apart = (
             abs(estimate.left - estimate.right) > most and estimate.f_t > s.hanging * self._load
         )
