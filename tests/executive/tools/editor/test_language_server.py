@@ -113,6 +113,7 @@ class TestCompletion:
         assert offered(service, "parameters:\n", "|\nparameters:\n") == [
             "description",
             "cell",
+            "success",
             "skills",
             "constants",
             "in",

@@ -96,7 +96,7 @@ OLD: list[tuple[str, dict[str, str], list[str]]] = [
         ["15:7 FirstFrame", "27:23 Tabulate", "33:11 CountFruit", "34:11 NextFrame"],
     ),
     ("pick_tree_cases.yaml", {}, ["3:7 ../experimental/pick_tree.yaml"]),
-    ("orchard.yaml", {}, ["65:11 fruit-wall"]),
+    ("orchard.yaml", {}, ["21:3 success", "65:11 fruit-wall"]),
     (
         "orchard_ur5e.yaml",  # without the cell that it includes
         {},
