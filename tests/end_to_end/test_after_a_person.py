@@ -90,7 +90,8 @@ class Witness:
             node, delay, _ = PHASES[self.phase]
             if self.running == node and self.at == np.inf:
                 self.at = event.t + delay
-        elif event.reason and event.reason.code == "PATH_BLOCKED" and event.t > self.sent:
+        blocked = event.reason is not None and event.reason.code == "PATH_BLOCKED"
+        if event.t > self.sent and (blocked or event.feedback.startswith("at rest")):
             self.noticed = min(self.noticed, event.t)
 
     def confirm(self, _skill: Skill, why: str) -> Work[bool]:

@@ -146,6 +146,32 @@ def test_a_hand_that_only_some_frames_show_lets_nothing_move(
     np.testing.assert_array_equal(scene.arm.q, q)
 
 
+@pytest.mark.parametrize("leaves", [False, True])
+def test_a_hand_that_vanishes_beside_the_robot_is_still_there(
+    stopped: Stopped, monkeypatch: pytest.MonkeyPatch, leaves: bool
+) -> None:
+    monkeypatch.setattr("pomona.skills.shared.live_watch.PATIENCE", 3.0)
+    scene, devices, above = stopped
+    ((x, y, z, radius),) = above.balls
+    q = scene.arm.q.copy()
+    back = time_polyline(np.array([q, OBSERVE]), scene.arm.limits)
+
+    def go(tick: int) -> None:
+        if leaves:
+            x_now = x + 0.02 * max(tick - 10, 0)
+            above.balls = ((x_now, y, z, radius),) if x_now < x + 0.4 else ()
+        elif tick > 10:
+            above.balls = ()
+
+    end = drive(Follow(), {"path": back}, devices, clock=scene.clock, each_tick=go)
+    if leaves:
+        assert end.status is Status.SUCCESS
+    else:
+        assert end.reason is not None
+        assert "last seen beside the robot" in end.reason.message
+        np.testing.assert_array_equal(scene.arm.q, q)
+
+
 def test_a_way_that_no_camera_shows_is_not_taken(
     stopped: Stopped, monkeypatch: pytest.MonkeyPatch
 ) -> None:

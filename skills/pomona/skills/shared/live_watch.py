@@ -161,7 +161,11 @@ class LiveWatch:
                 return seen
             views.append((frame, T_base_camera, q))
             yield None
-        return self._watch.hidden(views) if notice_of(self._skill.clock).why else ""
+        if not notice_of(self._skill.clock).why:
+            return ""
+        if self._watch.beside:
+            return "what came in was last seen beside the robot"
+        return self._watch.hidden(views)
 
     def slowed(self) -> Trajectory | None:
         """Return the path, slower where unmapped objects that stand now could meet the moving arm; None if as before.

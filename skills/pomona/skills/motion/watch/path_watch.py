@@ -62,6 +62,7 @@ PACES = (
 )  # tried in this order; the last one is taken in any case
 STEP = 0.05  # of the path's time, at which paces are chosen [s]
 SUSPECT = 0.15  # around an object that stopped the arm, which may be a person's hand [m]
+BESIDE = 0.2  # what was last seen so near to the robot may still be there, hidden by it [m]
 CLEAR = 0.1  # to anything unmapped, of a way that must be seen free before it is taken [m]
 LEAST_MOVED = 3  # cells that were free and are taken now, from which on something has come in
 
@@ -125,6 +126,7 @@ class PathWatch:
         self._area = np.zeros((nx, ny, nz), np.float32)
         self._touched = np.empty(nx * ny * nz, np.int64)
         self._found, self._moved = np.empty((MOST, 3)), np.empty(MOST, np.bool_)
+        self.beside = False  # what `entered` saw last was beside the robot, which hides it
 
     def _follow(self, trajectory: Trajectory) -> None:
         self._trajectory, self._braking = trajectory, Braking(trajectory, self._limits)
@@ -193,6 +195,7 @@ class PathWatch:
         self._known |= before._known
         if states:
             self._states = before._states
+            self.beside = before.beside
 
     def suspect(self, point: Sequence[float]) -> None:
         """Count what stands within `SUSPECT` of a point, shape (3,) [m], as having come in."""
@@ -207,11 +210,13 @@ class PathWatch:
         points = self._found[:new]
         moved = self._moved[:new]
         if np.count_nonzero(moved) >= LEAST_MOVED:
+            self.beside = self._nearest(points[moved], 0, 1, BESIDE, 0.0) is not None
             return f"something has come in at {spot(points[moved][0])}"
         told = self._nearest(points, 0, len(self._Q), max(CLEAR, self._how.near), 0.0)
-        return (
-            "" if told is None else f"an unmapped object stands at {spot(told[2])}, near the path"
-        )
+        if told is None:
+            return ""
+        self.beside = self._nearest(points, 0, 1, BESIDE, 0.0) is not None
+        return f"an unmapped object stands at {spot(told[2])}, near the path"
 
     def hidden(self, views: Sequence[tuple[Frame, Float64, Float64]]) -> str:
         """Say where the robot would pass through a volume that none of the newest frames shows; empty if nowhere.
