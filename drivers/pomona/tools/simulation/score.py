@@ -184,10 +184,11 @@ class Scorer:
                 self._watch_grip(i, record, sensors)
 
     def _watch_press(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
-        """Compare the robot's force on a fruit with the one that bruises it."""
+        """Compare the forces of robot, table and crates on a fruit with the one that bruises it."""
         pads = [pad[1:4] for pad in sensors.pads]
         harder = max(float(np.linalg.norm(pad)) for pad in pads)
-        beside = float(np.linalg.norm(sensors.robot[1:4] - sum(pads)))
+        others = (sensors.robot[1:4] - sum(pads), *(view[1:4] for view in sensors.support))
+        beside = max(float(np.linalg.norm(other)) for other in others)
         radius = float(self.scene.fruits[i].dimensions[0]) / 2.0
         record.press.add(harder, beside, radius, LOOK)
 
