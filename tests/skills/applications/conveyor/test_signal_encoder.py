@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -16,12 +15,9 @@ from pomona.drivers import (
     Surroundings,
     read_cell_file,
 )
-from pomona.drivers.camera_options import IntrinsicsSection
 from pomona.executive import ManualClock, find_cell
 from pomona.executive.cell.cell_file import judge_cell_file
 from pomona.executive.values.findings import Findings
-from pomona.tools.mock import MockArm
-from pomona.tools.simulation.connect import FixedSection
 from tests.drivers.device_settings import read_settings
 from tests.drivers.devices.plc.mock_signals import MockSignals
 
@@ -133,50 +129,14 @@ def test_a_cell_without_a_plc_is_refused(tmp_path: Path) -> None:
     assert list(said.fits(Surroundings(above={"plc": MockSignals}))) == []
 
 
-LENS = IntrinsicsSection(fx=610.6, fy=610.6, cx=317.7, cy=238.1, width=640, height=480)
-OVER_IT = {
-    "fixed": FixedSection(position=(0.0, -0.36, 1.3), looks_at=(0.0, -0.36, -0.12)),
-    "intrinsics": LENS,
-}
-REAL, ON_HAND, FIXED = (
-    SimpleNamespace(hand_eye=None, **more) for more in ({}, {"fixed": None}, OVER_IT)
-)
-
-
-@pytest.mark.parametrize(
-    ("options", "warned"),
-    [
-        ({"arm": object(), "camera": REAL}, True),
-        ({"arm": object(), "camera": ON_HAND}, True),
-        ({"arm": object(), "camera": ON_HAND, "above": FIXED}, False),
-        (
-            {"above": REAL, "arm": object(), "camera": REAL},
-            False,
-        ),  # connected before the arm it stands in the cell
-        ({"arm": object()}, False),
-    ],
-)
-def test_a_watch_by_cameras_on_the_hand_alone_is_warned_of(
-    tmp_path: Path, options: dict[str, object], warned: bool
-) -> None:
-    (tmp_path / "belt.yaml").write_text(USUAL + "runs: belt_runs\n")
-    said = read_settings(leaf.connect, tmp_path / "belt.yaml").values
-    workspace = read_cell_file(find_cell("conveyor")).workspace
-    found = list(said.fits(Surroundings(workspace, {"plc": MockSignals, "arm": MockArm}, options)))
-    assert [(problem.warning, "'camera' alone" in problem.message) for problem in found] == [
-        (True, True)
-    ] * warned
-    assert not list(said.fits(Surroundings(None, {"plc": MockSignals, "arm": MockArm}, options)))
-
-
-def test_a_simulated_belt_always_warns_of_it(tmp_path: Path) -> None:
+def test_a_simulated_belt_always_notes_that_its_camera_sees_no_person(tmp_path: Path) -> None:
     shipped = find_cell("conveyor")
     text = shipped.read_text().replace("../", f"{shipped.parent.parent}/")
     person = "  intruder: {start: 1 0 0 m, goal: 0 0 0.3 m}\n"
-    line = text[: text.index("  driver: conveyor")].count("\n") + 1
+    line = text[: text.index("  table_z:")].count("\n") + 1
     for name, added in (("without", ""), ("with", person)):
         path = tmp_path / f"{name}.yaml"
         path.write_text(text.replace("  fruits:", f"{added}  fruits:"))
         findings = Findings()
         judge_cell_file(path, findings)
-        assert [(found.severity, found.line) for found in findings.sorted()] == [("warning", line)]
+        assert [(found.severity, found.line) for found in findings.sorted()] == [("note", line)]
