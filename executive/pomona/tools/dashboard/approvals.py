@@ -220,7 +220,7 @@ def version_of(text: str) -> str:
 def _version(place: Path, read: Mapping[str, str]) -> str:
     """Return the short name of the contents of all files of a request, and of those that its run reads."""
     files = sorted(path for path in place.rglob("*") if path.is_file())
-    texts = {str(path.relative_to(place)): read_text(path) for path in files} | read
+    texts = {str(path.relative_to(place)): read_text(path) for path in files} | dict(read)
     return version_of("".join(f"{path}\0{text}\0" for path, text in texts.items()))
 
 
