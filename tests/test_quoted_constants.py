@@ -11,7 +11,16 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 QUOTED = re.compile(r"(\d+(?:\.\d+)?) ?([A-Za-z]*)`?<!-- (pomona\.[\w.]*)\.(\w+) -->")
-UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "mm": 1e-3, "kB": 1024.0, "MB": 1e6, "bytes": 1.0, "viewers": 1.0}
+UNITS = {
+    "": 1.0,
+    "s": 1.0,
+    "ms": 1e-3,
+    "mm": 1e-3,
+    "kB": 1024.0,
+    "MB": 1e6,
+    "bytes": 1.0,
+    "viewers": 1.0,
+}
 PAGES = [
     ROOT / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),

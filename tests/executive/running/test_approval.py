@@ -107,11 +107,13 @@ def test_without_an_operator_nothing_starts_and_a_code_gives_the_reason():
 
 
 def test_an_input_is_changed_before_the_next_start_and_the_operator_is_recorded():
-    def act(runner, _cell):
+    def change(runner, _cell):
         runner.change(AGAIN, "duration", "200 ms", "Ada")
-        runner.answer(PATH, 1, "approve")
 
-    runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
+    def answer(runner, _cell):
+        runner.answer(PATH, 2, "approve")  # a change asks again
+
+    runner, _, events = make(TEXT, SKILLS, {3: change, 5: answer}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
     again = [e.tick for e in events if isinstance(e, NodeChanged) and e.path == AGAIN]
     turned = [e.tick for e in events if isinstance(e, NodeChanged) and e.path == TURN]
@@ -127,11 +129,13 @@ def test_an_input_is_changed_before_the_next_start_and_the_operator_is_recorded(
 
 
 def test_the_explanation_names_operator_and_change():
-    def act(runner, _cell):
+    def change(runner, _cell):
         runner.change(AGAIN, "duration", "60 ms", "Ada")
-        runner.answer(PATH, 1, "approve", "Ada")
 
-    runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
+    def answer(runner, _cell):
+        runner.answer(PATH, 2, "approve", "Ada")  # a change asks again
+
+    runner, _, events = make(TEXT, SKILLS, {3: change, 5: answer}, attended=True, go_on=True)
     runner.run()
     nodes = tuple(node.facts() for node in runner.tree.nodes)
     started = RunStarted(

@@ -101,7 +101,7 @@ def in_an_editor(path: Path, skills: Registry) -> list[Found]:
                 d.range.start.line + 1,
                 (d.range.start.character, d.range.end.character),
             )
-            severity = "error" if d.severity is lsp.DiagnosticSeverity.Error else "warning"
+            severity = ("error", "warning", "note")[int(d.severity or 0) - 1]
             found.append(
                 (
                     file.name,
@@ -144,7 +144,8 @@ def test_a_fault_of_a_called_file_is_found_everywhere_until_it_is_mended(
     path.write_text(HEAD + "  look: {}\nsubtrees:\n  look: {file: look.yaml}\n")
     called.write_text("pomona: 1\ntree: look\nroot:\n  Beeep: {}\n")
     terminal = in_the_terminal(path, capsys)
-    assert [(file, line) for file, line, *_ in terminal] == [("look.yaml", 4)]
+    assert terminal[0][:2] == ("look.yaml", 4)
+    assert [kind for _, _, _, kind, *_ in terminal] == ["error", "note"]
     assert on_the_page(path, installed) == terminal
     assert in_an_editor(path, installed) == terminal
 
