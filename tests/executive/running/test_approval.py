@@ -189,9 +189,11 @@ def test_on_the_page_the_operator_in_control_makes_changes():
             lock.act("page 1", "change", f"speed = 1 ← {AGAIN}")
         refused.append(str(error.value))
         lock.act("page 1", "change", f"duration = 60 ms ← {AGAIN}")
-        runner.answer(PATH, 1, "approve")
 
-    runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
+    def answer(runner, _cell):
+        runner.answer(PATH, 2, "approve")
+
+    runner, _, events = make(TEXT, SKILLS, {3: act, 5: answer}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
     assert "has no input 'speed'" in refused[0]
     assert any(

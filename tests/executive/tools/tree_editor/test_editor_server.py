@@ -122,7 +122,8 @@ def test_the_state_of_a_text_has_nodes_and_findings_with_their_lines(ask: Ask) -
     status, state = ask("state", text=BROKEN)
     assert status == 200
     assert [node["id"] for node in state["nodes"]] == ["root", "root/0", "root/1", "root/2"]
-    assert [(found["line"], found["severity"]) for found in state["findings"]] == [(7, "error")]
+    found = [(found["line"], found["severity"]) for found in state["findings"]]
+    assert found == [(7, "error"), (0, "note")]  # the note is of the cell
 
 
 def test_parameters_have_their_units_and_range(ask: Ask) -> None:
