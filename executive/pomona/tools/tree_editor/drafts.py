@@ -7,10 +7,11 @@ import hashlib
 import json
 import os
 import re
-import tempfile
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from pomona.executive.recording.plain_file import replace_file
 
 MOST_DRAFTS = 20  # of one file; the oldest are removed
 PAGE = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -55,13 +56,10 @@ class Drafts:
         """Write a page's draft in place of its last one. Raises OSError: it cannot be written."""
         target = self._place(draft.page)
         self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        number, name = tempfile.mkstemp(dir=self._folder, suffix=".saving")
-        with os.fdopen(number, "w", encoding="utf-8") as stream:
-            json.dump({"path": str(self._path), **asdict(draft)}, stream)
         self._seen(
             draft.page
         ).touch()  # first: another editor would take the draft for that of a closed page
-        os.replace(name, target)
+        replace_file(target, json.dumps({"path": str(self._path), **asdict(draft)}).encode())
         for old in self.all()[MOST_DRAFTS:]:
             self.drop(old.page)
 
