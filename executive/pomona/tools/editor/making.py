@@ -14,10 +14,26 @@ from pomona.executive.values.findings import Findings
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 from pomona.tools.editor.format import STEP
 from pomona.tools.editor.meaning import TreeContent, content_of
-from pomona.tools.editor.moving import brought, carried, place_to_fill, put, quoted, take_out
+from pomona.tools.editor.moving import (
+    NodePlaceToFill,
+    brought,
+    carried,
+    place_to_fill,
+    put,
+    quoted,
+    take_out,
+)
 from pomona.tools.editor.patching import TextPatch, read_snippet
-from pomona.tools.editor.wrapping import TRUE, default_value, duplicate, new_names, unwrap, wrap
-from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree
+from pomona.tools.editor.wrapping import (
+    TRUE,
+    default_value,
+    duplicate,
+    inner_word,
+    new_names,
+    unwrap,
+    wrap,
+)
+from pomona.tools.editor.written_tree import EditError, WrittenNode, WrittenTree, YamlPath
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +69,9 @@ class EditedTree:
         snippet = read_snippet(edit.node, "the node", self.tree)
         if not isinstance(snippet.at, YamlMapping):
             raise EditError("a node is a mapping, such as 'Detect: {fruit: apple}'", edit.into)
-        put(
-            self.patch, place_to_fill(self.tree, edit.into, edit.index, edit.slot), brought(snippet)
-        )
-        self.enter(edit, content_of(snippet.at))
+        place = place_to_fill(self.tree, edit.into, edit.index, edit.slot)
+        put(self.patch, place, brought(snippet))
+        self.enter(place, content_of(snippet.at))
 
     def move(self, edit: TreeEdit) -> None:
         """Move a node. Raises EditError: it may not be there."""
@@ -76,22 +91,22 @@ class EditedTree:
         put(self.patch, place, carried(self.patch, node), node)
         take_out(self.patch, node)
         self.patch.dropped.clear()  # the comments go with the node
-        self.enter(edit, self.meant.get(node.path), node)
+        self.enter(place, self.meant.get(node.path), node)
 
-    def enter(self, edit: TreeEdit, content: Any, leaving: WrittenNode | None = None) -> None:
+    def enter(
+        self, place: NodePlaceToFill, content: Any, leaving: WrittenNode | None = None
+    ) -> None:
         """Make an insertion in the content; the leaving node is taken out."""
         meant = self.meant
-        place = place_to_fill(self.tree, edit.into, edit.index, edit.slot)
-        path = (
-            self.tree.node(edit.into).path
-            if edit.into in self.tree.nodes
-            else self.prefix(edit.into)
-        )
+        parent = place.parent
+        path: YamlPath = ("subtrees", parent[:-1]) if parent else ()
+        if parent in self.tree.nodes:
+            path = self.tree.nodes[parent].path
         holder: Any
         if place.index is not None:
-            holder = meant.items((*path, place.word))
+            holder = meant.filled((*path, place.word), [])
         elif place.cases:
-            holder = meant.mapping((*path, place.cases))
+            holder = meant.filled((*path, place.cases), {})
         else:
             holder = meant.get(path)
         if leaving is not None:
@@ -100,10 +115,6 @@ class EditedTree:
             holder.insert(place.index, content)
         else:
             holder[place.word] = content
-
-    def prefix(self, into: str) -> tuple[str, ...]:
-        """Return the keys of a node's content."""
-        return ("subtrees", into[:-1]) if into else ()
 
     def wrap(self, edit: TreeEdit) -> None:
         """Put a node into a word. Raises EditError: the word takes no children."""
@@ -122,12 +133,8 @@ class EditedTree:
         elif isinstance(kind.value, takes.Children):
             self.meant.set(node.path, {word: [content]})
         else:
-            inner = next(
-                w
-                for w, taken in kind.fields.items()
-                if isinstance(taken, takes.Child) and taken.required
-            )
-            self.meant.set(node.path, {word: self.content(edit.value or TRUE), inner: content})
+            condition = self.content(edit.value or TRUE)
+            self.meant.set(node.path, {word: condition, inner_word(kind): content})
 
     def unwrap(self, edit: TreeEdit) -> None:
         """Put a node's only child in its place. Raises EditError: it has none, or more."""
@@ -229,7 +236,7 @@ class EditedTree:
             self.patch.set_entry(at, key.text, first)
         else:
             self.patch.set_entry(wires, port, snippet)
-        self.meant.mapping((*node.path, key.text))[port] = content_of(snippet.at)
+        self.meant.filled((*node.path, key.text), {})[port] = content_of(snippet.at)
 
     def without_port(self, at: YamlMapping, key: YamlScalar, wires: YamlMapping, port: str) -> None:
         """Take a port away; the last one leaves `{}`."""
@@ -309,7 +316,7 @@ class EditedTree:
             self.patch.set_entry(declared, name, new)
         else:
             self.first_parameter(top, f"{quoted(name)}: {new.flow()}")
-        self.meant.mapping(("parameters",))[name] = content_of(new.at)
+        self.meant.filled(("parameters",), {})[name] = content_of(new.at)
 
     def first_parameter(self, top: YamlMapping, line: str) -> None:
         """Declare a parameter in a file without any. Raises EditError: the file stands in braces."""

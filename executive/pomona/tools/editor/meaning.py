@@ -44,14 +44,8 @@ class TreeContent:
         """Take a value out."""
         return self.get(path[:-1]).pop(path[-1])
 
-    def mapping(self, path: YamlPath) -> Content:
-        """Return the mapping at a path; an empty one is put there when there is none."""
-        if self.get(path) in (None, []):
-            self.set(path, {})
-        return self.get(path)
-
-    def items(self, path: YamlPath) -> Content:
-        """Return the list at a path; an empty one is put there when there is none."""
-        if self.get(path) is None:
-            self.set(path, [])
+    def filled(self, path: YamlPath, empty: Content) -> Content:
+        """Return the list or mapping at a path; where it has no entries, the given one is put there."""
+        if not self.get(path):
+            self.set(path, empty)
         return self.get(path)

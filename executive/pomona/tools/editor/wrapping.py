@@ -82,19 +82,20 @@ def _opening(tree: WrittenTree, word: str, value: str | None, node: str) -> tupl
     kind = tree.types[word]
     if isinstance(kind.value, takes.Children):
         return [f"{word}:"], "- "
-    inner = next(
-        (
-            w
-            for w, taken in kind.fields.items()
-            if isinstance(taken, takes.Child) and taken.required
-        ),
-        None,
-    )
-    if inner is None:
+    inner = inner_word(kind)
+    if not inner:
         raise EditError(
             f"'{word}' takes its nodes by word; insert it and move the node into it", node
         )
     return [f"{word}: {value or TRUE}", f"{inner}:"], ""
+
+
+def inner_word(kind: NodeType) -> str:
+    """Return the word before the one node that a word needs beside it, `then`; empty when it needs none."""
+    for word, taken in kind.fields.items():
+        if isinstance(taken, takes.Child) and taken.required:
+            return word
+    return ""
 
 
 def default_value(kind: NodeType) -> str:
